@@ -1,0 +1,1 @@
+"""Sentences, labels or nothing become tokens that steer the diffusion."""

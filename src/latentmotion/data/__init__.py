@@ -1,0 +1,1 @@
+"""Sources on disk and the batches made of them."""

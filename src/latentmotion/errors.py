@@ -1,0 +1,47 @@
+"""The errors a user can cause: each says what was found, what was expected and what to do next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class LatentMotionError(Exception):
+    """Base of every error that is the input's fault; the command line prints it and exits with 2."""
+
+
+class InputError(LatentMotionError):
+    """An argument, option or prompt that cannot be used."""
+
+
+class DataError(LatentMotionError):
+    """A folder or data set that lacks something or contradicts itself."""
+
+
+class ModelError(LatentMotionError):
+    """A model folder or checkpoint that cannot be loaded."""
+
+
+class FileFormatError(LatentMotionError):
+    """A file that is damaged or not of its kind.
+
+    Args:
+        path: The file.
+        problem: What was found, what was expected and what to do.
+        line: Line of the file where it was found, counted from 1.
+    """
+
+    def __init__(self, path: str | Path, problem: str, line: int | None = None) -> None:
+        where = f"{path}:{line}" if line is not None else f"{path}"
+        super().__init__(f"{where}: {problem}")
+        self.path = Path(path)
+        self.line = line
+
+
+class MissingExtraError(LatentMotionError):
+    """A feature whose optional dependency is not installed."""
+
+    def __init__(self, feature: str, package: str, extra: str) -> None:
+        super().__init__(
+            f"{feature} needs {package}, which is not installed; "
+            f'run: pip install "latentmotion[{extra}]"'
+        )

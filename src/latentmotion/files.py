@@ -1,0 +1,66 @@
+"""Writing files so that a failure leaves the old one, or none, but never half of one."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from latentmotion.errors import InputError
+
+
+@contextmanager
+def atomic_file(path: str | Path) -> Iterator[Path]:
+    """Yields a temporary path beside `path`, renamed onto it when the block succeeds.
+
+    Raises:
+        InputError: The folder does not exist or cannot be written.
+    """
+    target = Path(path)
+    temporary = _temporary_name(target)
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: str | Path) -> Iterator[Path]:
+    """Yields an empty temporary folder, put in place of `path` when the block succeeds.
+
+    Raises:
+        InputError: The parent folder does not exist or cannot be written.
+    """
+    target = Path(path)
+    temporary = _temporary_name(target)
+    try:
+        temporary.mkdir()
+        yield temporary
+        if target.is_dir():
+            shutil.rmtree(target)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def sha256(path: str | Path) -> str:
+    """Returns the SHA-256 of a file as hexadecimal digits."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _temporary_name(target: Path) -> Path:
+    folder = target.absolute().parent
+    if not folder.is_dir():
+        raise InputError(f"cannot write {target}: the folder {folder} does not exist; create it")
+    # The ending is kept last, since many writers choose their format by it.
+    return folder / f".{target.stem}.{secrets.token_hex(4)}{target.suffix}"

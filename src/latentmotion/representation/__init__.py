@@ -1,0 +1,1 @@
+"""Joints and features: how a pose becomes numbers a network can learn."""

@@ -1,0 +1,1 @@
+"""Trained networks without PyTorch: export and sessions."""

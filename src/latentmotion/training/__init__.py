@@ -1,0 +1,1 @@
+"""The loop, its two stages, and what it writes down."""

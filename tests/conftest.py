@@ -1,0 +1,21 @@
+"""What all tests share: shapes checked at run time, and the folder of golden numbers."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from jaxtyping import install_import_hook
+
+install_import_hook("latentmotion", "beartype.beartype")
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of golden numbers and real data; the test is skipped where there is none."""
+    default = Path(__file__).parents[1].parent / "shared"
+    folder = Path(os.environ.get("LATENTMOTION_SHARED", default))
+    if not (folder / "reference").is_dir():
+        pytest.skip(f"needs the shared folder; set LATENTMOTION_SHARED (looked in {folder})")
+    return folder
