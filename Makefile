@@ -1,0 +1,22 @@
+# make run: everything for the main job. make test: everything for the tests.
+# PIP_FLAGS carries extras for pip, such as "-c constraints.txt".
+PYTHON ?= python3
+VENV ?= .venv
+
+run:
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/pip install $(PIP_FLAGS) .
+	$(VENV)/bin/latentmotion generate "a person walks forward and kicks" --seconds 4 -o walk.bvh walk.html
+
+test:
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/pip install $(PIP_FLAGS) -e ".[dev]"
+	$(VENV)/bin/python -m pytest
+
+lint:
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/pyright
+	$(VENV)/bin/lint-imports
+
+.PHONY: run test lint

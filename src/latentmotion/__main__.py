@@ -1,0 +1,5 @@
+"""`python -m latentmotion` is `latentmotion`."""
+
+from latentmotion.cli.main import main
+
+main()

@@ -1,0 +1,93 @@
+"""`latentmotion VERB …`: finds the verb; a user's mistake ends in one line and exit code 2."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+
+from latentmotion import __version__
+from latentmotion.errors import InputError, LatentMotionError
+
+
+@dataclass(frozen=True)
+class Verb:
+    """One command of the command line."""
+
+    target: str
+    """`module:class` of the dataclass whose fields are its options and whose `run` does the job."""
+    purpose: str
+    """One line for the overview."""
+
+
+_CLI = "latentmotion.cli"
+
+VERBS = {
+    "generate": Verb(f"{_CLI}.generate:Generate", "Turn sentences into motion files."),
+    "data prepare": Verb(f"{_CLI}.data:Prepare", "Make a training set from mocap and captions."),
+    "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
+    "train vae": Verb(f"{_CLI}.train:TrainVAE", "Train a motion VAE (stage 1)."),
+    "train denoiser": Verb(f"{_CLI}.train:TrainDenoiser", "Train the diffusion (stage 2)."),
+    "train text-encoder": Verb(
+        f"{_CLI}.train_text_encoder:TrainTextEncoder", "Distill a small sentence encoder."
+    ),
+    "export": Verb(f"{_CLI}.export:Export", "Write a trained model's graphs for use without torch."),
+    "convert": Verb(f"{_CLI}.convert:Convert", "Turn the MLD authors' checkpoint into a model."),
+}
+"""The command line. Only the verb that was typed is imported."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line.
+
+    Exit codes: 0 done, 2 a mistake of the user's (told on standard error), 130 interrupted.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        _run(words)
+    except LatentMotionError as error:
+        print(f"error: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+
+
+def _run(words: list[str]) -> None:
+    if not words or words[0] in ("-h", "--help"):
+        print(_overview(VERBS))
+    elif words[0] == "--version":
+        print(f"latentmotion {__version__}")
+    else:
+        _run_verb(words)
+
+
+def _run_verb(words: list[str]) -> None:
+    name = next((" ".join(words[:n]) for n in (2, 1) if " ".join(words[:n]) in VERBS), None)
+    if name is None:
+        _unknown(words)
+        return
+    import tyro
+
+    module, _, cls = VERBS[name].target.partition(":")
+    command = getattr(import_module(module), cls)
+    rest = words[len(name.split()) :]
+    tyro.cli(command, prog=f"latentmotion {name}", args=rest).run()
+
+
+def _unknown(words: list[str]) -> None:
+    group = {name: verb for name, verb in VERBS.items() if name.split()[0] == words[0]}
+    if group and (len(words) == 1 or words[1] in ("-h", "--help")):
+        print(_overview(group))
+        return
+    typed = " ".join(words[: 2 if group else 1])
+    near = difflib.get_close_matches(typed, VERBS, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(VERBS)}"
+    raise InputError(f"unknown command {typed!r}; {hint}")
+
+
+def _overview(verbs: dict[str, Verb]) -> str:
+    lines = [f"  {name:<20}{verb.purpose}" for name, verb in verbs.items()]
+    usage = "usage: latentmotion COMMAND [OPTIONS]     (COMMAND --help tells its options)"
+    return "\n".join([usage, "", *lines])
