@@ -176,7 +176,7 @@ def sixd_from_matrix(m: Float[Any, "*batch 3 3"], layout: Layout) -> Float[Any, 
 
 
 def matrix_from_sixd(s: Float[Any, "*batch 6"], layout: Layout) -> Float[Any, "*batch 3 3"]:
-    """Turns two vectors, not parallel, into rotation matrices: the second gives way (Gram-Schmidt)."""
+    """Turns two vectors, not parallel, into matrices by Gram-Schmidt; the second gives way."""
     xp = array_namespace(s)
     first = _normalize(s[..., :3])
     third = _normalize(_cross(first, s[..., 3:]))
