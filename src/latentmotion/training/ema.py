@@ -1,0 +1,33 @@
+"""Exponential moving average of the weights: ē ← d ē + (1 − d) θ, with d growing at the start."""
+
+from __future__ import annotations
+
+import copy
+
+import torch
+from torch import nn
+
+
+class ExponentialMovingAverage:
+    """A smoothed copy of a network, which is what is validated, sampled from and saved.
+
+    The decay at step k is min(decay, (1 + k) / (10 + k)), so that the random first weights are
+    forgotten at once (as in TensorFlow's `ExponentialMovingAverage`).
+
+    Args:
+        network: The network to follow; it is copied.
+        decay: d for large k; 0 makes the average equal to the network.
+    """
+
+    def __init__(self, network: nn.Module, decay: float) -> None:
+        self.network = copy.deepcopy(network).eval().requires_grad_(False)
+        self.decay = decay
+
+    @torch.no_grad()
+    def update(self, network: nn.Module, step: int) -> None:
+        """Moves the average towards `network` after optimizer step number `step`, from 0."""
+        weight = 1 - min(self.decay, (1 + step) / (10 + step))
+        ours, theirs = list(self.network.parameters()), list(network.parameters())
+        torch._foreach_lerp_(ours, theirs, weight)
+        for mine, other in zip(self.network.buffers(), network.buffers(), strict=True):
+            mine.copy_(other)

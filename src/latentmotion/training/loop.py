@@ -1,0 +1,200 @@
+"""The loop of both stages: losses of step k → gradients, clipped → AdamW → moving average.
+
+A stage is a module whose forward takes a step's number and returns that step's losses; it finds
+batch and random numbers from the number alone, so weights and number are the whole state.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from torch import nn
+from torch.nn.parallel import DistributedDataParallel
+
+from latentmotion.errors import LatentMotionError
+from latentmotion.motion import Motion
+from latentmotion.training.devices import Place
+from latentmotion.training.ema import ExponentialMovingAverage
+from latentmotion.training.journal import Journal
+from latentmotion.training.snapshot import load_snapshot, save_snapshot
+from latentmotion.training.strips import write_strip
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How one stage is optimized."""
+
+    steps: int = 10_000
+    """Optimizer steps of the whole run; the learning rate falls to zero at the last."""
+    batch_size: int = 32
+    """Samples of a step, over all ranks."""
+    learning_rate: float = 1e-3
+    """The highest learning rate."""
+    warm_up: int = 100
+    """Steps in which the learning rate rises from zero."""
+    schedule: Literal["cosine", "constant"] = "cosine"
+    """Cosine to zero after the warm-up, or constant."""
+    weight_decay: float = 0.01
+    """AdamW's."""
+    gradient_clip: float | None = 1.0
+    """Highest norm of the gradient; null for none."""
+    ema_decay: float = 0.999
+    """Decay of the moving average of the weights; 0 for none."""
+    precision: Literal["float32", "bfloat16"] = "float32"
+    """Of the networks' arithmetic; weights and losses stay in float32."""
+    seed: int = 0
+    """Of weights, batches and noise."""
+    report_every: int = 50
+    """Steps between lines of progress and journal."""
+    validate_every: int = 500
+    """Steps between validations."""
+    snapshot_every: int = 200
+    """Steps between snapshots."""
+    sample_every: int = 1000
+    """Steps between picture strips of samples; 0 for none."""
+
+    def rate(self, step: int) -> float:
+        """The learning rate of step number `step`, from 0."""
+        rise = min(1.0, (step + 1) / max(self.warm_up, 1))
+        if self.schedule == "constant":
+            return self.learning_rate * rise
+        done = max(0, step - self.warm_up) / max(self.steps - self.warm_up, 1)
+        return self.learning_rate * rise * (1 + math.cos(math.pi * min(done, 1.0))) / 2
+
+
+class Stage(nn.Module):
+    """What is trained and on what: the losses of a step, figures on held-out data, samples."""
+
+    network: nn.Module
+    """The network that is optimized, averaged and saved."""
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`; "total" is minimized, the others are reported."""
+        raise NotImplementedError
+
+    def validate(self, network: nn.Module) -> Mapping[str, float]:
+        """Figures of `network` on data it is not trained on."""
+        raise NotImplementedError
+
+    def sample(self, network: nn.Module) -> Sequence[Motion]:
+        """A few motions of `network` to look at."""
+        raise NotImplementedError
+
+
+def train(
+    stage: Stage, settings: TrainingSettings, folder: Path, place: Place
+) -> tuple[nn.Module, float]:
+    """Trains `stage.network` from its last snapshot in `folder`, or from the start.
+
+    Returns:
+        The averaged network and the seconds that training took, over all resumptions.
+
+    Raises:
+        LatentMotionError: The loss is no longer finite.
+    """
+    stage.to(place.device)
+    average = ExponentialMovingAverage(stage.network, settings.ema_decay)
+    optimizer = torch.optim.AdamW(
+        stage.network.parameters(), settings.learning_rate, weight_decay=settings.weight_decay
+    )
+    done, before = load_snapshot(folder, stage.network, average, optimizer)
+    place.check_same(done, "snapshot's step")
+    losses_of = DistributedDataParallel(stage) if place.ranks.world > 1 else stage
+    start = time.perf_counter() - before
+    with Reporter(stage, average, settings, folder, place, done) as reporter:
+        for step in range(done, settings.steps):
+            losses = optimize(losses_of, optimizer, settings, step, place)
+            average.update(stage.network, step)
+            reporter.report(step + 1, losses)
+            if place.leads and is_due(step + 1, settings.snapshot_every, settings.steps):
+                seconds = time.perf_counter() - start
+                save_snapshot(folder, step + 1, stage.network, average, optimizer, seconds)
+    return average.network, time.perf_counter() - start
+
+
+def optimize(
+    losses_of: nn.Module,
+    optimizer: torch.optim.Optimizer,
+    settings: TrainingSettings,
+    step: int,
+    place: Place,
+) -> dict[str, torch.Tensor]:
+    """Takes one step; returns its losses, "gradient" (norm) and "rate" with them."""
+    losses_of.train()
+    with torch.autocast(place.device.type, torch.bfloat16, settings.precision == "bfloat16"):
+        losses = losses_of(step)
+    optimizer.zero_grad(set_to_none=True)
+    losses["total"].backward()
+    parameters = [p for group in optimizer.param_groups for p in group["params"]]
+    norm = nn.utils.clip_grad_norm_(parameters, settings.gradient_clip or math.inf)
+    for group in optimizer.param_groups:
+        group["lr"] = settings.rate(step)
+    optimizer.step()
+    rate = torch.tensor(settings.rate(step))
+    return {**{k: v.detach() for k, v in losses.items()}, "gradient": norm, "rate": rate}
+
+
+class Reporter:
+    """Journal, validation and pictures of a run, each when its step has come.
+
+    Args:
+        stage: What is trained.
+        average: The averaged network, which is validated and sampled.
+        settings: When each is due.
+        folder: The run folder.
+        place: Only the leading rank writes.
+        done: Steps that the snapshot holds.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        average: ExponentialMovingAverage,
+        settings: TrainingSettings,
+        folder: Path,
+        place: Place,
+        done: int,
+    ) -> None:
+        self._stage, self._network, self._settings = stage, average.network, settings
+        self._folder, self._place, self._done = folder, place, done
+        self._start = time.perf_counter()
+        self._journal = Journal(folder, settings.steps, done) if place.leads else None
+
+    def __enter__(self) -> Reporter:
+        return self
+
+    def __exit__(self, *failure: Any) -> None:
+        if self._journal:
+            self._journal.close()
+
+    def report(self, step: int, losses: Mapping[str, torch.Tensor]) -> None:
+        """Writes what is due after `step` steps."""
+        settings = self._settings
+        if is_due(step, settings.report_every, settings.steps):
+            self._write(step, "train", self._place.mean(losses))
+        if self._journal and is_due(step, settings.validate_every, settings.steps):
+            self._write(step, "validation", self._stage.validate(self._network))
+        if self._journal and is_due(step, settings.sample_every, settings.steps):
+            write_strip(self._folder / f"samples-{step:07d}.png", self._stage.sample(self._network))
+
+    def _write(self, step: int, kind: str, figures: Mapping[str, float]) -> None:
+        if not math.isfinite(figures.get("total", 0.0)):
+            raise LatentMotionError(
+                f"the loss of step {step} is {figures['total']}, expected a finite number; "
+                "lower learning_rate or gradient_clip, or use precision float32"
+            )
+        if self._journal:
+            pace = (time.perf_counter() - self._start) / (step - self._done)
+            self._journal.write(step, kind, figures)
+            self._journal.show(step, kind, figures, pace)
+
+
+def is_due(step: int, every: int, steps: int) -> bool:
+    """Whether something done every `every` steps, and at the end, is due after `step` steps."""
+    return every > 0 and (step % every == 0 or step == steps)
