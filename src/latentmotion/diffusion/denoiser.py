@@ -1,0 +1,255 @@
+"""The network that sees noisy latents, the time and the condition (paper, section 3.2).
+
+    context = [time token, (length token,) condition words]
+    in context:       encoder([latents, context]), of which the latents are kept
+    cross-attention:  decoder(latents, memory = context)
+
+Every part is passed in; `DenoiserConfig` knows the paper's and ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.nn.position import PositionKind, build_position
+from latentmotion.nn.timestep import NumberEmbedding
+from latentmotion.nn.transformer import TransformerConfig
+
+
+class Denoiser(nn.Module):
+    """Projections around a transformer.
+
+    Args:
+        latents_in: Latents to tokens of the transformer.
+        latents_out: And back.
+        condition_in: Words of the condition to tokens.
+        numbers: Time and mask to one or two tokens.
+        places: Adds positions to latents and context.
+        body: The transformer, called with latents, their mask, context and its mask.
+        padding: What attention sees of the latents' mask.
+    """
+
+    def __init__(
+        self,
+        latents_in: nn.Module,
+        latents_out: nn.Module,
+        condition_in: nn.Module,
+        numbers: nn.Module,
+        places: nn.Module,
+        body: nn.Module,
+        padding: nn.Module,
+    ) -> None:
+        super().__init__()
+        self.latents_in = latents_in
+        self.latents_out = latents_out
+        self.condition_in = condition_in
+        self.numbers = numbers
+        self.places = places
+        self.body = body
+        self.padding = padding
+
+    def forward(
+        self,
+        z: Float[Tensor, "batch tokens width"],
+        t: Float[Tensor, " batch"] | Float[Tensor, ""],
+        condition: Conditioning,
+        mask: Bool[Tensor, "batch tokens"],
+    ) -> Float[Tensor, "batch tokens width"]:
+        """Returns the prediction, zero on padding.
+
+        Args:
+            z: Noisy latents.
+            t: Time, one for all or one per item, in the units of the schedule.
+            condition: Words and which of them are real.
+            mask: True on real latent tokens.
+        """
+        numbers = self.numbers(t.expand(z.shape[0]), mask)
+        context = torch.cat([numbers, self.condition_in(condition.tokens)], dim=1)
+        always = torch.ones_like(numbers[..., 0], dtype=torch.bool)
+        context_mask = torch.cat([always, condition.mask], dim=1)
+        latents, context = self.places(self.latents_in(z), context)
+        latents = self.body(latents, self.padding(mask), context, context_mask)
+        return self.latents_out(latents) * mask[..., None]
+
+
+class TimeToken(nn.Module):
+    """The time of the diffusion, as one token."""
+
+    def __init__(self, time: NumberEmbedding) -> None:
+        super().__init__()
+        self.time = time
+
+    def forward(self, t: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, 1, width)."""
+        return self.time(t)[:, None]
+
+
+class TimeAndLengthTokens(nn.Module):
+    """The time of the diffusion and the number of real latent tokens, as two tokens."""
+
+    def __init__(self, time: NumberEmbedding, length: NumberEmbedding) -> None:
+        super().__init__()
+        self.time = time
+        self.length = length
+
+    def forward(self, t: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, 2, width)."""
+        count = mask.sum(dim=1).to(t.dtype)
+        return torch.stack([self.time(t), self.length(count)], dim=1)
+
+
+class SeparatePlaces(nn.Module):
+    """Latents and context have a table each, so padding on either side moves nothing."""
+
+    def __init__(self, latents: nn.Module, context: nn.Module) -> None:
+        super().__init__()
+        self.latents = latents
+        self.context = context
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.latents(latents), self.context(context)
+
+
+class LatentsFirst(nn.Module):
+    """One table over [latents, context], as in the paper's denoiser."""
+
+    def __init__(self, table: nn.Module) -> None:
+        super().__init__()
+        self.table = table
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.table(latents), self.table(context, latents.shape[1])
+
+
+class ContextFirst(nn.Module):
+    """One table over [context, latents], as in the authors' diffusion on raw frames."""
+
+    def __init__(self, table: nn.Module) -> None:
+        super().__init__()
+        self.table = table
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.table(latents, context.shape[1]), self.table(context)
+
+
+class InContext(nn.Module):
+    """Latents and context are one sequence; attention does not care about its order."""
+
+    def __init__(self, encoder: nn.Module) -> None:
+        super().__init__()
+        self.encoder = encoder
+
+    def forward(
+        self, latents: Tensor, mask: Tensor, context: Tensor, context_mask: Tensor
+    ) -> Tensor:
+        """Returns the latents' part of the encoder's output."""
+        both = torch.cat([latents, context], dim=1)
+        return self.encoder(both, torch.cat([mask, context_mask], dim=1))[:, : latents.shape[1]]
+
+
+class AcrossContext(nn.Module):
+    """Latents look at the context by cross-attention: the decoder as it is."""
+
+    def __init__(self, decoder: nn.Module) -> None:
+        super().__init__()
+        self.decoder = decoder
+
+    def forward(
+        self, latents: Tensor, mask: Tensor, context: Tensor, context_mask: Tensor
+    ) -> Tensor:
+        """Returns the decoder's output."""
+        return self.decoder(latents, mask, context, context_mask)
+
+
+class SeePadding(nn.Module):
+    """Attention sees padded latents as well: a quirk of the authors' diffusion on raw frames."""
+
+    def forward(self, mask: Tensor) -> Tensor:
+        """Returns a mask that is True everywhere."""
+        return torch.ones_like(mask)
+
+
+@dataclass(frozen=True)
+class DenoiserConfig:
+    """Which parts a `Denoiser` has; the defaults are ours, `latentmotion.presets` has the paper's."""
+
+    latent_width: int = 16
+    """Numbers per latent token."""
+    condition_width: int = 384
+    """Numbers per word of the condition."""
+    transformer: TransformerConfig = field(
+        default_factory=lambda: TransformerConfig(layers=5, hidden=1024)
+    )
+    """The stack inside."""
+    project_latents: bool = True
+    """Whether a learned projection leads latents in and out; without, the widths must be equal."""
+    condition_projection: Literal["linear", "relu_linear", "table", "none"] = "linear"
+    """How words become tokens; `table` is for one-hot labels, `relu_linear` is the paper's."""
+    attention: Literal["in_context", "cross"] = "in_context"
+    """How latents meet the context."""
+    places: Literal["separate", "latents_first", "context_first"] = "separate"
+    """Which positions share a table."""
+    position: PositionKind = "learned"
+    """Kind of position table."""
+    sine_width: int = 256
+    """Width of the time's sinusoid."""
+    time_scale: float = 1.0
+    """Multiplies the time: 1 for discrete times, 1000 for times in 0 .. 1."""
+    length_token: bool = False
+    """Whether the network is told the number of real latent tokens."""
+    sees_padding: bool = False
+    """Whether attention sees padded latents, a quirk of the authors' diffusion on raw frames."""
+
+    def build(self) -> Denoiser:
+        """Builds the network with fresh weights."""
+        width = self.transformer.width
+        inner = (self.latent_width, width)
+        return Denoiser(
+            latents_in=nn.Linear(*inner) if self.project_latents else nn.Identity(),
+            latents_out=nn.Linear(*inner[::-1]) if self.project_latents else nn.Identity(),
+            condition_in=self._condition_in(width),
+            numbers=self._numbers(width),
+            places=self._places(width),
+            body=self._body(),
+            padding=SeePadding() if self.sees_padding else nn.Identity(),
+        )
+
+    def _condition_in(self, width: int) -> nn.Module:
+        linear = nn.Linear(self.condition_width, width, bias=self.condition_projection != "table")
+        choices: dict[str, nn.Module] = {
+            "linear": linear,
+            "relu_linear": nn.Sequential(nn.ReLU(), linear),
+            "table": linear,
+            "none": nn.Identity(),
+        }
+        return choices[self.condition_projection]
+
+    def _numbers(self, width: int) -> nn.Module:
+        time = NumberEmbedding(self.sine_width, width, self.time_scale)
+        if not self.length_token:
+            return TimeToken(time)
+        return TimeAndLengthTokens(time, NumberEmbedding(self.sine_width, width))
+
+    def _places(self, width: int) -> nn.Module:
+        tables: list[Any] = [
+            build_position(self.position, width, self.transformer.dropout) for _ in range(2)
+        ]
+        if self.places == "separate":
+            return SeparatePlaces(*tables)
+        return {"latents_first": LatentsFirst, "context_first": ContextFirst}[self.places](
+            tables[0]
+        )
+
+    def _body(self) -> nn.Module:
+        if self.attention == "cross":
+            return AcrossContext(self.transformer.decoder())
+        return InContext(self.transformer.encoder())

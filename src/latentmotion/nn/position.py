@@ -1,0 +1,62 @@
+"""Where a token stands in its sequence, added to what it holds.
+
+Learned (as in the paper) or sine: p[i, 2k] = sin(i · 10000^(-2k/width)), p[i, 2k+1] = cos(same)
+(Vaswani et al. 2017, section 3.5).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+PositionKind = Literal["learned", "sine"]
+
+LEARNED_LENGTH = 500
+"""Longest sequence of a learned table, the authors' limit."""
+
+
+class LearnedPosition(nn.Module):
+    """A table learned in training."""
+
+    def __init__(self, width: int, length: int = LEARNED_LENGTH) -> None:
+        super().__init__()
+        self.table = nn.Parameter(torch.rand(length, width))
+
+    def forward(
+        self, x: Float[Tensor, "batch tokens width"], start: int = 0
+    ) -> Float[Tensor, "batch tokens width"]:
+        """Adds the positions start, start + 1, ..."""
+        return x + self.table[start : start + x.shape[1]]
+
+
+class SinePosition(nn.Module):
+    """A fixed table of sines, with dropout on the sum as in ACTOR (Petrovich et al. 2021)."""
+
+    table: Tensor
+
+    def __init__(self, width: int, dropout: float, length: int = 5000) -> None:
+        super().__init__()
+        self.register_buffer("table", sine_table(length, width), persistent=False)
+        self.dropout = nn.Dropout(dropout)
+
+    def forward(
+        self, x: Float[Tensor, "batch tokens width"], start: int = 0
+    ) -> Float[Tensor, "batch tokens width"]:
+        """Adds the positions start, start + 1, ..."""
+        return self.dropout(x + self.table[start : start + x.shape[1]])
+
+
+def build_position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
+    """Builds the positions of one sequence."""
+    return LearnedPosition(width) if kind == "learned" else SinePosition(width, dropout)
+
+
+def sine_table(length: int, width: int) -> Float[Tensor, "length width"]:
+    """Returns the sine positions 0 .. length - 1."""
+    index = torch.arange(length)[:, None]
+    rate = torch.exp(torch.arange(0, width, 2) * (-math.log(10_000.0) / width))
+    return torch.stack([torch.sin(index * rate), torch.cos(index * rate)], dim=-1).flatten(1)
