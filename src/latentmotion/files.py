@@ -52,6 +52,19 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
+def check_writable(path: str | Path) -> None:
+    """Checks early that a file could be written at `path`.
+
+    Raises:
+        InputError: The folder does not exist or cannot be written.
+    """
+    folder = Path(path).absolute().parent
+    if not folder.is_dir():
+        raise InputError(f"cannot write {path}: the folder {folder} does not exist; create it")
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"cannot write {path}: no permission to write in {folder}")
+
+
 def sha256(path: str | Path) -> str:
     """Returns the SHA-256 of a file as hexadecimal digits."""
     with open(path, "rb") as file:
@@ -59,8 +72,6 @@ def sha256(path: str | Path) -> str:
 
 
 def _temporary_name(target: Path) -> Path:
-    folder = target.absolute().parent
-    if not folder.is_dir():
-        raise InputError(f"cannot write {target}: the folder {folder} does not exist; create it")
+    check_writable(target)
     # The ending is kept last, since many writers choose their format by it.
-    return folder / f".{target.stem}.{secrets.token_hex(4)}{target.suffix}"
+    return target.absolute().parent / f".{target.stem}.{secrets.token_hex(4)}{target.suffix}"

@@ -33,7 +33,7 @@ VERBS = {
     "train text-encoder": Verb(
         f"{_CLI}.train_text_encoder:TrainTextEncoder", "Distill a small sentence encoder."
     ),
-    "export": Verb(f"{_CLI}.export:Export", "Write a trained model's graphs for use without torch."),
+    "export": Verb(f"{_CLI}.export:Export", "Make a trained model run without PyTorch."),
     "convert": Verb(f"{_CLI}.convert:Convert", "Turn the MLD authors' checkpoint into a model."),
 }
 """The command line. Only the verb that was typed is imported."""

@@ -1,1 +1,29 @@
-"""The model that ships with the package."""
+"""The model that ships with the package, and how a model is found by name."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from latentmotion.errors import ModelError
+from latentmotion.model_card import CARD_FILE
+
+
+def shipped_models() -> tuple[str, ...]:
+    """Returns the names of the models inside the package."""
+    return tuple(sorted(card.parent.name for card in Path(__file__).parent.glob(f"*/{CARD_FILE}")))
+
+
+def find_model(model: str | Path) -> Path:
+    """Returns the folder of a model, given a name such as `starter` or a folder.
+
+    Raises:
+        ModelError: There is no such model; the message names the nearest.
+    """
+    if str(model) in shipped_models():
+        return Path(__file__).parent / str(model)
+    if Path(model).is_dir():
+        return Path(model)
+    near = difflib.get_close_matches(str(model), shipped_models(), n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"shipped are {', '.join(shipped_models())}"
+    raise ModelError(f"no model {str(model)!r}, neither by name nor as a folder; {hint}")

@@ -1,0 +1,46 @@
+"""A file is written whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from latentmotion.errors import InputError
+from latentmotion.files import atomic_file, atomic_folder, check_writable, sha256
+
+
+def test_file_appears_only_when_complete(tmp_path: Path) -> None:
+    target = tmp_path / "motion.bvh"
+    target.write_text("old")
+    with pytest.raises(RuntimeError), atomic_file(target) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert target.read_text() == "old"
+    with atomic_file(target) as temporary:
+        assert temporary.suffix == ".bvh"
+        temporary.write_text("new")
+    assert target.read_text() == "new"
+    assert [path.name for path in tmp_path.iterdir()] == ["motion.bvh"]
+
+
+def test_folder_is_replaced_as_a_whole(tmp_path: Path) -> None:
+    for text in ("old", "new"):
+        with atomic_folder(tmp_path / "model") as temporary:
+            (temporary / text).write_text(text)
+    with pytest.raises(RuntimeError), atomic_folder(tmp_path / "model") as temporary:
+        raise RuntimeError
+    assert [path.name for path in (tmp_path / "model").iterdir()] == ["new"]
+    assert [path.name for path in tmp_path.iterdir()] == ["model"]
+
+
+def test_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"the folder .*absent does not exist"):
+        check_writable(tmp_path / "absent" / "a.bvh")
+    with pytest.raises(InputError, match="absent"), atomic_file(tmp_path / "absent" / "a.bvh"):
+        pass
+
+
+def test_hash_of_a_known_text(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"abc")
+    assert sha256(tmp_path / "a").startswith("ba7816bf8f01cfea")
