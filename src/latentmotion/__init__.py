@@ -1,3 +1,58 @@
-"""Latent Motion: sentences become 3D human motion, by diffusion in a VAE's latent space."""
+"""Latent Motion: sentences become 3D human motion, by diffusion in a VAE's latent space.
+
+    from latentmotion import MotionGenerator
+
+    generate = MotionGenerator.load("starter")
+    motion = generate("a person walks forward and kicks", seconds=4, seed=7)
+    motion.save("kick.bvh")
+
+Public names are imported when first used, so that importing the package costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from latentmotion.animation import Animation as Animation
+    from latentmotion.data.dataset import Dataset as Dataset
+    from latentmotion.errors import LatentMotionError as LatentMotionError
+    from latentmotion.formats import load as load
+    from latentmotion.formats import save as save
+    from latentmotion.formats.asf_amc import read_asf_amc as read_asf_amc
+    from latentmotion.formats.bvh import read_bvh as read_bvh
+    from latentmotion.formats.bvh import write_bvh as write_bvh
+    from latentmotion.generator import MotionGenerator as MotionGenerator
+    from latentmotion.joint_map import to_humanml3d as to_humanml3d
+    from latentmotion.motion import Motion as Motion
+    from latentmotion.skeleton import Skeleton as Skeleton
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "Animation": "animation",
+    "Dataset": "data.dataset",
+    "LatentMotionError": "errors",
+    "Motion": "motion",
+    "MotionGenerator": "generator",
+    "Skeleton": "skeleton",
+    "load": "formats",
+    "read_asf_amc": "formats.asf_amc",
+    "read_bvh": "formats.bvh",
+    "save": "formats",
+    "to_humanml3d": "joint_map",
+    "write_bvh": "formats.bvh",
+}
+
+__all__ = [*_HOMES, "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'latentmotion' has no attribute {name!r}")
+    return getattr(import_module(f"latentmotion.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

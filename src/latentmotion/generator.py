@@ -156,34 +156,36 @@ class MotionGenerator:
         return [motion for part in order.parts() for motion in self._motions(part)]
 
     def _motions(self, order: Order) -> list[Motion]:
-        condition = self._condition(order.captions)  #         (batch, words, width)
-        latents = self._latents(condition, order)  #           (batch, tokens, width)
-        features = self._decode(latents, order.frames)  #      (batch, frames, features)
-        joints = self._representation.decode(features)  #      (batch, frames, joints, 3)
+        condition = self.condition(order.captions)  #         (batch, words, width)
+        latents = self.latents(condition, order)  #           (batch, tokens, width)
+        features = self.decode(latents, order.frames)  #      (batch, frames, features)
+        joints = self.representation.decode(features)  #      (batch, frames, joints, 3)
         return [
             Motion(
                 joints=np.asarray(positions, dtype=np.float32),
-                fps=self._representation.fps,
-                skeleton=self._representation.skeleton,
+                fps=self.representation.fps,
+                skeleton=self.representation.skeleton,
                 caption=caption,
                 metadata=self._metadata(order, seed),
             )
             for positions, caption, seed in zip(joints, order.captions, order.seeds, strict=True)
         ]
 
-    def _condition(self, captions: Sequence[str]) -> Conditioning:
+    def condition(self, captions: Sequence[str]) -> Conditioning:
+        """Returns one token per sentence: its pooled embedding."""
         pooled = self.text_encoder(captions).pooled[:, None]
         return Conditioning(pooled, np.ones(pooled.shape[:2], dtype=bool))
 
-    def _latents(
+    def latents(
         self, condition: Conditioning, order: Order
     ) -> Float[np.ndarray, "batch tokens width"]:
+        """Walks from noise to latents, guided (paper eq. 6), in the scale of the VAE."""
         space = self.card.latents
         shape = (space.tokens_of(order.frames), space.width)
         noise = SeededNoise(order.seeds)
         z = noise((len(order.seeds), *shape))
         mask = np.ones(z.shape[:2], dtype=bool)
-        guided = ClassifierFreeGuidance(self._denoise, self._condition([""]), order.guidance)
+        guided = ClassifierFreeGuidance(self._denoise, self.condition([""]), order.guidance)
         sampler = DDIM(self.card.schedule, self.card.prediction)
         z = sample(guided, sampler, z, condition, mask, order.steps, noise)
         return z * _float32(space.std) + _float32(space.mean)
@@ -195,13 +197,12 @@ class MotionGenerator:
         condition: Conditioning,
         mask: Bool[np.ndarray, "batch tokens"],
     ) -> Float[np.ndarray, "batch tokens width"]:
-        return self.denoiser(
-            z=z, t=t, words=condition.tokens, words_mask=condition.mask, mask=mask
-        )
+        return self.denoiser(z=z, t=t, words=condition.tokens, words_mask=condition.mask, mask=mask)
 
-    def _decode(
+    def decode(
         self, latents: Float[np.ndarray, "batch tokens width"], frames: int
     ) -> Float[np.ndarray, "batch frames features"]:
+        """Returns features in their own units."""
         mask = np.ones((len(latents), frames), dtype=bool)
         normalizer = Normalizer(
             _float32(self.card.normalizer_mean), _float32(self.card.normalizer_std)
@@ -209,12 +210,13 @@ class MotionGenerator:
         return normalizer.denormalize(self.decoder(latents=latents, mask=mask))
 
     @property
-    def _representation(self) -> Representation:
+    def representation(self) -> Representation:
+        """What the features mean."""
         return representation_named(self.card.representation)
 
     def _frames(self, seconds: float) -> int:
         shortest, longest = self.card.frames
-        fps = self._representation.fps
+        fps = self.representation.fps
         frames = round(seconds * fps) if np.isfinite(seconds) else -1
         if not shortest <= frames <= longest:
             raise InputError(
