@@ -126,3 +126,31 @@ KIT_DIRECTIONS = [
     *(_LEFT, _DOWN, _DOWN, _AHEAD, _AHEAD, _RIGHT, _DOWN, _DOWN, _AHEAD, _AHEAD),
 ]
 """Bone directions from which KIT's inverse kinematics measures rotations."""
+
+KIT_LENGTHS = [
+    *(0.0, 0.07, 0.14, 0.28, 0.13, 0.22, 0.32, 0.25, 0.22, 0.32, 0.25),
+    *(0.16, 0.42, 0.42, 0.05, 0.15, 0.16, 0.42, 0.42, 0.05, 0.15),
+]
+"""Bone lengths of a body of 1.7 m, after Winter's proportions (thigh and shank 0.245 of height...).
+
+KIT's own sample body is not at hand; features do not depend on these unless one retargets.
+"""
+
+KIT = Skeleton(
+    name="kit",
+    names=(
+        *("pelvis", "spine1", "spine2", "neck", "head"),
+        *("right_shoulder", "right_elbow", "right_wrist"),
+        *("left_shoulder", "left_elbow", "left_wrist"),
+        *("right_hip", "right_knee", "right_ankle", "right_heel", "right_foot"),
+        *("left_hip", "left_knee", "left_ankle", "left_heel", "left_foot"),
+    ),
+    parents=(-1, 0, 1, 2, 3, 3, 5, 6, 3, 8, 9, 0, 11, 12, 13, 14, 0, 16, 17, 18, 19),
+    offsets=_from_lengths(KIT_DIRECTIONS, KIT_LENGTHS) * (-1, 1, 1),
+    left_foot=(19, 20),
+    right_foot=(14, 15),
+)
+"""The 21 joints of KIT-ML's Master Motor Map; sides as the published features have them.
+
+Their inverse kinematics takes the right hip and shoulder to point to +x, so x is negated here.
+"""

@@ -1,0 +1,231 @@
+"""HumanML3D's features: 263 numbers a frame with 22 joints, 251 with KIT's 21.
+
+    yaw_velocity   1         half the turn of the body from this frame to the next, radians
+    root_velocity  2         the root's step to the next frame in that frame's heading, x and z
+    root_height    1
+    positions      3 (J-1)   joints but the root, in the frame of the body: heading +z, root at xz 0
+    rotations      6 (J-1)   6D (columns) of each joint relative to its parent in the chain
+    velocities     3 J       every joint's step to the next frame in this frame's heading
+    contacts       4         left ankle, left toe, right ankle, right toe: 1 where it stands still
+
+Guo et al., "Generating Diverse and Natural 3D Human Motions from Text", CVPR 2022, section 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from array_api_compat import array_namespace, device
+from jaxtyping import Float
+
+from latentmotion import skeleton
+from latentmotion.errors import InputError
+from latentmotion.representation import canonical
+from latentmotion.representation.bone_rotations import bone_rotations
+from latentmotion.representation.facing import smooth_heading, turn
+from latentmotion.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class HumanML3DRepresentation:
+    """Joints to HumanML3D's features and back."""
+
+    name: str
+    """What it is called in files."""
+    skeleton: Skeleton
+    """Whose joints it describes; its bone lengths are the canonical ones."""
+    fps: float
+    """Frames per second at which its velocities are meant."""
+    directions: Float[np.ndarray, "joints 3"]
+    """Direction of each bone from which its rotation is measured."""
+    chain_starts: tuple[int, ...]
+    """Joints whose rotation is relative to the root, whatever their parent."""
+    leg: tuple[int, ...]
+    """Joints whose bones make up the length of a leg."""
+    still: float
+    """A foot is in contact where its squared step is below this."""
+
+    @property
+    def width(self) -> int:
+        """Features per frame."""
+        return self.blocks["contacts"].stop
+
+    @cached_property
+    def blocks(self) -> Mapping[str, slice]:
+        """Which features belong together, by name."""
+        joints = len(self.skeleton)
+        widths = {"yaw_velocity": 1, "root_velocity": 2, "root_height": 1}
+        widths |= {"positions": 3 * (joints - 1), "rotations": 6 * (joints - 1)}
+        widths |= {"velocities": 3 * joints, "contacts": 4}
+        ends = np.cumsum(list(widths.values())).tolist()
+        return MappingProxyType(
+            {name: slice(end - widths[name], end) for name, end in zip(widths, ends, strict=True)}
+        )
+
+    def retarget(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
+        """Gives a body of any size the canonical bone lengths and scales its path likewise."""
+        return canonical.retarget(joints, self.skeleton, self.leg)
+
+    def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
+        """Puts the lowest point on the floor and the start at the origin, facing +z."""
+        return canonical.canonicalize(joints, self.skeleton)
+
+    def encode(
+        self, joints: Float[Any, "frames joints 3"]
+    ) -> Float[Any, "frames_less_one features"]:
+        """Describes a clip whatever its place and direction on the floor.
+
+        Args:
+            joints: Global positions of at least two frames, meters, y up. Bone lengths are kept;
+                call `retarget` first for a body of another size.
+
+        Returns:
+            Features in float32, one row less than frames, since the last has no velocity.
+
+        Raises:
+            InputError: The joints do not fit the skeleton, are too few or not finite.
+        """
+        xp = array_namespace(joints)
+        self._check(joints)
+        joints = self.canonicalize(xp.astype(joints, xp.float64))
+        yaw = smooth_heading(joints, self.skeleton)
+        yaw = xp.concat([xp.zeros_like(yaw[:1]), yaw[1:]])
+        steps = joints[1:] - joints[:-1]
+        parts = [
+            _half_turns(yaw),
+            turn(steps[:, 0, :], -yaw[1:])[:, ::2],
+            joints[:-1, 0, 1],
+            _around_root(joints[:-1], yaw[:-1])[:, 1:, :],
+            self._rotations(joints[:-1], yaw[:-1])[:, 1:, :],
+            turn(steps, -yaw[:-1, None]),
+            self._contacts(steps),
+        ]
+        rows = [xp.reshape(part, (steps.shape[0], -1)) for part in parts]
+        return xp.astype(xp.concat(rows, axis=1), xp.float32)
+
+    def decode(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames joints 3"]:
+        """Integrates turns and steps of the root and places the joints around it.
+
+        Rotations, velocities and contacts are not used. The clip starts above the origin.
+        """
+        xp = array_namespace(features)
+        half, step, height, positions = (
+            features[..., self.blocks[name]]
+            for name in ("yaw_velocity", "root_velocity", "root_height", "positions")
+        )
+        yaw = -2 * _sum_before(half[..., 0])
+        nothing = xp.zeros_like(height)
+        step = xp.concat([step[..., :1], nothing, step[..., 1:]], axis=-1)
+        step = turn(step[..., :-1, :], yaw[..., 1:])
+        path = xp.concat([xp.zeros_like(features[..., :1, :3]), step], axis=-2)
+        path = xp.cumulative_sum(path, axis=-2)[..., None, :]
+        local = xp.reshape(positions, (*positions.shape[:-1], -1, 3))
+        root = xp.concat([nothing, height, nothing], axis=-1)[..., None, :]
+        return turn(xp.concat([root, local], axis=-2), yaw[..., None]) + path
+
+    def mirror(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames features"]:
+        """Swaps left and right: x changes its sign, joints and contacts their side."""
+        xp = array_namespace(features)
+        order, signs = self._mirror_map
+        signs = xp.asarray(signs, dtype=features.dtype, device=device(features))
+        return features[..., order] * signs
+
+    @cached_property
+    def _mirror_map(self) -> tuple[list[int], Float[np.ndarray, " features"]]:
+        """Which feature each comes from, and the sign it takes."""
+        other = np.array(self.skeleton.mirror)
+        vector, sixd = [-1, 1, 1], [1, -1, -1, -1, 1, 1]
+        swaps = {"yaw_velocity": ([0], [-1]), "root_velocity": ([0], [-1, 1])}
+        swaps |= {"root_height": ([0], [1]), "positions": (other[1:] - 1, vector)}
+        swaps |= {"rotations": (other[1:] - 1, sixd), "velocities": (other, vector)}
+        swaps |= {"contacts": ([1, 0], [1, 1])}
+        every, sources, signs = np.arange(self.width), [], []
+        for name, (order, sign) in swaps.items():
+            sources.extend(every[self.blocks[name]].reshape(len(order), -1)[order].ravel().tolist())
+            signs.extend(sign * len(order))
+        return sources, np.array(signs, dtype=np.float32)
+
+    def _rotations(
+        self, joints: Float[Any, "frames joints 3"], yaw: Float[Any, " frames"]
+    ) -> Float[Any, "frames joints 6"]:
+        parents = [max(parent, 0) for parent in self.skeleton.parents]
+        above = tuple(0 if j in self.chain_starts else p for j, p in enumerate(parents))
+        return bone_rotations(joints - joints[:, parents, :], yaw, self.directions, above)
+
+    def _contacts(self, steps: Float[Any, "frames joints 3"]) -> Float[Any, "frames 4"]:
+        xp = array_namespace(steps)
+        feet = steps[:, [*self.skeleton.left_foot, *self.skeleton.right_foot], :]
+        return xp.astype(xp.sum(feet * feet, axis=-1) < self.still, steps.dtype)
+
+    def _check(self, joints: Float[Any, "frames joints 3"]) -> None:
+        xp = array_namespace(joints)
+        frames, count = joints.shape[:2]
+        if count != len(self.skeleton):
+            raise InputError(
+                f"{count} joints; {self.name} describes {len(self.skeleton)}: map them first"
+            )
+        if frames < 2:
+            raise InputError(f"{frames} frames; velocities need at least 2")
+        if not bool(xp.all(xp.isfinite(joints))):
+            raise InputError("joints that are not finite; drop or repair these frames first")
+
+
+def _half_turns(yaw: Float[Any, " frames"]) -> Float[Any, " frames_less_one"]:
+    """Returns half the turn to each next frame, positive from +x to +z.
+
+    Half a turn is only known up to π. Where the heading crosses -z, published features take the
+    wrong sign for that frame and their path bends; here it stays right.
+    """
+    xp = array_namespace(yaw)
+    half = (yaw[:-1] - yaw[1:]) / 2
+    return half - pi * xp.round(half / pi)
+
+
+def _around_root(
+    joints: Float[Any, "frames joints 3"], yaw: Float[Any, " frames"]
+) -> Float[Any, "frames joints 3"]:
+    """Turns each pose to face +z, with the root above the origin."""
+    xp = array_namespace(joints)
+    x, y, z = (joints[..., n] for n in range(3))
+    centered = xp.stack([x - x[:, :1], y, z - z[:, :1]], axis=-1)
+    return turn(centered, -yaw[:, None])
+
+
+def _sum_before(values: Float[Any, "*batch frames"]) -> Float[Any, "*batch frames"]:
+    """Sums all earlier values; the first is 0."""
+    xp = array_namespace(values)
+    sums = xp.cumulative_sum(values[..., :-1], axis=-1)
+    return xp.concat([xp.zeros_like(values[..., :1]), sums], axis=-1)
+
+
+HUMANML3D_FEATURES = HumanML3DRepresentation(
+    name="humanml3d",
+    skeleton=skeleton.HUMANML3D,
+    fps=20.0,
+    directions=np.array(skeleton.HUMANML3D_DIRECTIONS, dtype=np.float64),
+    chain_starts=(1, 2, 3, 13, 14),
+    leg=(5, 8),
+    still=0.002,
+)
+"""The 263 features of HumanML3D, meters."""
+
+KIT_FEATURES = HumanML3DRepresentation(
+    name="kit",
+    skeleton=skeleton.KIT,
+    fps=12.5,
+    directions=np.array(skeleton.KIT_DIRECTIONS, dtype=np.float64),
+    chain_starts=(1, 5, 8, 11, 16),
+    leg=(17, 18),
+    still=0.05,
+)
+"""The 251 features of KIT-ML; published ones count a thousandth of the body height as 1."""

@@ -1,0 +1,58 @@
+"""Representation: the two-way street between joint positions and the features networks learn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol, runtime_checkable
+
+from jaxtyping import Float
+
+from latentmotion.skeleton import Skeleton
+
+
+@runtime_checkable
+class Representation(Protocol):
+    """Turns joints into features and back; NumPy and PyTorch arrays alike."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in files."""
+        ...
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Whose joints it describes."""
+        ...
+
+    @property
+    def fps(self) -> float:
+        """Frames per second at which its velocities are meant."""
+        ...
+
+    @property
+    def width(self) -> int:
+        """Features per frame."""
+        ...
+
+    @property
+    def blocks(self) -> Mapping[str, slice]:
+        """Which features belong together, by name; they cover the width once, in order."""
+        ...
+
+    def encode(
+        self, joints: Float[Any, "frames joints 3"]
+    ) -> Float[Any, "frames_less_one features"]:
+        """Describes a clip whatever its place and direction on the floor; the last frame goes."""
+        ...
+
+    def decode(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames joints 3"]:
+        """Returns joints that start above the origin; differentiable in PyTorch."""
+        ...
+
+    def mirror(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames features"]:
+        """Swaps left and right of the body and of its path."""
+        ...
