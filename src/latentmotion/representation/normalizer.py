@@ -1,0 +1,119 @@
+"""Normalizer: features to numbers around 0 of size 1 and back, one scale per block of features.
+
+x' = (x - mean) / std, with std constant inside a block, as in HumanML3D's published statistics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+from array_api_compat import array_namespace, device
+from jaxtyping import Float
+
+from latentmotion.errors import InputError
+
+_TYPICAL, _BLOCK = 3.0, 10.0
+"""How far from 1 the middle block's scale, and any block's, may be in a normalized data set."""
+
+
+@dataclass(frozen=True, eq=False)
+class Normalizer:
+    """Mean and scale of every feature over a data set.
+
+    Raises:
+        InputError: The two differ in length, or a scale is not positive and finite.
+    """
+
+    mean: Float[np.ndarray, " features"]
+    """Mean over all frames."""
+    std: Float[np.ndarray, " features"]
+    """Scale; equal inside a block."""
+
+    def __post_init__(self) -> None:
+        if self.mean.shape != self.std.shape:
+            raise InputError(f"mean of {self.mean.size} and std of {self.std.size} features")
+        if not (
+            np.isfinite(self.mean).all() and np.isfinite(self.std).all() and self.std.min() > 0
+        ):
+            raise InputError("a mean or std that is not finite, or a std that is not above 0")
+
+    @classmethod
+    def fit(
+        cls, features: Sequence[Float[np.ndarray, "_ features"]], blocks: Mapping[str, slice]
+    ) -> Normalizer:
+        """Measures a data set; a block's scale is the mean of its features' deviations.
+
+        Args:
+            features: One array per clip.
+            blocks: Which features share a scale (`Representation.blocks`). A block that never
+                changes gets the scale 1.
+
+        Raises:
+            InputError: There is no frame.
+        """
+        frames = sum(len(clip) for clip in features)
+        if not frames:
+            raise InputError("no frames to measure; check that the data set has training clips")
+        mean = sum(np.sum(clip, axis=0, dtype=np.float64) for clip in features) / frames
+        square = sum(np.sum((clip - mean) ** 2, axis=0) for clip in features) / frames
+        std = np.ones_like(mean)
+        for block in blocks.values():
+            std[block] = np.sqrt(square[block]).mean() or 1.0
+        return cls(mean.astype(np.float32), std.astype(np.float32))
+
+    def normalize(self, features: Float[Any, "*batch features"]) -> Float[Any, "*batch features"]:
+        """Returns features as networks see them."""
+        mean, std = self._like(features)
+        return (features - mean) / std
+
+    def denormalize(self, features: Float[Any, "*batch features"]) -> Float[Any, "*batch features"]:
+        """Returns a network's output as features of the representation."""
+        mean, std = self._like(features)
+        return features * std + mean
+
+    def check(self, features: Float[Any, "frames features"], blocks: Mapping[str, slice]) -> None:
+        """Refuses a data set that was not normalized, twice, or with other statistics.
+
+        Args:
+            features: Frames of many clips, as they go into training; padding left out.
+            blocks: Which features share a scale.
+
+        Raises:
+            InputError: The deviation inside the blocks is far from 1, or a value is not finite.
+        """
+        xp = array_namespace(features)
+        if not bool(xp.all(xp.isfinite(features))):
+            raise InputError("features that are not finite; run `latentmotion data check`")
+        deviation = xp.std(features, axis=0)
+        scales = {name: float(xp.mean(deviation[block])) for name, block in blocks.items()}
+        # A block that never changes says nothing about its scale.
+        scales = {name: scale for name, scale in scales.items() if scale > 1e-6}
+        typical = median(scales.values()) if scales else 1.0
+        wrong = [name for name, scale in scales.items() if not 1 / _BLOCK < scale < _BLOCK]
+        if wrong or not 1 / _TYPICAL < typical < _TYPICAL:
+            raise InputError(
+                f"features with deviations {_listed(scales)}; normalized ones are near 1: "
+                f"{self._diagnosis(scales, blocks)}"
+            )
+
+    def _diagnosis(self, scales: Mapping[str, float], blocks: Mapping[str, slice]) -> str:
+        own = {name: float(np.mean(self.std[blocks[name]])) for name in scales}
+        if all(1 / 3 < scales[name] / own[name] < 3 for name in scales):
+            return "they were not normalized; call Normalizer.normalize first"
+        if all(1 / 3 < scales[name] * own[name] < 3 for name in scales):
+            return "they were normalized twice"
+        return "they were normalized with the statistics of other data"
+
+    def _like(self, features: Float[Any, "*batch features"]) -> tuple[Any, Any]:
+        xp = array_namespace(features)
+        kind = {"dtype": features.dtype, "device": device(features)}
+        # Copies, because PyTorch warns of memory that cannot be written.
+        return xp.asarray(self.mean.copy(), **kind), xp.asarray(self.std.copy(), **kind)
+
+
+def _listed(scales: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {scale:.3g}" for name, scale in scales.items())
