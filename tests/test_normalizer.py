@@ -77,8 +77,6 @@ def test_wrong_scales_are_refused(clips):
 
 def test_useless_statistics_are_refused():
     ones = np.ones(3, dtype="f4")
-    with pytest.raises(InputError, match="3 and std of 2"):
-        Normalizer(ones, ones[:2])
     with pytest.raises(InputError, match="above 0"):
         Normalizer(ones, 0 * ones)
     with pytest.raises(InputError, match="no frames"):

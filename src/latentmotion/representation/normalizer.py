@@ -25,7 +25,7 @@ class Normalizer:
     """Mean and scale of every feature over a data set.
 
     Raises:
-        InputError: The two differ in length, or a scale is not positive and finite.
+        InputError: A value is not finite, or a scale not above 0.
     """
 
     mean: Float[np.ndarray, " features"]
@@ -34,11 +34,8 @@ class Normalizer:
     """Scale; equal inside a block."""
 
     def __post_init__(self) -> None:
-        if self.mean.shape != self.std.shape:
-            raise InputError(f"mean of {self.mean.size} and std of {self.std.size} features")
-        if not (
-            np.isfinite(self.mean).all() and np.isfinite(self.std).all() and self.std.min() > 0
-        ):
+        finite = np.isfinite(self.mean).all() and np.isfinite(self.std).all()
+        if not finite or self.std.min() <= 0:
             raise InputError("a mean or std that is not finite, or a std that is not above 0")
 
     @classmethod
@@ -58,8 +55,8 @@ class Normalizer:
         frames = sum(len(clip) for clip in features)
         if not frames:
             raise InputError("no frames to measure; check that the data set has training clips")
-        mean = sum(np.sum(clip, axis=0, dtype=np.float64) for clip in features) / frames
-        square = sum(np.sum((clip - mean) ** 2, axis=0) for clip in features) / frames
+        mean = np.sum([clip.sum(axis=0, dtype=np.float64) for clip in features], axis=0) / frames
+        square = np.sum([((clip - mean) ** 2).sum(axis=0) for clip in features], axis=0) / frames
         std = np.ones_like(mean)
         for block in blocks.values():
             std[block] = np.sqrt(square[block]).mean() or 1.0
