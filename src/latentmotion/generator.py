@@ -21,8 +21,8 @@ from latentmotion.errors import InputError
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model
 from latentmotion.motion import Motion
-from latentmotion.representation import representation_named
 from latentmotion.representation.interface import Representation
+from latentmotion.representation.known import representation_named
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.runtime.session import Runtime, Session, open_session
 

@@ -1,0 +1,27 @@
+"""The representations that files and model cards name."""
+
+from __future__ import annotations
+
+import difflib
+
+from latentmotion.errors import InputError
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
+from latentmotion.representation.interface import Representation
+
+REPRESENTATIONS: dict[str, Representation] = {
+    part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES)
+}
+"""Each representation by its name."""
+
+
+def representation_named(name: str) -> Representation:
+    """Returns a representation.
+
+    Raises:
+        InputError: There is none of that name.
+    """
+    if name in REPRESENTATIONS:
+        return REPRESENTATIONS[name]
+    near = difflib.get_close_matches(name, REPRESENTATIONS, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(REPRESENTATIONS)}"
+    raise InputError(f"unknown representation {name!r}; {hint}")
