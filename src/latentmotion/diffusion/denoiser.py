@@ -180,7 +180,7 @@ class SeePadding(nn.Module):
 
 @dataclass(frozen=True)
 class DenoiserConfig:
-    """Which parts a `Denoiser` has; the defaults are ours, `latentmotion.presets` has the paper's."""
+    """Which parts a `Denoiser` has; the defaults are ours, the presets have the paper's."""
 
     latent_width: int = 16
     """Numbers per latent token."""
@@ -212,10 +212,10 @@ class DenoiserConfig:
     def build(self) -> Denoiser:
         """Builds the network with fresh weights."""
         width = self.transformer.width
-        inner = (self.latent_width, width)
+        inner, outer = (self.latent_width, width), (width, self.latent_width)
         return Denoiser(
             latents_in=nn.Linear(*inner) if self.project_latents else nn.Identity(),
-            latents_out=nn.Linear(*inner[::-1]) if self.project_latents else nn.Identity(),
+            latents_out=nn.Linear(*outer) if self.project_latents else nn.Identity(),
             condition_in=self._condition_in(width),
             numbers=self._numbers(width),
             places=self._places(width),

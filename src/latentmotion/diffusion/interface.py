@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,6 +14,7 @@ Noise = Callable[[tuple[int, ...]], np.ndarray]
 """Draws standard normal numbers of a shape, float32, always on the CPU and in NumPy."""
 
 
+@runtime_checkable
 class Denoiser(Protocol):
     """Any network, runtime session or closed form that predicts from noisy latents."""
 

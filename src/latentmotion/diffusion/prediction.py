@@ -7,7 +7,7 @@ never asks which one it is.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from jaxtyping import Float
 
@@ -16,6 +16,7 @@ from latentmotion.diffusion.schedule import Schedule, Time
 Latents = Float[Any, "batch tokens width"]
 
 
+@runtime_checkable
 class Prediction(Protocol):
     """The meaning of a denoiser's output."""
 

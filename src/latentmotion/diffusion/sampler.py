@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from array_api_compat import array_namespace, device
 from jaxtyping import Bool, Float
@@ -21,6 +21,7 @@ from latentmotion.diffusion.schedule import Schedule
 Latents = Float[Any, "batch tokens width"]
 
 
+@runtime_checkable
 class Sampler(Protocol):
     """A rule for one step."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from array_api_compat import array_namespace, device
@@ -20,6 +20,7 @@ Time = Any
 """One time as a number, or an array of one time per item of the batch (NumPy or torch)."""
 
 
+@runtime_checkable
 class Schedule(Protocol):
     """The noise schedule; immutable, so that one serves many requests at once."""
 

@@ -235,10 +235,15 @@ def _initialize(module: nn.Module) -> None:
     """Xavier-uniform weights; queries, keys and values count as one matrix, as in PyTorch's own."""
     if isinstance(module, nn.Linear):
         nn.init.xavier_uniform_(module.weight)
-    if isinstance(module, (SelfAttention, CrossAttention)):
-        width = module.output.in_features
-        for name, linear in module.named_children():
-            nn.init.zeros_(linear.bias)
-            if name != "output":
-                bound = (6 / (4 * width)) ** 0.5
-                nn.init.uniform_(linear.weight, -bound, bound)
+    if isinstance(module, SelfAttention):
+        _initialize_projections(module.output, module.query_key_value)
+    if isinstance(module, CrossAttention):
+        _initialize_projections(module.output, module.query, module.key_value)
+
+
+def _initialize_projections(output: nn.Linear, *inputs: nn.Linear) -> None:
+    bound = (6 / (4 * output.in_features)) ** 0.5
+    nn.init.zeros_(output.bias)
+    for linear in inputs:
+        nn.init.uniform_(linear.weight, -bound, bound)
+        nn.init.zeros_(linear.bias)

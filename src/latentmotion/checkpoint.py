@@ -1,0 +1,143 @@
+"""A trained model as a folder: `model.json` says what it is, `weights.safetensors` holds it.
+
+Nothing is ever unpickled here; foreign checkpoints are the business of `upstream.py`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from latentmotion.configuration import from_json, to_json
+from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
+from latentmotion.errors import InputError, ModelError
+from latentmotion.files import atomic_folder
+from latentmotion.model_card import ModelCard, read_card
+from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.interface import MotionVAE
+from latentmotion.vae.transformer import TransformerVAEConfig
+
+VAEConfig = TransformerVAEConfig | ConvolutionalVAEConfig
+"""Every kind of VAE that a model folder can name."""
+
+WEIGHTS_FILE = "weights.safetensors"
+
+
+@dataclass(frozen=True)
+class Networks:
+    """What `model.json` says of the networks."""
+
+    vae: TransformerVAEConfig | ConvolutionalVAEConfig | None = None
+    """None where the diffusion runs on raw frames."""
+    denoiser: DenoiserConfig | None = None
+    """None where only the first stage is trained."""
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """A model folder in memory, with PyTorch."""
+
+    card: ModelCard
+    """What it is."""
+    vae: MotionVAE | None
+    """Motion to latents and back."""
+    denoiser: Denoiser | None
+    """Noise to latents."""
+
+
+def save_model(folder: str | Path, model: TrainedModel) -> None:
+    """Writes a model folder in place of what is there, or nothing at all.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    weights = {
+        f"{part}.{key}": tensor.detach().cpu().contiguous()
+        for part, module in (("vae", model.vae), ("denoiser", model.denoiser))
+        if module is not None
+        for key, tensor in module.state_dict().items()
+    }
+    with atomic_folder(folder) as temporary:
+        model.card.write(temporary)
+        save_file(weights, temporary / WEIGHTS_FILE)
+
+
+def load_model(folder: str | Path) -> TrainedModel:
+    """Reads a model folder; the networks are in `eval()` mode, on the CPU.
+
+    Raises:
+        ModelError: Something is missing, damaged, or does not fit the rest.
+    """
+    card = read_card(Path(folder))
+    networks = read_networks(card)
+    path = Path(folder) / WEIGHTS_FILE
+    weights = _read_weights(path)
+    vae = networks.vae.build() if networks.vae else None
+    denoiser = networks.denoiser.build() if networks.denoiser else None
+    parts = {"vae": vae, "denoiser": denoiser}
+    built = {name: module for name, module in parts.items() if module is not None}
+    load_weights(nn.ModuleDict(built), weights, str(path))
+    return TrainedModel(card, vae, denoiser)
+
+
+def describe(config: VAEConfig | DenoiserConfig | None) -> dict[str, object]:
+    """Returns a network's configuration as `model.json` keeps it."""
+    return to_json(config) if config is not None else {}
+
+
+def read_networks(card: ModelCard) -> Networks:
+    """Returns the configurations that `model.json` keeps.
+
+    Raises:
+        ModelError: One of them is unknown or does not fit.
+    """
+    try:
+        return from_json(Networks, {"vae": card.vae or None, "denoiser": card.denoiser or None})
+    except InputError as error:
+        raise ModelError(f"model.json of {card.name!r}: {error}") from error
+
+
+def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> None:
+    """Copies the weights into `module` and puts it in `eval()` mode.
+
+    Raises:
+        ModelError: A key is missing or unknown, or a shape differs.
+    """
+    expected = module.state_dict()
+    check_keys(weights, expected, source)
+    for key, tensor in weights.items():
+        if tensor.shape != expected[key].shape:
+            found, wanted = tuple(tensor.shape), tuple(expected[key].shape)
+            raise ModelError(f"{source}: {key} has shape {found}, expected {wanted}")
+    module.load_state_dict(weights)
+    module.eval()
+
+
+def check_keys(found: Iterable[str], expected: Iterable[str], source: str) -> None:
+    """Compares two sets of names.
+
+    Raises:
+        ModelError: They differ; the message names the nearest.
+    """
+    unknown, missing = sorted(set(found) - set(expected)), sorted(set(expected) - set(found))
+    if unknown:
+        near = difflib.get_close_matches(unknown[0], missing or list(expected), n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ModelError(f"{source}: {len(unknown)} unknown weights, first {unknown[0]!r}{hint}")
+    if missing:
+        raise ModelError(f"{source}: {len(missing)} weights missing, first {missing[0]!r}")
+
+
+def _read_weights(path: Path) -> dict[str, Tensor]:
+    try:
+        return load_file(path)
+    except (OSError, SafetensorError) as error:
+        raise ModelError(
+            f"{path} cannot be read, it is missing or damaged: {error}; copy the folder again"
+        ) from error

@@ -1,0 +1,172 @@
+"""From the authors' file to one of our model folders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from torch import Tensor
+
+from latentmotion.checkpoint import TrainedModel, describe, load_weights, save_model
+from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
+from latentmotion.diffusion.prediction import Epsilon, Sample
+from latentmotion.diffusion.schedule import ScaledLinear
+from latentmotion.errors import InputError, ModelError
+from latentmotion.files import sha256
+from latentmotion.model_card import LatentSpace, ModelCard, Provenance
+from latentmotion.upstream import names
+from latentmotion.upstream.configurations import Unstated, denoiser_config, is_actor, vae_config
+from latentmotion.upstream.reading import read_checkpoint, split_parts
+from latentmotion.vae.transformer import TransformerVAE, TransformerVAEConfig
+
+_REPRESENTATIONS = {263: "humanml3d", 251: "kit", 150: "smpl"}
+"""Representation that a number of features means."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a checkpoint leaves out, and what the user knows of it."""
+
+    normalizer: tuple[np.ndarray, np.ndarray] | None = None
+    """Mean and standard deviation of each feature, as its data set publishes them."""
+    unstated: Unstated = field(default_factory=Unstated)
+    """What shapes can't tell."""
+    predicts: Literal["epsilon", "sample"] = "epsilon"
+    """What the denoiser was trained to predict."""
+    text_encoder: str = "openai/clip-vit-large-patch14"
+    """The text encoder it was trained with."""
+
+
+def convert_checkpoint(
+    path: str | Path, output: str | Path, origin: Origin | None = None
+) -> dict[str, int]:
+    """Converts the authors' checkpoint; writes the whole folder or nothing.
+
+    Args:
+        path: Lightning file, or a dictionary of tensors.
+        output: The model folder to write.
+        origin: What the file leaves out.
+
+    Returns:
+        How many weights of other networks (evaluators, CLIP, SMPL) were left behind, by name.
+
+    Raises:
+        ModelError: The file can't be opened safely, or is not what MLD's code writes.
+        InputError: The normalizer is missing or does not fit.
+    """
+    origin = origin or Origin()
+    parts, others = split_parts(read_checkpoint(path))
+    if not any(parts.values()):
+        raise ModelError(
+            f"{path} has no weights under 'vae.' or 'denoiser.'; found {_some(others)}"
+        )
+    vae, vae_description = _vae(parts["vae"], origin.unstated, path)
+    denoiser, denoiser_description = _denoiser(parts["denoiser"], origin.unstated, path)
+    card = _card(Path(path), vae_description, denoiser_description, origin)
+    save_model(output, TrainedModel(card, vae, denoiser))
+    return others
+
+
+def _vae(
+    weights: Mapping[str, Tensor], unstated: Unstated, path: str | Path
+) -> tuple[TransformerVAE | None, TransformerVAEConfig | None]:
+    if not weights:
+        return None, None
+    config = vae_config(weights, unstated)
+    mld = names.MLD_VAE_JOINT if config.decoding == "joint" else names.MLD_VAE
+    rules = names.ACTOR_VAE if is_actor(weights) else mld
+    network = config.build()
+    load_weights(network, names.rename(weights, rules), f"{path}, vae")
+    return network, config
+
+
+def _denoiser(
+    weights: Mapping[str, Tensor], unstated: Unstated, path: str | Path
+) -> tuple[Denoiser | None, DenoiserConfig | None]:
+    if not weights:
+        return None, None
+    config = denoiser_config(weights, unstated)
+    cross = config.attention == "cross"
+    # Left over from older versions, or written but never used where there is no cross-attention.
+    unused = {"sequence_pos_encoding.pe"} | (set() if cross else {"mem_pos.pe"})
+    used = {name: tensor for name, tensor in weights.items() if name not in unused}
+    network = config.build()
+    rules = names.DENOISER_CROSS if cross else names.DENOISER_IN_CONTEXT
+    load_weights(network, names.rename(used, rules), f"{path}, denoiser")
+    return network, config
+
+
+def _card(
+    path: Path, vae: TransformerVAEConfig | None, denoiser: DenoiserConfig | None, origin: Origin
+) -> ModelCard:
+    features = vae.features if vae else _require(denoiser).latent_width
+    mean, std = _normalizer(features, origin)
+    return ModelCard(
+        name=path.stem,
+        task="action" if _is_action(denoiser) else "text",
+        representation=_REPRESENTATIONS.get(features, f"unknown-{features}"),
+        normalizer_mean=mean,
+        normalizer_std=std,
+        latents=_latents(vae, features),
+        schedule=ScaledLinear() if vae else ScaledLinear(offset=0, ends_clean=True),
+        prediction=Epsilon() if origin.predicts == "epsilon" else Sample(),
+        vae=dict(describe(vae)),
+        denoiser=dict(describe(denoiser)),
+        condition=_condition(denoiser, origin),
+        steps=50 if vae else 1000,
+        guidance=7.5,
+        provenance=_provenance(path),
+    )
+
+
+def _require(denoiser: DenoiserConfig | None) -> DenoiserConfig:
+    assert denoiser is not None  # there are weights of one of the two
+    return denoiser
+
+
+def _is_action(denoiser: DenoiserConfig | None) -> bool:
+    return denoiser is not None and denoiser.condition_projection == "table"
+
+
+def _latents(vae: TransformerVAEConfig | None, features: int) -> LatentSpace:
+    if vae is None:
+        return LatentSpace(width=features, frames_per_token=1)
+    return LatentSpace(width=vae.transformer.width, tokens=vae.tokens)
+
+
+def _condition(denoiser: DenoiserConfig | None, origin: Origin) -> dict[str, Any]:
+    if denoiser is None:
+        return {}
+    if _is_action(denoiser):
+        return {"kind": "action", "classes": denoiser.condition_width}
+    return {"kind": "clip", "name": origin.text_encoder, "width": denoiser.condition_width}
+
+
+def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    if origin.normalizer is None and features == 150:
+        return (0.0,) * features, (1.0,) * features  # action data is not normalized
+    if origin.normalizer is None:
+        raise InputError(
+            "the authors' checkpoints don't hold the mean and deviation of the features; pass the "
+            "data set's own: --mean Mean.npy --std Std.npy (HumanML3D's are in its repository)"
+        )
+    mean, std = (tuple(map(float, np.ravel(values))) for values in origin.normalizer)
+    if not len(mean) == len(std) == features:
+        found = f"{len(mean)} means and {len(std)} deviations"
+        raise InputError(f"the normalizer has {found}, the checkpoint {features} features")
+    return mean, std
+
+
+def _provenance(path: Path) -> Provenance:
+    return Provenance(
+        data_hashes={path.name: sha256(path)},
+        licence="as its authors say (MLD's code is MIT; the data behind it has terms of its own)",
+        commands=(f"latentmotion convert {path.name}",),
+    )
+
+
+def _some(others: Mapping[str, int]) -> str:
+    return ", ".join(list(others)[:5]) or "nothing"
