@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from latentmotion.skeleton import Skeleton
 
-SMOOTHING_FRAMES = 20
+SMOOTHING_FRAMES = 20.0
 """Standard deviation of the Gaussian that HumanML3D smooths the heading with."""
 
 
