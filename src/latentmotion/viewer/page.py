@@ -1,0 +1,116 @@
+"""Motions → one self-contained HTML page that shows them: no server, no network, no other file.
+
+The page carries each motion as root positions (float32) and joints relative to the root (int16
+steps of 0.1 mm, or more where a motion is wider than 3.2 m), in base64. `viewer.js` beside this
+file is a build product; `source/README.md` says of what.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from latentmotion.errors import InputError
+from latentmotion.files import atomic_file
+from latentmotion.motion import Motion
+from latentmotion.skeleton import Skeleton
+
+FINEST_STEP = 1e-4
+"""Step of the quantized joint positions, meters."""
+
+
+def page_html(motions: Sequence[Motion], title: str | None = None) -> str:
+    """Returns a page that shows the motions side by side.
+
+    Args:
+        motions: At least one; each stands beside the one before, in its own color.
+        title: Title of the page; the first caption if not given.
+
+    Raises:
+        InputError: There is no motion.
+    """
+    if not motions:
+        raise InputError("no motion to show; give at least one")
+    fields = {
+        "title": html.escape(title or motions[0].caption or "Latent Motion"),
+        "motions": _json_in_html(_payload(motions)),
+        "script": _resource("viewer.js"),
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
+
+
+def write_page(path: str | Path, motions: Sequence[Motion], title: str | None = None) -> None:
+    """Writes `page_html` to a file, whole or not at all."""
+    page = page_html(motions, title)
+    with atomic_file(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def notebook_html(motions: Motion | Sequence[Motion], height: int = 520) -> str:
+    """Returns the page as a frame that a notebook shows beneath a cell.
+
+    Args:
+        motions: What to show.
+        height: Height of the frame, pixels.
+    """
+    page = page_html([motions] if isinstance(motions, Motion) else motions)
+    return (
+        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts" title="Latent Motion" '
+        f'style="width: 100%; height: {height}px; border: 0; border-radius: 12px"></iframe>'
+    )
+
+
+def _payload(motions: Sequence[Motion]) -> dict[str, Any]:
+    first = {motion.skeleton.name: motion for motion in reversed(motions)}
+    return {
+        "skeletons": {name: _skeleton_entry(motion) for name, motion in first.items()},
+        "motions": [_motion_entry(motion) for motion in motions],
+    }
+
+
+def _skeleton_entry(motion: Motion) -> dict[str, Any]:
+    skeleton: Skeleton = motion.skeleton
+    parents = [max(parent, 0) for parent in skeleton.parents]
+    bones = motion.joints - motion.joints[:, parents]
+    return {
+        "names": skeleton.names,
+        "parents": skeleton.parents,
+        "directions": np.round(skeleton.offsets, 4).tolist(),
+        "lengths": np.round(np.median(np.linalg.norm(bones, axis=-1), axis=0), 4).tolist(),
+    }
+
+
+def _motion_entry(motion: Motion) -> dict[str, Any]:
+    root = motion.joints[:, 0]
+    relative = motion.joints - root[:, None]
+    step = max(FINEST_STEP, float(np.abs(relative).max()) / np.iinfo(np.int16).max)
+    return {
+        "caption": motion.caption,
+        "fps": float(motion.fps),
+        "skeleton": motion.skeleton.name,
+        "step": step,
+        "root": _base64(root.astype("<f4")),
+        "relative": _base64(np.round(relative / step).astype("<i2")),
+    }
+
+
+def _base64(array: np.ndarray) -> str:
+    return base64.b64encode(array.tobytes()).decode("ascii")
+
+
+def _json_in_html(payload: dict[str, Any]) -> str:
+    """JSON in which no caption can end the script element around it."""
+    text = json.dumps(payload, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _resource(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,20 @@
+// Bundles main.js with the parts of three.js that it uses into ../viewer.js.
+import { readFileSync } from "node:fs";
+import { build } from "esbuild";
+
+const license = readFileSync("node_modules/three/LICENSE", "utf8").trim();
+
+await build({
+  entryPoints: ["main.js"],
+  outfile: "../viewer.js",
+  bundle: true,
+  minify: true,
+  format: "iife",
+  target: "es2020",
+  charset: "ascii",
+  legalComments: "none",
+  banner: {
+    js: `/*! Built from viewer/source by "npm install && npm run build"; do not edit.\n` +
+      `Latent Motion's viewer (MIT), with parts of three.js:\n\n${license}\n*/`,
+  },
+});

@@ -1,0 +1,95 @@
+// The page: motions → stage, timeline, panel, keys; and `window.latentmotion` for programs.
+
+import { listenToKeys } from "./keyboard.js";
+import { readMotions } from "./motion.js";
+import { Panel } from "./panel.js";
+import { Sketch } from "./sketch.js";
+import { Stage } from "./stage.js";
+import { Timeline } from "./timeline.js";
+
+const COLORS = [
+  ...["#2f8f9d", "#e2694a", "#7a68c4", "#d99a2b", "#5c9452", "#c75c86", "#4a7fc1", "#8a7260"],
+];
+
+const motions = readMotions(document.getElementById("motions").textContent);
+const colors = motions.map((_, i) => COLORS[i % COLORS.length]);
+const timeline = new Timeline(Math.max(...motions.map(({ seconds }) => seconds)));
+const stage = makeStage();
+const panel = new Panel(timeline, stage, motions, colors);
+
+function makeStage() {
+  const canvas = document.getElementById("view");
+  try {
+    return new Stage(canvas, motions, colors);
+  } catch (problem) {
+    console.info(`No WebGL (${problem.message}); drawing lines instead.`);
+    const fresh = canvas.cloneNode();
+    canvas.replaceWith(fresh);
+    return new Sketch(fresh, motions, colors);
+  }
+}
+
+function fit() {
+  const height = (id) => document.getElementById(id).offsetHeight;
+  stage.resize(height("panel"), height("words"));
+}
+
+/** Joint positions now, meters, in each motion's own space: takes × joints × 3. */
+function joints() {
+  return motions.map((motion) => {
+    const flat = [...motion.sample(timeline.time)];
+    return motion.skeleton.names.map((_, j) => flat.slice(j * 3, j * 3 + 3));
+  });
+}
+
+// For tests and scripts: `page.html#t=1.5` opens paused at 1.5 s, and says the pose in the DOM.
+function obeyAddress() {
+  const time = new URLSearchParams(location.hash.slice(1)).get("t");
+  if (time === null) return false;
+  timeline.play(false);
+  timeline.seek(Number(time));
+  document.body.dataset.joints = JSON.stringify(joints());
+  return true;
+}
+
+function everyFrame() {
+  let last = performance.now();
+  const frame = (now) => {
+    timeline.advance(Math.min(now - last, 100) / 1000);
+    last = now;
+    stage.draw();
+    requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+}
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+dark.addEventListener("change", () => stage.setDark(dark.matches));
+stage.setDark(dark.matches);
+timeline.addEventListener("time", () => stage.showTime(timeline.time));
+addEventListener("hashchange", obeyAddress);
+addEventListener("resize", fit);
+listenToKeys(timeline, stage, panel, 1 / motions[0].fps);
+fit();
+stage.showTime(0);
+stage.reset();
+document.body.dataset.stage = stage.name;
+if (!obeyAddress()) timeline.play(!matchMedia("(prefers-reduced-motion: reduce)").matches);
+everyFrame();
+
+window.latentmotion = {
+  /** Pauses and shows the pose at `seconds`. */
+  setTime(seconds) {
+    timeline.play(false);
+    timeline.seek(seconds);
+    stage.draw();
+  },
+  joints,
+  play: () => timeline.play(),
+  pause: () => timeline.play(false),
+  get time() {
+    return timeline.time;
+  },
+  seconds: timeline.seconds,
+  stage: stage.name,
+};

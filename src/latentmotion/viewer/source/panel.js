@@ -1,0 +1,93 @@
+// What the hand sees and touches: captions, takes, play, scrub, speed, follow, help.
+
+import { SPEEDS } from "./timeline.js";
+
+const find = (id) => document.getElementById(id);
+
+export class Panel {
+  constructor(timeline, stage, motions, colors) {
+    Object.assign(this, { timeline, stage, motions });
+    this.#writeCaptions(colors);
+    this.#writeSpeeds();
+    this.#wire();
+    timeline.addEventListener("time", () => this.#showTime());
+    timeline.addEventListener("state", () => this.#showState());
+    this.#showTime();
+    this.#showState();
+  }
+
+  // One prompt with several takes is one caption; several prompts are named take by take.
+  #writeCaptions(colors) {
+    const captions = this.motions.map(({ caption }) => caption);
+    const same = captions.every((caption) => caption === captions[0]);
+    find("caption").textContent = same ? captions[0] : "";
+    find("caption").hidden = !same || !captions[0];
+    find("takes").hidden = captions.length < 2;
+    find("takes").classList.toggle("named", !same);
+    this.takes = captions.map((caption, i) => this.#takeButton(i, same ? "" : caption, colors[i]));
+    find("takes").append(...this.takes);
+    find("view").setAttribute("aria-label", `Animated figure: ${captions.join("; ")}`);
+  }
+
+  #takeButton(take, caption, color) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.style.setProperty("--take", color);
+    button.textContent = caption ? `${take + 1}  ${caption}` : `${take + 1}`;
+    button.setAttribute("aria-pressed", "false");
+    button.title = `Look at take ${take + 1}`;
+    button.addEventListener("click", () => {
+      this.watch(button.getAttribute("aria-pressed") === "true" ? null : take);
+    });
+    return button;
+  }
+
+  #writeSpeeds() {
+    const options = SPEEDS.map((speed) => new Option(`${speed}×`, speed));
+    find("speed").append(...options);
+  }
+
+  #wire() {
+    const { timeline, stage } = this;
+    find("scrub").max = timeline.seconds;
+    find("play").addEventListener("click", () => timeline.play(!timeline.playing));
+    find("scrub").addEventListener("input", () => timeline.seek(Number(find("scrub").value)));
+    find("speed").addEventListener("change", () => timeline.setSpeed(Number(find("speed").value)));
+    find("follow").addEventListener("click", () => this.follow());
+    find("reset").addEventListener("click", () => stage.reset());
+    find("help").addEventListener("click", () => this.help());
+    find("keys").addEventListener("click", () => find("keys").close());
+  }
+
+  follow() {
+    this.stage.setFollow(!this.stage.follow);
+    find("follow").setAttribute("aria-pressed", this.stage.follow);
+  }
+
+  watch(take) {
+    if (take !== null && take >= this.motions.length) return;
+    this.stage.watch(take);
+    this.takes.forEach((button, i) => button.setAttribute("aria-pressed", i === take));
+  }
+
+  help() {
+    const keys = find("keys");
+    if (keys.open) keys.close();
+    else keys.showModal();
+  }
+
+  #showTime() {
+    const { time, seconds } = this.timeline;
+    find("scrub").value = time;
+    find("scrub").style.setProperty("--done", `${(100 * time) / (seconds || 1)}%`);
+    find("scrub").setAttribute("aria-valuetext", `${time.toFixed(1)} of ${seconds.toFixed(1)} s`);
+    find("time").textContent = `${time.toFixed(1)} / ${seconds.toFixed(1)} s`;
+  }
+
+  #showState() {
+    const { playing, speed } = this.timeline;
+    find("play").setAttribute("aria-label", playing ? "Pause" : "Play");
+    find("play").classList.toggle("playing", playing);
+    find("speed").value = speed;
+  }
+}

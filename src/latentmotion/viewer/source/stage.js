@@ -1,0 +1,198 @@
+// The three.js stage: light, floor, camera, and one figure per take.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { bodyGeometry, Figure } from "./figure.js";
+import { Floor } from "./floor.js";
+import { alongPath, lineUp, smoothPath } from "./motion.js";
+
+const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the camera first looks
+const HEIGHT = 0.88; // of what it looks at, meters
+const FIELD_OF_VIEW = 30; // degrees, vertical
+
+export class Stage {
+  /** Throws where WebGL is not to be had. */
+  constructor(canvas, motions, colors) {
+    this.name = "webgl";
+    this.canvas = canvas;
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.renderer.toneMapping = THREE.NeutralToneMapping;
+    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.05, 120);
+    this.controls = orbit(this.camera, canvas, () => (this.stale = true));
+    this.offsets = lineUp(motions);
+    this.figures = this.#figures(motions, colors);
+    this.paths = motions.map(smoothPath);
+    this.floor = new Floor(motions, this.offsets, colors);
+    this.all = motions.map((_, take) => take);
+    this.sun = sunlight(this.#reach(motions));
+    this.scene = new THREE.Scene().add(
+      ...this.figures.map((figure) => figure.object),
+      ...[this.floor.object, this.sun, this.sun.target, skylight(), rimlight()],
+    );
+    this.watched = null;
+    this.follow = true;
+    this.time = 0;
+    this.center = new THREE.Vector3(0, HEIGHT, 0);
+  }
+
+  #figures(motions, colors) {
+    const geometries = new Map();
+    return motions.map((motion, i) => {
+      const { skeleton } = motion;
+      if (!geometries.has(skeleton)) geometries.set(skeleton, bodyGeometry(skeleton));
+      return new Figure(motion, geometries.get(skeleton), colors[i], this.offsets[i]);
+    });
+  }
+
+  showTime(time) {
+    this.time = time;
+    this.figures.forEach((figure) => figure.showTime(time));
+    this.#look();
+    this.floor.showTime(time, this.controls.target);
+    this.#aimSun();
+    this.stale = true;
+  }
+
+  // Camera and target move together, so that the view a hand has chosen is kept.
+  #look() {
+    const extent = this.#extent(this.follow ? this.time : null, this.takes);
+    const center = extent.getCenter(new THREE.Vector3());
+    const shift = center.clone().sub(this.center);
+    this.camera.position.add(shift);
+    this.controls.target.add(shift);
+    this.center = center;
+  }
+
+  get takes() {
+    return this.watched === null ? this.all : [this.watched];
+  }
+
+  /** The box around some takes' places at `time`, or, where null, over their whole paths. */
+  #extent(time, takes) {
+    const box = new THREE.Box3();
+    for (const take of takes) {
+      const path = this.paths[take];
+      const { fps } = this.figures[take].motion;
+      const [dx, dz] = this.offsets[take];
+      const points = time === null ? path : [alongPath(path, fps, time)];
+      for (const [x, z] of points) box.expandByPoint(new THREE.Vector3(x + dx, HEIGHT, z + dz));
+    }
+    return box;
+  }
+
+  // Half the width of the square that the shadows need, around the middle of all takes.
+  #reach(motions) {
+    const ends = Math.max(...motions.map(({ seconds }) => seconds));
+    const sizes = Array.from({ length: 20 }, (_, i) => {
+      const { x, z } = this.#extent((i / 19) * ends, this.all).getSize(new THREE.Vector3());
+      return Math.hypot(x, z) / 2;
+    });
+    return Math.max(...sizes) + 1.9;
+  }
+
+  #aimSun() {
+    const { x, z } = this.#extent(this.time, this.all).getCenter(new THREE.Vector3());
+    this.sun.target.position.set(x, 0, z);
+    this.sun.position.set(x + 2.6, 6, z + 2.6);
+  }
+
+  setFollow(follow) {
+    this.follow = follow;
+    this.showTime(this.time);
+    this.reset();
+  }
+
+  /** Looks at one take (its number from 0), or at all (null). */
+  watch(take) {
+    this.watched = take;
+    this.showTime(this.time);
+    this.reset();
+  }
+
+  /** Brings the camera back to where everything that is watched can be seen. */
+  reset() {
+    const extent = this.#extent(this.follow ? this.time : null, this.takes);
+    const size = extent.getSize(new THREE.Vector3());
+    const tall = 2.15 + size.z * 0.25;
+    const wide = 1.5 + size.x + size.z * 0.4;
+    const half = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
+    const free = this.freeHeight / this.canvas.clientHeight;
+    const distance = Math.max(tall / 2 / half / free, wide / 2 / half / this.camera.aspect);
+    this.controls.target.copy(this.center);
+    this.camera.position.copy(this.center).addScaledVector(EYE, distance + 0.3 + size.z / 2);
+    this.controls.update();
+    this.stale = true;
+  }
+
+  turn(angle) {
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    arm.applyAxisAngle(new THREE.Vector3(0, 1, 0), angle);
+    this.camera.position.copy(this.controls.target).add(arm);
+    this.stale = true;
+  }
+
+  zoom(factor) {
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    this.camera.position.copy(this.controls.target).addScaledVector(arm, factor);
+    this.stale = true;
+  }
+
+  /** Fits the canvas; the lowest `covered` and highest `above` pixels lie under the panel. */
+  resize(covered, above) {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    this.freeHeight = Math.max(height - covered - above, height / 3);
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.setViewOffset(width, height, 0, (covered - above) / 2, width, height);
+    this.stale = true;
+  }
+
+  setDark(dark) {
+    this.floor.setDark(dark);
+    this.stale = true;
+  }
+
+  /** Draws, if anything changed since the last time. */
+  draw() {
+    this.controls.update();
+    if (!this.stale) return;
+    this.renderer.render(this.scene, this.camera);
+    this.stale = false;
+  }
+}
+
+function orbit(camera, canvas, changed) {
+  const controls = new OrbitControls(camera, canvas);
+  controls.enableDamping = true;
+  controls.dampingFactor = 0.12;
+  controls.minDistance = 0.6;
+  controls.maxDistance = 40;
+  controls.maxPolarAngle = Math.PI * 0.52;
+  controls.addEventListener("change", changed);
+  return controls;
+}
+
+function sunlight(reach) {
+  const light = new THREE.DirectionalLight("#fff4e6", 2.5);
+  light.castShadow = true;
+  Object.assign(light.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach });
+  Object.assign(light.shadow.camera, { near: 0.5, far: 12 + reach });
+  light.shadow.mapSize.set(2048, 2048);
+  light.shadow.radius = 5;
+  light.shadow.bias = -0.0004;
+  light.shadow.normalBias = 0.015;
+  return light;
+}
+
+function skylight() {
+  return new THREE.HemisphereLight("#e8f0ff", "#b7a79a", 1.9);
+}
+
+function rimlight() {
+  const light = new THREE.DirectionalLight("#cfe0ff", 1.1);
+  light.position.set(-3, 2.5, -4);
+  return light;
+}
