@@ -49,8 +49,7 @@ def gaussian_smooth(signal: Float[Any, "frames n"], sigma: float) -> Float[Any, 
     xp = array_namespace(signal)
     frames, radius = signal.shape[0], int(4 * sigma + 0.5)
     weights = [exp(-0.5 * (n / sigma) ** 2) for n in range(radius + 1)]
-    ones = xp.ones_like(signal[:1]) + xp.zeros((radius, 1), dtype=signal.dtype)
-    padded = xp.concat([signal[:1] * ones, signal, signal[-1:] * ones], axis=0)
+    padded = xp.concat([signal[:1]] * radius + [signal] + [signal[-1:]] * radius, axis=0)
     total = signal * weights[0]
     for n in range(1, radius + 1):
         before, after = radius - n, radius + n
