@@ -34,6 +34,7 @@ VERBS = {
         f"{_CLI}.train_text_encoder:TrainTextEncoder", "Distill a small sentence encoder."
     ),
     "export": Verb(f"{_CLI}.export:Export", "Make a trained model run without PyTorch."),
+    "evaluate": Verb(f"{_CLI}.evaluate:Evaluate", "Measure a model for its card."),
     "convert": Verb(f"{_CLI}.convert:Convert", "Turn the MLD authors' checkpoint into a model."),
 }
 """The command line. Only the verb that was typed is imported."""
