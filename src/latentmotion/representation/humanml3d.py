@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from math import pi
 from types import MappingProxyType
 from typing import Any
@@ -56,17 +56,10 @@ class HumanML3DRepresentation:
         """Features per frame."""
         return self.blocks["contacts"].stop
 
-    @cached_property
+    @property
     def blocks(self) -> Mapping[str, slice]:
         """Which features belong together, by name."""
-        joints = len(self.skeleton)
-        widths = {"yaw_velocity": 1, "root_velocity": 2, "root_height": 1}
-        widths |= {"positions": 3 * (joints - 1), "rotations": 6 * (joints - 1)}
-        widths |= {"velocities": 3 * joints, "contacts": 4}
-        ends = np.cumsum(list(widths.values())).tolist()
-        return MappingProxyType(
-            {name: slice(end - widths[name], end) for name, end in zip(widths, ends, strict=True)}
-        )
+        return _layout(len(self.skeleton))
 
     def retarget(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
         """Gives a body of any size the canonical bone lengths and scales its path likewise."""
@@ -178,6 +171,17 @@ class HumanML3DRepresentation:
             raise InputError(f"{frames} frames; velocities need at least 2")
         if not bool(xp.all(xp.isfinite(joints))):
             raise InputError("joints that are not finite; drop or repair these frames first")
+
+
+@cache
+def _layout(joints: int) -> Mapping[str, slice]:
+    widths = {"yaw_velocity": 1, "root_velocity": 2, "root_height": 1}
+    widths |= {"positions": 3 * (joints - 1), "rotations": 6 * (joints - 1)}
+    widths |= {"velocities": 3 * joints, "contacts": 4}
+    ends = np.cumsum(list(widths.values())).tolist()
+    return MappingProxyType(
+        {name: slice(end - widths[name], end) for name, end in zip(widths, ends, strict=True)}
+    )
 
 
 def _half_turns(yaw: Float[Any, " frames"]) -> Float[Any, " frames_less_one"]:
