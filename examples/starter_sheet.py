@@ -1,0 +1,55 @@
+"""Draws 24 prompts that cover what the starter model knows, for a person to judge.
+
+    python examples/starter_sheet.py docs/pictures
+
+writes three pictures of eight rows, and the moving picture of the README.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from latentmotion import MotionGenerator, formats
+
+PROMPTS = (
+    "a person walks forward",
+    "a person walks backwards",
+    "a person runs",
+    "a person jumps forward",
+    "a person walks and turns around",
+    "a person walks in a circle",
+    "a person climbs stairs",
+    "a person kicks with the left leg",
+    "a person punches like a boxer",
+    "a person squats",
+    "a person lies down on the floor",
+    "a person dances",
+    "a person dances ballet",
+    "a person dribbles a basketball",
+    "a person throws a basketball",
+    "a person picks something up from the floor",
+    "a person sneaks forward",
+    "a person washes something",
+    "a person drinks from a glass",
+    "a person sits down",
+    "a person rotates both arms backwards",
+    "a person touches the left elbow with the right knee",
+    "a person hops on both legs",
+    "a person jogs in a circle to the left",
+)
+MOVING = (0, 7, 12, 14)
+SEED = 0
+
+
+def main(folder: Path, model: str = "starter") -> None:
+    """Writes the pictures."""
+    generate = MotionGenerator.load(model)
+    motions = generate.batch(PROMPTS, seconds=4, seeds=[SEED] * len(PROMPTS))
+    for sheet in range(3):
+        formats.save(folder / f"starter_{sheet + 1}.png", motions[8 * sheet : 8 * sheet + 8])
+    formats.save(folder / "starter.gif", [motions[n] for n in MOVING])
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:2]), *sys.argv[2:])
