@@ -1,0 +1,115 @@
+"""Text files as numbered lines of words, with errors that name the file and the line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.errors import FileFormatError, InputError
+
+METERS_PER_UNIT = {
+    "meters": 1.0,
+    "centimeters": 0.01,
+    "millimeters": 0.001,
+    "inches": 0.0254,
+    "feet": 0.3048,
+    "cmu": 0.0254 / 0.45,
+}
+"""Units of length by name; `cmu` is the ASF unit that the MotionBuilder-friendly BVHs keep."""
+
+
+def meters_per_unit(unit: str | float) -> float:
+    """Returns how many meters one unit is.
+
+    Args:
+        unit: A name from `METERS_PER_UNIT`, or the number itself.
+
+    Raises:
+        InputError: The name is unknown or the number is not positive.
+    """
+    scale = METERS_PER_UNIT.get(unit, 0.0) if isinstance(unit, str) else float(unit)
+    if not (np.isfinite(scale) and scale > 0):
+        known = ", ".join(METERS_PER_UNIT)
+        raise InputError(f"unknown unit of length {unit!r}; use {known}, or meters per unit")
+    return scale
+
+
+def read_lines(path: str | Path) -> list[str]:
+    """Reads a text file of any line ending, in UTF-8 or, failing that, Latin-1.
+
+    Raises:
+        FileFormatError: The file cannot be read, is empty or is not text.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise FileFormatError(path, f"cannot be read: {error.strerror or error}") from error
+    if b"\0" in content:
+        raise FileFormatError(path, "holds binary data; expected a text file")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    if not text.strip():
+        raise FileFormatError(path, "the file is empty")
+    # str.splitlines would also break at form feeds and the like, and the count would be off.
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def numbers(
+    path: str | Path, line: int, words: Sequence[str], count: int
+) -> Float[np.ndarray, " count"]:
+    """Turns the words of one line into `count` finite numbers.
+
+    Args:
+        path: The file, for the error.
+        line: The line, counted from 1, for the error.
+        words: The words.
+        count: How many are expected.
+
+    Raises:
+        FileFormatError: There are more or fewer words, or one is not a finite number.
+    """
+    if len(words) != count:
+        raise FileFormatError(path, f"found {len(words)} numbers, expected {count}", line)
+    for word in words:
+        if not _is_finite(word):
+            raise FileFormatError(path, f"found {word!r}, expected a finite number", line)
+    return np.array(words, dtype=np.float64)
+
+
+def _is_finite(word: str) -> bool:
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False
+
+
+def table(
+    path: str | Path, lines: Sequence[str], start: int, width: int
+) -> Float[np.ndarray, "rows width"]:
+    """Turns all lines from `start` on, blank ones aside, into rows of `width` finite numbers.
+
+    Args:
+        path: The file, for the error.
+        lines: All lines of the file.
+        start: Index of the first line of the table.
+        width: Numbers expected in each line.
+
+    Raises:
+        FileFormatError: A line has more or fewer words, or one that is not a finite number.
+    """
+    rows = [words for line in lines[start:] if (words := line.split())]
+    try:
+        values = np.array(rows, dtype=np.float64).reshape(len(rows), width)
+    except ValueError:
+        values = None
+    if values is None or not np.isfinite(values).all():
+        for line, text in enumerate(lines[start:], start + 1):
+            if text.strip():
+                numbers(path, line, text.split(), width)
+    assert values is not None
+    return values
