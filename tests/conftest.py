@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from jaxtyping import install_import_hook
 
-install_import_hook("latentmotion", "beartype.beartype")
+install_import_hook("latentmotion", "shape_checker.checked")
 
 
 @pytest.fixture(scope="session")
