@@ -1,1 +1,94 @@
-"""Files of motion, one module per format, reader and writer side by side."""
+"""File formats: `save` and `load` choose one by the ending of the path and import only that one."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
+
+ENDINGS: Mapping[str, str] = MappingProxyType(
+    {
+        ".npz": "latentmotion.formats.npz:write",
+        ".bvh": "latentmotion.formats.takes:write_bvh_files",
+        ".glb": "latentmotion.formats.gltf:write",
+        ".html": "latentmotion.viewer.page:write_page",
+        ".gif": "latentmotion.formats.video:write",
+        ".mp4": "latentmotion.formats.video:write",
+        ".png": "latentmotion.formats.strip:write",
+    }
+)
+"""Each ending that can be written, and the `module:function` that writes it."""
+
+READABLE: Mapping[str, str] = MappingProxyType(
+    {
+        ".npz": "latentmotion.formats.npz:read",
+        ".npy": "latentmotion.formats.npz:read_joints",
+        ".bvh": "latentmotion.formats.takes:read_bvh_file",
+    }
+)
+"""Each ending that can be read, and the `module:function` that reads it."""
+
+
+def save(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+    """Writes motions as the takes of one file; a format of single takes gets one file each.
+
+    Args:
+        path: Where to; its ending chooses the format. BVH holds one take, so several motions
+            become `out-1.bvh`, `out-2.bvh` and so on.
+        motions: The takes, at least one.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: No motions, an unknown ending, or a folder that cannot be written.
+        MissingExtraError: The format needs a package that is not installed.
+    """
+    target = Path(path)
+    if not motions:
+        raise InputError(f"no motion to write to {target}, expected at least one")
+    writer = _function(target, ENDINGS, "written")
+    if target.is_dir():
+        raise InputError(f"cannot write {target}: it is a folder; name a file in it")
+    return writer(target, motions) or [target]
+
+
+def load(path: str | Path) -> list[Motion]:
+    """Reads all motions of a file.
+
+    Raises:
+        FileFormatError: The file is damaged or not of its kind.
+        InputError: The ending is none that can be read, or there is no such file.
+    """
+    source = Path(path)
+    reader = _function(source, READABLE, "read")
+    if not source.is_file():
+        raise InputError(f"there is no file {source}")
+    return reader(source)
+
+
+def check_ending(path: str | Path) -> None:
+    """Raises InputError where `save` would, so that a program can refuse before it generates."""
+    _ending(Path(path), ENDINGS, "written")
+
+
+def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:
+    module, _, name = endings[_ending(path, endings, verb)].partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def _ending(path: Path, endings: Mapping[str, str], verb: str) -> str:
+    ending = path.suffix.lower()
+    if ending in endings:
+        return ending
+    near = difflib.get_close_matches(ending, endings, n=1)
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise InputError(
+        f"the ending {ending or '(none)'!r} of {path} cannot be {verb}: {hint}"
+        f"known are {', '.join(endings)}"
+    )

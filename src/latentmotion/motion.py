@@ -1,0 +1,104 @@
+"""Motion: what users hold. Joint positions over time, that save themselves in any format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.animation import Animation
+from latentmotion.errors import InputError
+from latentmotion.skeleton import HUMANML3D, Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One person moving: joint positions, meters, y up.
+
+    Raises:
+        InputError: The joints are empty, not finite, or not those of the skeleton.
+    """
+
+    joints: Float[np.ndarray, "frames joints 3"]
+    """Global joint positions, float32, meters."""
+    fps: float = 20.0
+    """Frames per second."""
+    skeleton: Skeleton = HUMANML3D
+    """Names and parents of the joints."""
+    caption: str = ""
+    """The sentence it was made from, or that describes it."""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    """Whatever JSON can hold: model, seed, guidance, license."""
+
+    def __post_init__(self) -> None:
+        joints = np.asarray(self.joints, dtype=np.float32)
+        expected = (len(self.skeleton), 3)
+        if joints.ndim != 3 or joints.shape[1:] != expected or not len(joints):
+            raise InputError(
+                f"a motion of skeleton {self.skeleton.name!r} needs joints of shape "
+                f"(frames ≥ 1, {expected[0]}, 3), found {joints.shape}"
+            )
+        _check_finite(joints)
+        if not (np.isfinite(self.fps) and self.fps > 0):
+            raise InputError(f"fps is {self.fps}, expected a positive number")
+        object.__setattr__(self, "joints", joints)
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts."""
+        return len(self) / self.fps
+
+    def animation(self) -> Animation:
+        """Returns the local rotations whose forward kinematics are these joints."""
+        from latentmotion.inverse_kinematics import solve
+
+        return solve(self.joints, self.fps, self.skeleton)
+
+    def save(self, path: str | Path) -> list[Path]:
+        """Writes a file whose format is chosen by the ending of `path`; returns what was written.
+
+        Raises:
+            InputError: The ending is unknown or the folder cannot be written.
+            MissingExtraError: The format needs a package that is not installed.
+        """
+        from latentmotion import formats
+
+        return formats.save(path, [self])
+
+    @classmethod
+    def load(cls, path: str | Path) -> Motion:
+        """Reads the first motion of a file that `save` can write and that holds joints.
+
+        Raises:
+            FileFormatError: The file is damaged or not of its kind.
+            InputError: The ending is none that can be read, or there is no such file.
+        """
+        from latentmotion import formats
+
+        return formats.load(path)[0]
+
+    def _repr_html_(self) -> str:
+        """Shows the page with the moving figure in a notebook."""
+        from html import escape
+
+        from latentmotion.viewer.page import page_html
+
+        page = escape(page_html([self]), quote=True)
+        style = "width:100%;height:480px;border:0"
+        return f'<iframe srcdoc="{page}" style="{style}" allowfullscreen></iframe>'
+
+
+def _check_finite(joints: Float[np.ndarray, "frames joints 3"]) -> None:
+    finite = np.isfinite(joints).all(axis=(1, 2))
+    if not finite.all():
+        raise InputError(
+            f"{int((~finite).sum())} of {len(joints)} frames hold NaN or infinite positions, "
+            f"first in frame {int(np.argmin(finite))}; cut or repair them"
+        )
