@@ -1,1 +1,29 @@
-"""Experiments ready to train."""
+"""Experiments ready to train: functions that return one."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+
+from latentmotion.errors import InputError
+from latentmotion.experiment import Experiment
+from latentmotion.presets.mld_humanml3d import mld_humanml3d
+from latentmotion.presets.starter import starter
+
+PRESETS: dict[str, Callable[[], Experiment]] = {
+    "starter": starter,
+    "mld_humanml3d": mld_humanml3d,
+}
+
+
+def preset_named(name: str) -> Experiment:
+    """Returns a preset.
+
+    Raises:
+        InputError: There is none of this name; the nearest is named.
+    """
+    if name not in PRESETS:
+        near = difflib.get_close_matches(name, PRESETS, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(PRESETS)}"
+        raise InputError(f"unknown preset {name!r}; {hint}")
+    return PRESETS[name]()

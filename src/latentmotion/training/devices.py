@@ -68,7 +68,7 @@ def training_place(device: str = "auto") -> Iterator[Place]:
     world, local = int(os.environ.get("WORLD_SIZE", 1)), int(os.environ.get("LOCAL_RANK", 0))
     chosen = _device(device, local)
     if world == 1:
-        yield Place(chosen)
+        yield Place(chosen, Ranks())
         return
     torch.distributed.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
     try:

@@ -1,0 +1,53 @@
+"""`latentmotion train vae` and `latentmotion train denoiser`: both stages, resumable.
+
+The same command again goes on where a killed run was. Under torchrun it runs on many devices:
+`torchrun --nproc-per-node 8 -m latentmotion train vae …`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from latentmotion.experiment import Experiment, with_changes
+from latentmotion.presets import preset_named
+
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Changes = tyro.conf.UseAppendAction[tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class TrainVAE:
+    """Trains a motion VAE (stage 1) and writes it to OUTPUT/model."""
+
+    data: Path
+    """Folder that `latentmotion data prepare` made."""
+    output: Output
+    """Run folder; one that exists is gone on with."""
+    preset: str = "starter"
+    """Experiment to start from: starter or mld_humanml3d."""
+    set: Changes = ()
+    """Change one value of it, e.g. vae_training.steps=1000; may be given several times."""
+    device: str = "auto"
+    """auto, cpu, cuda or cuda:N."""
+
+    def run(self) -> None:
+        """Trains until done."""
+        from latentmotion.training.devices import training_place
+        from latentmotion.training.stages import train_vae
+
+        experiment = experiment_of(self.preset, self.set)
+        with training_place(self.device) as place:
+            print(train_vae(experiment, self.data, self.output, place))
+
+
+def experiment_of(preset: str, changes: tuple[str, ...]) -> Experiment:
+    """Returns a preset with changes.
+
+    Raises:
+        InputError: Preset or key is unknown; the nearest is named.
+    """
+    return with_changes(preset_named(preset), changes)

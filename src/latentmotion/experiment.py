@@ -1,0 +1,118 @@
+"""An experiment names one of each part, and how both stages are trained; `presets` make some.
+
+A run folder keeps it as `experiment.json`, which is read back strictly.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from latentmotion.configuration import from_json, to_json
+from latentmotion.data.sampling import Cropping
+from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.errors import InputError
+from latentmotion.training.loop import TrainingSettings
+from latentmotion.training.objectives import DenoiserObjective, VAEObjective
+from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.transformer import TransformerVAEConfig
+
+
+@dataclass(frozen=True)
+class LatentSettings:
+    """How the first stage's latents are kept for the second."""
+
+    cropping: Cropping = Cropping()
+    """Which parts of clips are encoded."""
+    per_item: int = 4
+    """Crops kept of each clip, or part of a clip with sentences of its own."""
+    normalized: bool = True
+    """Whether the denoiser sees them with mean 0 and deviation 1 per channel."""
+    sampled: bool = True
+    """Whether latents are drawn from the posterior at every step, or are its mean."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How the model is sampled where nothing else is asked."""
+
+    steps: int = 50
+    """Sampling steps."""
+    guidance: float = 7.5
+    """Guidance scale (paper eq. 6)."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Everything that decides what a training run yields, but the data."""
+
+    name: str
+    """What the model is called."""
+    vae: TransformerVAEConfig | ConvolutionalVAEConfig
+    """Motion to latents and back."""
+    vae_objective: VAEObjective
+    """What stage 1 minimizes."""
+    vae_cropping: Cropping
+    """Which parts of clips stage 1 sees."""
+    vae_training: TrainingSettings
+    """How stage 1 is optimized."""
+    latents: LatentSettings
+    """What stage 2 sees of stage 1."""
+    denoiser: DenoiserConfig
+    """Noise to latents."""
+    denoiser_objective: DenoiserObjective
+    """What stage 2 minimizes."""
+    denoiser_training: TrainingSettings
+    """How stage 2 is optimized."""
+    sampling: Sampling
+    """How the model is sampled."""
+    mirrored: bool = True
+    """Whether mirrored copies of the clips are trained on too."""
+
+
+def with_changes(experiment: Experiment, changes: Sequence[str]) -> Experiment:
+    """Returns the experiment with some values replaced.
+
+    Args:
+        experiment: Where to start from.
+        changes: Each `part.key=value` with a JSON value, e.g. `vae_training.steps=1000`.
+
+    Raises:
+        InputError: A key is unknown (the nearest is named) or a value is not of its kind.
+    """
+    data = to_json(experiment)
+    for change in changes:
+        path, equals, text = change.partition("=")
+        if not equals:
+            raise InputError(f"{change!r}: expected KEY=VALUE, e.g. vae_training.steps=1000")
+        _replace(data, path.split("."), _value(text))
+    return from_json(Experiment, data)
+
+
+def differing_keys(one: Any, other: Any, where: str = "") -> Iterator[str]:
+    """Names the values in which two experiments, or parts of them, differ."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        for key in one | other:
+            path = f"{where}.{key}" if where else key
+            yield from differing_keys(one.get(key), other.get(key), path)
+    elif one != other:
+        yield f"{where} ({one!r} → {other!r})"
+
+
+def _replace(data: dict[str, Any], path: list[str], value: Any) -> None:
+    *parents, key = path
+    for parent in parents:
+        # An unknown part is made here, so that reading the whole back can name the nearest.
+        data = data.setdefault(parent, {})
+        if not isinstance(data, dict):
+            raise InputError(f"{'.'.join(path)}: {parent} is a plain value and has no {key!r}")
+    data[key] = value
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text

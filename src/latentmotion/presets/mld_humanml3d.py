@@ -1,0 +1,49 @@
+"""The paper's model for HumanML3D: MLD-1, trained as the authors' code trains it (section 4)."""
+
+from __future__ import annotations
+
+from latentmotion.data.sampling import Cropping
+from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.experiment import Experiment, LatentSettings, Sampling
+from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.training.loop import TrainingSettings
+from latentmotion.training.objectives import DenoiserObjective, VAEObjective
+from latentmotion.vae.transformer import TransformerVAEConfig
+
+
+def mld_humanml3d() -> Experiment:
+    """AdamW at a constant 1e-4; stage 1 runs 6,000 epochs, stage 2 runs 3,000 (steps of 64)."""
+    cropping = Cropping(unit=4, max_frames=196, min_frames=40)
+    training = TrainingSettings(
+        steps=1_100_000,
+        batch_size=64,
+        learning_rate=1e-4,
+        warm_up=0,
+        schedule="constant",
+        gradient_clip=None,
+        ema_decay=0.0,
+        report_every=100,
+        validate_every=5_000,
+        snapshot_every=1_000,
+        sample_every=20_000,
+    )
+    return Experiment(
+        name="mld_humanml3d",
+        vae=TransformerVAEConfig(),
+        vae_objective=VAEObjective(),
+        vae_cropping=cropping,
+        vae_training=training,
+        latents=LatentSettings(cropping, normalized=False),
+        denoiser=DenoiserConfig(
+            latent_width=256,
+            condition_width=768,
+            transformer=TransformerConfig(),
+            project_latents=False,
+            condition_projection="relu_linear",
+            places="latents_first",
+            sine_width=768,
+        ),
+        denoiser_objective=DenoiserObjective(),
+        denoiser_training=training,
+        sampling=Sampling(steps=50, guidance=7.5),
+    )

@@ -1,0 +1,68 @@
+"""A run folder keeps what it was made with; going on with anything else is an error."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from latentmotion.configuration import read_json, to_json, write_json
+from latentmotion.errors import InputError
+from latentmotion.experiment import Experiment, differing_keys
+from latentmotion.training.devices import Place
+
+NAME = "experiment.json"
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run folder was made with."""
+
+    stage: str
+    """`vae` or `denoiser`."""
+    data: str
+    """Fingerprint of the prepared data."""
+    parents: dict[str, str]
+    """Fingerprints of what the run builds on: the VAE, the text encoder."""
+    experiment: Experiment
+    """Everything else that decides what the run yields."""
+
+
+def open_run(folder: Path, run: Run, place: Place) -> None:
+    """Makes the folder, or checks that it was made with the same.
+
+    Raises:
+        InputError: It was made with something else (the differing keys are named), or it cannot be
+            written.
+    """
+    path = folder / NAME
+    if path.exists():
+        _check_same(path, run)
+    elif place.leads:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the run folder {folder}: {error.strerror}") from error
+        write_json(path, run)
+    place.wait()
+
+
+def read_run(folder: Path) -> Run:
+    """Reads what a run folder was made with.
+
+    Raises:
+        InputError: There is none, or it does not fit this version; the message names the key.
+    """
+    return read_json(Run, folder / NAME)
+
+
+def _check_same(path: Path, run: Run) -> None:
+    # Through text, as the file went: tuples become lists.
+    found = json.loads(json.dumps(to_json(read_json(Run, path))))
+    wanted = json.loads(json.dumps(to_json(run)))
+    differing = list(differing_keys(found, wanted))
+    if differing:
+        raise InputError(
+            f"{path.parent} holds a run with another configuration; differing: "
+            f"{', '.join(differing)}; use the same, or another folder"
+        )

@@ -1,0 +1,112 @@
+"""Stage 1: the motion VAE learns to rebuild crops of motions (paper, section 3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from torch import nn
+
+from latentmotion.data.clip import Clip
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.sampling import Crop
+from latentmotion.evaluation.metrics.mpjpe import mpjpe
+from latentmotion.experiment import Experiment
+from latentmotion.motion import Motion
+from latentmotion.training.crops import FeatureMemory, Plan, items_by_length
+from latentmotion.training.devices import Place
+from latentmotion.training.loop import Stage
+from latentmotion.training.objectives import vae_losses
+from latentmotion.training.randomness import StepRandomness
+from latentmotion.vae.interface import MotionVAE
+
+LOOKED_AT = 64
+"""Clips of each split that a validation rebuilds."""
+
+
+class VAEStage(Stage):
+    """The VAE, the crops it is shown, and the clips it is measured on.
+
+    Args:
+        vae: The network to train.
+        dataset: Motions.
+        experiment: Which crops, which objective.
+        place: The device and rank.
+    """
+
+    def __init__(
+        self, vae: MotionVAE, dataset: Dataset, experiment: Experiment, place: Place
+    ) -> None:
+        super().__init__()
+        self.network = vae
+        self._dataset, self._place = dataset, place
+        self._objective, self._settings = experiment.vae_objective, experiment.vae_training
+        self._longest = experiment.latents.cropping.max_frames
+        train = dataset.clips("train", mirrored=experiment.mirrored)
+        self._looked_at = {
+            "train": spread(dataset.clips("train")),
+            "val": spread(dataset.clips("val")),
+        }
+        self._memory = FeatureMemory(dataset, [*train, *self._looked_at["val"]])
+        cropping = experiment.vae_cropping
+        items = items_by_length(train, cropping.max_frames)
+        self._plan = Plan(items, self._settings.batch_size, cropping, self._settings.seed)
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`."""
+        crops, place = self._plan(step), self._place
+        own = crops[place.ranks.share(len(crops))]
+        features, mask = self._memory.batch(own, max(crop.frames for crop in crops))
+        return vae_losses(
+            self.network,
+            features.to(place.device),
+            mask.to(place.device),
+            self._joints,
+            self._objective,
+            StepRandomness(self._settings.seed, step, len(crops), place.ranks, place.device),
+            self._dataset.representation.fps,
+        )
+
+    @torch.no_grad()
+    def validate(self, network: nn.Module) -> dict[str, float]:
+        """Mean joint error in millimeters of rebuilt clips, root-aligned and in the world."""
+        figures = {}
+        for split, clips in self._looked_at.items():
+            pairs = [self._rebuild(network, clip) for clip in clips]
+            for name, align in (("mm", True), ("world_mm", False)):
+                errors = [mpjpe(found, true, align) for found, true in pairs]
+                figures[f"{split}_{name}"] = sum(errors) / max(len(errors), 1)
+        return figures
+
+    @torch.no_grad()
+    def sample(self, network: nn.Module) -> list[Motion]:
+        """Two held-out clips, each as it is and as it is rebuilt."""
+        motions = []
+        for clip in self._looked_at["val"][:2]:
+            rebuilt, true = self._rebuild(network, clip)
+            motions += [self._motion(true, f"{clip.id}"), self._motion(rebuilt, "rebuilt")]
+        return motions
+
+    def _rebuild(
+        self, network: nn.Module, clip: Clip
+    ) -> tuple[Float[torch.Tensor, "frames joints 3"], Float[torch.Tensor, "frames joints 3"]]:
+        crop = Crop(clip, 0, min(clip.frames, self._longest), "")
+        features, mask = (x.to(self._place.device) for x in self._memory.batch([crop], crop.frames))
+        rebuilt = network.decode(network.encode(features, mask).mean, mask)  # type: ignore[operator]
+        return self._joints(rebuilt)[0], self._joints(features)[0]
+
+    def _joints(
+        self, features: Float[torch.Tensor, "batch frames features"]
+    ) -> Float[torch.Tensor, "batch frames joints 3"]:
+        dataset = self._dataset
+        return dataset.representation.decode(dataset.normalizer.denormalize(features))
+
+    def _motion(self, joints: Float[torch.Tensor, "frames joints 3"], caption: str) -> Motion:
+        part = self._dataset.representation
+        return Motion(joints.cpu().numpy(), part.fps, part.skeleton, caption)
+
+
+def spread(clips: Sequence[Clip], most: int = LOOKED_AT) -> list[Clip]:
+    """Returns at most `most` clips, evenly spaced."""
+    return list(clips[:: max(1, -(-len(clips) // most))])
