@@ -1,0 +1,115 @@
+"""A prepared folder as Python sees it: clips by split, their features, normalizer and sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from safetensors import SafetensorError, safe_open
+
+from latentmotion.data.clip import SPLITS, Clip, Source
+from latentmotion.data.store import MANIFEST, Manifest, StoredClip, read_manifest
+from latentmotion.errors import DataError
+from latentmotion.files import sha256
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
+from latentmotion.representation.interface import Representation
+from latentmotion.representation.normalizer import Normalizer
+
+REPRESENTATIONS: dict[str, Representation] = {
+    part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES)
+}
+"""Representations that a folder can name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Motions ready for training; features are read from disk when they are asked for."""
+
+    folder: Path
+    """The prepared folder."""
+    manifest: Manifest
+    """What it says about itself."""
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Dataset:
+        """Opens a folder that `latentmotion data prepare` made.
+
+        Raises:
+            DataError: It is not such a folder, or it is damaged.
+        """
+        manifest = read_manifest(folder)
+        if manifest.representation not in REPRESENTATIONS:
+            raise DataError(
+                f"{folder}: unknown representation {manifest.representation!r}, "
+                f"known are {', '.join(REPRESENTATIONS)}; prepare the folder again"
+            )
+        return cls(Path(folder), manifest)
+
+    @property
+    def representation(self) -> Representation:
+        """How its features describe motion."""
+        return REPRESENTATIONS[self.manifest.representation]
+
+    @cached_property
+    def normalizer(self) -> Normalizer:
+        """Mean and standard deviation of its features."""
+        stored = self.manifest.normalizer
+        return Normalizer(np.float32(stored.mean), np.float32(stored.std))
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """Where its motions come from and what their owners ask."""
+        return self.manifest.sources
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of the whole folder, for caches and provenance."""
+        return sha256(self.folder / MANIFEST)
+
+    def clips(self, split: str, mirrored: bool = False) -> list[Clip]:
+        """Returns the clips of one split.
+
+        Args:
+            split: `train`, `val` or `test`.
+            mirrored: Whether the mirrored copy of each clip follows it.
+
+        Raises:
+            DataError: There is no such split.
+        """
+        if split not in SPLITS:
+            raise DataError(f"unknown split {split!r}, known are {', '.join(SPLITS)}")
+        sides = (False, True) if mirrored else (False,)
+        stored = (clip for clip in self.manifest.clips if clip.split == split)
+        return [clip.clip(side) for clip in stored for side in sides]
+
+    def features(self, clip: Clip) -> Float[np.ndarray, "frames features"]:
+        """Returns the features of a clip, not normalized, float32.
+
+        Raises:
+            DataError: The clip is not in this folder, or its shard is damaged.
+        """
+        name = clip.id.removeprefix("M") if clip.mirrored else clip.id
+        if name not in self._stored:
+            raise DataError(f"{self.folder} has no clip {clip.id!r}")
+        features = self._rows(self._stored[name])
+        return self.representation.mirror(features) if clip.mirrored else features
+
+    def actions(self) -> list[str]:
+        """Returns the action labels that occur, sorted."""
+        return sorted({clip.action for clip in self.manifest.clips if clip.action})
+
+    def _rows(self, stored: StoredClip) -> Float[np.ndarray, "frames features"]:
+        path = self.folder / self.manifest.shards[stored.shard].file
+        try:
+            with safe_open(path, "np") as shard:
+                rows = shard.get_slice("features")
+                return rows[stored.offset : stored.offset + stored.frames]
+        except (OSError, SafetensorError) as error:
+            raise DataError(f"{path} is damaged ({error}); copy or prepare it again") from error
+
+    @cached_property
+    def _stored(self) -> dict[str, StoredClip]:
+        return {clip.id: clip for clip in self.manifest.clips}

@@ -1,0 +1,134 @@
+"""What a folder holds, what it lacks and how to get it: raw data of every kind, or prepared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from latentmotion.data.annotations import GET_IT, read_index, read_splits, read_texts
+from latentmotion.data.cmu import CMU, CmuTrials, find_trials
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.hdm05 import find_clips
+from latentmotion.data.humanml3d import FEATURES
+from latentmotion.data.own import find_motions
+from latentmotion.data.report import Report, parts_of
+from latentmotion.data.store import MANIFEST
+from latentmotion.errors import DataError
+from latentmotion.files import sha256
+
+_EXPECTED = (
+    f"expected a prepared folder ({MANIFEST}), HumanML3D's captions (index.csv, texts, train.txt), "
+    f"an official processed folder ({FEATURES}), CMU trials (SS_TT.amc or .bvh), HDM05's clips "
+    "(HDM_ACTOR_CLASS_NNN_120.amc) or your own BVH files"
+)
+
+
+def inspect_folder(folder: Path) -> list[str]:
+    """Returns lines that say what is there, what is missing and what to do next.
+
+    Raises:
+        DataError: There is no such folder, nothing known in it, or it is damaged.
+    """
+    if not folder.is_dir():
+        raise DataError(f"no folder {folder}; {_EXPECTED}")
+    if (folder / MANIFEST).is_file():
+        return list(_prepared(folder))
+    lines = [line for look in (_annotations, _official, _motions) for line in look(folder)]
+    if not lines:
+        raise DataError(f"{folder}: found nothing known; {_EXPECTED}")
+    return lines
+
+
+def _prepared(folder: Path) -> Iterator[str]:
+    dataset = Dataset.load(folder)
+    for shard in dataset.manifest.shards:
+        if sha256(folder / shard.file) != shard.sha256:
+            raise DataError(f"{folder / shard.file} is damaged (hash); copy it or prepare again")
+    for split in ("train", "val", "test"):
+        for clip in dataset.clips(split):
+            if not np.isfinite(dataset.features(clip)).all():
+                raise DataError(f"{folder}: clip {clip.id} is not finite; prepare it again")
+    manifest = dataset.manifest
+    yield f"prepared data set: {manifest.representation}, {manifest.fps:g} fps, every hash right"
+    yield Report(parts_of(manifest), (), None).table()
+    yield f"normalizer: {manifest.normalizer.origin}"
+    for source in manifest.sources:
+        yield f"source {source.name}: {source.license}. Credit: {source.credit}"
+
+
+def _annotations(folder: Path) -> Iterator[str]:
+    found = [path.parent for path in sorted(folder.rglob("index.csv"))]
+    for place in found:
+        rows = read_index(place)
+        yield f"HumanML3D's index in {place}: {len(rows)} clips"
+        for name, reader in (("captions", read_texts), ("splits", read_splits)):
+            try:
+                yield f"  {name}: {len(reader(place))} ids"
+            except DataError as error:
+                yield f"  missing {name}: {error}"
+
+
+def _official(folder: Path) -> Iterator[str]:
+    if not (folder / FEATURES).is_dir():
+        return
+    count = sum(1 for _ in (folder / FEATURES).glob("*.npy"))
+    yield f"official processed folder: {count} clips (mirrored copies included)"
+    needed = ("texts", "train.txt", "val.txt", "test.txt", "Mean.npy", "Std.npy")
+    for name in needed:
+        if not (folder / name).exists():
+            yield f"  missing {name}: {GET_IT}"
+    yield f"next: latentmotion data prepare humanml3d {folder} -o OUT (or kit)"
+
+
+def _motions(folder: Path) -> Iterator[str]:
+    for look in (_cmu, _hdm05, _own):
+        try:
+            yield from look(folder)
+            return
+        except DataError:
+            continue
+
+
+def _cmu(folder: Path) -> Iterator[str]:
+    trials = find_trials(folder)
+    kinds = [path.suffix.lower() for path in trials.values()]
+    yield f"CMU trials: {kinds.count('.amc')} AMC, {kinds.count('.bvh')} BVH"
+    amc = [path for path in trials.values() if path.suffix.lower() == ".amc"]
+    for place in sorted({path.parent for path in amc}):
+        if not any(path.suffix.lower() == ".asf" for path in place.iterdir()):
+            yield f"  missing: the ASF file in {place}; get it from {CMU.url}"
+    index = next(iter(sorted(folder.rglob("index.csv"))), None)
+    if index is None:
+        yield f"  missing: HumanML3D's captions and index; {GET_IT}"
+    else:
+        yield from _coverage(folder, index.parent)
+    yield f"next: latentmotion data prepare cmu --trials {folder} --humanml3d FOLDER -o OUT"
+
+
+def _coverage(folder: Path, humanml3d: Path) -> Iterator[str]:
+    data = CmuTrials.load(folder, humanml3d)
+    lacking = sorted(set(data.rows) - set(data.paths))
+    yield (
+        f"  of HumanML3D's {sum(map(len, data.rows.values()))} CMU clips {data.missing} need "
+        f"{len(lacking)} trials that are not here"
+    )
+    if lacking:
+        yield f"  missing trials, from {CMU.url}: {', '.join(lacking[:8])}, …"
+
+
+def _hdm05(folder: Path) -> Iterator[str]:
+    clips = find_clips(folder)
+    yield f"HDM05: {len(clips)} cut clips"
+    yield f"next: latentmotion data prepare hdm05 --clips {folder} -o OUT"
+
+
+def _own(folder: Path) -> Iterator[str]:
+    motions = find_motions(folder)
+    captioned = sum(path.with_suffix(".txt").is_file() for path in motions.values())
+    tables = sorted(path.name for path in folder.glob("*.csv"))
+    yield f"motion files: {len(motions)}, of which {captioned} have captions beside them"
+    if captioned < len(motions) and not tables:
+        yield "  missing: captions (NAME.txt beside NAME.bvh, or a CSV with file,caption)"
+    yield f"next: latentmotion data prepare own {folder} -o OUT"

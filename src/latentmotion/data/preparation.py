@@ -1,0 +1,155 @@
+"""Recordings → prepared folder: check, retarget, encode, fit the normalizer, write, report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.configuration import write_json
+from latentmotion.data.captions import fit_sentences
+from latentmotion.data.clip import Source
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.glitches import find_glitch
+from latentmotion.data.recording import Dropped, EncodedRecording, Label, Recording
+from latentmotion.data.report import REPORT, Report, parts_of
+from latentmotion.data.store import (
+    StoredClip,
+    StoredMotion,
+    StoredNormalizer,
+    caption_rows,
+    stored_normalizer,
+    write_dataset,
+)
+from latentmotion.errors import DataError
+from latentmotion.representation.humanml3d import HumanML3DRepresentation
+from latentmotion.representation.normalizer import Normalizer
+
+MIN_FRAMES = 10
+"""Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
+
+
+class Preparation:
+    """Collects motions one by one, then writes them as a folder.
+
+    Args:
+        representation: How features describe motion.
+    """
+
+    def __init__(self, representation: HumanML3DRepresentation) -> None:
+        self.representation = representation
+        self.motions: list[StoredMotion] = []
+        self.dropped: list[Dropped] = []
+        self.round_trip: float | None = None
+
+    def add(self, items: Iterable[Recording | EncodedRecording | Dropped]) -> None:
+        """Takes what a source yields; what cannot be used is kept with the reason."""
+        for item in items:
+            if isinstance(item, Dropped):
+                self.dropped.append(item)
+            elif isinstance(item, Recording):
+                self._encode(item)
+            else:
+                self._keep(item.label, item.features)
+
+    def write(
+        self,
+        folder: str | Path,
+        sources: tuple[Source, ...],
+        normalizer: StoredNormalizer | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> Report:
+        """Writes the folder and its report.
+
+        Args:
+            folder: Where to; what was there is replaced.
+            sources: Where the motions come from.
+            normalizer: Statistics that come with the data; else they are fit on the train split.
+            notes: What else the report should say.
+
+        Raises:
+            DataError: Nothing is left to write, or nothing to fit the normalizer on.
+            InputError: The folder cannot be written.
+        """
+        self._check_any()
+        fitted = normalizer or self._fit()
+        manifest = write_dataset(folder, self.motions, sources, self.representation, fitted)
+        report = Report(parts_of(manifest), tuple(self.dropped), self.round_trip, notes)
+        write_json(Path(folder) / REPORT, report)
+        return report
+
+    def _encode(self, recording: Recording) -> None:
+        if len(recording.joints) < MIN_FRAMES:
+            reason = f"{len(recording.joints)} frames, fewer than {MIN_FRAMES}"
+        else:
+            reason = find_glitch(recording.joints, self.representation.fps)
+        if reason:
+            self.dropped.append(Dropped(recording.label.id, "clip", reason))
+            return
+        joints = self.representation.retarget(recording.joints)
+        features = self.representation.encode(joints)
+        self.round_trip = max(self.round_trip or 0.0, self._error_mm(joints, features))
+        self._keep(recording.label, features)
+
+    def _error_mm(
+        self,
+        joints: Float[np.ndarray, "frames joints 3"],
+        features: Float[np.ndarray, "frames_less_one features"],
+    ) -> float:
+        expected = self.representation.canonicalize(joints)[:-1]
+        found = self.representation.decode(features)
+        return float(np.linalg.norm(found - expected, axis=-1).max() * 1000)
+
+    def _keep(self, label: Label, features: Float[np.ndarray, "frames features"]) -> None:
+        frames = len(features)
+        captions, lost = fit_sentences(label.sentences, frames)
+        mirrored, _ = fit_sentences(label.mirrored_sentences, frames)
+        self.dropped += [Dropped(label.id, "caption", reason) for reason in lost]
+        clip = StoredClip(
+            id=label.id,
+            source=label.source,
+            origin=label.origin,
+            split=label.split,
+            frames=frames,
+            shard=0,
+            offset=0,
+            captions=caption_rows(captions),
+            mirrored_captions=caption_rows(mirrored),
+            action=label.action,
+            mirrored_action=label.mirrored_action,
+        )
+        self.motions.append(StoredMotion(clip, features))
+
+    def _fit(self) -> StoredNormalizer:
+        train = [motion.features for motion in self.motions if motion.clip.split == "train"]
+        if not train:
+            raise DataError("no clip is in the train split, so no normalizer can be fit")
+        both = [side for one in train for side in (one, self.representation.mirror(one))]
+        fitted = Normalizer.fit(both, self.representation.blocks)
+        return stored_normalizer(fitted, f"{len(train)} train clips and their mirror images")
+
+    def _check_any(self) -> None:
+        if not self.motions:
+            reasons = "; ".join(f"{item.id}: {item.reason}" for item in self.dropped[:3])
+            raise DataError(f"no clip can be used ({reasons or 'no clip found'})")
+
+
+def merge(folders: Sequence[str | Path], out: str | Path) -> Report:
+    """Joins prepared folders into one, with one normalizer for all.
+
+    Raises:
+        DataError: They have different representations, or clips of the same name.
+    """
+    datasets = [Dataset.load(folder) for folder in folders]
+    names = {dataset.manifest.representation for dataset in datasets}
+    if len(names) > 1:
+        raise DataError(f"cannot merge {' and '.join(sorted(names))}; merge like with like")
+    preparation = Preparation(datasets[0].representation)
+    for dataset in datasets:
+        for stored in dataset.manifest.clips:
+            features = dataset.features(stored.clip())
+            preparation.motions.append(StoredMotion(stored, features))
+    sources = {source.name: source for dataset in datasets for source in dataset.sources}
+    return preparation.write(out, tuple(sources.values()))
