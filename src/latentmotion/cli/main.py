@@ -27,6 +27,7 @@ _CLI = "latentmotion.cli"
 VERBS = {
     "generate": Verb(f"{_CLI}.generate:Generate", "Turn sentences into motion files."),
     "data prepare": Verb(f"{_CLI}.data:Prepare", "Make a training set from mocap and captions."),
+    "data merge": Verb(f"{_CLI}.data:Merge", "Join prepared folders into one training set."),
     "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
     "train vae": Verb(f"{_CLI}.train:TrainVAE", "Train a motion VAE (stage 1)."),
     "train denoiser": Verb(f"{_CLI}.train:TrainDenoiser", "Train the diffusion (stage 2)."),
