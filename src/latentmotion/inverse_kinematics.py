@@ -14,8 +14,8 @@ A straight limb has no plane. So the hinge n_t, seen in the parent's frame, mini
 where the difference in time is taken in axes carried along the bone without turning about it
 (parallel transport), and the priors are the direction of the toes and the rest pose.
 
-The rest pose is a T: arms along ±x, legs down, feet flat and ahead, with the median bone lengths
-of the motion itself, so that forward kinematics gives the same joints again.
+The rest pose is a T: arms along ±x, legs down (5° apart), feet flat and ahead, with the median
+bone lengths of the motion itself, so that forward kinematics gives the same joints again.
 """
 
 from __future__ import annotations
@@ -40,6 +40,10 @@ moves those joints as well as turning them."""
 
 _STIFFNESS = 0.1
 """λ of the hinge at 20 fps: a limb bent by 18° already decides its hinge within a frame."""
+
+
+_STRADDLE = np.radians(5)
+"""How far apart the legs are in rest pose, so that their skins do not touch."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +154,8 @@ class _Solver:
         _, middle, end = (names.index(name) for name in limb.joints)
         tip = self._local_bone(names.index(limb.tip), parent) if limb.tip in names else None
         upper, lower = self._local_bone(middle, parent), self._local_bone(end, parent)
-        rest, rest_hinge = self.rest[middle], np.array(limb.hinge, dtype=np.float64)
+        rest = self.rest[middle]
+        rest_hinge = _unit(np.cross(np.cross(rest, limb.hinge), rest))
         swing = _align(rest, upper) @ rest_hinge
         evidence, weight = _hinge_evidence(upper, lower, tip)
         prior = 0.01 * (1 + upper @ rest)[:, None]
@@ -214,6 +219,8 @@ def _rest_directions(skeleton: Skeleton) -> Float[np.ndarray, "joints 3"]:
             rest[joint] = (side, 0, 0)
         elif name.endswith("collar"):
             rest[joint] = _unit(np.array([side, 1.0, 0.0]))
+        elif name.endswith(("knee", "ankle")):
+            rest[joint] = (side * np.sin(_STRADDLE), -np.cos(_STRADDLE), 0)
         elif name in ("head", "neck"):
             rest[joint] = (0, 1, 0)
     return rest
@@ -241,7 +248,7 @@ def _hinge_evidence(
 
 def _smooth_hinge(
     axis: Float[np.ndarray, "frames 3"],
-    start: Float[np.ndarray, "3"],
+    start: Float[np.ndarray, "width"],
     evidence: Float[np.ndarray, "frames 3"],
     weight: Float[np.ndarray, " frames"],
     stiffness: float,
@@ -255,7 +262,7 @@ def _smooth_hinge(
 
 
 def _transport(
-    axis: Float[np.ndarray, "frames 3"], start: Float[np.ndarray, "3"]
+    axis: Float[np.ndarray, "frames 3"], start: Float[np.ndarray, "width"]
 ) -> Float[np.ndarray, "frames 3"]:
     """Carries a normal along a turning axis by the smallest rotation from frame to frame."""
     steps = _align(axis[:-1], axis[1:])

@@ -86,13 +86,9 @@ class Motion:
 
     def _repr_html_(self) -> str:
         """Shows the page with the moving figure in a notebook."""
-        from html import escape
+        from latentmotion.viewer.page import notebook_html
 
-        from latentmotion.viewer.page import page_html
-
-        page = escape(page_html([self]), quote=True)
-        style = "width:100%;height:480px;border:0"
-        return f'<iframe srcdoc="{page}" style="{style}" allowfullscreen></iframe>'
+        return notebook_html(self)
 
 
 def _check_finite(joints: Float[np.ndarray, "frames joints 3"]) -> None:

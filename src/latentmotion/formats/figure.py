@@ -1,0 +1,301 @@
+"""Drawing a mannequin on a floor without a GPU: camera, floor, shadow, shaded body, with Pillow.
+
+Faces are painted from far to near. Light on a face with normal n, towards the eye v:
+
+    color · (ambient · (1 + n_y)/2 + key · max(n·l, 0)) + rim · (1 − n·v)³
+
+Everything is drawn at twice the size and reduced, which smooths the edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from latentmotion.errors import MissingExtraError
+from latentmotion.formats.mannequin import make_mannequin
+from latentmotion.motion import Motion
+
+try:
+    from PIL import Image, ImageDraw, ImageFilter, ImageFont
+except ImportError as error:
+    raise MissingExtraError("drawing motions", "Pillow", "video") from error
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+OVERSAMPLING = 2
+"""How much larger a picture is drawn than it is kept, in each direction."""
+
+BACKGROUND = (247, 248, 250)
+INK = (58, 64, 76)
+COLORS = ((88, 128, 196), (222, 128, 84), (92, 166, 128), (152, 118, 190))
+"""One color for each take."""
+
+_GRID = (205, 211, 220)
+_SHADOW = (176, 183, 196)
+_SHADOW_REDUCTION = 4
+_SUN = np.array([0.35, 1.0, 0.3])
+_SHADOW_WIDTHS = {"head": 0.09, "neck": 0.07, "wrist": 0.035, "elbow": 0.045, "foot": 0.045}
+_SOLE = 0.02
+"""The skin reaches this far below the lowest joint, meters."""
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole that looks at a point."""
+
+    eye: Float[np.ndarray, "width"]
+    """Where it stands, meters."""
+    target: Float[np.ndarray, "width"]
+    """What it looks at: the middle of the picture, meters."""
+    focal: float
+    """Pixels for one meter at one meter's distance."""
+    size: tuple[int, int]
+    """Width and height of the picture, pixels."""
+
+    def project(
+        self, points: Float[np.ndarray, "*batch 3"]
+    ) -> tuple[Float[np.ndarray, "*batch 2"], Float[np.ndarray, "*batch"]]:
+        """Returns pixels (right, down) and distances along the line of sight."""
+        right, up, ahead = self.axes()
+        relative = points - self.eye
+        depth = relative @ ahead
+        scale = self.focal / np.maximum(depth, 0.1)
+        middle = np.array(self.size) / 2
+        flat = np.stack([relative @ right, -(relative @ up)], axis=-1)
+        return middle + flat * scale[..., None], depth
+
+    def axes(self) -> tuple[Float[np.ndarray, "width"], ...]:
+        """Returns the unit vectors to the right, up and ahead."""
+        ahead = _unit(self.target - self.eye)
+        right = _unit(np.cross(ahead, np.array([0.0, 1.0, 0.0])))
+        return right, np.cross(right, ahead), ahead
+
+
+def camera_around(
+    target: Float[np.ndarray, "width"],
+    azimuth: float,
+    elevation: float,
+    distance: float,
+    size: tuple[int, int],
+    visible_height: float,
+) -> Camera:
+    """Places a camera on a sphere around a point.
+
+    Args:
+        target: Center of the sphere, meters.
+        azimuth: Angle of the camera about the vertical, from +z towards +x, radians.
+        elevation: Angle above the horizontal, radians.
+        distance: Radius, meters; a large one looks almost without perspective.
+        size: Width and height of the picture, pixels.
+        visible_height: Meters at the target that fill the picture's height.
+    """
+    level = np.cos(elevation)
+    toward = np.array([np.sin(azimuth) * level, np.sin(elevation), np.cos(azimuth) * level])
+    return Camera(target + distance * toward, target, size[1] * distance / visible_height, size)
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """The skin of one person in every frame, ready to be drawn."""
+
+    vertices: Float[np.ndarray, "frames vertices 3"]
+    """Positions, meters."""
+    normals: Float[np.ndarray, "frames vertices 3"]
+    """Outward normals."""
+    quads: Int[np.ndarray, "quads 4"]
+    """Corners of the faces."""
+    joints: Float[np.ndarray, "frames joints 3"]
+    """Positions of the joints, which cast the shadow."""
+    parents: tuple[int, ...]
+    """Parent of each joint."""
+    names: tuple[str, ...]
+    """Name of each joint."""
+
+    def moved(self, frame: int, shift: Float[np.ndarray, "width"]) -> Bodies:
+        """Returns one frame alone, somewhere else."""
+        parts = (self.vertices, self.joints)
+        vertices, joints = (part[frame : frame + 1] + shift for part in parts)
+        normals = self.normals[frame : frame + 1]
+        return replace(self, vertices=vertices, normals=normals, joints=joints)
+
+    @property
+    def floor(self) -> float:
+        """Height of the floor on which the lowest foot stands."""
+        return float(np.percentile(self.joints[..., 1].min(-1), 2)) - _SOLE
+
+
+def make_bodies(motion: Motion, frames: Sequence[int] | None = None) -> Bodies:
+    """Gives a motion a body; of some frames only, if they are given."""
+    animation = motion.animation()
+    mannequin = make_mannequin(animation.skeleton)
+    chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
+    moves = animation.translations
+    picked = replace(
+        animation,
+        rotations=animation.rotations[chosen],
+        root_positions=animation.root_positions[chosen],
+        translations=None if moves is None else moves[chosen],
+    )
+    vertices, normals = mannequin.pose(picked)
+    joints = motion.joints[chosen].astype(np.float64)
+    skeleton = motion.skeleton
+    return Bodies(vertices, normals, mannequin.quads, joints, skeleton.parents, skeleton.names)
+
+
+def new_picture(size: tuple[int, int]) -> Picture:
+    """Returns an empty picture, oversampled."""
+    return Image.new("RGB", (size[0] * OVERSAMPLING, size[1] * OVERSAMPLING), BACKGROUND)
+
+
+def paint_floor(
+    picture: Picture, camera: Camera, height: float, reach: float, spacing: float = 0.5
+) -> None:
+    """Draws a grid on the floor around the camera's target that fades with the distance."""
+    draw = ImageDraw.Draw(picture)
+    center = camera.target[[0, 2]]
+    first = np.round((center - reach) / spacing).astype(int)
+    last = np.round((center + reach) / spacing).astype(int)
+    for axis in (0, 1):
+        along = np.linspace(center[1 - axis] - reach, center[1 - axis] + reach, 25)
+        for line in np.arange(first[axis], last[axis] + 1) * spacing:
+            points = np.full((len(along), 3), height)
+            points[:, 0 if axis == 0 else 2] = line
+            points[:, 2 if axis == 0 else 0] = along
+            _paint_fading(draw, camera, points, reach)
+
+
+def _paint_fading(
+    draw: ImageDraw.ImageDraw, camera: Camera, points: Float[np.ndarray, "points 3"], reach: float
+) -> None:
+    pixels, depth = camera.project(points)
+    away = np.linalg.norm((points - camera.target)[:, [0, 2]], axis=-1) / reach
+    strength = np.clip(1 - away**2, 0, 1)
+    for i in np.flatnonzero((depth[1:] > 0.3) & (depth[:-1] > 0.3) & (strength[1:] > 0.02)):
+        color = _mixed(BACKGROUND, _GRID, float(strength[i + 1]))
+        ends = (*pixels[i].tolist(), *pixels[i + 1].tolist())
+        draw.line(ends, fill=color, width=OVERSAMPLING)
+
+
+def paint_shadow(
+    picture: Picture, camera: Camera, bodies: Sequence[Bodies], frame: int, height: float
+) -> None:
+    """Darkens the floor where bodies keep the sun off."""
+    size = tuple(n // _SHADOW_REDUCTION for n in picture.size)
+    mask = Image.new("L", size, 0)
+    draw = ImageDraw.Draw(mask)
+    for body in bodies:
+        _paint_bones(draw, camera, body, frame, height)
+    mask = mask.filter(ImageFilter.GaussianBlur(max(1.0, size[1] / 130)))
+    picture.paste(_SHADOW, (0, 0), mask.resize(picture.size, Image.Resampling.BILINEAR))
+
+
+def _paint_bones(
+    draw: ImageDraw.ImageDraw, camera: Camera, body: Bodies, frame: int, height: float
+) -> None:
+    joints = body.joints[frame]
+    above = joints[:, 1:2] - height
+    pixels, depth = camera.project(joints - above * _SUN / _SUN[1])
+    pixels = pixels / _SHADOW_REDUCTION
+    scale = camera.focal / np.maximum(depth, 0.1) / _SHADOW_REDUCTION
+    for joint, parent in list(enumerate(body.parents))[1:]:
+        part = body.names[joint].rpartition("_")[2]
+        radius = _SHADOW_WIDTHS.get(part, 0.07) * float(scale[joint])
+        (x, y), (u, v) = pixels[joint].tolist(), pixels[parent].tolist()
+        draw.line((x, y, u, v), fill=190, width=max(1, round(1.5 * radius)))
+        draw.ellipse((x - radius, y - 0.6 * radius, x + radius, y + 0.6 * radius), fill=190)
+
+
+def paint_bodies(
+    picture: Picture,
+    camera: Camera,
+    bodies: Sequence[Bodies],
+    frame: int,
+    colors: Sequence[tuple[int, int, int]],
+) -> None:
+    """Draws one frame of each body, the farthest face first."""
+    faces = [_visible_faces(camera, b, frame, c) for b, c in zip(bodies, colors, strict=True)]
+    pixels, depth, shade = (np.concatenate(part) for part in zip(*faces, strict=True))
+    order = np.argsort(-depth)
+    draw = ImageDraw.Draw(picture)
+    corners = pixels[order].reshape(-1, 8).tolist()
+    for polygon, color in zip(corners, shade[order].tolist(), strict=True):
+        draw.polygon(polygon, fill=tuple(color))
+
+
+def _visible_faces(
+    camera: Camera, body: Bodies, frame: int, color: tuple[int, int, int]
+) -> tuple[Float[np.ndarray, "faces 4 2"], Float[np.ndarray, " faces"], Int[np.ndarray, "faces 3"]]:
+    pixels, depth = camera.project(body.vertices[frame])
+    corners = pixels[body.quads]
+    first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+    front = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
+    quads = body.quads[front]
+    normals = _unit(body.normals[frame][quads].sum(1))
+    return corners[front], depth[quads].mean(1), _light(camera, normals, color)
+
+
+def _light(
+    camera: Camera, normals: Float[np.ndarray, "faces 3"], color: tuple[int, int, int]
+) -> Int[np.ndarray, "faces 3"]:
+    right, up, ahead = camera.axes()
+    key = _unit(0.6 * up - 0.45 * right - 0.65 * ahead)
+    sky = 0.5 + 0.5 * normals[:, 1]
+    lambert = np.maximum(normals @ key, 0)
+    shine = np.maximum(normals @ _unit(key - ahead), 0) ** 24
+    rim = np.clip(1 + normals @ ahead, 0, 1) ** 3
+    share = 0.28 + 0.30 * sky + 0.58 * lambert
+    light = share[:, None] * np.array(color) + (34 * shine + 26 * rim * sky)[:, None]
+    return np.clip(light, 0, 255).astype(np.int64)
+
+
+def paint_trail(picture: Picture, camera: Camera, body: Bodies, height: float) -> None:
+    """Draws the way of the root on the floor."""
+    points = body.joints[:, 0].copy()
+    points[:, 1] = height
+    pixels = [tuple(pixel) for pixel in camera.project(points)[0].tolist()]
+    if len(pixels) > 1:
+        ImageDraw.Draw(picture).line(pixels, fill=_SHADOW, width=3 * OVERSAMPLING, joint="curve")
+
+
+def reduced(picture: Picture) -> Picture:
+    """Returns the picture at its final size, with smooth edges."""
+    return picture.reduce(OVERSAMPLING)
+
+
+def paint_text(
+    picture: Picture, text: str, place: tuple[float, float], size: int, anchor: str
+) -> None:
+    """Writes one line on a picture of final size, shortened to fit."""
+    font = ImageFont.load_default(size)
+    draw = ImageDraw.Draw(picture)
+    room = picture.size[0] - 2 * min(place[0], picture.size[0] - place[0])
+    room = picture.size[0] - 1.5 * size if anchor[0] == "m" else room or picture.size[0]
+    while text and draw.textlength(text, font=font) > room:
+        text = text[:-2].rstrip() + "…"
+    draw.text(place, text, fill=INK, font=font, anchor=anchor)
+
+
+def facing(joints: Float[np.ndarray, "frames joints 3"], names: Sequence[str]) -> float:
+    """Returns where the first frame faces: the angle about the vertical from +z towards +x."""
+    across = joints[0, names.index("left_hip")] - joints[0, names.index("right_hip")]
+    return float(np.arctan2(-across[2], across[0]))
+
+
+def faded(color: tuple[int, int, int], strength: float) -> tuple[int, int, int]:
+    """Returns a color on its way from the background (0) to itself (1)."""
+    return _mixed(BACKGROUND, color, strength)
+
+
+def _mixed(a: tuple[int, int, int], b: tuple[int, int, int], share: float) -> tuple[int, int, int]:
+    red, green, blue = (round(x + (y - x) * share) for x, y in zip(a, b, strict=True))
+    return red, green, blue
+
+
+def _unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

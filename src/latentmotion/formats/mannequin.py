@@ -1,0 +1,298 @@
+"""A mannequin of our own: a smooth skin around the bones of any human skeleton, made by formula.
+
+The body is the surface f(p) = 0 of tapered capsules, blended by a soft minimum
+
+    f(p) = −k log Σᵢ exp(−dᵢ(p) / k),      wᵢ(p) = exp((f(p) − dᵢ(p)) / k),
+
+and wᵢ, the share that each capsule has in the blend, is also the skinning weight of its joint.
+The surface is found by naive surface nets (Gibson 1998): one vertex in each cell of a grid that
+the surface crosses, pulled onto it by Newton's method; one quad for each crossed edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from latentmotion.animation import Animation
+from latentmotion.skeleton import Skeleton
+
+_BLEND = 0.013
+"""k, meters: how widely neighboring capsules flow into one another."""
+
+_REFERENCE_HEIGHT = 1.4
+"""Distance of the neck from the ankles, meters, at which the radii below are true."""
+
+_SOFTNESS = 1.5
+"""How much wider than the skin's blend the skinning's is, so that bent joints stay round."""
+
+_INFLUENCES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """A piece of the body between two points, in meters from joints in rest pose."""
+
+    joint: str
+    """The joint that carries it."""
+    start: tuple[float, float, float]
+    """Where it starts, relative to the joint; x points to the body's outside."""
+    end: tuple[float, float, float]
+    """Where it ends, relative to `toward`."""
+    radii: tuple[float, float]
+    """Radius at the start and at the end."""
+    toward: str = ""
+    """The joint it leads to; the same joint if empty."""
+    squash: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """How much thicker or thinner it is along each axis."""
+
+
+_FLAT = (1.0, 0.62, 1.0)
+_DEEP = (1.0, 1.0, 0.84)
+
+_MIDDLE = (
+    Capsule("pelvis", (-0.058, -0.03, 0), (0.058, -0.03, 0), (0.106, 0.106), squash=_DEEP),
+    Capsule("spine1", (-0.035, 0, 0), (0.035, 0, 0), (0.097, 0.097), squash=_DEEP),
+    Capsule("spine2", (-0.05, 0, 0.005), (0.05, 0, 0.005), (0.099, 0.099), squash=_DEEP),
+    Capsule("spine3", (-0.07, 0.05, 0.01), (0.07, 0.05, 0.01), (0.110, 0.110), squash=_DEEP),
+    Capsule("neck", (0, -0.02, -0.005), (0, 0.01, 0), (0.056, 0.050), "head"),
+    Capsule("head", (0, 0.04, 0.028), (0, 0.11, 0.015), (0.066, 0.094), squash=(0.9, 1.06, 1.05)),
+)
+_SIDE = (
+    Capsule("collar", (0.01, -0.02, 0), (-0.02, -0.005, 0), (0.066, 0.066), "shoulder"),
+    Capsule("shoulder", (0, 0, 0), (0, 0, 0), (0.060, 0.044), "elbow"),
+    Capsule("elbow", (0, 0, 0), (0, 0, 0), (0.044, 0.031), "wrist"),
+    Capsule("wrist", (0.03, 0, 0), (0.085, -0.004, 0), (0.043, 0.041), squash=_FLAT),
+    Capsule("wrist", (0.10, -0.005, 0.002), (0.155, -0.015, 0.002), (0.037, 0.027), squash=_FLAT),
+    Capsule("wrist", (0.03, -0.005, 0.025), (0.085, -0.012, 0.058), (0.021, 0.016)),
+    Capsule("hip", (0.004, -0.02, 0), (0, 0.02, 0), (0.092, 0.060), "knee"),
+    Capsule("knee", (0, 0, 0.004), (0, 0, 0), (0.059, 0.038), "ankle"),
+    Capsule("knee", (0, -0.07, -0.014), (0, -0.18, -0.012), (0.050, 0.046)),
+    Capsule("ankle", (0, 0, -0.022), (0, 0.012, 0), (0.042, 0.038), "foot"),
+    Capsule("foot", (0, 0.012, -0.01), (0.004, 0.008, 0.065), (0.040, 0.031)),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Mannequin:
+    """A skinned mesh in the rest pose of a skeleton."""
+
+    vertices: Float[np.ndarray, "vertices 3"]
+    """Positions in rest pose, meters, the root at the origin."""
+    normals: Float[np.ndarray, "vertices 3"]
+    """Outward unit normals."""
+    quads: Int[np.ndarray, "quads 4"]
+    """Corners of each face, counterclockwise from outside."""
+    joints: Int[np.ndarray, "vertices 4"]
+    """The joints that move each vertex."""
+    weights: Float[np.ndarray, "vertices 4"]
+    """How much each does; the sum is 1."""
+    skeleton: Skeleton
+    """Whose rest pose it is made for."""
+
+    def pose(
+        self, animation: Animation
+    ) -> tuple[Float[np.ndarray, "frames vertices 3"], Float[np.ndarray, "frames vertices 3"]]:
+        """Returns vertices and normals in every frame, by linear blend skinning."""
+        world = animation.rotations.copy()
+        for joint, parent in list(enumerate(self.skeleton.parents))[1:]:
+            world[:, joint] = world[:, parent] @ world[:, joint]
+        shift = animation.joints() - np.einsum("tjab,jb->tja", world, self.skeleton.rest_joints())
+        turn = np.einsum("vk,tvkab->tvab", self.weights, world[:, self.joints])
+        moved = np.einsum("vk,tvka->tva", self.weights, shift[:, self.joints])
+        return (
+            np.einsum("tvab,vb->tva", turn, self.vertices) + moved,
+            np.einsum("tvab,vb->tva", turn, self.normals),
+        )
+
+
+def make_mannequin(skeleton: Skeleton, cell: float = 0.022) -> Mannequin:
+    """Makes a body for a skeleton whose rest pose is a T.
+
+    Args:
+        skeleton: With the joint names of HumanML3D or KIT; capsules of joints it lacks are left
+            out.
+        cell: Size of the grid's cells, meters: about the length of a face.
+    """
+    body = _Body(skeleton)
+    vertices, quads = _surface_net(body, cell)
+    for _ in range(2):
+        value, slope, _ = body.evaluate(vertices)
+        vertices = vertices - (value / (slope**2).sum(-1))[:, None] * slope
+    _, slope, share = body.evaluate(vertices)
+    joints, weights = body.influences(vertices, share)
+    normals = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
+    return Mannequin(vertices, normals, quads, joints, weights, skeleton)
+
+
+class _Body:
+    """The capsules of one skeleton as arrays, and the function whose zero is their skin."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self.skeleton = skeleton
+        self.scale = _scale(skeleton)
+        pieces = [piece for piece in _pieces() if {piece.joint, piece.toward} <= {*skeleton.names}]
+        rest, index = skeleton.rest_joints(), skeleton.names.index
+        self.owner = np.array([index(piece.joint) for piece in pieces])
+        toward = [index(piece.toward) for piece in pieces]
+        self.start = rest[self.owner] + self.scale * np.array([piece.start for piece in pieces])
+        self.end = rest[toward] + self.scale * np.array([piece.end for piece in pieces])
+        self.radii = self.scale * np.array([piece.radii for piece in pieces])
+        self.squash = np.array([piece.squash for piece in pieces])
+        self.blend = _BLEND * self.scale
+        self.sole = float(rest[:, 1].min()) - 0.012 * self.scale
+
+    def distances(
+        self, points: Float[np.ndarray, "*batch 3"], parts: slice = slice(None)
+    ) -> tuple[Float[np.ndarray, "*batch parts"], Float[np.ndarray, "*batch parts 3"]]:
+        """Returns the distance from the surface of each capsule, negative inside, and its slope."""
+        start, radii, squash = self.start[parts], self.radii[parts], self.squash[parts]
+        axis = (self.end[parts] - start) / squash
+        taper = (radii[:, 1] - radii[:, 0]) / np.maximum((axis**2).sum(-1), 1e-9)
+        along = (points[..., None, :] - start) / squash
+        share = (along * axis).sum(-1) / np.maximum((axis**2).sum(-1), 1e-9)
+        between = (share > 0) & (share < 1)
+        share = np.clip(share, 0, 1)
+        across = along - share[..., None] * axis
+        length = np.linalg.norm(across, axis=-1)
+        slope = across / np.maximum(length, 1e-9)[..., None] - (between * taper)[..., None] * axis
+        return length - radii[:, 0] - share * (radii[:, 1] - radii[:, 0]), slope / squash
+
+    def evaluate(
+        self, points: Float[np.ndarray, "points 3"]
+    ) -> tuple[
+        Float[np.ndarray, " points"],
+        Float[np.ndarray, "points 3"],
+        Float[np.ndarray, "points parts"],
+    ]:
+        """Returns f, its gradient, and the share of each capsule in the blend."""
+        distances, slopes = self.distances(points)
+        closest = distances.min(-1, keepdims=True)
+        share = np.exp((closest - distances) / self.blend)
+        total = share.sum(-1, keepdims=True)
+        value = closest[:, 0] - self.blend * np.log(total[:, 0])
+        slope = np.einsum("pc,pcx->px", share / total, slopes)
+        below = self.sole - points[:, 1]
+        cut = below > value
+        return np.where(cut, below, value), np.where(cut[:, None], (0, -1, 0), slope), share / total
+
+    def sample(
+        self, low: Float[np.ndarray, "width"], cell: float, size: Int[np.ndarray, "width"]
+    ) -> Float[np.ndarray, "x y z"]:
+        """Returns f on a grid, where it is near zero; far outside it is just large."""
+        total = np.full(size, 1e-30)
+        margin = (self.radii.max(-1, keepdims=True) + 5 * self.blend) * self.squash
+        first = ((np.minimum(self.start, self.end) - margin - low) / cell).astype(int).clip(0)
+        last = ((np.maximum(self.start, self.end) + margin - low) / cell).astype(int) + 2
+        for part in range(len(self.owner)):
+            box = tuple(slice(*ends) for ends in zip(first[part], last[part], strict=True))
+            places = np.stack(
+                np.meshgrid(
+                    *[np.arange(n)[b] for n, b in zip(size, box, strict=True)], indexing="ij"
+                ),
+                axis=-1,
+            )
+            distance, _ = self.distances(low + cell * places, slice(part, part + 1))
+            total[box] += np.exp(-distance[..., 0] / self.blend)
+        height = low[1] + cell * np.arange(size[1])
+        return np.maximum(-self.blend * np.log(total), (self.sole - height)[:, None])
+
+    def influences(
+        self, points: Float[np.ndarray, "points 3"], share: Float[np.ndarray, "points parts"]
+    ) -> tuple[Int[np.ndarray, "points 4"], Float[np.ndarray, "points 4"]]:
+        """Returns the joints that move each point, and by how much.
+
+        What is right of the middle is not moved by the left limbs, nor the other way around.
+        """
+        total = np.zeros((len(points), len(self.skeleton)))
+        np.add.at(total, (slice(None), self.owner), share ** (1 / _SOFTNESS))
+        side = np.array([_side(name) for name in self.skeleton.names])
+        total /= 1 + np.exp(np.clip(-side * points[:, :1] / (0.012 * self.scale), -30, 30))
+        joints = np.argsort(-total, axis=-1)[:, :_INFLUENCES]
+        weights = np.take_along_axis(total, joints, axis=-1)
+        return joints, weights / weights.sum(-1, keepdims=True)
+
+
+def _side(name: str) -> int:
+    return {"left": 1, "right": -1}.get(name.partition("_")[0], 0)
+
+
+def _pieces() -> list[Capsule]:
+    """Returns the capsules of the whole body, both sides, with full names."""
+    whole = [_named(piece, "", 1) for piece in _MIDDLE]
+    for side, sign in (("left_", 1), ("right_", -1)):
+        whole += [_named(piece, side, sign) for piece in _SIDE]
+    return whole
+
+
+def _named(piece: Capsule, side: str, sign: int) -> Capsule:
+    (a, b, c), (d, e, f) = piece.start, piece.end
+    ends = (sign * a, b, c), (sign * d, e, f)
+    toward = side + (piece.toward or piece.joint)
+    return Capsule(side + piece.joint, *ends, piece.radii, toward, piece.squash)
+
+
+def _scale(skeleton: Skeleton) -> float:
+    """Returns how large this body is, by the length of leg and trunk."""
+    rest, names = skeleton.rest_joints(), skeleton.names
+    if not {"neck", "left_ankle"} <= set(names):
+        return 1.0
+    height = rest[names.index("neck"), 1] - rest[names.index("left_ankle"), 1]
+    return float(height) / _REFERENCE_HEIGHT
+
+
+def _surface_net(
+    body: _Body, cell: float
+) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "quads 4"]]:
+    """Finds one vertex in each crossed cell, and one quad around each crossed edge."""
+    low = np.minimum(body.start, body.end).min(0) - 0.15
+    size = np.ceil((np.maximum(body.start, body.end).max(0) + 0.15 - low) / cell).astype(int)
+    values = body.sample(low, cell, size)
+    places = _cell_vertices(values)
+    number = np.full(size - 1, -1)
+    crossed = np.isfinite(places[..., 0])
+    number[crossed] = np.arange(crossed.sum())
+    return low + cell * places[crossed], np.concatenate(
+        [_quads(values, number, a) for a in range(3)]
+    )
+
+
+def _cell_vertices(values: Float[np.ndarray, "x y z"]) -> Float[np.ndarray, "u v w 3"]:
+    """Returns the mean of the crossings on the 12 edges of each cell, NaN where there are none."""
+    n = np.array(values.shape) - 1
+    total, count = np.zeros((*n, 3)), np.zeros(n)
+    for axis, (u, v) in product(range(3), product((0, 1), repeat=2)):
+        first = np.insert((u, v), axis, 0)
+        a, b = (_corner(values, first + step) for step in (0 * first, np.eye(3, dtype=int)[axis]))
+        crossed = (a < 0) != (b < 0)
+        total += crossed[..., None] * first
+        total[..., axis] += np.where(crossed, a / np.where(crossed, a - b, 1), 0)
+        count += crossed
+    base = np.stack(np.meshgrid(*[np.arange(m) for m in n], indexing="ij"), axis=-1)
+    with np.errstate(invalid="ignore"):
+        return base + total / np.where(count > 0, count, np.nan)[..., None]
+
+
+def _corner(
+    values: Float[np.ndarray, "x y z"], corner: Int[np.ndarray, "width"]
+) -> Float[np.ndarray, "u v w"]:
+    """Returns the values at one corner of every cell."""
+    return values[tuple(slice(c, n - 1 + c) for c, n in zip(corner, values.shape, strict=True))]
+
+
+def _quads(
+    values: Float[np.ndarray, "x y z"], number: Int[np.ndarray, "u v w"], axis: int
+) -> Int[np.ndarray, "quads 4"]:
+    """Joins the four cells around each crossed grid edge along one axis."""
+    inside = values < 0
+    ahead = np.roll(inside, -1, axis)
+    ahead[tuple(slice(-1, None) if a == axis else slice(None) for a in range(3))] = False
+    edges = np.argwhere(inside != ahead)
+    outward = inside[tuple(edges.T)]
+    second, third = np.eye(3, dtype=int)[[(axis + 1) % 3, (axis + 2) % 3]]
+    around = [edges - second - third, edges - third, edges, edges - second]
+    ring = np.stack([number[tuple(cell.T)] for cell in around], axis=-1)
+    return np.where(outward[:, None], ring, ring[:, ::-1])
