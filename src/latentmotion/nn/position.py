@@ -13,6 +13,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from latentmotion.nn.dropout import Dropout
+
 PositionKind = Literal["learned", "sine"]
 
 LEARNED_LENGTH = 500
@@ -41,7 +43,7 @@ class SinePosition(nn.Module):
     def __init__(self, width: int, dropout: float, length: int = 5000) -> None:
         super().__init__()
         self.register_buffer("table", sine_table(length, width), persistent=False)
-        self.dropout = nn.Dropout(dropout)
+        self.dropout = Dropout(dropout)
 
     def forward(
         self, x: Float[Tensor, "batch tokens width"], start: int = 0

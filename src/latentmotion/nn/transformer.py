@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from latentmotion.errors import InputError
+from latentmotion.nn.dropout import Dropout
 
 Branch = Callable[[Tensor], Tensor]
 
@@ -29,7 +30,7 @@ class PostNorm(nn.Module):
     def __init__(self, width: int, dropout: float) -> None:
         super().__init__()
         self.norm = nn.LayerNorm(width)
-        self.dropout = nn.Dropout(dropout)
+        self.dropout = Dropout(dropout)
 
     def forward(self, x: Tensor, branch: Branch) -> Tensor:
         """Adds the branch's output, then normalizes."""
@@ -102,7 +103,7 @@ class FeedForward(nn.Sequential):
     """Linear, activation, linear, on each token alone."""
 
     def __init__(self, width: int, hidden: int, dropout: float, activation: nn.Module) -> None:
-        layers = [nn.Linear(width, hidden), activation, nn.Dropout(dropout)]
+        layers = [nn.Linear(width, hidden), activation, Dropout(dropout)]
         super().__init__(*layers, nn.Linear(hidden, width))
 
 
@@ -111,7 +112,7 @@ class EncoderLayer(nn.Module):
 
     def __init__(self, config: TransformerConfig) -> None:
         super().__init__()
-        self.attention = SelfAttention(config.width, config.heads, config.dropout)
+        self.attention = SelfAttention(config.width, config.heads, config.attention_dropout)
         self.feed_forward = config.feed_forward()
         self.around_attention = config.residual()
         self.around_feed_forward = config.residual()
@@ -127,8 +128,8 @@ class DecoderLayer(nn.Module):
 
     def __init__(self, config: TransformerConfig) -> None:
         super().__init__()
-        self.attention = SelfAttention(config.width, config.heads, config.dropout)
-        self.cross_attention = CrossAttention(config.width, config.heads, config.dropout)
+        self.attention = SelfAttention(config.width, config.heads, config.attention_dropout)
+        self.cross_attention = CrossAttention(config.width, config.heads, config.attention_dropout)
         self.feed_forward = config.feed_forward()
         self.around_attention = config.residual()
         self.around_cross_attention = config.residual()
@@ -197,6 +198,8 @@ class TransformerConfig:
     """Width inside the feed-forward part."""
     dropout: float = 0.1
     """Share of numbers dropped in training."""
+    attention_dropout: float = 0.0
+    """Share of attention dropped in training; the authors drop 0.1, at a third of the speed."""
     activation: Literal["gelu", "relu"] = "gelu"
     """Activation of the feed-forward part."""
     norm: Literal["post", "pre"] = "post"
