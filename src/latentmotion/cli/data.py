@@ -38,7 +38,7 @@ class PrepareCmu:
     out: Out
     """The prepared folder to write."""
     fps: Path | None = None
-    """JSON of native frames per second by trial; else AMC counts as 120, BVH as it says."""
+    """JSON of native frames per second by trial, where they differ from the known ones."""
     uncaptioned: bool = False
     """Add what the index leaves of each trial, in pieces without captions, for training a VAE."""
 

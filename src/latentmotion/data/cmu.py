@@ -13,6 +13,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from latentmotion.data.annotations import (
     sentences_of,
 )
 from latentmotion.data.clip import Source, Split
+from latentmotion.data.cmu_rates import native_fps
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.resampling import every, joints_at
 from latentmotion.errors import DataError, FileFormatError
@@ -48,7 +50,6 @@ CMU = Source(
 )
 
 FPS = 20
-NATIVE_FPS = 120.0
 BLENDED = 6
 """Frames of a BVH file after the T-pose that are drawn towards it, at the native rate."""
 LONGEST = 200
@@ -67,7 +68,7 @@ class CmuTrials:
     paths: Mapping[str, Path]
     """File of each trial, by name (`05_18`)."""
     rates: Mapping[str, float]
-    """Native frame rate of trials for which it is known."""
+    """Frame rates that differ from the known ones."""
     rows: Mapping[str, Sequence[IndexRow]]
     """HumanML3D's clips of each trial, also of trials that are not on disk."""
     splits: Mapping[str, Split]
@@ -82,8 +83,7 @@ class CmuTrials:
         Args:
             trials: Folder of AMC and ASF files, BVH files, or both; any nesting.
             humanml3d: Folder of captions, splits and index.
-            rates: JSON of frames per second by trial; without it AMC files count as 120 fps and
-                BVH files as what they say.
+            rates: JSON of frames per second by trial; without it the known rates count.
 
         Raises:
             DataError: A folder or file is missing or wrong.
@@ -123,8 +123,7 @@ class CmuTrials:
 
     def _joints(self, trial: str) -> Float[np.ndarray, "frames joints 3"]:
         path = self.paths[trial]
-        animation, native = read_trial(path)
-        native = self.rates.get(trial, native)
+        animation, native = read_trial(path), self.rates.get(trial, native_fps(trial))
         joints = joints_at(animation, FPS, native)
         return joints if path.suffix.lower() == ".amc" else _without_blend(joints, native)
 
@@ -171,16 +170,11 @@ def find_trials(folder: Path) -> dict[str, Path]:
     return found
 
 
-def read_trial(path: Path) -> tuple[Animation, float]:
-    """Reads a trial, without the T-pose that the BVH conversions begin with.
-
-    Returns:
-        The animation and the frame rate that the file says, or CMU's usual one.
-    """
+def read_trial(path: Path) -> Animation:
+    """Reads a trial, without the T-pose that the BVH conversions begin with."""
     if path.suffix.lower() == ".amc":
-        return read_asf_amc(path), NATIVE_FPS
-    animation = read_bvh(path)
-    return every(animation, step=1, start=1), animation.fps
+        return read_asf_amc(path)
+    return every(read_bvh(path), step=1, start=1)
 
 
 def _without_blend(
@@ -221,7 +215,7 @@ def _pieces(
     for start, end in _gaps(rows, len(joints)):
         count = math.ceil((end - start) / LONGEST)
         bounds = np.linspace(start, end, count + 1).astype(int).tolist()
-        for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+        for first, last in pairwise(bounds):
             label = Label(
                 id=f"cmu-{trial}-{first:05d}",
                 source=CMU.name,

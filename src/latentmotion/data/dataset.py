@@ -14,13 +14,14 @@ from latentmotion.data.clip import SPLITS, Clip, Source
 from latentmotion.data.store import MANIFEST, Manifest, StoredClip, read_manifest
 from latentmotion.errors import DataError
 from latentmotion.files import sha256
-from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
-from latentmotion.representation.interface import Representation
+from latentmotion.representation.humanml3d import (
+    HUMANML3D_FEATURES,
+    KIT_FEATURES,
+    HumanML3DRepresentation,
+)
 from latentmotion.representation.normalizer import Normalizer
 
-REPRESENTATIONS: dict[str, Representation] = {
-    part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES)
-}
+REPRESENTATIONS = {part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES)}
 """Representations that a folder can name."""
 
 
@@ -49,7 +50,7 @@ class Dataset:
         return cls(Path(folder), manifest)
 
     @property
-    def representation(self) -> Representation:
+    def representation(self) -> HumanML3DRepresentation:
         """How its features describe motion."""
         return REPRESENTATIONS[self.manifest.representation]
 

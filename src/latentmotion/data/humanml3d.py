@@ -1,9 +1,9 @@
 """Official processed folders of HumanML3D and KIT-ML: features that their authors computed.
 
-    new_joint_vecs/ID.npy   features (frames, 263 or 251); `M…` are mirrored copies, computed anew here
-    texts/ID.txt            captions
-    train.txt …             splits
-    Mean.npy, Std.npy       statistics by which published models normalize
+new_joint_vecs/ID.npy   features (frames, 263 or 251); `M…` (mirrored) are computed anew
+texts/ID.txt            captions
+train.txt …             splits
+Mean.npy, Std.npy       statistics by which published models normalize
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from latentmotion.data.annotations import read_splits, read_texts, sentences_of
 from latentmotion.data.captions import TaggedSentence, mirror_sentence
@@ -110,7 +109,9 @@ def _mirrored(
 
 def _read(path: Path, label: Label, width: int) -> EncodedRecording | Dropped:
     if not path.is_file():
-        return Dropped(label.id, "clip", f"listed in {label.split}.txt, but there is no {path.name}")
+        return Dropped(
+            label.id, "clip", f"listed in {label.split}.txt, but there is no {path.name}"
+        )
     features = _array(path)
     if features.ndim != 2 or features.shape[1] != width:
         raise DataError(
@@ -122,7 +123,7 @@ def _read(path: Path, label: Label, width: int) -> EncodedRecording | Dropped:
     return EncodedRecording(label, features.astype(np.float32))
 
 
-def _array(path: Path) -> Float[np.ndarray, "..."]:
+def _array(path: Path) -> np.ndarray:
     try:
         return np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:

@@ -1,7 +1,9 @@
 """Your own motion capture: BVH (or AMC) files with captions beside them or in one CSV.
 
     walk.bvh + walk.txt     one sentence a line; HumanML3D's `sentence#tokens#from#to` works too
-    captions.csv            columns file, caption, and if you like from, to (seconds), split, action
+    captions.csv            columns file, caption; also: from, to (seconds), split, action
+
+Each file becomes one clip. Mirrored copies get the same sentences with left and right swapped.
 """
 
 from __future__ import annotations

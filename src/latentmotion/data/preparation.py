@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.configuration import write_json
+from latentmotion.configuration import read_json, write_json
 from latentmotion.data.captions import fit_sentences
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
@@ -148,8 +148,21 @@ def merge(folders: Sequence[str | Path], out: str | Path) -> Report:
         raise DataError(f"cannot merge {' and '.join(sorted(names))}; merge like with like")
     preparation = Preparation(datasets[0].representation)
     for dataset in datasets:
-        for stored in dataset.manifest.clips:
-            features = dataset.features(stored.clip())
-            preparation.motions.append(StoredMotion(stored, features))
+        _take_all(preparation, dataset)
     sources = {source.name: source for dataset in datasets for source in dataset.sources}
-    return preparation.write(out, tuple(sources.values()))
+    notes = [note for dataset in datasets for note in _report(dataset).notes]
+    return preparation.write(out, tuple(sources.values()), notes=tuple(notes))
+
+
+def _take_all(preparation: Preparation, dataset: Dataset) -> None:
+    for stored in dataset.manifest.clips:
+        preparation.motions.append(StoredMotion(stored, dataset.features(stored.clip())))
+    report = _report(dataset)
+    preparation.dropped += report.dropped
+    if report.round_trip_mm is not None:
+        preparation.round_trip = max(preparation.round_trip or 0.0, report.round_trip_mm)
+
+
+def _report(dataset: Dataset) -> Report:
+    path = dataset.folder / REPORT
+    return read_json(Report, path) if path.is_file() else Report((), (), None)
