@@ -1,18 +1,19 @@
 // One take's figure: the skin of its body, carried by its bones.
 
 import * as THREE from "three";
-import { paint, restPose, shapes, sole } from "./anatomy.js";
+import { body, paint, restPose, sole } from "./anatomy.js";
 import { Rig } from "./pose.js";
 import { bindings, skin } from "./surface.js";
 
 const LIFT = 0.02; // meters; in the data the toes' joint lies on the floor, not the sole
 const BARE = new THREE.Color("#f1dfd0");
+const HAIR = new THREE.Color("#3d342f");
 const SHOE = new THREE.Color("#30343f");
 
 /** The resting skin of a skeleton as a geometry; figures of one skeleton share it. */
 export function bodyGeometry(skeleton) {
   const rest = restPose(skeleton);
-  const parts = shapes(skeleton, rest);
+  const parts = body(skeleton, rest);
   const surface = skin(parts, sole(rest), rest.scale);
   const bound = bindings(surface, parts, skeleton.names, rest.scale);
   const painted = paint(rest);
@@ -21,7 +22,7 @@ export function bodyGeometry(skeleton) {
     geometry.setAttribute(name, new THREE.BufferAttribute(Type.from(rows.flat()), size));
   set("position", surface.positions, Float32Array, 3);
   set("normal", surface.normals, Float32Array, 3);
-  set("paint", surface.positions.map((point) => painted(...point)), Float32Array, 2);
+  set("paint", surface.positions.map((point) => painted(...point)), Float32Array, 3);
   set("skinIndex", bound.map(({ bones }) => bones), Uint8Array, 4);
   set("skinWeight", bound.map(({ weights }) => [...weights]), Float32Array, 4);
   geometry.setIndex(surface.triangles);
@@ -68,14 +69,14 @@ function suit(color) {
     sheenColor: new THREE.Color(color).lerp(new THREE.Color("white"), 0.6),
   });
   material.onBeforeCompile = (shader) => {
-    Object.assign(shader.uniforms, { bare: { value: BARE }, shoe: { value: SHOE } });
+    Object.assign(shader.uniforms, { bare: { value: BARE }, shoe: { value: SHOE }, hair: { value: HAIR } });
     shader.vertexShader = shader.vertexShader
-      .replace("#include <common>", "#include <common>\nattribute vec2 paint; varying vec2 vPaint;")
+      .replace("#include <common>", "#include <common>\nattribute vec3 paint; varying vec3 vPaint;")
       .replace("#include <begin_vertex>", "#include <begin_vertex>\nvPaint = paint;");
     shader.fragmentShader = shader.fragmentShader
       .replace(
         "#include <common>",
-        "#include <common>\nuniform vec3 bare, shoe; varying vec2 vPaint;",
+        "#include <common>\nuniform vec3 bare, shoe, hair; varying vec3 vPaint;",
       )
       .replace("#include <color_fragment>", PAINTED);
   };
@@ -83,6 +84,7 @@ function suit(color) {
 }
 
 const PAINTED = `#include <color_fragment>
-  vec2 edge = fwidth(vPaint);
-  vec2 part = smoothstep(-edge, edge, vPaint);
-  diffuseColor.rgb = mix(mix(diffuseColor.rgb, bare, part.x), shoe, part.y);`;
+  vec3 edge = fwidth(vPaint);
+  vec3 part = smoothstep(-edge, edge, vPaint);
+  diffuseColor.rgb = mix(mix(diffuseColor.rgb, bare, part.x), shoe, part.y);
+  diffuseColor.rgb = mix(diffuseColor.rgb, hair, part.z);`;

@@ -12,6 +12,7 @@ const GRID = {
   fragmentShader: `
     uniform vec3 ink;
     uniform vec3 center;
+    uniform float reach;
     varying vec3 place;
     float lines(float spacing, float width) {
       vec2 at = place.xz / spacing;
@@ -22,8 +23,8 @@ const GRID = {
       return max(line.x, line.y) * (1.0 - smoothstep(0.2, 0.6, crowded));
     }
     void main() {
-      float fade = 1.0 - smoothstep(2.0, 11.0, distance(place.xz, center.xz));
-      float strength = max(lines(1.0, 0.3) * 0.34, lines(0.5, 0.1) * 0.14);
+      float fade = 1.0 - smoothstep(0.2 * reach, reach, distance(place.xz, center.xz));
+      float strength = max(lines(1.0, 0.2) * 0.2, lines(0.5, 0.1) * 0.08);
       gl_FragColor = vec4(ink, strength * fade);
     }`,
 };
@@ -32,7 +33,11 @@ export class Floor {
   constructor(motions, offsets, colors) {
     this.grid = flat(new THREE.ShaderMaterial({
       ...GRID,
-      uniforms: { ink: { value: new THREE.Color() }, center: { value: new THREE.Vector3() } },
+      uniforms: {
+        ink: { value: new THREE.Color() },
+        center: { value: new THREE.Vector3() },
+        reach: { value: 10 },
+      },
       transparent: true,
       depthWrite: false,
     }));
@@ -43,9 +48,14 @@ export class Floor {
     this.object.add(...this.paths.map((path) => path.object));
   }
 
-  /** Fades around `center`, and marks each path up to `time`. */
-  showTime(time, center) {
+  /** The grid ends around `center`, farther out the farther the eye. */
+  fadeAround(center, eye) {
     this.grid.material.uniforms.center.value.copy(center);
+    this.grid.material.uniforms.reach.value = 5 + 1.3 * eye.distanceTo(center);
+  }
+
+  /** Marks each path up to `time`. */
+  showTime(time) {
     this.paths.forEach((path) => path.showTime(time));
   }
 
@@ -62,8 +72,8 @@ class Path {
     this.geometry = new THREE.BufferGeometry().setFromPoints(
       points.map(([x, z]) => new THREE.Vector3(x + dx, 0.003, z + dz)),
     );
-    const ahead = new THREE.LineBasicMaterial({ color, transparent: true, opacity: 0.3 });
-    const done = new THREE.LineBasicMaterial({ color, transparent: true, opacity: 0.9 });
+    const ahead = new THREE.LineBasicMaterial({ color, transparent: true, opacity: 0.45 });
+    const done = new THREE.LineBasicMaterial({ color, transparent: true, opacity: 1 });
     this.done = new THREE.Line(this.geometry.clone(), done);
     this.object = new THREE.Group().add(new THREE.Line(this.geometry, ahead), this.done);
   }

@@ -84,7 +84,7 @@ export function alongPath(path, fps, time) {
 }
 
 /** Distance along x that sets each take beside the one before, so that they never overlap. */
-export function lineUp(motions, gap = 1.3, most = 3.2) {
+export function lineUp(motions, gap = 1.3, most = 3.6) {
   const starts = motions.map((motion) => motion.ground(0)[0]);
   const offsets = [0];
   for (let i = 1; i < motions.length; i++) {

@@ -4,7 +4,7 @@ import { alongPath, lineUp, smoothPath } from "./motion.js";
 
 const EYE_HEIGHT = 0.22; // radians that the camera looks down
 const START = 0.4; // radians that it stands to the side
-const MIDDLE = 0.88; // height of what it looks at, meters
+const MIDDLE = 0.96; // height of what it looks at, meters
 
 export class Sketch {
   constructor(canvas, motions, colors) {

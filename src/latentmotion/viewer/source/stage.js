@@ -7,7 +7,7 @@ import { Floor } from "./floor.js";
 import { alongPath, lineUp, smoothPath } from "./motion.js";
 
 const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the camera first looks
-const HEIGHT = 0.88; // of what it looks at, meters
+const HEIGHT = 0.96; // of what it looks at, meters
 const FIELD_OF_VIEW = 30; // degrees, vertical
 
 export class Stage {
@@ -17,7 +17,7 @@ export class Stage {
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.renderer.shadowMap.type = THREE.VSMShadowMap;
     this.renderer.toneMapping = THREE.NeutralToneMapping;
     this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.05, 120);
     this.controls = orbit(this.camera, canvas, () => (this.stale = true));
@@ -26,7 +26,8 @@ export class Stage {
     this.paths = motions.map(smoothPath);
     this.floor = new Floor(motions, this.offsets, colors);
     this.all = motions.map((_, take) => take);
-    this.sun = sunlight(this.#reach(motions));
+    this.seconds = Math.max(...motions.map(({ seconds }) => seconds));
+    this.sun = sunlight(this.#spread(this.all, true).length() / 2 + 1.9);
     this.scene = new THREE.Scene().add(
       ...this.figures.map((figure) => figure.object),
       ...[this.floor.object, this.sun, this.sun.target, skylight(), rimlight()],
@@ -50,7 +51,7 @@ export class Stage {
     this.time = time;
     this.figures.forEach((figure) => figure.showTime(time));
     this.#look();
-    this.floor.showTime(time, this.controls.target);
+    this.floor.showTime(time);
     this.#aimSun();
     this.stale = true;
   }
@@ -82,14 +83,15 @@ export class Stage {
     return box;
   }
 
-  // Half the width of the square that the shadows need, around the middle of all takes.
-  #reach(motions) {
-    const ends = Math.max(...motions.map(({ seconds }) => seconds));
-    const sizes = Array.from({ length: 20 }, (_, i) => {
-      const { x, z } = this.#extent((i / 19) * ends, this.all).getSize(new THREE.Vector3());
-      return Math.hypot(x, z) / 2;
-    });
-    return Math.max(...sizes) + 1.9;
+  /** How far apart some takes are at most: at one time, or, with a standing camera, in all. */
+  #spread(takes, together) {
+    if (!together) return this.#extent(null, takes).getSize(new THREE.Vector3());
+    const spread = new THREE.Vector3();
+    for (let i = 0; i < 24; i++) {
+      const extent = this.#extent((i / 23) * this.seconds, takes);
+      spread.max(extent.getSize(new THREE.Vector3()));
+    }
+    return spread;
   }
 
   #aimSun() {
@@ -113,9 +115,8 @@ export class Stage {
 
   /** Brings the camera back to where everything that is watched can be seen. */
   reset() {
-    const extent = this.#extent(this.follow ? this.time : null, this.takes);
-    const size = extent.getSize(new THREE.Vector3());
-    const tall = 2.15 + size.z * 0.25;
+    const size = this.#spread(this.takes, this.follow);
+    const tall = 2.3 + size.z * 0.25;
     const wide = 1.5 + size.x + size.z * 0.4;
     const half = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
     const free = this.freeHeight / this.canvas.clientHeight;
@@ -159,6 +160,7 @@ export class Stage {
   draw() {
     this.controls.update();
     if (!this.stale) return;
+    this.floor.fadeAround(this.controls.target, this.camera.position);
     this.renderer.render(this.scene, this.camera);
     this.stale = false;
   }
@@ -180,8 +182,9 @@ function sunlight(reach) {
   light.castShadow = true;
   Object.assign(light.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach });
   Object.assign(light.shadow.camera, { near: 0.5, far: 12 + reach });
-  light.shadow.mapSize.set(2048, 2048);
-  light.shadow.radius = 5;
+  light.shadow.mapSize.set(1024, 1024);
+  light.shadow.radius = 6;
+  light.shadow.blurSamples = 12;
   light.shadow.bias = -0.0004;
   light.shadow.normalBias = 0.015;
   return light;

@@ -2,43 +2,81 @@
 //
 // Blend: d(p) = -k log Σ exp(-d_i(p) / k), which does not depend on the order of the shapes.
 
-const CELL = 0.0135; // meters
-const BLOCK = 8; // cells along the side of a block that is skipped when the skin is far away
+import { unit } from "./shapes.js";
+
+const CELL = 0.0145; // meters
+const BLOCK = 4; // cells along the side of a block that is skipped when the skin is far away
 const BLEND = 0.011; // meters, k above
-const SOFTNESS = 0.028; // meters over which the skin passes from one bone to the next
+const NEGLIGIBLE = 8; // e^-8 of a shape's pull is not seen
+const SMOOTHING = 8; // rounds in which each point's weights become the mean of its neighbors'
+const SOFTNESS = 0.01; // meters over which the skin passes from one bone to the next
 
 const CORNERS = [0, 1, 2, 3, 4, 5, 6, 7].map((c) => [c & 1, (c >> 1) & 1, c >> 2]);
 const EDGES = CORNERS.flatMap((_, a) =>
   [1, 2, 4].filter((bit) => !(a & bit)).map((bit) => [a, a | bit]),
 );
 
-/** Returns {positions, normals, triangles}: the skin of `shapes`, cut flat at height `floor`. */
-export function skin(shapes, floor, scale) {
-  const field = (x, y, z) => Math.max(blended(shapes, x, y, z, BLEND * scale), floor - y);
-  const grid = sampled(field, bounds(shapes, 0.05 * scale), CELL * scale);
+/** Returns {positions, normals, triangles}: the skin of a body, cut flat at height `floor`. */
+export function skin({ groups }, floor, scale) {
+  const blended = blend(groups, BLEND * scale, BLOCK * CELL * scale);
+  const field = (x, y, z) => Math.max(blended(x, y, z), floor - y);
+  const grid = sampled(field, bounds(groups.flat(), 0.05 * scale), CELL * scale);
   const { positions, triangles } = surfaceNets(grid);
   const normals = positions.map((point) => settle(field, point, grid.cell));
   return { positions, normals, triangles };
 }
 
 /** For each point the four strongest bones and their weights, smoothed along the skin. */
-export function bindings({ positions, triangles }, shapes, bones, scale) {
-  let weights = positions.map((point) => boneWeights(shapes, bones, point, SOFTNESS * scale));
+export function bindings({ positions, triangles }, { carriers }, bones, scale) {
+  const owned = carriers.map((shape) => ({ shape, index: bones.indexOf(shape.bone) }));
+  const softness = SOFTNESS * scale;
+  let rows = positions.map((point) => boneWeights(owned, bones, point, softness));
   const neighbors = adjacency(positions.length, triangles);
-  for (let pass = 0; pass < 4; pass++) weights = weights.map((_, v) => mean(weights, neighbors[v]));
-  return weights.map(strongestFour);
+  for (let round = 0; round < SMOOTHING; round++) rows = smoothed(rows, neighbors);
+  return rows.map(strongestFour);
 }
 
-function blended(shapes, x, y, z, k) {
-  const distances = shapes.map((shape) => shape.distance(x, y, z));
-  const nearest = Math.min(...distances);
+// Within a group the nearest shape counts; the groups flow into each other. Each block of space
+// remembers the few groups that are near enough to matter in it.
+function blend(groups, k, block) {
+  const memory = new Map();
+  const farthest = Math.sqrt(3) * block + NEGLIGIBLE * k;
+  const nearby = (x, y, z) => {
+    const at = [x, y, z].map((value) => (Math.floor(value / block) + 0.5) * block);
+    const distances = groups.map((group) => nearestOf(group, ...at));
+    const least = Math.min(...distances);
+    return groups.filter((_, i) => distances[i] < least + farthest);
+  };
+  return (x, y, z) => {
+    const [i, j, l] = [Math.floor(x / block), Math.floor(y / block), Math.floor(z / block)];
+    const key = ((i + 512) * 1024 + j + 512) * 1024 + l + 512;
+    if (!memory.has(key)) memory.set(key, nearby(x, y, z));
+    return smoothMinimum(memory.get(key), k, x, y, z);
+  };
+}
+
+function nearestOf(group, x, y, z) {
+  let least = Infinity;
+  for (const shape of group) least = Math.min(least, shape.distance(x, y, z));
+  return least;
+}
+
+function smoothMinimum(groups, k, x, y, z) {
+  let least = Infinity;
   let sum = 0;
-  for (const distance of distances) sum += Math.exp((nearest - distance) / k);
-  return nearest - k * Math.log(sum);
+  for (const group of groups) {
+    const distance = nearestOf(group, x, y, z);
+    if (distance < least) {
+      sum = sum * Math.exp((distance - least) / k) + 1;
+      least = distance;
+    } else sum += Math.exp((least - distance) / k);
+  }
+  return least - k * Math.log(sum);
 }
 
 function bounds(shapes, margin) {
-  const ends = shapes.flatMap(({ a, b = a, axes = [0, 0, 0] }) => [
+  const placed = shapes.filter(({ a }) => a);
+  const ends = placed.flatMap(({ a, b = a, axes = [0, 0, 0] }) => [
     a.map((value, i) => value - axes[i]),
     b.map((value, i) => value + axes[i]),
     b,
@@ -52,7 +90,7 @@ function bounds(shapes, margin) {
 function sampled(field, { low, high }, cell) {
   const size = low.map((value, i) => Math.ceil((high[i] - value) / cell / BLOCK) * BLOCK);
   const grid = { low, cell, size, values: new Float32Array(size[0] * size[1] * size[2]) };
-  const reach = (BLOCK / 2 + 1) * Math.sqrt(3) * 1.4 * cell;
+  const reach = (BLOCK / 2 + 1) * Math.sqrt(3) * 1.3 * cell;
   for (const [i, j, k] of steps(size, BLOCK)) {
     const middle = [i, j, k].map((at, axis) => low[axis] + (at + BLOCK / 2) * cell);
     const distance = field(...middle);
@@ -82,6 +120,7 @@ function surfaceNets(grid) {
   const triangles = [];
   const [nx, ny, nz] = grid.size.map((count) => count - 1);
   for (const [x, y, z] of steps([nx, ny, nz], 1)) {
+    if (Math.abs(grid.values[index(grid, x, y, z)]) > 3 * grid.cell) continue;
     const corners = CORNERS.map(([a, b, c]) => grid.values[index(grid, x + a, y + b, z + c)]);
     const crossings = EDGES.filter(([a, b]) => corners[a] < 0 !== corners[b] < 0);
     if (crossings.length === 0) continue;
@@ -123,33 +162,24 @@ function addQuads(grid, at, corners, vertexOf, triangles) {
 
 /** Moves `point` onto the skin in place; returns the outward normal there. */
 function settle(field, point, cell) {
-  let normal;
-  for (let pass = 0; pass < 2; pass++) {
-    normal = gradient(field, point, cell * 0.25);
-    const distance = Math.min(Math.max(field(...point), -cell), cell);
-    for (let i = 0; i < 3; i++) point[i] -= normal[i] * distance;
-  }
-  return normal;
+  const distance = field(...point);
+  const slope = gradient(field, point, distance, cell * 0.2);
+  const steepness = Math.hypot(...slope) || 1;
+  const step = Math.min(Math.max(distance / steepness, -cell), cell);
+  for (let i = 0; i < 3; i++) point[i] -= (slope[i] / steepness) * step;
+  return unit(slope);
 }
 
-function gradient(field, [x, y, z], h) {
-  const slope = [
-    field(x + h, y, z) - field(x - h, y, z),
-    field(x, y + h, z) - field(x, y - h, z),
-    field(x, y, z + h) - field(x, y, z - h),
-  ];
-  const length = Math.hypot(...slope) || 1;
-  return slope.map((value) => value / length);
+function gradient(field, [x, y, z], here, h) {
+  return [field(x + h, y, z), field(x, y + h, z), field(x, y, z + h)].map((d) => (d - here) / h);
 }
 
-function boneWeights(shapes, bones, [x, y, z], softness) {
-  const weights = new Float32Array(bones.length);
-  for (const shape of shapes) {
-    const bone = bones.indexOf(shape.bone);
-    const weight = Math.exp(-Math.max(shape.distance(x, y, z), 0) / softness);
-    weights[bone] = Math.max(weights[bone], weight ** 3);
+function boneWeights(carriers, bones, [x, y, z], softness) {
+  const nearest = new Float32Array(bones.length).fill(Infinity);
+  for (const { index, shape } of carriers) {
+    nearest[index] = Math.min(nearest[index], Math.max(shape.distance(x, y, z), 0));
   }
-  return normalized(weights);
+  return normalized(nearest.map((distance) => Math.exp(-distance / softness)));
 }
 
 function normalized(weights) {
@@ -166,13 +196,24 @@ function adjacency(count, triangles) {
   return neighbors;
 }
 
-function mean(weights, among) {
-  const sum = new Float32Array(weights[0].length);
-  for (const v of among) for (let b = 0; b < sum.length; b++) sum[b] += weights[v][b];
-  return sum.map((value) => value / among.length);
+function smoothed(rows, neighbors) {
+  return rows.map((row, v) => {
+    const among = neighbors[v];
+    const sum = new Float32Array(row.length);
+    for (const n of among) {
+      const other = rows[n];
+      for (let b = 0; b < sum.length; b++) sum[b] += other[b] / among.length;
+    }
+    return sum;
+  });
 }
 
 function strongestFour(weights) {
-  const order = [...weights.keys()].sort((a, b) => weights[b] - weights[a]).slice(0, 4);
-  return { bones: order, weights: normalized(Float32Array.from(order, (b) => weights[b])) };
+  const left = Float32Array.from(weights);
+  const bones = [0, 1, 2, 3].map(() => {
+    const bone = left.reduce((best, weight, b) => (weight > left[best] ? b : best), 0);
+    left[bone] = -1;
+    return bone;
+  });
+  return { bones, weights: normalized(Float32Array.from(bones, (bone) => weights[bone])) };
 }
