@@ -63,7 +63,7 @@ def read_splits(folder: Path) -> dict[str, Split]:
     Raises:
         DataError: One of the three lists is missing, or all are empty.
     """
-    splits = {
+    splits: dict[str, Split] = {
         name: split
         for split in SPLITS
         for name in _existing(folder / f"{split}.txt").read_text(encoding="utf-8").split()

@@ -58,7 +58,8 @@ class Dataset:
     def normalizer(self) -> Normalizer:
         """Mean and standard deviation of its features."""
         stored = self.manifest.normalizer
-        return Normalizer(np.float32(stored.mean), np.float32(stored.std))
+        mean, std = (np.array(values, np.float32) for values in (stored.mean, stored.std))
+        return Normalizer(mean, std)
 
     @property
     def sources(self) -> tuple[Source, ...]:

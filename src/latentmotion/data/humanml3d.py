@@ -1,9 +1,11 @@
 """Official processed folders of HumanML3D and KIT-ML: features that their authors computed.
 
-new_joint_vecs/ID.npy   features (frames, 263 or 251); `M…` (mirrored) are computed anew
-texts/ID.txt            captions
-train.txt …             splits
-Mean.npy, Std.npy       statistics by which published models normalize
+    new_joint_vecs/ID.npy   features (frames, 263 or 251); `M…` are mirrored copies
+    texts/ID.txt            captions
+    train.txt …             splits
+    Mean.npy, Std.npy       statistics by which published models normalize
+
+Only the recorded half is stored; mirrored copies are computed, and take their captions from here.
 """
 
 from __future__ import annotations
