@@ -173,8 +173,7 @@ class MotionGenerator:
 
     def condition(self, captions: Sequence[str]) -> Conditioning:
         """Returns one token per sentence: its pooled embedding."""
-        pooled = self.text_encoder(captions).pooled[:, None]
-        return Conditioning(pooled, np.ones(pooled.shape[:2], dtype=bool))
+        return self.text_encoder(captions).sentence()
 
     def latents(
         self, condition: Conditioning, order: Order

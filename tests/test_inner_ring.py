@@ -1,0 +1,29 @@
+"""What uses a trained model runs without PyTorch and is imported in no time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+
+def run(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_importing_the_package_imports_nothing_else() -> None:
+    code = "import sys; import latentmotion as l; print('numpy' in sys.modules, l.__version__)"
+    assert run(code).startswith("False")
+
+
+def test_generation_imports_no_pytorch() -> None:
+    code = (
+        "import sys; import latentmotion.generator, latentmotion.cli.generate;"
+        "print(sorted({'torch', 'scipy', 'transformers', 'onnx', 'PIL', 'av'} & set(sys.modules)))"
+    )
+    assert run(code) == "[]"
+
+
+def test_public_names_exist() -> None:
+    code = "import latentmotion as l; print(all(getattr(l, n) is not None for n in l.__all__))"
+    assert run(code) == "True"
