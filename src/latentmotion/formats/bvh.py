@@ -7,8 +7,7 @@ A joint's rotation is the product of its rotation channels in the order they are
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from jaxtyping import Float
 from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError
 from latentmotion.files import atomic_file
+from latentmotion.formats.bvh_hierarchy import Node, hierarchy_lines, read_hierarchy
 from latentmotion.formats.lines import meters_per_unit, numbers, read_lines, table
 from latentmotion.rotations import euler_from_matrix, matrix_from_euler
 from latentmotion.skeleton import Skeleton
@@ -24,27 +24,8 @@ from latentmotion.skeleton import Skeleton
 WRITTEN_ORDER = "ZXY"
 """Rotation order of the files we write: an upright body is far from its singularity."""
 
-_STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\b)", re.IGNORECASE)
-_CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
 _FRAMES = re.compile(r"\s*frames\s*:?\s*(\d+)\s*", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*frame\s*time\s*:?\s*(\S+)\s*", re.IGNORECASE)
-
-
-@dataclass
-class _Node:
-    """One `ROOT`, `JOINT` or `End Site` block."""
-
-    name: str
-    parent: int
-    is_end: bool = False
-    offset: Float[np.ndarray, " 3"] | None = None
-    channels: list[tuple[str, str]] = field(default_factory=list)
-    """Axis (`X`) and kind (`position` or `rotation`) of each column."""
-
-    @property
-    def order(self) -> str:
-        """The axes it turns about, first to last."""
-        return "".join(axis for axis, kind in self.channels if kind == "rotation")
 
 
 def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
@@ -64,16 +45,13 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
     """
     scale = meters_per_unit(unit)
     lines = read_lines(path)
-    header = _Header(Path(path))
-    start = header.read(lines)
-    count, fps, body = _read_timing(header.path, lines, start)
-    width = sum(len(node.channels) for node in header.nodes)
-    values = table(header.path, lines, body, width)
+    nodes, start = read_hierarchy(Path(path), lines)
+    count, fps, body = _read_timing(Path(path), lines, start)
+    values = table(path, lines, body, len(_columns(nodes)))
     if len(values) != count:
-        raise FileFormatError(
-            path, f"found {len(values)} frames, expected {count} as 'Frames:' says", len(lines)
-        )
-    return _animation(header, values, scale, fps)
+        problem = f"found {len(values)} frames, expected {count} as 'Frames:' says"
+        raise FileFormatError(path, problem, len(lines))
+    return _animation(Path(path).stem, nodes, values, scale, fps)
 
 
 def write_bvh(path: str | Path, animation: Animation) -> None:
@@ -95,103 +73,10 @@ def write_bvh(path: str | Path, animation: Animation) -> None:
     rows = _rows(animation, joints, moving)
     template = " ".join(["%.6f"] * rows.shape[1])
     with atomic_file(path) as temporary:
-        lines = ["HIERARCHY", *_hierarchy(skeleton, 0, moving), "MOTION"]
+        lines = ["HIERARCHY", *hierarchy_lines(skeleton, moving, WRITTEN_ORDER), "MOTION"]
         lines += [f"Frames: {len(rows)}", f"Frame Time: {1 / animation.fps:.8f}"]
         lines += [template % tuple(row) for row in rows.tolist()]
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-class _Header:
-    """Reads the hierarchy, statement by statement."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.nodes: list[_Node] = []
-        self._open: list[int] = []
-        self._line = 1
-
-    def read(self, lines: Sequence[str]) -> int:
-        """Reads up to `MOTION` and returns the index of the line after it."""
-        statements = _statements(lines)
-        self._line, first = next(statements)
-        self._check(first.upper() == "HIERARCHY", f"found {first[:40]!r}, expected 'HIERARCHY'")
-        for self._line, statement in statements:
-            if statement.upper() == "MOTION":
-                self._check(not self._open, "found 'MOTION' before the last '}'")
-                self._check(bool(self.nodes), "found 'MOTION' before any 'ROOT'")
-                return self._line
-            self._take(statement)
-        raise FileFormatError(self.path, "ends before 'MOTION': the file is truncated", len(lines))
-
-    def _take(self, statement: str) -> None:
-        keyword, *words = statement.split()
-        match keyword.upper():
-            case "ROOT" | "JOINT":
-                self._add(_Node(" ".join(words), self._parent(keyword)))
-            case "END":
-                parent = self._parent(keyword)
-                self._add(_Node(f"{self.nodes[parent].name}_end", parent, is_end=True))
-            case "{":
-                self._open.append(len(self.nodes) - 1)
-            case "}":
-                self._close()
-            case "OFFSET":
-                self._current(keyword).offset = numbers(self.path, self._line, words, 3)
-            case "CHANNELS":
-                self._current(keyword).channels = self._channels(words)
-            case _:
-                raise FileFormatError(
-                    self.path, f"found {statement[:40]!r}, expected a BVH keyword", self._line
-                )
-
-    def _add(self, node: _Node) -> None:
-        taken = {other.name for other in self.nodes}
-        name, copy = node.name, 2
-        while node.name in taken:
-            node.name, copy = f"{name}_{copy}", copy + 1
-        self.nodes.append(node)
-
-    def _parent(self, keyword: str) -> int:
-        if keyword.upper() == "ROOT":
-            self._check(not self.nodes, "found a second 'ROOT', expected one skeleton per file")
-            return -1
-        self._check(bool(self._open), f"found {keyword!r} outside the braces of its parent")
-        return self._open[-1]
-
-    def _close(self) -> None:
-        node = self._current("}")
-        self._check(node.offset is not None, f"{node.name} has no 'OFFSET'")
-        self._open.pop()
-
-    def _current(self, keyword: str) -> _Node:
-        self._check(bool(self._open), f"found {keyword!r} outside any joint's braces")
-        return self.nodes[self._open[-1]]
-
-    def _channels(self, words: Sequence[str]) -> list[tuple[str, str]]:
-        count, names = (words[0] if words else "none"), words[1:]
-        self._check(
-            count == str(len(names)), f"'CHANNELS' says {count}, but {len(names)} names follow"
-        )
-        found = [_CHANNEL.fullmatch(name) for name in names]
-        channels = [(m[1].upper(), m[2].lower()) for m in found if m]
-        self._check(
-            len(channels) == len(names),
-            f"found the channels {' '.join(names)!r}, expected"
-            " names like 'Xposition' and 'Zrotation'",
-        )
-        return channels
-
-    def _check(self, condition: bool, problem: str) -> None:
-        if not condition:
-            raise FileFormatError(self.path, problem, self._line)
-
-
-def _statements(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
-    """Yields the line, from 1, and the text of each statement; several may share a line."""
-    for number, line in enumerate(lines, 1):
-        for part in _STATEMENT.split(line):
-            if part and part.strip():
-                yield number, part.strip()
 
 
 def _read_timing(path: Path, lines: Sequence[str], start: int) -> tuple[int, float, int]:
@@ -214,18 +99,21 @@ def _read_timing(path: Path, lines: Sequence[str], start: int) -> tuple[int, flo
 def _frames_per_second(seconds: float) -> float:
     """Undoes the rounding of the frame time: 0.0083333 s means 120 frames per second."""
     fps = 1 / seconds
-    return float(round(fps)) if abs(fps - round(fps)) < 1e-4 * fps else fps
+    return float(round(fps)) if abs(fps - round(fps)) < 5e-4 * fps else fps
 
 
 def _animation(
-    header: _Header, values: Float[np.ndarray, "frames columns"], scale: float, fps: float
+    name: str,
+    nodes: Sequence[Node],
+    values: Float[np.ndarray, "frames columns"],
+    scale: float,
+    fps: float,
 ) -> Animation:
-    nodes = header.nodes
     offsets = scale * np.array([node.offset for node in nodes])
     moved = _translations(nodes, values, offsets, scale)
     offsets[0] = 0
     skeleton = Skeleton(
-        name=header.path.stem,
+        name=name,
         names=tuple(node.name for node in nodes),
         parents=tuple(node.parent for node in nodes),
         offsets=offsets,
@@ -237,7 +125,7 @@ def _animation(
 
 
 def _translations(
-    nodes: Sequence[_Node],
+    nodes: Sequence[Node],
     values: Float[np.ndarray, "frames columns"],
     offsets: Float[np.ndarray, "joints 3"],
     scale: float,
@@ -250,7 +138,7 @@ def _translations(
 
 
 def _rotations(
-    nodes: Sequence[_Node], values: Float[np.ndarray, "frames columns"]
+    nodes: Sequence[Node], values: Float[np.ndarray, "frames columns"]
 ) -> Float[np.ndarray, "frames joints 3 3"]:
     """Turns all joints of the same rotation order at once."""
     turning: dict[int, list[int]] = {}
@@ -265,37 +153,12 @@ def _rotations(
     return rotations
 
 
-def _columns(nodes: Sequence[_Node]) -> list[tuple[int, str, str]]:
+def _columns(nodes: Sequence[Node]) -> list[tuple[int, str, str]]:
     return [(joint, *channel) for joint, node in enumerate(nodes) for channel in node.channels]
 
 
 def _depth_first(skeleton: Skeleton, joint: int = 0) -> list[int]:
     return [joint, *(j for c in skeleton.children(joint) for j in _depth_first(skeleton, c))]
-
-
-def _hierarchy(skeleton: Skeleton, joint: int, moving: set[int]) -> list[str]:
-    """Returns the lines of a joint's block and of all below it."""
-    children = skeleton.children(joint)
-    name = "_".join(skeleton.names[joint].split())
-    positions = [f"{axis}position" for axis in "XYZ"] if joint in moving else []
-    channels = positions + [f"{axis}rotation" for axis in WRITTEN_ORDER]
-    inside = [_offset(skeleton, joint), f"CHANNELS {len(channels)} {' '.join(channels)}"]
-    for child in children:
-        end = child in skeleton.end_sites
-        inside += _end(_offset(skeleton, child)) if end else _hierarchy(skeleton, child, moving)
-    if not children:
-        # The true tip is unknown; half the bone before it looks right in every viewer.
-        inside += _end(_offset(skeleton, joint, 0.5))
-    return [f"{'JOINT' if joint else 'ROOT'} {name}", "{", *("\t" + s for s in inside), "}"]
-
-
-def _end(offset: str) -> list[str]:
-    return ["End Site", "{", "\t" + offset, "}"]
-
-
-def _offset(skeleton: Skeleton, joint: int, share: float = 1.0) -> str:
-    centimeters = np.round(100 * share * np.asarray(skeleton.offsets[joint], np.float64), 6) + 0.0
-    return "OFFSET " + " ".join(f"{value:.6f}" for value in centimeters)
 
 
 def _rows(
@@ -329,11 +192,8 @@ def _continuous_euler(
     direct = euler_from_matrix(rotations, WRITTEN_ORDER)
     flipped = direct * np.array([1, -1, 1]) + np.pi
     change = _distance(direct[:-1], flipped[1:]) < _distance(direct[:-1], direct[1:])
-    side = (
-        np.concatenate([np.zeros_like(change[:1]), np.cumsum(change, axis=0) % 2 == 1])
-        if len(change)
-        else np.zeros(direct.shape[:-1], bool)
-    )
+    changed = np.cumsum(change, axis=0) % 2 == 1
+    side = np.concatenate([np.zeros_like(changed, shape=(1, *changed.shape[1:])), changed])
     return np.unwrap(np.where(side[..., None], flipped, direct), axis=0)
 
 

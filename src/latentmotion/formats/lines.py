@@ -56,7 +56,7 @@ def read_lines(path: str | Path) -> list[str]:
     if not text.strip():
         raise FileFormatError(path, "the file is empty")
     # str.splitlines would also break at form feeds and the like, and the count would be off.
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return text.replace("\r\n", "\n").replace("\r", "\n").rstrip().split("\n")
 
 
 def numbers(
@@ -106,10 +106,11 @@ def table(
     try:
         values = np.array(rows, dtype=np.float64).reshape(len(rows), width)
     except ValueError:
-        values = None
-    if values is None or not np.isfinite(values).all():
-        for line, text in enumerate(lines[start:], start + 1):
-            if text.strip():
-                numbers(path, line, text.split(), width)
-    assert values is not None
-    return values
+        values = np.full((1, width), np.nan)
+    if np.isfinite(values).all():
+        return values
+    # Something is wrong: the slow way finds where.
+    filled = [
+        (n, words) for n, line in enumerate(lines[start:], start + 1) if (words := line.split())
+    ]
+    return np.stack([numbers(path, line, words, width) for line, words in filled])

@@ -1,0 +1,189 @@
+"""The first half of a BVH file: `HIERARCHY`, the tree of joints with offsets and channels."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.errors import FileFormatError
+from latentmotion.formats.lines import numbers
+from latentmotion.skeleton import Skeleton
+
+_STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\b)", re.IGNORECASE)
+_CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
+
+
+@dataclass
+class Node:
+    """One `ROOT`, `JOINT` or `End Site` block."""
+
+    name: str
+    """Its name; an end site is `<parent>_end`."""
+    parent: int
+    """Index of its parent; -1 for the root."""
+    is_end: bool = False
+    """Whether it is an end site."""
+    offset: Float[np.ndarray, " 3"] | None = None
+    """From its parent, in the file's unit; none until its line is read."""
+    channels: list[tuple[str, str]] = field(default_factory=list)
+    """Axis (`X`) and kind (`position` or `rotation`) of each of its columns."""
+
+    @property
+    def order(self) -> str:
+        """The axes it turns about, first to last."""
+        return "".join(axis for axis, kind in self.channels if kind == "rotation")
+
+
+def read_hierarchy(path: Path, lines: Sequence[str]) -> tuple[list[Node], int]:
+    """Reads up to `MOTION`.
+
+    Args:
+        path: The file, for errors.
+        lines: All its lines.
+
+    Returns:
+        The joints, parents first, and the index of the line after `MOTION`.
+
+    Raises:
+        FileFormatError: The hierarchy is damaged.
+    """
+    reader = _Reader(path)
+    for line, statement in _statements(lines):
+        reader.take(line, statement)
+        if reader.ended:
+            return reader.nodes, line
+    raise FileFormatError(path, "ends before 'MOTION': the file is truncated", len(lines))
+
+
+def hierarchy_lines(
+    skeleton: Skeleton, moving: Collection[int], order: str, joint: int = 0
+) -> list[str]:
+    """Returns the lines of a joint's block and of all below it, in centimeters.
+
+    Args:
+        skeleton: Whose tree it is.
+        moving: Joints that get position channels.
+        order: The axes of the rotation channels, first to last.
+        joint: Where to begin.
+    """
+    children = skeleton.children(joint)
+    positions = [f"{axis}position" for axis in "XYZ"] if joint in moving else []
+    channels = positions + [f"{axis}rotation" for axis in order]
+    inside = [_offset(skeleton, joint), f"CHANNELS {len(channels)} {' '.join(channels)}"]
+    for child in children:
+        is_end = child in skeleton.end_sites
+        below = hierarchy_lines(skeleton, moving, order, child) if not is_end else []
+        inside += below or _end_site(skeleton, child)
+    if not children:
+        # BVH demands a tip. The true one is unknown; half the bone before it looks right.
+        inside += _end_site(skeleton, joint, share=0.5)
+    name = "_".join(skeleton.names[joint].split())
+    return [f"{'JOINT' if joint else 'ROOT'} {name}", "{", *("\t" + s for s in inside), "}"]
+
+
+def _end_site(skeleton: Skeleton, joint: int, share: float = 1.0) -> list[str]:
+    return ["End Site", "{", "\t" + _offset(skeleton, joint, share), "}"]
+
+
+def _offset(skeleton: Skeleton, joint: int, share: float = 1.0) -> str:
+    centimeters = np.round(100 * share * np.asarray(skeleton.offsets[joint], np.float64), 6)
+    # Adding zero turns the -0 that rounding leaves into 0.
+    return "OFFSET " + " ".join(f"{value:.6f}" for value in centimeters + 0.0)
+
+
+def _statements(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Yields the line, from 1, and the text of each statement; several may share a line."""
+    for number, line in enumerate(lines, 1):
+        for part in _STATEMENT.split(line):
+            if part and part.strip():
+                yield number, part.strip()
+
+
+class _Reader:
+    """Takes a hierarchy statement by statement."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.nodes: list[Node] = []
+        self.ended = False
+        self._line = 0
+        self._open: list[int] = []
+        self._unopened: int | None = None
+        """The joint whose `{` must come next."""
+        self._actions = {
+            **{"ROOT": self._root, "JOINT": self._joint, "END": self._end_site},
+            **{"{": self._brace, "}": self._close, "MOTION": self._motion},
+            **{"OFFSET": self._offset, "CHANNELS": self._channels},
+        }
+
+    def take(self, line: int, statement: str) -> None:
+        """Reads one statement of line `line`."""
+        keyword, *words = statement.split()
+        is_first, self._line = self._line == 0, line
+        found = f"found {statement[:40]!r}"
+        if is_first:
+            self._check(keyword.upper() == "HIERARCHY", f"{found}, expected 'HIERARCHY': not BVH")
+            return
+        self._check(keyword.upper() in self._actions, f"{found}, expected a keyword of BVH")
+        self._check((self._unopened is not None) == (keyword == "{"), f"{found} at a wrong place")
+        self._actions[keyword.upper()](words)
+
+    def _root(self, words: list[str]) -> None:
+        self._check(not self.nodes, "found a second 'ROOT', expected one skeleton per file")
+        self._add(Node(" ".join(words), -1))
+
+    def _joint(self, words: list[str]) -> None:
+        self._add(Node(" ".join(words), self._current()))
+
+    def _end_site(self, words: list[str]) -> None:
+        parent = self._current()
+        self._add(Node(f"{self.nodes[parent].name}_end", parent, is_end=True))
+
+    def _add(self, node: Node) -> None:
+        taken = {other.name for other in self.nodes}
+        name, copy = node.name, 2
+        while node.name in taken:
+            node.name, copy = f"{name}_{copy}", copy + 1
+        self._unopened = len(self.nodes)
+        self.nodes.append(node)
+
+    def _brace(self, words: list[str]) -> None:
+        assert self._unopened is not None
+        self._open.append(self._unopened)
+        self._unopened = None
+
+    def _close(self, words: list[str]) -> None:
+        node = self.nodes[self._current()]
+        self._check(node.offset is not None, f"{node.name} has no 'OFFSET'")
+        self._open.pop()
+
+    def _offset(self, words: list[str]) -> None:
+        self.nodes[self._current()].offset = numbers(self.path, self._line, words, 3)
+
+    def _channels(self, words: list[str]) -> None:
+        count, names = (words[0] if words else "none"), words[1:]
+        problem = f"'CHANNELS' says {count}, but {len(names)} names follow"
+        self._check(count == str(len(names)), problem)
+        found = [match for name in names if (match := _CHANNEL.fullmatch(name))]
+        problem = f"found the channels {names}, expected names like 'Xposition' and 'Zrotation'"
+        self._check(len(found) == len(names), problem)
+        node = self.nodes[self._current()]
+        node.channels = [(match[1].upper(), match[2].lower()) for match in found]
+
+    def _motion(self, words: list[str]) -> None:
+        self._check(bool(self.nodes), "found 'MOTION' before any 'ROOT'")
+        self._check(not self._open, "found 'MOTION' before the last '}'")
+        self.ended = True
+
+    def _current(self) -> int:
+        self._check(bool(self._open), "found a statement outside the braces of any joint")
+        return self._open[-1]
+
+    def _check(self, condition: bool, problem: str) -> None:
+        if not condition:
+            raise FileFormatError(self.path, problem, self._line)
