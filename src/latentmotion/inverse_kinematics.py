@@ -248,7 +248,7 @@ def _hinge_evidence(
 
 def _smooth_hinge(
     axis: Float[np.ndarray, "frames 3"],
-    start: Float[np.ndarray, "width"],
+    start: Float[np.ndarray, " width"],
     evidence: Float[np.ndarray, "frames 3"],
     weight: Float[np.ndarray, " frames"],
     stiffness: float,
@@ -262,7 +262,7 @@ def _smooth_hinge(
 
 
 def _transport(
-    axis: Float[np.ndarray, "frames 3"], start: Float[np.ndarray, "width"]
+    axis: Float[np.ndarray, "frames 3"], start: Float[np.ndarray, " width"]
 ) -> Float[np.ndarray, "frames 3"]:
     """Carries a normal along a turning axis by the smallest rotation from frame to frame."""
     steps = _align(axis[:-1], axis[1:])

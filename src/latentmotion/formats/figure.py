@@ -49,9 +49,9 @@ _SOLE = 0.02
 class Camera:
     """A pinhole that looks at a point."""
 
-    eye: Float[np.ndarray, "width"]
+    eye: Float[np.ndarray, " width"]
     """Where it stands, meters."""
-    target: Float[np.ndarray, "width"]
+    target: Float[np.ndarray, " width"]
     """What it looks at: the middle of the picture, meters."""
     focal: float
     """Pixels for one meter at one meter's distance."""
@@ -70,7 +70,7 @@ class Camera:
         flat = np.stack([relative @ right, -(relative @ up)], axis=-1)
         return middle + flat * scale[..., None], depth
 
-    def axes(self) -> tuple[Float[np.ndarray, "width"], ...]:
+    def axes(self) -> tuple[Float[np.ndarray, " width"], ...]:
         """Returns the unit vectors to the right, up and ahead."""
         ahead = _unit(self.target - self.eye)
         right = _unit(np.cross(ahead, np.array([0.0, 1.0, 0.0])))
@@ -78,7 +78,7 @@ class Camera:
 
 
 def camera_around(
-    target: Float[np.ndarray, "width"],
+    target: Float[np.ndarray, " width"],
     azimuth: float,
     elevation: float,
     distance: float,
@@ -117,7 +117,7 @@ class Bodies:
     names: tuple[str, ...]
     """Name of each joint."""
 
-    def moved(self, frame: int, shift: Float[np.ndarray, "width"]) -> Bodies:
+    def moved(self, frame: int, shift: Float[np.ndarray, " width"]) -> Bodies:
         """Returns one frame alone, somewhere else."""
         parts = (self.vertices, self.joints)
         vertices, joints = (part[frame : frame + 1] + shift for part in parts)

@@ -180,7 +180,7 @@ class _Body:
         return np.where(cut, below, value), np.where(cut[:, None], (0, -1, 0), slope), share / total
 
     def sample(
-        self, low: Float[np.ndarray, "width"], cell: float, size: Int[np.ndarray, "width"]
+        self, low: Float[np.ndarray, " width"], cell: float, size: Int[np.ndarray, " width"]
     ) -> Float[np.ndarray, "x y z"]:
         """Returns f on a grid, where it is near zero; far outside it is just large."""
         total = np.full(size, 1e-30)
@@ -277,7 +277,7 @@ def _cell_vertices(values: Float[np.ndarray, "x y z"]) -> Float[np.ndarray, "u v
 
 
 def _corner(
-    values: Float[np.ndarray, "x y z"], corner: Int[np.ndarray, "width"]
+    values: Float[np.ndarray, "x y z"], corner: Int[np.ndarray, " width"]
 ) -> Float[np.ndarray, "u v w"]:
     """Returns the values at one corner of every cell."""
     return values[tuple(slice(c, n - 1 + c) for c, n in zip(corner, values.shape, strict=True))]

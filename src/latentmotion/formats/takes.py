@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.formats.joint_map import to_humanml3d
+from latentmotion.joint_map import to_humanml3d
 from latentmotion.motion import Motion
 
 

@@ -1,0 +1,194 @@
+"""glTF 2.0 binary (`.glb`): a skinned mannequin, one node per joint, one animation per take.
+
+    header      magic "glTF", version 2, length
+    JSON chunk  nodes, skin, mesh, material, animations, accessors
+    BIN chunk   arrays, each aligned to 4 bytes
+
+Units are meters and y is up, as glTF has it. Rotations are quaternions (x, y, z, w).
+Source: Khronos glTF 2.0 specification, https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.animation import Animation
+from latentmotion.errors import InputError
+from latentmotion.files import atomic_file
+from latentmotion.formats.mannequin import Mannequin, make_mannequin
+from latentmotion.motion import Motion
+from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.skeleton import Skeleton
+
+_FLOAT, _UBYTE, _UINT = 5126, 5121, 5125
+_COMPONENTS = {np.dtype("f4"): _FLOAT, np.dtype("u1"): _UBYTE, np.dtype("u4"): _UINT}
+_VERTICES, _INDICES = 34962, 34963
+_COLOR = (0.10, 0.215, 0.552, 1.0)
+"""Linear RGB of the mannequin."""
+
+_SAME = 1e-6
+"""Meters below which two offsets are the same."""
+
+
+def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+    """Writes one figure that all motions move: each is an animation of the file.
+
+    Raises:
+        InputError: The motions differ in skeleton, or the folder cannot be written.
+    """
+    if any(motion.skeleton.names != motions[0].skeleton.names for motion in motions):
+        raise InputError("the takes of one .glb file must share a skeleton; write several files")
+    content = _glb(motions)
+    with atomic_file(path) as temporary:
+        temporary.write_bytes(content)
+    return [Path(path)]
+
+
+def _glb(motions: Sequence[Motion]) -> bytes:
+    animations = [motion.animation() for motion in motions]
+    skeleton = animations[0].skeleton
+    arrays = _Arrays()
+    document = {
+        "asset": {"version": "2.0", "generator": "latentmotion"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, len(skeleton)]}],
+        "nodes": [*_joint_nodes(skeleton), {"name": "mannequin", "mesh": 0, "skin": 0}],
+        **_figure(make_mannequin(skeleton), arrays),
+        "animations": [
+            _animation(motion, animation, skeleton, number, arrays)
+            for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1)
+        ],
+    }
+    document |= {
+        "accessors": arrays.accessors,
+        "bufferViews": arrays.views,
+        "buffers": [{"byteLength": len(arrays.content)}],
+    }
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(arrays.content), b"BIN\0") + bytes(arrays.content)
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+class _Arrays:
+    """The binary part: each array gets an accessor, whose index is returned."""
+
+    def __init__(self) -> None:
+        self.content = bytearray()
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def add(
+        self, array: np.ndarray, kind: str, target: int | None = None, bounds: bool = False
+    ) -> int:
+        data = np.ascontiguousarray(array)
+        view = {"buffer": 0, "byteOffset": len(self.content), "byteLength": data.nbytes}
+        self.views.append(view | ({"target": target} if target else {}))
+        self.content += data.tobytes() + bytes(-data.nbytes % 4)
+        accessor = {
+            "bufferView": len(self.views) - 1,
+            "componentType": _COMPONENTS[data.dtype],
+            "count": len(data),
+            "type": kind,
+        }
+        if bounds:
+            columns = data.reshape(len(data), -1)
+            accessor |= {"min": columns.min(0).tolist(), "max": columns.max(0).tolist()}
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+
+def _joint_nodes(skeleton: Skeleton) -> list[dict[str, Any]]:
+    """Returns the joints in rest pose, standing on the floor."""
+    offsets = np.array(skeleton.offsets, dtype=np.float64)
+    offsets[0, 1] = -skeleton.rest_joints()[:, 1].min()
+    nodes: list[dict[str, Any]] = []
+    for joint, name in enumerate(skeleton.names):
+        node = {"name": name, "translation": offsets[joint].tolist()}
+        children = list(skeleton.children(joint))
+        nodes.append(node | ({"children": children} if children else {}))
+    return nodes
+
+
+def _figure(mannequin: Mannequin, arrays: _Arrays) -> dict[str, Any]:
+    weights = np.where(mannequin.weights > 0.005, mannequin.weights, 0)
+    weights = weights / weights.sum(-1, keepdims=True)
+    joints = np.where(weights > 0, mannequin.joints, 0)
+    triangles = mannequin.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1)
+    vertices, normals = mannequin.vertices.astype("f4"), mannequin.normals.astype("f4")
+    attributes = {
+        "POSITION": arrays.add(vertices, "VEC3", _VERTICES, bounds=True),
+        "NORMAL": arrays.add(normals, "VEC3", _VERTICES),
+        "JOINTS_0": arrays.add(joints.astype("u1"), "VEC4", _VERTICES),
+        "WEIGHTS_0": arrays.add(weights.astype("f4"), "VEC4", _VERTICES),
+    }
+    indices = arrays.add(triangles.astype("u4"), "SCALAR", _INDICES)
+    skeleton = mannequin.skeleton
+    surface = {"baseColorFactor": _COLOR, "metallicFactor": 0.0, "roughnessFactor": 0.7}
+    primitive = {"attributes": attributes, "indices": indices, "material": 0}
+    binding = arrays.add(_inverse_bind_matrices(skeleton), "MAT4")
+    skin = {"name": skeleton.name, "joints": [*range(len(skeleton))], "skeleton": 0}
+    return {
+        "materials": [{"name": "mannequin", "pbrMetallicRoughness": surface}],
+        "meshes": [{"name": "mannequin", "primitives": [primitive]}],
+        "skins": [skin | {"inverseBindMatrices": binding}],
+    }
+
+
+def _inverse_bind_matrices(skeleton: Skeleton) -> Float[np.ndarray, "joints 4 4"]:
+    """Returns, column by column as glTF has them, the moves of each joint to the origin."""
+    matrices = np.tile(np.eye(4, dtype="f4"), (len(skeleton), 1, 1))
+    matrices[:, 3, :3] = -skeleton.rest_joints()
+    return matrices
+
+
+def _animation(
+    motion: Motion, animation: Animation, skeleton: Skeleton, number: int, arrays: _Arrays
+) -> dict[str, Any]:
+    times = (np.arange(len(animation)) / animation.fps).astype("f4")
+    clocks: dict[int, int] = {}
+    quaternions = continuous_quaternions(quaternion_from_matrix(animation.rotations))
+    quaternions = quaternions[..., [1, 2, 3, 0]].astype("f4")
+    channels, samplers = [], []
+
+    def add(joint: int, path: str, values: np.ndarray) -> None:
+        kind = "VEC4" if path == "rotation" else "VEC3"
+        if len(values) not in clocks:
+            clocks[len(values)] = arrays.add(times[: len(values)], "SCALAR", bounds=True)
+        output = arrays.add(values.astype("f4"), kind)
+        samplers.append({"input": clocks[len(values)], "output": output})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": joint, "path": path}})
+
+    for joint in range(len(skeleton)):
+        if skeleton.children(joint):
+            add(joint, "rotation", quaternions[:, joint])
+        moves = _moves(animation, skeleton, joint)
+        if moves is not None:
+            add(joint, "translation", moves)
+    extras = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
+    name = f"{number}: {motion.caption}" if motion.caption else f"take {number}"
+    return {"name": name, "channels": channels, "samplers": samplers, "extras": extras}
+
+
+def _moves(animation: Animation, skeleton: Skeleton, joint: int) -> np.ndarray | None:
+    """Returns a joint's place relative to its parent in all frames, in one, or not at all.
+
+    One frame is enough where this take's bones are as long all along, but not as in rest pose.
+    """
+    if joint == 0:
+        return animation.root_positions
+    if animation.translations is not None:
+        places = animation.translations[:, joint]
+        if np.ptp(places, axis=0).max() > _SAME:
+            return places
+    place = animation.skeleton.offsets[joint]
+    differs = np.abs(place - skeleton.offsets[joint]).max() > _SAME
+    return place[None] if differs else None
