@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from latentmotion.configuration import from_json, to_json
@@ -24,7 +24,7 @@ from latentmotion.vae.transformer import TransformerVAEConfig
 class LatentSettings:
     """How the first stage's latents are kept for the second."""
 
-    cropping: Cropping = Cropping()
+    cropping: Cropping = field(default_factory=Cropping)
     """Which parts of clips are encoded."""
     per_item: int = 4
     """Crops kept of each clip, or part of a clip with sentences of its own."""

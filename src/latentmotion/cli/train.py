@@ -44,6 +44,38 @@ class TrainVAE:
             print(train_vae(experiment, self.data, self.output, place))
 
 
+@dataclass(frozen=True)
+class TrainDenoiser:
+    """Trains the diffusion on the latents of a trained VAE (stage 2); writes OUTPUT/model."""
+
+    data: Path
+    """Folder that `latentmotion data prepare` made."""
+    vae: Path
+    """Run folder of `latentmotion train vae`, or a model folder."""
+    output: Output
+    """Run folder; one that exists is gone on with."""
+    text_encoder: str = "starter"
+    """Folder of a text encoder, or the name of a model whose encoder is used."""
+    preset: str = "starter"
+    """Experiment to start from: starter or mld_humanml3d."""
+    set: Changes = ()
+    """Change one value of it, e.g. denoiser_training.steps=1000; may be given several times."""
+    device: str = "auto"
+    """auto, cpu, cuda or cuda:N."""
+
+    def run(self) -> None:
+        """Trains until done."""
+        from latentmotion.condition.text.student import StudentTextEncoder
+        from latentmotion.models import find_model
+        from latentmotion.training.devices import training_place
+        from latentmotion.training.stages import train_denoiser
+
+        experiment = experiment_of(self.preset, self.set)
+        encoder = StudentTextEncoder.load(find_model(self.text_encoder))
+        with training_place(self.device) as place:
+            print(train_denoiser(experiment, self.data, self.vae, encoder, self.output, place))
+
+
 def experiment_of(preset: str, changes: tuple[str, ...]) -> Experiment:
     """Returns a preset with changes.
 

@@ -14,6 +14,8 @@ from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Cropping, Item, items_of, plan_epoch
 from latentmotion.errors import DataError
+from latentmotion.representation.normalizer import Normalizer
+
 
 class Plan:
     """Which crops each step shows: epochs of items in random order, batches of similar length.
@@ -49,20 +51,19 @@ class FeatureMemory:
     Args:
         dataset: Where features come from.
         clips: Which are read.
+        normalizer: What they are normalized by.
 
     Raises:
         DataError: There is no clip.
         InputError: The features are not normalized: the normalizer is of other data.
     """
 
-    def __init__(self, dataset: Dataset, clips: Sequence[Clip]) -> None:
-        self._features = {
-            clip.id: dataset.normalizer.normalize(dataset.features(clip)) for clip in clips
-        }
+    def __init__(self, dataset: Dataset, clips: Sequence[Clip], normalizer: Normalizer) -> None:
+        self._features = {c.id: normalizer.normalize(dataset.features(c)) for c in clips}
         if not self._features:
             raise DataError("no clip to train on; see what there is: latentmotion data check")
         every = np.concatenate(list(self._features.values()))
-        dataset.normalizer.check(every, dataset.representation.blocks)
+        normalizer.check(every, dataset.representation.blocks)
 
     def batch(
         self, crops: Sequence[Crop], frames: int

@@ -9,7 +9,7 @@ nothing and a batch split among ranks has the loss of the whole.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import torch
@@ -48,9 +48,9 @@ class VAEObjective:
 class DenoiserObjective:
     """What the denoiser learns; the defaults are the paper's."""
 
-    schedule: ScaledLinear | LinearPath = ScaledLinear()
+    schedule: ScaledLinear | LinearPath = field(default_factory=ScaledLinear)
     """Noise schedule."""
-    prediction: Epsilon | Sample | Velocity = Epsilon()
+    prediction: Epsilon | Sample | Velocity = field(default_factory=Epsilon)
     """What the network predicts."""
     times: Literal["uniform", "logit_normal"] = "uniform"
     """How times are drawn; logit-normal (Esser et al. 2024) prefers the middle of the way."""

@@ -13,6 +13,9 @@ from latentmotion.training.devices import Place
 
 NAME = "experiment.json"
 
+MODEL = "model"
+"""Where in a run folder the trained model is put."""
+
 
 @dataclass(frozen=True)
 class Run:

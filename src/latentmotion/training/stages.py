@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 
-from latentmotion.checkpoint import TrainedModel, describe, save_model
+from latentmotion.checkpoint import TrainedModel, save_model
+from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
-from latentmotion.model_card import LatentSpace, ModelCard
+from latentmotion.training.cards import first_stage_card, second_stage_card
+from latentmotion.training.denoiser_stage import DenoiserStage
 from latentmotion.training.devices import Place
+from latentmotion.training.first_stage import check_fit, load_first_stage, prepare_latents
+from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.loop import train
-from latentmotion.training.provenance import provenance_of
-from latentmotion.training.run_folder import Run, open_run
+from latentmotion.training.run_folder import MODEL, Run, open_run
 from latentmotion.training.vae_stage import VAEStage
-from latentmotion.vae.convolutional import STRIDE, ConvolutionalVAEConfig
-
-MODEL = "model"
-"""Where in a run folder the trained model is put."""
 
 
 def train_vae(experiment: Experiment, data: Path, folder: Path, place: Place) -> Path:
@@ -29,15 +29,48 @@ def train_vae(experiment: Experiment, data: Path, folder: Path, place: Place) ->
         DataError: The data cannot be used.
         InputError: The run folder holds another run, or features and network do not fit.
     """
-    dataset = Dataset.load(data)
+    dataset, training = Dataset.load(data), experiment.vae_training
     check_width(experiment, dataset)
     open_run(folder, Run("vae", dataset.fingerprint, {}, experiment), place)
-    torch.manual_seed(experiment.vae_training.seed)
+    torch.manual_seed(training.seed)
     stage = VAEStage(experiment.vae.build(), dataset, experiment, place)
-    vae, seconds = train(stage, experiment.vae_training, folder, place)
-    card = card_of(experiment, dataset, seconds, latent_space(experiment), stage.validate(vae))
+    vae, seconds = train(stage, training, folder, place)
     if place.leads:
+        card = first_stage_card(experiment, dataset, seconds, stage.validate(vae))
         save_model(folder / MODEL, TrainedModel(card, vae, None))
+    return folder / MODEL
+
+
+def train_denoiser(
+    experiment: Experiment,
+    data: Path,
+    vae: Path,
+    encoder: TextEncoder,
+    folder: Path,
+    place: Place,
+) -> Path:
+    """Trains stage 2, or goes on with it; returns the model folder, which holds both stages.
+
+    Raises:
+        DataError: The data cannot be used.
+        ModelError: There is no trained VAE.
+        InputError: The run folder holds another run, or data, VAE, encoder and network do not fit.
+    """
+    dataset, first = Dataset.load(data), load_first_stage(vae)
+    training = experiment.denoiser_training
+    check_fit(experiment, dataset, first, encoder)
+    parents = {"vae": first.fingerprint, "text": encoder.name}
+    open_run(folder, Run("denoiser", dataset.fingerprint, parents, experiment), place)
+    seen, space = prepare_latents(experiment, dataset, first, encoder, folder, place)
+    card = replace(first.card, latents=space)
+    torch.manual_seed(training.seed)
+    decoder = LatentDecoder(first.vae, card, experiment.latents.cropping.max_frames // 2)
+    stage = DenoiserStage(experiment.denoiser.build(), seen, decoder, experiment, place)
+    denoiser, seconds = train(stage, training, folder, place)
+    if place.leads:
+        figures = stage.validate(denoiser)
+        card = second_stage_card(experiment, dataset, card, encoder, seconds, figures)
+        save_model(folder / MODEL, TrainedModel(card, first.vae.cpu(), denoiser))
     return folder / MODEL
 
 
@@ -49,42 +82,3 @@ def check_width(experiment: Experiment, dataset: Dataset) -> None:
             f"{dataset.folder} has {found} features a frame ({dataset.representation.name}), the "
             f"experiment's VAE takes {expected}; use --set vae.features={found}"
         )
-
-
-def latent_space(
-    experiment: Experiment, mean: tuple[float, ...] = (0.0,), std: tuple[float, ...] = (1.0,)
-) -> LatentSpace:
-    """Describes the latents of the experiment's VAE."""
-    config = experiment.vae
-    if isinstance(config, ConvolutionalVAEConfig):
-        return LatentSpace(config.channels, None, STRIDE, mean, std)
-    return LatentSpace(config.transformer.width, config.tokens, None, mean, std)
-
-
-def card_of(
-    experiment: Experiment,
-    dataset: Dataset,
-    seconds: float,
-    latents: LatentSpace,
-    figures: dict[str, float],
-) -> ModelCard:
-    """Describes the model that the experiment makes from the data, its denoiser left out."""
-    objective, cropping = experiment.denoiser_objective, experiment.latents.cropping
-    return ModelCard(
-        name=experiment.name,
-        task="text",
-        representation=dataset.representation.name,
-        normalizer_mean=tuple(dataset.normalizer.mean.tolist()),
-        normalizer_std=tuple(dataset.normalizer.std.tolist()),
-        latents=latents,
-        schedule=objective.schedule,
-        prediction=objective.prediction,
-        vae=describe(experiment.vae),
-        denoiser={},
-        condition={},
-        steps=experiment.sampling.steps,
-        guidance=experiment.sampling.guidance,
-        frames=(cropping.min_frames, cropping.max_frames),
-        provenance=provenance_of(dataset, seconds),
-        figures={f"vae_{name}": round(value, 3) for name, value in figures.items()},
-    )

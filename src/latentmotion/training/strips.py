@@ -10,12 +10,10 @@ from latentmotion.motion import Motion
 
 
 def write_strip(path: Path, motions: Sequence[Motion]) -> None:
-    """Writes `motions` as a picture, a row each; does nothing without Pillow."""
+    """Writes `motions` as a picture, a row each; does nothing without Pillow or motions."""
     try:
         from latentmotion.formats.strip import write
-    except ImportError:
-        return
-    try:
-        write(path, motions)
     except MissingExtraError:
         return
+    if motions:
+        write(path, motions)

@@ -48,7 +48,7 @@ class VAEStage(Stage):
             "train": spread(dataset.clips("train")),
             "val": spread(dataset.clips("val")),
         }
-        self._memory = FeatureMemory(dataset, [*train, *self._looked_at["val"]])
+        self._memory = FeatureMemory(dataset, [*train, *self._looked_at["val"]], dataset.normalizer)
         cropping = experiment.vae_cropping
         items = items_by_length(train, cropping.max_frames)
         self._plan = Plan(items, self._settings.batch_size, cropping, self._settings.seed)

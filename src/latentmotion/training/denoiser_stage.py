@@ -1,0 +1,116 @@
+"""Stage 2: the denoiser learns the way from noise to latents (paper, section 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+
+from latentmotion.data.sampling import Crop
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.sampler import DDIM, sample
+from latentmotion.experiment import Experiment
+from latentmotion.motion import Motion
+from latentmotion.training.crops import Plan
+from latentmotion.training.devices import Place
+from latentmotion.training.latent_decoder import LatentDecoder
+from latentmotion.training.latents import LatentMemory, Sentences
+from latentmotion.training.loop import Stage
+from latentmotion.training.objectives import LatentBatch, denoiser_losses
+from latentmotion.training.randomness import Ranks, StepRandomness
+
+DRAWS = 4
+"""Times and noises at which held-out motions are measured."""
+
+SAMPLING_STEPS = 20
+"""Sampling steps of the motions in a picture."""
+
+
+@dataclass(frozen=True)
+class LatentData:
+    """What stage 2 learns from."""
+
+    plan: Plan
+    """Which crops each step shows."""
+    held_out: tuple[Crop, ...]
+    """Crops that are only measured."""
+    latents: LatentMemory
+    """Posteriors of all these crops, in the denoiser's scale."""
+    sentences: Sentences
+    """Embeddings of all their captions."""
+
+
+class DenoiserStage(Stage):
+    """The denoiser, the latents that it is shown, and those it is measured on.
+
+    Args:
+        denoiser: The network to train.
+        data: Latents and sentences.
+        decoder: Latents to motions, to look at samples.
+        experiment: Which objective.
+        place: The device and rank.
+    """
+
+    def __init__(
+        self,
+        denoiser: nn.Module,
+        data: LatentData,
+        decoder: LatentDecoder,
+        experiment: Experiment,
+        place: Place,
+    ) -> None:
+        super().__init__()
+        self.network = denoiser
+        self._data, self._decoder, self._place = data, decoder, place
+        self._experiment, self._null = experiment, data.sentences([""])
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`."""
+        crops, ranks = self._data.plan(step), self._place.ranks
+        seed = self._experiment.denoiser_training.seed
+        randomness = StepRandomness(seed, step, len(crops), ranks, self._place.device)
+        batch = self._batch(crops[ranks.share(len(crops))], crops)
+        objective = self._experiment.denoiser_objective
+        return denoiser_losses(self.network, batch, self._null, objective, randomness)
+
+    @torch.no_grad()
+    def validate(self, network: nn.Module) -> dict[str, float]:
+        """Mean loss of held-out motions and of as many seen ones, at the same times and noises."""
+        held_out = self._data.held_out
+        seen = self._data.plan(0)[: len(held_out)]
+        parts = {"loss": held_out, "loss_of_seen": seen} if held_out else {}
+        return {name: self._mean_loss(network, crops) for name, crops in parts.items()}
+
+    @torch.no_grad()
+    def sample(self, network: nn.Module) -> list[Motion]:
+        """Motions for the sentences of a few held-out clips."""
+        captions = [crop.caption for crop in self._data.held_out if crop.caption]
+        captions = captions[:: max(1, len(captions) // 4)][:4]
+        if not captions:
+            return []
+        objective, sampling = self._experiment.denoiser_objective, self._experiment.sampling
+        condition, device = self._data.sentences(captions), self._place.device
+        mask = self._decoder.mask(len(captions)).to(device)
+        noise = SeededNoise(range(len(captions)))
+        z = torch.from_numpy(noise((*mask.shape, self._experiment.denoiser.latent_width)))
+        guided = ClassifierFreeGuidance(network, self._null, sampling.guidance)
+        sampler = DDIM(objective.schedule, objective.prediction)
+        z = sample(guided, sampler, z.to(device), condition, mask, SAMPLING_STEPS, noise)
+        return self._decoder(z, captions)
+
+    def _batch(self, crops: Sequence[Crop], among: Sequence[Crop]) -> LatentBatch:
+        posteriors = self._data.latents.batch(crops, among)
+        condition = self._data.sentences([crop.caption for crop in crops])
+        drawn = float(self._experiment.latents.sampled)
+        return LatentBatch(posteriors.mean, drawn * posteriors.std, posteriors.mask, condition)
+
+    def _mean_loss(self, network: nn.Module, crops: Sequence[Crop]) -> float:
+        objective, batch = self._experiment.denoiser_objective, self._batch(crops, crops)
+        losses = []
+        for draw in range(DRAWS):
+            randomness = StepRandomness(draw, 0, len(crops), Ranks(), self._place.device)
+            losses.append(denoiser_losses(network, batch, self._null, objective, randomness))
+        return sum(float(loss["total"]) for loss in losses) / DRAWS

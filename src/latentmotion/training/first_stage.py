@@ -1,0 +1,133 @@
+"""What stage 2 builds on: a trained VAE, and the latents that it makes of the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from latentmotion.checkpoint import WEIGHTS_FILE, load_model
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.sampling import Item, items_of
+from latentmotion.errors import InputError, ModelError
+from latentmotion.experiment import Experiment
+from latentmotion.files import sha256
+from latentmotion.model_card import CARD_FILE, LatentSpace, ModelCard
+from latentmotion.representation.normalizer import Normalizer
+from latentmotion.training.crops import FeatureMemory, Plan
+from latentmotion.training.denoiser_stage import LatentData
+from latentmotion.training.devices import Place
+from latentmotion.training.latents import (
+    LatentMemory,
+    Posteriors,
+    Sentences,
+    encode_crops,
+    keep_crops,
+    remembered_posteriors,
+)
+from latentmotion.training.run_folder import MODEL, NAME
+from latentmotion.vae.interface import MotionVAE
+
+HELD_OUT = 128
+"""Most held-out crops that a validation looks at."""
+
+
+@dataclass(frozen=True)
+class FirstStage:
+    """A trained VAE."""
+
+    vae: MotionVAE
+    """The network, which trains no more."""
+    card: ModelCard
+    """What it is."""
+    fingerprint: str
+    """Hash of its weights."""
+
+
+def load_first_stage(folder: Path) -> FirstStage:
+    """Loads the VAE that `latentmotion train vae` made, from its run folder or model folder.
+
+    Raises:
+        ModelError: There is none, or it is not trained to the end.
+    """
+    model = folder / MODEL if (folder / MODEL / CARD_FILE).is_file() else folder
+    if not (model / CARD_FILE).is_file():
+        state = "a run that has not ended" if (folder / NAME).is_file() else "no trained model"
+        raise ModelError(
+            f"{folder} holds {state}; stage 2 needs a trained VAE: run latentmotion train vae "
+            "to its end and pass its run folder"
+        )
+    trained = load_model(model)
+    if trained.vae is None:
+        raise ModelError(f"{model} has no VAE, which stage 2 needs; run latentmotion train vae")
+    vae = trained.vae.eval().requires_grad_(False)
+    return FirstStage(vae, trained.card, sha256(model / WEIGHTS_FILE))
+
+
+def check_fit(
+    experiment: Experiment, dataset: Dataset, first: FirstStage, encoder: TextEncoder
+) -> None:
+    """Compares the parts of stage 2.
+
+    Raises:
+        InputError: Two of them do not fit.
+    """
+    pairs = {
+        "representation of data and VAE": (dataset.representation.name, first.card.representation),
+        "denoiser.latent_width and the VAE's": (
+            experiment.denoiser.latent_width,
+            first.vae.latent_width,
+        ),
+        "denoiser.condition_width and the text encoder's": (
+            experiment.denoiser.condition_width,
+            encoder.width,
+        ),
+    }
+    for name, (one, other) in pairs.items():
+        if one != other:
+            raise InputError(f"{name}: {one} and {other}, expected the same; change one of them")
+
+
+def prepare_latents(
+    experiment: Experiment,
+    dataset: Dataset,
+    first: FirstStage,
+    encoder: TextEncoder,
+    folder: Path,
+    place: Place,
+) -> tuple[LatentData, LatentSpace]:
+    """Encodes crops and sentences, or reads them from the run folder; measures the latents."""
+    settings, training = experiment.latents, experiment.denoiser_training
+    clips = dataset.clips("train", mirrored=experiment.mirrored)
+    items, held_out = items_of(clips), items_of(dataset.clips("val"))[:HELD_OUT]
+    seen = keep_crops(items, settings.cropping, settings.per_item, training.seed)
+    unseen = keep_crops(held_out, settings.cropping, 1, training.seed)
+    train_crops, held_out_crops = seen.every(), unseen.every()
+    crops = [*train_crops, *held_out_crops]
+
+    def encode() -> Posteriors:
+        normalizer = normalizer_of(first.card)
+        memory = FeatureMemory(dataset, [*clips, *dataset.clips("val")], normalizer)
+        return encode_crops(first.vae.to(place.device), memory, crops, place)
+
+    posteriors = remembered_posteriors(folder / "latents.safetensors", encode, place)
+    space = first.card.latents
+    if settings.normalized:
+        mean, std = posteriors.take(range(len(train_crops))).channel_statistics()
+        space = replace(space, mean=tuple(mean), std=tuple(std))
+    memory = LatentMemory(crops, posteriors.normalized(space.mean, space.std).to(place.device))
+    sentences = Sentences(encoder, captions_of([*items, *held_out]), place.device)
+    plan = Plan(items, training.batch_size, seen, training.seed)
+    return LatentData(plan, tuple(held_out_crops), memory, sentences), space
+
+
+def captions_of(items: list[Item]) -> set[str]:
+    """Returns all sentences of some items."""
+    return {caption for item in items for caption in item.captions}
+
+
+def normalizer_of(card: ModelCard) -> Normalizer:
+    """Returns the normalizer that a model was trained with."""
+    return Normalizer(np.float32(card.normalizer_mean), np.float32(card.normalizer_std))

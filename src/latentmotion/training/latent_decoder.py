@@ -1,0 +1,48 @@
+"""From the denoiser's latents to motions, to look at samples while it trains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from latentmotion.model_card import ModelCard
+from latentmotion.motion import Motion
+from latentmotion.representation.known import representation_named
+from latentmotion.representation.normalizer import Normalizer
+from latentmotion.vae.interface import MotionVAE
+
+
+class LatentDecoder:
+    """A trained VAE's way back: latents in the denoiser's scale to motions of one length.
+
+    Args:
+        vae: The trained VAE.
+        card: Its scales and representation.
+        frames: Length of the motions.
+    """
+
+    def __init__(self, vae: MotionVAE, card: ModelCard, frames: int) -> None:
+        self._decode, self._latent_mask = vae.decode, vae.latent_mask
+        self._card, self._frames = card, frames
+        mean, std = card.normalizer_mean, card.normalizer_std
+        self._normalizer = Normalizer(np.float32(mean), np.float32(std))
+
+    def mask(self, count: int) -> Bool[torch.Tensor, "batch tokens"]:
+        """Returns the mask of the latents of `count` motions."""
+        return self._latent_mask(torch.ones(count, self._frames, dtype=torch.bool))
+
+    def __call__(
+        self, z: Float[torch.Tensor, "batch tokens width"], captions: Sequence[str]
+    ) -> list[Motion]:
+        """Returns a motion for each row."""
+        space, part = self._card.latents, representation_named(self._card.representation)
+        latents = z * z.new_tensor(space.std) + z.new_tensor(space.mean)
+        mask = torch.ones(len(z), self._frames, dtype=torch.bool, device=z.device)
+        features = self._normalizer.denormalize(self._decode(latents, mask))
+        return [
+            Motion(joints, part.fps, part.skeleton, caption)
+            for joints, caption in zip(part.decode(features.cpu().numpy()), captions, strict=True)
+        ]

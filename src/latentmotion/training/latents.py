@@ -1,0 +1,177 @@
+"""Stage 2's memory: posteriors of several crops of every motion, embeddings of every sentence.
+
+Both are computed once and kept in the run folder. Posteriors keep mean and standard deviation, so
+that a fresh latent can be drawn at every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from safetensors.torch import load_file, save_file
+
+from latentmotion.condition.interface import Conditioning, TextEncoder
+from latentmotion.data.sampling import Crop, Cropping, Item
+from latentmotion.files import atomic_file
+from latentmotion.training.crops import FeatureMemory
+from latentmotion.training.devices import Place
+from latentmotion.vae.interface import MotionVAE
+
+AT_ONCE = 64
+"""Crops or sentences that go through a network together."""
+
+
+@dataclass(frozen=True)
+class KeptCropping(Cropping):
+    """Chooses among crops that are kept instead of cutting new ones."""
+
+    kept: Mapping[Item, tuple[Crop, ...]] = field(default_factory=dict)
+    """Crops of each item."""
+
+    def every(self) -> list[Crop]:
+        """Returns all that are kept."""
+        return [crop for crops in self.kept.values() for crop in crops]
+
+    def crop(self, item: Item, generator: np.random.Generator) -> Crop:
+        """Draws one of the item's kept crops and one of its sentences."""
+        crops = self.kept[item]
+        chosen = crops[int(generator.integers(len(crops)))]
+        number = int(generator.integers(max(len(item.captions), 1)))
+        caption = item.captions[number] if item.captions else ""
+        return Crop(chosen.clip, chosen.start, chosen.frames, caption)
+
+
+def keep_crops(items: Sequence[Item], cropping: Cropping, per_item: int, seed: int) -> KeptCropping:
+    """Cuts `per_item` crops of every item that is long enough."""
+    generator = np.random.default_rng(seed)
+    long_enough = (i for i in items if i.frames >= max(cropping.min_frames, cropping.unit))
+    kept = {
+        item: tuple(cropping.crop(item, generator) for _ in range(per_item)) for item in long_enough
+    }
+    return KeptCropping(cropping.unit, cropping.max_frames, cropping.min_frames, kept)
+
+
+@dataclass(frozen=True)
+class Posteriors:
+    """Posteriors of many crops, padded to the longest."""
+
+    mean: Float[torch.Tensor, "batch tokens width"]
+    """Means."""
+    std: Float[torch.Tensor, "batch tokens width"]
+    """Standard deviations."""
+    mask: Bool[torch.Tensor, "batch tokens"]
+    """True on real tokens."""
+
+    def take(self, rows: Sequence[int], tokens: int | None = None) -> Posteriors:
+        """Returns some of them, cut to `tokens`."""
+        index = torch.as_tensor(rows, device=self.mean.device)
+        return Posteriors(*(x[index, :tokens] for x in (self.mean, self.std, self.mask)))
+
+    def channel_statistics(self) -> tuple[list[float], list[float]]:
+        """Returns mean and standard deviation of each channel over all drawn latents."""
+        mean, std = self.mean[self.mask].double(), self.std[self.mask].double()
+        variance = mean.var(dim=0, unbiased=False) + std.square().mean(dim=0)
+        return mean.mean(dim=0).tolist(), variance.sqrt().tolist()
+
+    def normalized(self, mean: Sequence[float], std: Sequence[float]) -> Posteriors:
+        """Returns them in the denoiser's scale."""
+        shift, scale = self.mean.new_tensor(mean), self.mean.new_tensor(std)
+        return Posteriors((self.mean - shift) / scale, self.std / scale, self.mask)
+
+    def to(self, device: torch.device) -> Posteriors:
+        """Returns them on a device."""
+        return Posteriors(self.mean.to(device), self.std.to(device), self.mask.to(device))
+
+
+class LatentMemory:
+    """Posteriors by the crop that they are of.
+
+    Args:
+        crops: The crop of each row.
+        posteriors: The rows.
+    """
+
+    def __init__(self, crops: Sequence[Crop], posteriors: Posteriors) -> None:
+        self._rows = {_key(crop): row for row, crop in enumerate(crops)}
+        self._tokens = posteriors.mask.sum(dim=1).tolist()
+        self._posteriors = posteriors
+
+    def batch(self, crops: Sequence[Crop], among: Sequence[Crop]) -> Posteriors:
+        """Returns the posteriors of `crops`, padded to the longest of `among`."""
+        tokens = max(self._tokens[self._rows[_key(crop)]] for crop in among)
+        return self._posteriors.take([self._rows[_key(crop)] for crop in crops], tokens)
+
+
+@torch.no_grad()
+def encode_crops(
+    vae: MotionVAE, memory: FeatureMemory, crops: Sequence[Crop], place: Place
+) -> Posteriors:
+    """Encodes crops, those of similar length together."""
+    order = sorted(range(len(crops)), key=lambda index: crops[index].frames)
+    rows: dict[int, tuple[torch.Tensor, torch.Tensor]] = {}
+    for start in range(0, len(order), AT_ONCE):
+        part = order[start : start + AT_ONCE]
+        frames = crops[part[-1]].frames
+        features, mask = memory.batch([crops[index] for index in part], frames)
+        features, mask = features.to(place.device), mask.to(place.device)
+        posterior = vae.encode(features, mask)
+        real = vae.latent_mask(mask)
+        for row, index in enumerate(part):
+            rows[index] = posterior.mean[row][real[row]].cpu(), posterior.std[row][real[row]].cpu()
+    return _padded([rows[index] for index in range(len(crops))])
+
+
+def remembered_posteriors(
+    path: Path, compute: Callable[[], Posteriors], place: Place
+) -> Posteriors:
+    """Reads posteriors from `path`, which the leading rank computes first where it is missing."""
+    if place.leads and not path.exists():
+        found = compute()
+        tensors = {"mean": found.mean, "std": found.std, "mask": found.mask}
+        with atomic_file(path) as temporary:
+            save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary)
+    place.wait()
+    return Posteriors(**load_file(path))
+
+
+class Sentences:
+    """Embeddings of sentences, each one token; the empty sentence is the null condition.
+
+    Args:
+        encoder: Says what sentences mean.
+        sentences: Those that will be asked for.
+        device: Where the embeddings are wanted.
+    """
+
+    def __init__(
+        self, encoder: TextEncoder, sentences: Iterable[str], device: torch.device
+    ) -> None:
+        known = sorted({"", *sentences})
+        parts = [encoder(known[i : i + AT_ONCE]).pooled for i in range(0, len(known), AT_ONCE)]
+        self._rows = {sentence: row for row, sentence in enumerate(known)}
+        self._pooled = torch.from_numpy(np.concatenate(parts)).to(device)
+
+    def __call__(self, sentences: Sequence[str]) -> Conditioning:
+        """Returns one token per sentence."""
+        tokens = self._pooled[[self._rows[sentence] for sentence in sentences], None]
+        mask = torch.ones(tokens.shape[:2], dtype=torch.bool, device=tokens.device)
+        return Conditioning(tokens, mask)
+
+
+def _key(crop: Crop) -> tuple[str, int, int]:
+    return crop.clip.id, crop.start, crop.frames
+
+
+def _padded(rows: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> Posteriors:
+    pad = torch.nn.utils.rnn.pad_sequence
+    lengths = torch.tensor([len(mean) for mean, _ in rows])
+    return Posteriors(
+        pad([mean for mean, _ in rows], batch_first=True),
+        pad([std for _, std in rows], batch_first=True),
+        torch.arange(int(lengths.max()))[None] < lengths[:, None],
+    )
