@@ -16,7 +16,6 @@ from latentmotion.checkpoint import TrainedModel, load_model
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.sampler import DDIM, sample
-from latentmotion.errors import InputError, ModelError
 from latentmotion.upstream.configurations import Unstated
 from latentmotion.upstream.conversion import Origin, convert_checkpoint
 

@@ -1,0 +1,160 @@
+"""`latentmotion convert`: foreign files that are damaged, foreign or dangerous, and a good one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from latentmotion.checkpoint import load_model
+from latentmotion.cli.convert import Convert
+from latentmotion.cli.main import main
+from latentmotion.errors import InputError, ModelError
+from latentmotion.upstream.conversion import Origin, convert_checkpoint
+from latentmotion.upstream.names import rename
+
+
+def layer(prefix: str) -> dict[str, Tensor]:
+    width, hidden = 8, 12
+    shapes = {
+        "self_attn.in_proj_weight": (3 * width, width),
+        "self_attn.in_proj_bias": (3 * width,),
+        "self_attn.out_proj.weight": (width, width),
+        "self_attn.out_proj.bias": (width,),
+        "linear1.weight": (hidden, width),
+        "linear1.bias": (hidden,),
+        "linear2.weight": (width, hidden),
+        "linear2.bias": (width,),
+        **{f"norm{i}.{kind}": (width,) for i in (1, 2) for kind in ("weight", "bias")},
+    }
+    return {f"{prefix}.{name}": torch.randn(shape) for name, shape in shapes.items()}
+
+
+def frames_denoiser() -> dict[str, Tensor]:
+    """The smallest network of the authors': diffusion on raw frames of 5 features, one layer."""
+    shapes = {
+        "pose_embd.weight": (8, 5),
+        "pose_embd.bias": (8,),
+        "pose_proj.weight": (5, 8),
+        "pose_proj.bias": (5,),
+        "time_embedding.linear_1.weight": (8, 6),
+        "time_embedding.linear_1.bias": (8,),
+        "time_embedding.linear_2.weight": (8, 8),
+        "time_embedding.linear_2.bias": (8,),
+        "emb_proj.1.weight": (8, 6),
+        "emb_proj.1.bias": (8,),
+        "query_pos.pe": (500, 1, 8),
+        "mem_pos.pe": (500, 1, 8),
+    }
+    weights = {name: torch.randn(shape) for name, shape in shapes.items()}
+    weights |= layer("encoder.layers.0")
+    return {f"denoiser.{name}": tensor for name, tensor in weights.items()}
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    state = {**frames_denoiser(), "text_encoder.w": torch.zeros(2), "rot2xyz.smpl": torch.zeros(1)}
+    torch.save({"state_dict": state, "hparams": {"lr": 1e-4}}, tmp_path / "good.ckpt")
+    np.save(tmp_path / "Mean.npy", np.arange(5, dtype=np.float32))
+    np.save(tmp_path / "Std.npy", np.ones(5, np.float32))
+    return tmp_path / "good.ckpt"
+
+
+def test_the_command_writes_a_folder(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = good.parent
+    arrays = ["--mean", str(folder / "Mean.npy"), "--std", str(folder / "Std.npy")]
+    main(["convert", str(good), "-o", str(folder / "model"), *arrays, "--heads", "2"])
+    assert "rot2xyz (1), text_encoder (1)" in capsys.readouterr().out
+    model = load_model(folder / "model")
+    assert model.vae is None
+    assert model.denoiser is not None
+    assert model.card.normalizer_mean == (0, 1, 2, 3, 4)
+    assert model.card.latents.frames_per_token == 1
+    assert list(model.card.provenance.data_hashes) == ["good.ckpt"]
+    assert not any(name.startswith(("rot2xyz", "text")) for name in model.denoiser.state_dict())
+
+
+class Dangerous:
+    """Pickled code: unpickling it would make a file."""
+
+    def __init__(self, trace: Path) -> None:
+        self.trace = trace
+
+    def __reduce__(self) -> Any:
+        return os.mkdir, (str(self.trace),)
+
+
+def save(content: Any) -> Callable[[Path], Any]:
+    return lambda path: torch.save(content, path)
+
+
+def renamed(old: str, new: str) -> Callable[[Path], Any]:
+    weights = frames_denoiser()
+    weights[f"denoiser.{new}"] = weights.pop(f"denoiser.{old}")
+    return save({"state_dict": weights})
+
+
+def truncated(path: Path) -> None:
+    torch.save({"state_dict": frames_denoiser()}, path)
+    path.write_bytes(path.read_bytes()[:-3000])
+
+
+BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "missing": (lambda path: None, "does not exist"),
+    "empty": (lambda path: path.write_bytes(b""), "no PyTorch checkpoint, or is damaged"),
+    "text": (lambda path: path.write_text("hello, this is text"), "damaged"),
+    "folder": (lambda path: path.mkdir(), "no PyTorch checkpoint, or is damaged"),
+    "truncated": (truncated, "damaged"),
+    "array": (save(torch.zeros(3)), "no state_dict"),
+    "no tensors": (save({"state_dict": {}}), "no state_dict"),
+    "other network": (save({"state_dict": {"resnet.w": torch.zeros(1)}}), "found resnet"),
+    "misspelt": (renamed("pose_proj.bias", "pose_prj.bias"), "unknown weights.*pose_prj"),
+    "missing weight": (
+        save({k: v for k, v in frames_denoiser().items() if "time" not in k}),
+        "'time_embedding.linear_1.weight' are missing",
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "message"), BAD.values(), ids=BAD)
+def test_bad_files_are_refused(tmp_path: Path, make: Callable[[Path], Any], message: str) -> None:
+    make(tmp_path / "bad.ckpt")
+    plain = Origin((np.zeros(5), np.ones(5)))
+    with pytest.raises(ModelError, match=message):
+        convert_checkpoint(tmp_path / "bad.ckpt", tmp_path / "model", plain)
+    assert not (tmp_path / "model").exists()
+
+
+def test_code_inside_a_file_does_not_run(tmp_path: Path) -> None:
+    trace = tmp_path / "trace"
+    torch.save({"state_dict": frames_denoiser(), "x": Dangerous(trace)}, tmp_path / "bad.ckpt")
+    with pytest.raises(ModelError, match="could run code"):
+        convert_checkpoint(tmp_path / "bad.ckpt", tmp_path / "model")
+    assert not trace.exists()
+    assert not (tmp_path / "model").exists()
+
+
+def test_the_normalizer_must_come_along(good: Path) -> None:
+    with pytest.raises(InputError, match=r"--mean Mean\.npy"):
+        convert_checkpoint(good, good.parent / "model")
+    with pytest.raises(InputError, match="4 means"):
+        convert_checkpoint(good, good.parent / "model", Origin((np.zeros(4), np.ones(5))))
+    with pytest.raises(InputError, match="belong together"):
+        Convert(good, good.parent / "model", mean=good.parent / "Mean.npy").run()
+    (good.parent / "Mean.npy").write_text("no array")
+    with pytest.raises(InputError, match="not a readable"):
+        Convert(
+            good, good.parent / "model", good.parent / "Mean.npy", good.parent / "Std.npy"
+        ).run()
+    assert not (good.parent / "model").exists()
+
+
+def test_a_sine_table_must_be_one() -> None:
+    with pytest.raises(ModelError, match="sine"):
+        rename({"query_pos_encoder.pe": torch.zeros(5000, 1, 8)}, ((r"query.*", "x.table"),))

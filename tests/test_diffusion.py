@@ -1,0 +1,282 @@
+"""Schedules, predictions and samplers against diffusers and against closed forms."""
+
+from __future__ import annotations
+
+import warnings
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop
+from latentmotion.diffusion.prediction import Epsilon, Prediction, Sample, Velocity, add_noise
+from latentmotion.diffusion.sampler import DDIM, DDPM, Sampler, sample
+from latentmotion.diffusion.schedule import LinearPath, ScaledLinear, Schedule
+from latentmotion.errors import InputError
+
+SCHEDULES = [ScaledLinear(), ScaledLinear(offset=0, ends_clean=True), LinearPath()]
+PREDICTIONS = [Epsilon(), Sample(), Velocity()]
+FOREIGN_NAMES = {"epsilon": Epsilon(), "sample": Sample(), "v_prediction": Velocity()}
+SHAPE = (3, 5, 4)
+MASK = np.ones(SHAPE[:2], bool)
+NOBODY = Conditioning(np.zeros((3, 1, 2), np.float32), np.ones((3, 1), bool))
+
+
+def normal(seed: int, shape: tuple[int, ...] = SHAPE) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(shape, dtype=np.float32)
+
+
+def unused(shape: tuple[int, ...]) -> np.ndarray:
+    raise AssertionError("this sampler draws nothing")
+
+
+class KnownPoint:
+    """The perfect denoiser of data that is one point, whatever it is asked to predict."""
+
+    def __init__(self, point: Any, schedule: Schedule, prediction: Prediction) -> None:
+        self.point = point
+        self.schedule = schedule
+        self.prediction = prediction
+
+    def __call__(self, z: Any, t: Any, condition: Any, mask: Any) -> Any:
+        time = float(t[0])
+        epsilon = (z - self.schedule.alpha(time) * self.point) / self.schedule.sigma(time)
+        return self.prediction.target(self.point, epsilon, t, self.schedule)
+
+
+class KnownGaussian(KnownPoint):
+    """The perfect denoiser of data N(point, spread²): it answers the mean of z_0 given z_t."""
+
+    spread = 0.5
+
+    def __call__(self, z: Any, t: Any, condition: Any, mask: Any) -> Any:
+        time = float(t[0])
+        alpha, sigma = self.schedule.alpha(time), self.schedule.sigma(time)
+        gain = alpha * self.spread**2 / (alpha**2 * self.spread**2 + sigma**2)
+        z0 = self.point + gain * (z - alpha * self.point)
+        return self.prediction.target(z0, (z - alpha * z0) / sigma, t, self.schedule)
+
+
+# Schedules
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_times_descend_to_the_end(schedule: Schedule) -> None:
+    for steps in (1, 7, 50, 1000):
+        times = schedule.times(steps)
+        assert len(times) == steps + 1
+        # With 1,000 steps the authors' discrete times end at 0 twice.
+        assert (np.diff(times) < 0).sum() >= min(steps, 999)
+    for steps in (0, -1, 100_000):
+        with pytest.raises(InputError, match=str(steps)):
+            schedule.times(steps)
+
+
+def test_times_of_the_paper() -> None:
+    assert ScaledLinear().times(50).tolist() == [*range(981, 0, -20), 0]
+    assert LinearPath().times(4).tolist() == [1, 0.75, 0.5, 0.25, 0]
+
+
+def test_signal_of_the_paper() -> None:
+    signal = [ScaledLinear().alpha(t) ** 2 for t in (0, 500, 981, 999)]
+    assert np.allclose(signal, [0.99915, 0.2763, 0.0058, 0.0047], atol=5e-5)
+    assert ScaledLinear().alpha(-1) == 1
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_a_scalar_time_is_a_vector_of_equal_times(schedule: Schedule) -> None:
+    times = schedule.times(10)[1:-1]
+    for weight in (schedule.alpha, schedule.sigma):
+        scalars = [weight(t) for t in times.tolist()]
+        assert np.allclose(weight(times), scalars, atol=1e-6)
+        assert np.allclose(weight(torch.from_numpy(times)), scalars, atol=1e-6)
+
+
+def test_fractions_become_times() -> None:
+    u = torch.tensor([0.0, 0.4999, 0.99999])
+    assert ScaledLinear().at(u).tolist() == [0, 499, 999]
+    assert LinearPath().at(u) is u
+
+
+# Predictions
+
+
+@pytest.mark.parametrize("prediction", PREDICTIONS)
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_split_undoes_target(schedule: Schedule, prediction: Prediction) -> None:
+    z0, epsilon = normal(0), normal(1)
+    t = schedule.at(np.array([0.1, 0.5, 0.9], np.float32))
+    for array in (np.asarray, torch.from_numpy):
+        clean, noise, time = array(z0), array(epsilon), array(t)
+        z = add_noise(clean, noise, time, schedule)
+        output = prediction.target(clean, noise, time, schedule)
+        found = prediction.split(output, z, time, schedule)
+        assert np.allclose(found[0], z0, atol=1e-4)
+        assert np.allclose(found[1], epsilon, atol=1e-4)
+
+
+def test_velocity_is_the_slope_of_the_line() -> None:
+    z0, epsilon, t = normal(0), normal(1), np.full(3, 0.3, np.float32)
+    later = add_noise(z0, epsilon, t + 0.5, LinearPath())
+    slope = (later - add_noise(z0, epsilon, t, LinearPath())) / 0.5
+    assert np.allclose(Velocity().target(z0, epsilon, t, LinearPath()), slope, atol=1e-5)
+
+
+# Samplers
+
+
+def foreign_scheduler(kind: str, prediction: str) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        diffusers = pytest.importorskip("diffusers")
+    betas = {"beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear"}
+    common = {**betas, "clip_sample": False, "prediction_type": prediction}
+    if kind == "ddim":
+        return diffusers.DDIMScheduler(**common, set_alpha_to_one=False, steps_offset=1)
+    return diffusers.DDPMScheduler(**common, variance_type="fixed_small")
+
+
+def toy_network(z: Any, t: Any) -> Any:
+    return 0.3 * z + 0.1 * t / 1000 - 0.05
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.6, 1.0])
+@pytest.mark.parametrize("name", FOREIGN_NAMES)
+def test_ddim_against_diffusers(name: str, eta: float) -> None:
+    foreign, ours = foreign_scheduler("ddim", name), DDIM(ScaledLinear(), FOREIGN_NAMES[name], eta)
+    foreign.set_timesteps(50)
+    theirs, z = torch.from_numpy(normal(0)), normal(0)
+    for i, (t, s) in enumerate(pairwise(ours.schedule.times(50).tolist())):
+        noise = normal(100 + i)
+        output = toy_network(theirs, t)
+        fresh = torch.from_numpy(noise) if eta else None
+        theirs = foreign.step(output, int(t), theirs, eta=eta, variance_noise=fresh).prev_sample
+        z = ours.step(toy_network(z, t), z, t, s, lambda _, noise=noise: noise)
+    assert np.abs(z - theirs.numpy()).max() < 1e-4 * np.abs(z).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "steps"), [*((name, 50) for name in FOREIGN_NAMES), ("epsilon", 1000)]
+)
+def test_ddpm_against_diffusers(name: str, steps: int) -> None:
+    foreign = foreign_scheduler("ddpm", name)
+    ours = DDPM(ScaledLinear(offset=0, ends_clean=True), FOREIGN_NAMES[name])
+    foreign.set_timesteps(steps)
+    theirs, z = torch.from_numpy(normal(0)), normal(0)
+    seed, same_seed = torch.Generator().manual_seed(5), torch.Generator().manual_seed(5)
+    for t, s in pairwise(ours.schedule.times(steps).tolist()):
+        theirs = foreign.step(toy_network(theirs, t), int(t), theirs, generator=seed).prev_sample
+        draw = lambda shape: torch.randn(shape, generator=same_seed).numpy()  # noqa: E731
+        z = ours.step(toy_network(z, t), z, t, s, draw)
+    assert np.abs(z - theirs.numpy()).max() < 2e-3 * np.abs(z).max()
+
+
+def every_sampler() -> list[Sampler]:
+    return [
+        make(schedule, prediction)
+        for make in (DDIM, DDPM, lambda *parts: DDIM(*parts, eta=1.0))
+        for schedule in SCHEDULES
+        for prediction in PREDICTIONS
+        # The straight line starts without any signal, where noise alone tells nothing of z_0.
+        if not (isinstance(schedule, LinearPath) and isinstance(prediction, Epsilon))
+    ]
+
+
+@pytest.mark.parametrize("sampler", every_sampler(), ids=str)
+def test_a_known_point_is_hit_exactly(sampler: Any) -> None:
+    point, noise = normal(3), normal(4)
+    before = noise.copy()
+    denoiser = KnownPoint(point, sampler.schedule, sampler.prediction)
+    draws = np.random.default_rng(0)
+    found = sample(denoiser, sampler, noise, NOBODY, MASK, 20, draws.standard_normal)
+    left = sampler.schedule.sigma(float(sampler.schedule.times(20)[-1]))
+    assert np.abs(found - point).max() < 5 * left + 1e-3
+    assert np.array_equal(noise, before)
+
+
+@pytest.mark.parametrize("sampler", every_sampler()[:6], ids=str)
+def test_torch_and_numpy_agree_and_a_seed_repeats(sampler: Any) -> None:
+    results = []
+    for array in (np.asarray, np.asarray, torch.from_numpy):
+        denoiser = KnownGaussian(array(normal(3)), sampler.schedule, sampler.prediction)
+        draw = np.random.default_rng(1).standard_normal
+        results.append(sample(denoiser, sampler, array(normal(4)), NOBODY, MASK, 20, draw))
+    assert np.array_equal(results[0], results[1])
+    assert isinstance(results[2], torch.Tensor)
+    assert np.allclose(results[0], results[2], atol=1e-4)
+
+
+@pytest.mark.parametrize("schedule", [ScaledLinear(), LinearPath()])
+def test_ddim_converges_to_the_flow_of_a_gaussian(schedule: Schedule) -> None:
+    """(z_t - alpha m) / sqrt(alpha² s² + sigma²) is constant; the error falls as 1 / steps."""
+    point, noise = normal(3), normal(4)
+    denoiser = KnownGaussian(point, schedule, Velocity())
+
+    def scale(t: float) -> float:
+        return (schedule.alpha(t) ** 2 * denoiser.spread**2 + schedule.sigma(t) ** 2) ** 0.5
+
+    errors = []
+    for steps in (25, 50, 100):
+        first, *_, last = schedule.times(steps).tolist()
+        found = sample(denoiser, DDIM(schedule, Velocity()), noise, NOBODY, MASK, steps, unused)
+        along = (noise - schedule.alpha(first) * point) / scale(first)
+        exact = schedule.alpha(last) * point + scale(last) * along
+        errors.append(float(np.abs(found - exact).max()))
+    assert errors[0] < 0.2
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert ((orders > 0.8) & (orders < 1.3)).all()
+
+
+def test_ddpm_draws_from_a_gaussian() -> None:
+    sampler = DDPM(ScaledLinear(offset=0, ends_clean=True), Sample())
+    denoiser = KnownGaussian(np.float32(1.0), sampler.schedule, sampler.prediction)
+    shape = (20_000, 1, 1)
+    condition = Conditioning(np.zeros(shape, np.float32), np.ones(shape[:2], bool))
+    draw = np.random.default_rng(0).standard_normal
+    found = sample(denoiser, sampler, normal(0, shape), condition, condition.mask, 500, draw)
+    assert abs(found.mean() - 1) < 0.015
+    assert abs(found.std() - denoiser.spread) < 0.015
+
+
+def test_ddim_on_the_line_is_eulers_method() -> None:
+    sampler = DDIM(LinearPath(), Velocity())
+    z, velocity = normal(0), normal(1)
+    euler = z + (0.6 - 0.7) * velocity
+    assert np.allclose(sampler.step(velocity, z, 0.7, 0.6, unused), euler, atol=1e-6)
+
+
+# Guidance
+
+
+def echo(z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
+    """A denoiser whose answer is the sum of the real words."""
+    words = (condition.tokens * condition.mask[..., None]).sum(1)
+    return z * 0 + words[:, None, :1]
+
+
+def words(*rows: list[float]) -> Conditioning:
+    tokens = np.array(rows, np.float32)[..., None]
+    return Conditioning(tokens, np.ones(tokens.shape[:2], bool))
+
+
+@pytest.mark.parametrize("array", [np.asarray, torch.from_numpy])
+def test_guidance_goes_past_the_condition(array: Any) -> None:
+    def on(condition: Conditioning) -> Conditioning:
+        return Conditioning(array(condition.tokens), array(condition.mask))
+
+    z, t, mask = array(normal(0, (2, 3, 1))), array(np.ones(2, np.float32)), array(MASK[:2, :3])
+    guided = ClassifierFreeGuidance(echo, on(words([2.0])), 3.0)
+    output = guided(z, t, on(words([5.0, 6.0], [1.0, 1.0])), mask)
+    assert np.allclose(output[:, 0, 0], [2 + 3 * (11 - 2), 2 + 3 * (2 - 2)])
+    plain = ClassifierFreeGuidance(echo, on(words([2.0])), 1.0)
+    assert np.allclose(plain(z, t, on(words([5.0], [1.0])), mask)[:, 0, 0], [5, 1])
+
+
+def test_dropped_conditions_become_the_null() -> None:
+    null, condition = words([7.0, 8.0, 9.0]), words([1.0], [2.0])
+    dropped = drop(condition, null, np.array([False, True]))
+    assert dropped.tokens[..., 0].tolist() == [[1, 0, 0], [7, 8, 9]]
+    assert dropped.mask.tolist() == [[True, False, False], [True, True, True]]

@@ -1,0 +1,132 @@
+"""What every motion VAE is held to (architecture, section 4), and the posterior's formulas."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from latentmotion.errors import InputError
+from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.interface import MotionVAE
+from latentmotion.vae.posterior import Posterior
+from latentmotion.vae.transformer import TransformerVAEConfig
+
+FEATURES = 19
+SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
+PAPER = TransformerVAEConfig(features=FEATURES, transformer=SMALL)
+ACTOR = dataclasses.replace(SMALL, skips=False, final_norm=False)
+LENGTHS = [13, 40, 22]
+
+CONFIGS = {
+    **{f"mld-{n}": dataclasses.replace(PAPER, tokens=n) for n in (1, 2, 5, 7, 10)},
+    "sine": dataclasses.replace(PAPER, position="sine"),
+    "linear distribution": dataclasses.replace(PAPER, distribution="linear", tokens=2),
+    "joint decoding": dataclasses.replace(PAPER, decoding="joint", tokens=2),
+    "pre-norm": dataclasses.replace(PAPER, transformer=dataclasses.replace(SMALL, norm="pre")),
+    "actor": dataclasses.replace(PAPER, transformer=ACTOR, position="sine"),
+    "convolutional": ConvolutionalVAEConfig(FEATURES, width=24, channels=6),
+}
+
+
+def mask_of(lengths: list[int]) -> Tensor:
+    return torch.arange(max(lengths)) < torch.tensor(lengths)[:, None]
+
+
+@pytest.fixture(params=CONFIGS)
+def vae(request: pytest.FixtureRequest) -> MotionVAE:
+    torch.manual_seed(0)
+    network = CONFIGS[request.param].build().eval()
+    for parameter in network.parameters():  # nothing may hide behind a zero at the start
+        torch.nn.init.normal_(parameter, std=0.1 if parameter.ndim > 1 else 0.5)
+    return network
+
+
+@pytest.fixture
+def motion() -> Tensor:
+    return torch.randn(3, 40, FEATURES, generator=torch.Generator().manual_seed(1))
+
+
+@torch.no_grad()
+def test_padding_changes_nothing_and_each_motion_is_alone(vae: MotionVAE, motion: Tensor) -> None:
+    mask = mask_of(LENGTHS)
+    posterior = vae.encode(motion, mask)
+    features = vae.decode(posterior.mean, mask)
+    tokens = vae.latent_mask(mask).sum(1)
+    for i, (length, count) in enumerate(zip(LENGTHS, tokens.tolist(), strict=True)):
+        row, alone = slice(i, i + 1), mask_of([length])
+        single = vae.encode(motion[row, :length], alone)
+        assert single.mean.shape[1] == count
+        assert torch.allclose(single.mean, posterior.mean[row, :count], atol=1e-5)
+        assert torch.allclose(single.logvar, posterior.logvar[row, :count], atol=1e-5)
+        decoded = vae.decode(single.mean, alone)
+        assert torch.allclose(decoded, features[row, :length], atol=1e-5)
+        assert features[i, length:].abs().max() == 0 if length < 40 else True
+
+
+@torch.no_grad()
+def test_what_padding_holds_does_not_matter(vae: MotionVAE, motion: Tensor) -> None:
+    mask = mask_of(LENGTHS)
+    other = torch.where(mask[..., None], motion, 1e3)
+    real = vae.latent_mask(mask)[..., None]
+    found, same = vae.encode(motion, mask).mean * real, vae.encode(other, mask).mean * real
+    assert torch.allclose(found, same, atol=1e-5)
+
+
+@torch.no_grad()
+def test_evaluation_is_deterministic_and_training_is_not_needed(
+    vae: MotionVAE, motion: Tensor
+) -> None:
+    mask = mask_of(LENGTHS)
+    assert torch.equal(vae.encode(motion, mask).mean, vae.encode(motion, mask).mean)
+
+
+def test_gradient_reaches_every_parameter(vae: MotionVAE, motion: Tensor) -> None:
+    mask = mask_of(LENGTHS)
+    latents = vae.train().encode(motion, mask).sample(torch.Generator().manual_seed(0))
+    assert latents.shape == (3, vae.latent_mask(mask).shape[1], vae.latent_width)
+    vae.decode(latents, mask).square().sum().backward()
+    assert all(parameter.grad is not None for parameter in vae.parameters())
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("length", [1, 2, 3, 5, 8])
+def test_any_length(vae: MotionVAE, motion: Tensor, length: int) -> None:
+    mask = mask_of([length])
+    latents = vae.encode(motion[:1, :length], mask).mean
+    assert vae.decode(latents, mask).shape == (1, length, FEATURES)
+
+
+def test_convolutional_latents_keep_time() -> None:
+    vae = CONFIGS["convolutional"].build()
+    assert vae.latent_mask(mask_of([13, 40, 22])).sum(1).tolist() == [4, 10, 6]
+
+
+def test_long_skips_need_an_odd_number_of_layers() -> None:
+    with pytest.raises(InputError, match="odd"):
+        TransformerVAEConfig(transformer=TransformerConfig(layers=4)).build()
+
+
+def test_the_paper_has_18_million_weights() -> None:
+    count = sum(parameter.numel() for parameter in TransformerVAEConfig().build().parameters())
+    assert count == 18_032_135
+
+
+def test_posterior_formulas() -> None:
+    mean, logvar = torch.randn(2, 3, 4), torch.randn(2, 3, 4)
+    posterior = Posterior(mean, logvar)
+    theirs = torch.distributions.Normal(mean, torch.exp(logvar).sqrt())
+    standard = torch.distributions.Normal(0.0, 1.0)
+    expected = torch.distributions.kl_divergence(theirs, standard)
+    assert torch.allclose(posterior.divergence(), expected, atol=1e-5)
+    draws = [posterior.sample(torch.Generator().manual_seed(s)) for s in (0, 0, 1)]
+    assert torch.equal(draws[0], draws[1])
+    assert not torch.equal(draws[0], draws[2])
+    many = Posterior(torch.full((1, 1, 50_000), 2.0), torch.full((1, 1, 50_000), math.log(9.0)))
+    drawn = many.sample(torch.Generator().manual_seed(0))
+    assert drawn.mean().item() == pytest.approx(2, abs=0.05)
+    assert drawn.std().item() == pytest.approx(3, abs=0.05)
