@@ -8,10 +8,11 @@ import torch
 from torch import nn
 
 from latentmotion.errors import LatentMotionError, ModelError
+from latentmotion.experiment import TrainingSettings
 from latentmotion.training.devices import Place
 from latentmotion.training.ema import ExponentialMovingAverage
 from latentmotion.training.journal import Journal, read_journal, readable_time
-from latentmotion.training.loop import Stage, TrainingSettings, train
+from latentmotion.training.loop import Stage, train
 from latentmotion.training.randomness import Ranks, StepRandomness
 
 SETTINGS = TrainingSettings(

@@ -6,18 +6,61 @@ A run folder keeps it as `experiment.json`, which is read back strictly.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from latentmotion.configuration import from_json, to_json
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.errors import InputError
-from latentmotion.training.loop import TrainingSettings
-from latentmotion.training.objectives import DenoiserObjective, VAEObjective
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.loss import VAEObjective
 from latentmotion.vae.transformer import TransformerVAEConfig
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How one stage is optimized."""
+
+    steps: int = 10_000
+    """Optimizer steps of the whole run; the learning rate falls to zero at the last."""
+    batch_size: int = 32
+    """Samples of a step, over all ranks."""
+    learning_rate: float = 1e-3
+    """The highest learning rate."""
+    warm_up: int = 100
+    """Steps in which the learning rate rises from zero."""
+    schedule: Literal["cosine", "constant"] = "cosine"
+    """Cosine to zero after the warm-up, or constant."""
+    weight_decay: float = 0.01
+    """AdamW's."""
+    gradient_clip: float | None = 1.0
+    """Highest norm of the gradient; null for none."""
+    ema_decay: float = 0.999
+    """Decay of the moving average of the weights; 0 for none."""
+    precision: Literal["float32", "bfloat16"] = "float32"
+    """Of the networks' arithmetic; weights and losses stay in float32."""
+    seed: int = 0
+    """Of weights, batches and noise."""
+    report_every: int = 50
+    """Steps between lines of progress and journal."""
+    validate_every: int = 500
+    """Steps between validations."""
+    snapshot_every: int = 200
+    """Steps between snapshots."""
+    sample_every: int = 1000
+    """Steps between picture strips of samples; 0 for none."""
+
+    def rate(self, step: int) -> float:
+        """The learning rate of step number `step`, from 0."""
+        rise = min(1.0, (step + 1) / max(self.warm_up, 1))
+        if self.schedule == "constant":
+            return self.learning_rate * rise
+        done = max(0, step - self.warm_up) / max(self.steps - self.warm_up, 1)
+        return self.learning_rate * rise * (1 + math.cos(math.pi * min(done, 1.0))) / 2
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
-from latentmotion.experiment import Experiment, LatentSettings, Sampling
+from latentmotion.diffusion.loss import DenoiserObjective
+from latentmotion.experiment import Experiment, LatentSettings, Sampling, TrainingSettings
 from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.training.loop import TrainingSettings
-from latentmotion.training.objectives import DenoiserObjective, VAEObjective
+from latentmotion.vae.loss import VAEObjective
 from latentmotion.vae.transformer import TransformerVAEConfig
 
 

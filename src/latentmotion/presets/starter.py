@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.diffusion.prediction import Velocity
 from latentmotion.diffusion.schedule import LinearPath
-from latentmotion.experiment import Experiment, LatentSettings, Sampling
+from latentmotion.experiment import Experiment, LatentSettings, Sampling, TrainingSettings
 from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.training.loop import TrainingSettings
-from latentmotion.training.objectives import DenoiserObjective, VAEObjective
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.loss import VAEObjective
 
 
 def starter() -> Experiment:

@@ -9,7 +9,8 @@ import torch
 from torch import nn
 
 from latentmotion.data.sampling import Crop
-from latentmotion.diffusion.guidance import ClassifierFreeGuidance
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop
+from latentmotion.diffusion.loss import denoiser_loss
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import DDIM, sample
 from latentmotion.experiment import Experiment
@@ -19,7 +20,6 @@ from latentmotion.training.devices import Place
 from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.latents import LatentMemory, Sentences
 from latentmotion.training.loop import Stage
-from latentmotion.training.objectives import LatentBatch, denoiser_losses
 from latentmotion.training.randomness import Ranks, StepRandomness
 
 DRAWS = 4
@@ -66,15 +66,16 @@ class DenoiserStage(Stage):
         self.network = denoiser
         self._data, self._decoder, self._place = data, decoder, place
         self._experiment, self._null = experiment, data.sentences([""])
+        self._spread = float(experiment.latents.sampled)
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""
         crops, ranks = self._data.plan(step), self._place.ranks
         seed = self._experiment.denoiser_training.seed
         randomness = StepRandomness(seed, step, len(crops), ranks, self._place.device)
-        batch = self._batch(crops[ranks.share(len(crops))], crops)
-        objective = self._experiment.denoiser_objective
-        return denoiser_losses(self.network, batch, self._null, objective, randomness)
+        own = crops[ranks.share(len(crops))]
+        dropped = self._experiment.denoiser_objective.dropped
+        return {"total": self._loss(self.network, own, crops, randomness, dropped)}
 
     @torch.no_grad()
     def validate(self, network: nn.Module) -> dict[str, float]:
@@ -101,16 +102,25 @@ class DenoiserStage(Stage):
         z = sample(guided, sampler, z.to(device), condition, mask, SAMPLING_STEPS, noise)
         return self._decoder(z, captions)
 
-    def _batch(self, crops: Sequence[Crop], among: Sequence[Crop]) -> LatentBatch:
-        posteriors = self._data.latents.batch(crops, among)
+    def _loss(
+        self,
+        network: nn.Module,
+        crops: Sequence[Crop],
+        among: Sequence[Crop],
+        randomness: StepRandomness,
+        dropped: float,
+    ) -> torch.Tensor:
+        objective, spread = self._experiment.denoiser_objective, self._spread
+        latents = self._data.latents.batch(crops, among)
+        shape = latents.mean.shape[1:]
+        z0 = latents.mean + spread * latents.std * randomness.normal(*shape)
+        epsilon, t = randomness.normal(*shape), objective.time(randomness.normal())
         condition = self._data.sentences([crop.caption for crop in crops])
-        drawn = float(self._experiment.latents.sampled)
-        return LatentBatch(posteriors.mean, drawn * posteriors.std, posteriors.mask, condition)
+        condition = drop(condition, self._null, randomness.chance(dropped))
+        return denoiser_loss(network, z0, epsilon, t, condition, latents.mask, objective)
 
     def _mean_loss(self, network: nn.Module, crops: Sequence[Crop]) -> float:
-        objective, batch = self._experiment.denoiser_objective, self._batch(crops, crops)
-        losses = []
-        for draw in range(DRAWS):
-            randomness = StepRandomness(draw, 0, len(crops), Ranks(), self._place.device)
-            losses.append(denoiser_losses(network, batch, self._null, objective, randomness))
-        return sum(float(loss["total"]) for loss in losses) / DRAWS
+        device = self._place.device
+        draws = (StepRandomness(n, 0, len(crops), Ranks(), device) for n in range(DRAWS))
+        losses = [self._loss(network, crops, crops, draw, dropped=0.0) for draw in draws]
+        return float(torch.stack(losses).mean())

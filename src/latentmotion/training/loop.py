@@ -9,63 +9,21 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import torch
 from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
 from latentmotion.errors import LatentMotionError
+from latentmotion.experiment import TrainingSettings
 from latentmotion.motion import Motion
 from latentmotion.training.devices import Place
 from latentmotion.training.ema import ExponentialMovingAverage
 from latentmotion.training.journal import Journal
 from latentmotion.training.snapshot import load_snapshot, save_snapshot
 from latentmotion.training.strips import write_strip
-
-
-@dataclass(frozen=True)
-class TrainingSettings:
-    """How one stage is optimized."""
-
-    steps: int = 10_000
-    """Optimizer steps of the whole run; the learning rate falls to zero at the last."""
-    batch_size: int = 32
-    """Samples of a step, over all ranks."""
-    learning_rate: float = 1e-3
-    """The highest learning rate."""
-    warm_up: int = 100
-    """Steps in which the learning rate rises from zero."""
-    schedule: Literal["cosine", "constant"] = "cosine"
-    """Cosine to zero after the warm-up, or constant."""
-    weight_decay: float = 0.01
-    """AdamW's."""
-    gradient_clip: float | None = 1.0
-    """Highest norm of the gradient; null for none."""
-    ema_decay: float = 0.999
-    """Decay of the moving average of the weights; 0 for none."""
-    precision: Literal["float32", "bfloat16"] = "float32"
-    """Of the networks' arithmetic; weights and losses stay in float32."""
-    seed: int = 0
-    """Of weights, batches and noise."""
-    report_every: int = 50
-    """Steps between lines of progress and journal."""
-    validate_every: int = 500
-    """Steps between validations."""
-    snapshot_every: int = 200
-    """Steps between snapshots."""
-    sample_every: int = 1000
-    """Steps between picture strips of samples; 0 for none."""
-
-    def rate(self, step: int) -> float:
-        """The learning rate of step number `step`, from 0."""
-        rise = min(1.0, (step + 1) / max(self.warm_up, 1))
-        if self.schedule == "constant":
-            return self.learning_rate * rise
-        done = max(0, step - self.warm_up) / max(self.steps - self.warm_up, 1)
-        return self.learning_rate * rise * (1 + math.cos(math.pi * min(done, 1.0))) / 2
 
 
 class Stage(nn.Module):

@@ -17,9 +17,9 @@ from latentmotion.motion import Motion
 from latentmotion.training.crops import FeatureMemory, Plan, items_by_length
 from latentmotion.training.devices import Place
 from latentmotion.training.loop import Stage
-from latentmotion.training.objectives import vae_losses
 from latentmotion.training.randomness import StepRandomness
 from latentmotion.vae.interface import MotionVAE
+from latentmotion.vae.loss import vae_losses
 
 LOOKED_AT = 64
 """Clips of each split that a validation rebuilds."""
@@ -58,14 +58,15 @@ class VAEStage(Stage):
         crops, place = self._plan(step), self._place
         own = crops[place.ranks.share(len(crops))]
         features, mask = self._memory.batch(own, max(crop.frames for crop in crops))
+        seed, device = self._settings.seed, place.device
         return vae_losses(
-            self.network,
-            features.to(place.device),
-            mask.to(place.device),
-            self._joints,
-            self._objective,
-            StepRandomness(self._settings.seed, step, len(crops), place.ranks, place.device),
-            self._dataset.representation.fps,
+            vae=self.network,
+            features=features.to(device),
+            mask=mask.to(device),
+            noise=StepRandomness(seed, step, len(crops), place.ranks, device).normal,
+            joints_of=self._joints,
+            fps=self._dataset.representation.fps,
+            objective=self._objective,
         )
 
     @torch.no_grad()

@@ -1,0 +1,56 @@
+"""What the denoiser minimizes (paper, eq. 4): ‖target − denoiser(z_t, t, condition)‖².
+
+z_t = α z_0 + σ ε; the target is the noise, the latents or the velocity, as the `Prediction` says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity, add_noise
+from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
+from latentmotion.nn.masked import mean_of_real
+
+
+@dataclass(frozen=True)
+class DenoiserObjective:
+    """What the denoiser learns; the defaults are the paper's."""
+
+    schedule: ScaledLinear | LinearPath = field(default_factory=ScaledLinear)
+    """Noise schedule."""
+    prediction: Epsilon | Sample | Velocity = field(default_factory=Epsilon)
+    """What the network predicts."""
+    times: Literal["uniform", "logit_normal"] = "uniform"
+    """How times are drawn; logit-normal (Esser et al. 2024) prefers the middle of the way."""
+    dropped: float = 0.1
+    """Share of motions that are shown without their condition."""
+
+    def time(self, normal: Float[Tensor, " batch"]) -> Float[Tensor, " batch"]:
+        """Turns standard normal numbers into times of the schedule."""
+        uniform = torch.special.ndtr(normal) if self.times == "uniform" else torch.sigmoid(normal)
+        # A far tail rounds to 1, which is no time of a discrete schedule.
+        return self.schedule.at(uniform.clamp(max=1 - 2**-24))
+
+
+def denoiser_loss(
+    denoiser: Denoiser,
+    z0: Float[Tensor, "batch tokens width"],
+    epsilon: Float[Tensor, "batch tokens width"],
+    t: Float[Tensor, " batch"],
+    condition: Conditioning,
+    mask: Bool[Tensor, "batch tokens"],
+    objective: DenoiserObjective,
+) -> Float[Tensor, ""]:
+    """Adds noise to latents and compares the network's answer with its target."""
+    z = add_noise(z0, epsilon, t, objective.schedule)
+    output = denoiser(z, t, condition, mask).float()
+    target = objective.prediction.target(z0, epsilon, t, objective.schedule)
+    return mean_of_real(F.mse_loss(output, target, reduction="none"), mask)
