@@ -4,17 +4,11 @@ A bone's direction fixes two of its three degrees of freedom. The third, the twi
 
     pelvis, chest    the rigid rotation that fits all bones that leave them (Kabsch)
     spine between    the shortest way from the pelvis' turn to the chest's, then swing only
-    hip, shoulder    the hinge: knee and elbow bend about one axis, normal to the limb's plane
+    hip, shoulder    the hinge: knee and elbow bend about one axis, normal to the limb's plane;
+                     for limbs that are straight see `hinge.py`
     all others       swing only, from the parent
 
-A straight limb has no plane. So the hinge n_t, seen in the parent's frame, minimizes
-
-    Σ w_t |n_t − e_t|² + λ Σ |n_t − n_{t−1}|²,   w_t = sin²(bend) + weak priors,
-
-where the difference in time is taken in axes carried along the bone without turning about it
-(parallel transport), and the priors are the direction of the toes and the rest pose.
-
-The rest pose is a T: arms along ±x, legs down (5° apart), feet flat and ahead, with the median
+The rest pose is a T: arms along ±x, legs down and a little apart, feet flat and ahead, with the median
 bone lengths of the motion itself, so that forward kinematics gives the same joints again.
 """
 
@@ -26,6 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.animation import Animation
+from latentmotion.hinge import hinge
 from latentmotion.rotations import (
     matrix_from_quaternion,
     quaternion_between,
@@ -41,9 +36,12 @@ moves those joints as well as turning them."""
 _STIFFNESS = 0.1
 """λ of the hinge at 20 fps: a limb bent by 18° already decides its hinge within a frame."""
 
+_SWING_PRIOR, _TOE_PRIOR = 0.01, 0.05
+"""How much rest pose and toes say about the hinge, as sin² of the bend that says as much."""
 
-_STRADDLE = np.radians(5)
-"""How far apart the legs are in rest pose, so that their skins do not touch."""
+
+_STRADDLE = {"knee": np.radians(7), "ankle": np.radians(3)}
+"""How far thigh and shank point outward in rest pose, so that the skins of the legs part."""
 
 
 @dataclass(frozen=True)
@@ -157,11 +155,12 @@ class _Solver:
         rest = self.rest[middle]
         rest_hinge = _unit(np.cross(np.cross(rest, limb.hinge), rest))
         swing = _align(rest, upper) @ rest_hinge
-        evidence, weight = _hinge_evidence(upper, lower, tip)
-        prior = 0.01 * (1 + upper @ rest)[:, None]
-        evidence, weight = evidence + prior * swing, weight + prior[:, 0]
-        hinge = _smooth_hinge(upper, swing[0], evidence, weight, _STIFFNESS * (self.fps / 20) ** 2)
-        return self.world[parent] @ _frame(upper, hinge) @ _frame(rest, rest_hinge).T
+        prior = _SWING_PRIOR * (1 + upper @ rest)[:, None] * swing
+        if tip is not None:
+            prior = prior + _TOE_PRIOR * np.cross(tip, lower)
+        stiffness = _STIFFNESS * (self.fps / 20) ** 2
+        axis = hinge(upper, np.cross(upper, lower), prior, stiffness)
+        return self.world[parent] @ _frame(upper, axis) @ _frame(rest, rest_hinge).T
 
     def _local_bone(self, joint: int, frame: int) -> Float[np.ndarray, "frames 3"]:
         return np.einsum("tij,ti->tj", self.world[frame], self.bones[:, joint])
@@ -219,8 +218,8 @@ def _rest_directions(skeleton: Skeleton) -> Float[np.ndarray, "joints 3"]:
             rest[joint] = (side, 0, 0)
         elif name.endswith("collar"):
             rest[joint] = _unit(np.array([side, 1.0, 0.0]))
-        elif name.endswith(("knee", "ankle")):
-            rest[joint] = (side * np.sin(_STRADDLE), -np.cos(_STRADDLE), 0)
+        elif (lean := _STRADDLE.get(name.rpartition("_")[2])) is not None:
+            rest[joint] = (side * np.sin(lean), -np.cos(lean), 0)
         elif name in ("head", "neck"):
             rest[joint] = (0, 1, 0)
     return rest
@@ -229,65 +228,6 @@ def _rest_directions(skeleton: Skeleton) -> Float[np.ndarray, "joints 3"]:
 def _weight(name: str) -> float:
     """The hips say how the pelvis is turned; the spine bends above it and has less of a say."""
     return 0.2 if name.startswith("spine") else 1.0
-
-
-def _hinge_evidence(
-    upper: Float[np.ndarray, "frames 3"],
-    lower: Float[np.ndarray, "frames 3"],
-    tip: Float[np.ndarray, "frames 3"] | None,
-) -> tuple[Float[np.ndarray, "frames 3"], Float[np.ndarray, " frames"]]:
-    """Returns the wanted hinge times its weight, and the weight."""
-    normal = np.cross(upper, lower)
-    sine = np.linalg.norm(normal, axis=-1)
-    evidence, weight = normal * sine[:, None], sine**2
-    if tip is not None:
-        across = 0.05 * np.cross(tip, lower)
-        evidence, weight = evidence + across, weight + np.linalg.norm(across, axis=-1)
-    return evidence, weight
-
-
-def _smooth_hinge(
-    axis: Float[np.ndarray, "frames 3"],
-    start: Float[np.ndarray, " width"],
-    evidence: Float[np.ndarray, "frames 3"],
-    weight: Float[np.ndarray, " frames"],
-    stiffness: float,
-) -> Float[np.ndarray, "frames 3"]:
-    """Solves for the hinge, a unit vector normal to the bone's axis in every frame."""
-    first = _transport(axis, start)
-    second = np.cross(axis, first)
-    wanted = np.stack([(evidence * first).sum(-1), (evidence * second).sum(-1)], axis=-1)
-    found = _solve_chain(weight, stiffness, wanted)
-    return _unit(found[:, :1] * first + found[:, 1:] * second)
-
-
-def _transport(
-    axis: Float[np.ndarray, "frames 3"], start: Float[np.ndarray, " width"]
-) -> Float[np.ndarray, "frames 3"]:
-    """Carries a normal along a turning axis by the smallest rotation from frame to frame."""
-    steps = _align(axis[:-1], axis[1:])
-    carried = [start]
-    for step in steps:
-        carried.append(step @ carried[-1])
-    return np.stack(carried)
-
-
-def _solve_chain(
-    weight: Float[np.ndarray, " frames"], stiffness: float, wanted: Float[np.ndarray, "frames 2"]
-) -> Float[np.ndarray, "frames 2"]:
-    """Solves the tridiagonal system (diag(w) + λ·Laplacian) x = wanted, by Thomas' algorithm."""
-    frames = len(weight)
-    neighbors = np.full(frames, 2.0)
-    neighbors[[0, -1]] = 1.0 if frames > 1 else 0.0
-    diagonal, right = weight + stiffness * neighbors, wanted.copy()
-    for t in range(1, frames):
-        factor = stiffness / diagonal[t - 1]
-        diagonal[t] -= factor * stiffness
-        right[t] += factor * right[t - 1]
-    right[-1] /= diagonal[-1]
-    for t in range(frames - 2, -1, -1):
-        right[t] = (right[t] + stiffness * right[t + 1]) / diagonal[t]
-    return right
 
 
 def _kabsch(

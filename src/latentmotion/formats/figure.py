@@ -130,10 +130,10 @@ class Bodies:
         return float(np.percentile(self.joints[..., 1].min(-1), 2)) - _SOLE
 
 
-def make_bodies(motion: Motion, frames: Sequence[int] | None = None) -> Bodies:
-    """Gives a motion a body; of some frames only, if they are given."""
+def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float = 0.022) -> Bodies:
+    """Gives a motion a body; of some frames only, if they are given; with faces of size `cell`."""
     animation = motion.animation()
-    mannequin = make_mannequin(animation.skeleton)
+    mannequin = make_mannequin(animation.skeleton, cell)
     chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
     moves = animation.translations
     picked = replace(
@@ -249,18 +249,18 @@ def _light(
     lambert = np.maximum(normals @ key, 0)
     shine = np.maximum(normals @ _unit(key - ahead), 0) ** 24
     rim = np.clip(1 + normals @ ahead, 0, 1) ** 3
-    share = 0.28 + 0.30 * sky + 0.58 * lambert
+    share = 0.36 + 0.32 * sky + 0.50 * lambert
     light = share[:, None] * np.array(color) + (34 * shine + 26 * rim * sky)[:, None]
     return np.clip(light, 0, 255).astype(np.int64)
 
 
-def paint_trail(picture: Picture, camera: Camera, body: Bodies, height: float) -> None:
-    """Draws the way of the root on the floor."""
-    points = body.joints[:, 0].copy()
-    points[:, 1] = height
-    pixels = [tuple(pixel) for pixel in camera.project(points)[0].tolist()]
-    if len(pixels) > 1:
-        ImageDraw.Draw(picture).line(pixels, fill=_SHADOW, width=3 * OVERSAMPLING, joint="curve")
+def paint_trail(
+    picture: Picture, camera: Camera, way: Float[np.ndarray, "frames 3"], height: float
+) -> None:
+    """Draws a way on the floor."""
+    pixels, _ = camera.project(way * (1, 0, 1) + (0, height, 0))
+    line = [tuple(pixel) for pixel in pixels.tolist()]
+    ImageDraw.Draw(picture).line(line, fill=_SHADOW, width=3 * OVERSAMPLING, joint="curve")
 
 
 def reduced(picture: Picture) -> Picture:
@@ -269,15 +269,20 @@ def reduced(picture: Picture) -> Picture:
 
 
 def paint_text(
-    picture: Picture, text: str, place: tuple[float, float], size: int, anchor: str
+    picture: Picture,
+    text: str,
+    place: tuple[float, float],
+    size: int,
+    anchor: str,
+    room: float = 1e9,
 ) -> None:
-    """Writes one line on a picture of final size, shortened to fit."""
+    """Writes one line on a picture of final size, shortened to the room in pixels it has."""
     font = ImageFont.load_default(size)
     draw = ImageDraw.Draw(picture)
-    room = picture.size[0] - 2 * min(place[0], picture.size[0] - place[0])
-    room = picture.size[0] - 1.5 * size if anchor[0] == "m" else room or picture.size[0]
-    while text and draw.textlength(text, font=font) > room:
-        text = text[:-2].rstrip() + "…"
+    if draw.textlength(text, font=font) > room:
+        while text and draw.textlength(text + "…", font=font) > room:
+            text = text[:-1].rstrip()
+        text += "…"
     draw.text(place, text, fill=INK, font=font, anchor=anchor)
 
 

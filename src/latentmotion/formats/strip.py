@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from latentmotion.errors import InputError
 from latentmotion.files import atomic_file
@@ -54,71 +55,88 @@ def write(
     return [Path(path)]
 
 
-def _chosen(motion: Motion, figures: int) -> list[int]:
-    return np.unique(np.linspace(0, len(motion) - 1, figures).round().astype(int)).tolist()
-
-
 def _row(motion: Motion, figures: int) -> Picture:
-    frames = _chosen(motion, figures)
+    frames = np.unique(np.linspace(0, len(motion) - 1, figures).round().astype(int)).tolist()
     bodies = figure.make_bodies(motion, frames)
-    floor, height = bodies.floor, 2.0
+    floor = bodies.floor
+    height = max(1.7, float(bodies.vertices[..., 1].max()) - floor) + 0.36
     width = height * _ROW[0] / _ROW[1]
-    target = np.array([0.0, floor + 0.86, 0.0])
-    azimuth = figure.facing(motion.joints, motion.skeleton.names) + np.radians(38)
-    camera = figure.camera_around(target, azimuth, np.radians(9), 40, _oversampled(_ROW), height)
-    right = camera.axes()[0]
+    target = np.array([0.0, floor + height / 2 - 0.26, 0.0])
+    camera = figure.camera_around(
+        target, _front(motion), np.radians(9), 40, _oversampled(_ROW), height
+    )
     places = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
-    moved = []
-    for number, place in enumerate(places):
-        root = bodies.joints[number, 0] * (1, 0, 1)
-        moved.append(bodies.moved(number, place * right - root))
-    picture = figure.new_picture(_ROW)
-    figure.paint_floor(picture, camera, floor, reach=width * 0.62)
-    figure.paint_shadow(picture, camera, moved, 0, floor)
-    figure.paint_bodies(picture, camera, moved, 0, [figure.COLORS[0]] * len(moved))
-    small = figure.reduced(picture)
+    steps = places[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
+    moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
+    picture = _painted(_ROW, camera, moved, [figure.COLORS[0]] * len(moved), floor, 0.62 * width)
     for frame, place in zip(frames, places, strict=True):
-        spot = (_ROW[0] * (0.5 + place / width), _ROW[1] - 10)
-        figure.paint_text(small, f"{frame / motion.fps:.1f} s", spot, 13, "mm")
-    return small
+        spot = (_ROW[0] * (0.5 + place / width), _ROW[1] - 11)
+        figure.paint_text(picture, f"{frame / motion.fps:.1f} s", spot, 13, "mm")
+    return picture
 
 
 def _path(motion: Motion, figures: int) -> Picture:
-    frames = _chosen(motion, figures)
-    bodies = figure.make_bodies(motion, frames)
-    floor = bodies.floor
-    roots = motion.joints[:, 0].astype(np.float64)
-    low, high = bodies.vertices.min((0, 1)), bodies.vertices.max((0, 1))
-    spread = roots - roots.mean(0)
-    azimuth = figure.facing(motion.joints, motion.skeleton.names) + np.radians(38)
-    if np.ptp(spread[:, [0, 2]], axis=0).max() > 0.6:
-        along = np.linalg.svd(spread[:, [0, 2]], full_matrices=False)[2][0]
-        azimuth = float(np.arctan2(along[1], -along[0])) + np.radians(25)
-    center = (low + high) / 2
-    size = _oversampled(_PATH)
-    visible = 2.2
-    for _ in range(12):
-        camera = figure.camera_around(center, azimuth, np.radians(16), 9, size, visible)
-        pixels = camera.project(bodies.vertices)[0]
-        share = np.abs(pixels / np.array(size) - 0.5).max()
-        visible *= share / 0.46
-    picture = figure.new_picture(_PATH)
-    figure.paint_floor(picture, camera, floor, reach=visible * 1.6)
-    whole = figure.Bodies(
-        bodies.vertices,
-        bodies.normals,
-        bodies.quads,
-        motion.joints.astype(np.float64),
-        bodies.parents,
-        bodies.names,
-    )
-    figure.paint_trail(picture, camera, whole, floor)
-    moved = [bodies.moved(number, np.zeros(3)) for number in range(len(frames))]
-    figure.paint_shadow(picture, camera, moved, 0, floor)
-    strengths = np.linspace(0.3, 1, len(frames)) if len(frames) > 1 else [1.0]
-    colors = [figure.faded(figure.COLORS[0], float(strength)) for strength in strengths]
-    figure.paint_bodies(picture, camera, moved, 0, colors)
+    bodies = figure.make_bodies(motion, _along_path(motion, figures), cell=0.017)
+    count = len(bodies.joints)
+    camera, height = _camera_of_all(motion, bodies)
+    moved = [bodies.moved(number, np.zeros(3)) for number in range(count)]
+    colors = [figure.faded(figure.COLORS[0], s) for s in np.linspace(0.35, 1, count).tolist()]
+    trail = motion.joints[:, 0].astype(np.float64)
+    return _painted(_PATH, camera, moved, colors, bodies.floor, 1.6 * height, trail)
+
+
+def _painted(
+    size: tuple[int, int],
+    camera: figure.Camera,
+    bodies: Sequence[figure.Bodies],
+    colors: Sequence[tuple[int, int, int]],
+    floor: float,
+    reach: float,
+    trail: Float[np.ndarray, "frames 3"] | None = None,
+) -> Picture:
+    picture = figure.new_picture(size)
+    figure.paint_floor(picture, camera, floor, reach)
+    figure.paint_shadow(picture, camera, bodies, 0, floor)
+    if trail is not None:
+        figure.paint_trail(picture, camera, trail, floor)
+    figure.paint_bodies(picture, camera, bodies, 0, colors)
     return figure.reduced(picture)
+
+
+def _along_path(motion: Motion, figures: int) -> list[int]:
+    """Picks frames evenly along the way; where nobody walks, evenly in time."""
+    steps = np.linalg.norm(np.diff(motion.joints[:, 0, [0, 2]], axis=0), axis=-1)
+    way = np.concatenate([[0.0], np.cumsum(steps + 0.05 / motion.fps)])
+    wanted = np.linspace(0, way[-1], figures)
+    return np.unique(np.searchsorted(way, wanted).clip(0, len(motion) - 1)).tolist()
+
+
+def _camera_of_all(motion: Motion, bodies: figure.Bodies) -> tuple[figure.Camera, float]:
+    """Looks across the path, from as far as it takes to see all figures."""
+    center = (bodies.vertices.min((0, 1)) + bodies.vertices.max((0, 1))) / 2
+    azimuth, size, height = _across(motion), _oversampled(_PATH), 2.2
+    for _ in range(12):
+        camera = figure.camera_around(center, azimuth, np.radians(16), 9, size, height)
+        pixels, _ = camera.project(bodies.vertices)
+        height *= float(np.abs(pixels / np.array(size) - 0.5).max()) / 0.46
+    return camera, height
+
+
+def _across(motion: Motion) -> float:
+    """Returns the side from which the path is seen at length and the person not from behind."""
+    spread = motion.joints[:, 0][:, [0, 2]].astype(np.float64)
+    spread = spread - spread.mean(0)
+    front = _front(motion)
+    if np.linalg.norm(np.ptp(spread, axis=0)) < 0.8:
+        return front
+    x, z = np.linalg.svd(spread, full_matrices=False)[2][0]
+    side = float(np.arctan2(z, -x))
+    return side if np.cos(side - front) > 0 else side + np.pi
+
+
+def _front(motion: Motion) -> float:
+    """Returns the azimuth from which the person is seen half from the front at the start."""
+    return figure.facing(motion.joints, motion.skeleton.names) - np.radians(38)
 
 
 def _oversampled(size: tuple[int, int]) -> tuple[int, int]:
@@ -128,5 +146,5 @@ def _oversampled(size: tuple[int, int]) -> tuple[int, int]:
 def _captioned(strip: Picture, caption: str) -> Picture:
     whole = figure.Image.new("RGB", (strip.width, strip.height + _BAND), figure.BACKGROUND)
     whole.paste(strip, (0, _BAND))
-    figure.paint_text(whole, caption, (18, _BAND / 2 + 3), 18, "lm")
+    figure.paint_text(whole, caption, (18, _BAND / 2 + 3), 18, "lm", room=strip.width - 36)
     return whole

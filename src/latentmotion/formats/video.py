@@ -1,0 +1,139 @@
+"""Videos and GIFs of a mannequin with volume, drawn without a GPU; the camera follows the person.
+
+Takes stand side by side, each in its own panel. `.mp4` is H.264 through PyAV, `.gif` is Pillow's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.files import atomic_file
+from latentmotion.formats import figure
+from latentmotion.motion import Motion
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+MOST_TAKES = 6
+"""Panels that fit beside each other."""
+
+_CAPTION = 44
+"""Height of the line with the caption, pixels."""
+
+_FOLLOWING = 0.5
+"""Seconds over which the camera's way is smoothed."""
+
+
+def write(path: str | Path, motions: Sequence[Motion], size: int = 512) -> list[Path]:
+    """Writes a `.gif` or `.mp4` of one or more takes side by side.
+
+    Args:
+        path: Where to; the ending says which.
+        motions: What to show, with one frame rate; the shorter ones wait at their end.
+        size: Height of the picture, pixels; an even number.
+
+    Raises:
+        InputError: Too many takes, different frame rates, or a folder that cannot be written.
+        MissingExtraError: Pillow or PyAV is not installed.
+    """
+    if len(motions) > MOST_TAKES:
+        raise InputError(f"{len(motions)} takes in one video; expected at most {MOST_TAKES}")
+    if len({motion.fps for motion in motions}) > 1:
+        raise InputError("the takes of one video must share a frame rate; write several files")
+    encode = _write_gif if Path(path).suffix.lower() == ".gif" else _write_mp4
+    with atomic_file(path) as temporary:
+        encode(temporary, frames(motions, size), motions[0].fps)
+    return [Path(path)]
+
+
+def frames(motions: Sequence[Motion], size: int = 512) -> Iterator[Picture]:
+    """Yields the pictures of a video, drawn as they are asked for."""
+    width = size if len(motions) == 1 else size * 3 // 8 * 2
+    panels = [
+        _Panel(motion, (width, size - _CAPTION), figure.COLORS[number % len(figure.COLORS)])
+        for number, motion in enumerate(motions)
+    ]
+    for frame in range(max(len(motion) for motion in motions)):
+        whole = figure.Image.new("RGB", (width * len(panels), size), figure.BACKGROUND)
+        for number, panel in enumerate(panels):
+            whole.paste(panel.draw(frame), (number * width, 0))
+        _write_captions(whole, motions, size - _CAPTION / 2)
+        yield whole
+
+
+class _Panel:
+    """One take with its camera."""
+
+    def __init__(self, motion: Motion, size: tuple[int, int], color: tuple[int, int, int]) -> None:
+        self.size, self.color = size, color
+        self.bodies = figure.make_bodies(motion)
+        self.way = _smooth(self.bodies.joints[:, 0] * (1, 0, 1), _FOLLOWING * motion.fps)
+        self.azimuth = figure.facing(motion.joints, motion.skeleton.names) - np.radians(38)
+        above = self.bodies.vertices[..., 1].max() - self.bodies.floor
+        self.height = max(1.75, float(above)) + 0.35
+
+    def draw(self, frame: int) -> Picture:
+        frame = min(frame, len(self.way) - 1)
+        floor = self.bodies.floor
+        target = self.way[frame] + (0, floor + self.height / 2 - 0.17, 0)
+        pixels = self.size[0] * figure.OVERSAMPLING, self.size[1] * figure.OVERSAMPLING
+        camera = figure.camera_around(
+            target, self.azimuth, np.radians(14), 6.5, pixels, self.height
+        )
+        picture = figure.new_picture(self.size)
+        figure.paint_floor(picture, camera, floor, reach=3.2)
+        figure.paint_shadow(picture, camera, [self.bodies], frame, floor)
+        figure.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
+        return figure.reduced(picture)
+
+
+def _write_captions(whole: Picture, motions: Sequence[Motion], height: float) -> None:
+    """Writes a caption under each panel, or one under all if they are the same."""
+    captions = [motion.caption for motion in motions]
+    if len(set(captions)) == 1:
+        captions = captions[:1]
+    width = whole.width / len(captions)
+    for number, caption in enumerate(captions):
+        place = ((number + 0.5) * width, height)
+        figure.paint_text(whole, caption, place, 17, "mm", room=0.94 * width)
+
+
+def _smooth(way: Float[np.ndarray, "frames 3"], reach: float) -> Float[np.ndarray, "frames 3"]:
+    """Smooths a way by a Gaussian of `reach` frames, its ends carried on."""
+    radius = int(3 * reach)
+    kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / reach) ** 2)
+    padded = np.pad(way, ((radius, radius), (0, 0)), mode="edge")
+    columns = [np.convolve(column, kernel / kernel.sum(), mode="valid") for column in padded.T]
+    return np.stack(columns, axis=-1)
+
+
+def _write_gif(path: Path, pictures: Iterator[Picture], fps: float) -> None:
+    first, *rest = [picture.quantize(128, dither=figure.Image.Dither.NONE) for picture in pictures]
+    # GIF counts in hundredths of a second.
+    duration = max(20, round(100 / fps) * 10)
+    first.save(path, format="GIF", save_all=True, append_images=rest, duration=duration, loop=0)
+
+
+def _write_mp4(path: Path, pictures: Iterator[Picture], fps: float) -> None:
+    try:
+        import av
+    except ImportError as error:
+        raise MissingExtraError("writing .mp4", "PyAV (av)", "video") from error
+    with av.open(str(path), "w", format="mp4") as container:
+        rate = Fraction(fps).limit_denominator(1000)
+        stream = None
+        for picture in pictures:
+            if stream is None:
+                stream = container.add_stream("libx264", rate=rate, options={"crf": "18"})
+                stream.width, stream.height = picture.width // 2 * 2, picture.height // 2 * 2
+                stream.pix_fmt = "yuv420p"
+            container.mux(stream.encode(av.VideoFrame.from_image(picture)))
+        if stream is not None:
+            container.mux(stream.encode())
