@@ -41,8 +41,8 @@ def small_model() -> TrainedModel:
         latents=LatentSpace(width=3, frames_per_token=4),
         schedule=LinearPath(),
         prediction=Velocity(),
-        vae=dict(describe(VAE)),
-        denoiser=dict(describe(DENOISER)),
+        vae=describe(VAE),
+        denoiser=describe(DENOISER),
         condition={},
     )
     return TrainedModel(card, VAE.build(), DENOISER.build())

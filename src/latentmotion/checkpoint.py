@@ -9,6 +9,7 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
@@ -86,7 +87,7 @@ def load_model(folder: str | Path) -> TrainedModel:
     return TrainedModel(card, vae, denoiser)
 
 
-def describe(config: VAEConfig | DenoiserConfig | None) -> dict[str, object]:
+def describe(config: VAEConfig | DenoiserConfig | None) -> dict[str, Any]:
     """Returns a network's configuration as `model.json` keeps it."""
     return to_json(config) if config is not None else {}
 

@@ -81,9 +81,17 @@ class CrossAttention(nn.Module):
         mask: Bool[Tensor, "batch words"],
     ) -> Float[Tensor, "batch tokens width"]:
         """Attends to the memory's tokens whose mask is True."""
+        if memory.shape[1] == 1:
+            return self._attend_to_one(x, memory).expand_as(x)
         (q,) = _split_heads(self.query(x), self.heads, 1)
         k, v = _split_heads(self.key_value(memory), self.heads, 2)
         return self.output(_attend(q, k, v, mask, self.dropout if self.training else 0.0))
+
+    def _attend_to_one(self, x: Tensor, memory: Tensor) -> Tensor:
+        """The softmax over one key is 1, whatever the query: the paper's own case, MLD-1."""
+        value = self.key_value(memory).chunk(2, dim=-1)[1]
+        # The queries keep the gradient that the full formula gives them: zero.
+        return self.output(value + 0 * self.query(x[:, :1]))
 
 
 def _split_heads(x: Tensor, heads: int, parts: int) -> tuple[Tensor, ...]:

@@ -113,8 +113,8 @@ def _card(
         latents=_latents(vae, features),
         schedule=ScaledLinear() if vae else ScaledLinear(offset=0, ends_clean=True),
         prediction=Epsilon() if origin.predicts == "epsilon" else Sample(),
-        vae=dict(describe(vae)),
-        denoiser=dict(describe(denoiser)),
+        vae=describe(vae),
+        denoiser=describe(denoiser),
         condition=_condition(denoiser, origin),
         steps=50 if vae else 1000,
         guidance=7.5,
@@ -141,8 +141,8 @@ def _condition(denoiser: DenoiserConfig | None, origin: Origin) -> dict[str, Any
     if denoiser is None:
         return {}
     if _is_action(denoiser):
-        return {"kind": "action", "classes": denoiser.condition_width}
-    return {"kind": "clip", "name": origin.text_encoder, "width": denoiser.condition_width}
+        return {"classes": denoiser.condition_width}
+    return {"encoder": origin.text_encoder, "width": denoiser.condition_width}
 
 
 def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple[float, ...]]:
