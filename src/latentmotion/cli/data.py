@@ -10,6 +10,7 @@ import tyro
 
 from latentmotion.data.clip import Source
 from latentmotion.data.cmu import CMU, CmuTrials
+from latentmotion.data.encoding import encode_all
 from latentmotion.data.hdm05 import HDM05, hdm05_recordings
 from latentmotion.data.humanml3d import HUMANML3D, KIT, official_normalizer, official_recordings
 from latentmotion.data.inspection import inspect_folder
@@ -18,11 +19,8 @@ from latentmotion.data.preparation import Preparation, merge
 from latentmotion.data.report import Report
 from latentmotion.data.store import check_target
 from latentmotion.joint_map import load_joint_map
-from latentmotion.representation.humanml3d import (
-    HUMANML3D_FEATURES,
-    KIT_FEATURES,
-    HumanML3DRepresentation,
-)
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
+from latentmotion.representation.interface import Representation
 
 Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 
@@ -47,7 +45,7 @@ class PrepareCmu:
         check_target(self.out)
         data = CmuTrials.load(self.trials, self.humanml3d, self.fps)
         preparation = Preparation(HUMANML3D_FEATURES)
-        preparation.add(data.recordings(self.uncaptioned))
+        preparation.add(encode_all(data.recordings(self.uncaptioned), HUMANML3D_FEATURES))
         notes = (
             f"HumanML3D's index has {data.missing} more CMU clips, of trials that are not in "
             f"{self.trials}; get them from {CMU.url}",
@@ -68,7 +66,7 @@ class PrepareHdm05:
         """Prepares the folder and prints the report."""
         check_target(self.out)
         preparation = Preparation(HUMANML3D_FEATURES)
-        preparation.add(hdm05_recordings(self.clips))
+        preparation.add(encode_all(hdm05_recordings(self.clips), HUMANML3D_FEATURES))
         _tell(preparation.write(self.out, (HDM05,)), self.out)
 
 
@@ -143,7 +141,7 @@ class PrepareOwn:
             test=self.test,
         )
         preparation = Preparation(HUMANML3D_FEATURES)
-        preparation.add(motions.recordings())
+        preparation.add(encode_all(motions.recordings(), HUMANML3D_FEATURES))
         _tell(preparation.write(self.out, (source,)), self.out)
 
 
@@ -185,7 +183,7 @@ class Check:
 
 
 def _prepare_official(
-    folder: Path, out: Path, source: Source, representation: HumanML3DRepresentation
+    folder: Path, out: Path, source: Source, representation: Representation
 ) -> None:
     check_target(out)
     normalizer = official_normalizer(folder, representation.width)

@@ -16,20 +16,12 @@ from latentmotion.data.clip import Caption
 TAG_RATE = 20
 """Frames per second by which HumanML3D turns `from` and `to` into frames."""
 
-_OTHER_SIDE = {
-    "left": "right",
-    "right": "left",
-    "clockwise": "counterclockwise",
-    "counterclockwise": "clockwise",
-    "counter-clockwise": "clockwise",
-    "counter clockwise": "clockwise",
-    "anticlockwise": "clockwise",
-    "anti-clockwise": "clockwise",
-    "anti clockwise": "clockwise",
-}
+_OTHER_SIDE = {"left": "right", "right": "left", "clockwise": "counterclockwise"}
+"""What a word becomes; all ways to write counterclockwise become clockwise."""
+
 # Endings such as "leftward", "rights" and "left-handed" follow; "upright", "frightened" must not.
 _SIDED = re.compile(
-    r"\b(?:(left|right)(?=s?\b|wards?\b|most\b|ies\b|y\b)|((?:counter|anti)[- ]?)?clockwise\b)",
+    r"\b(?:(left|right)(?=s?\b|wards?\b|most\b|ies\b|y\b)|((?:counter|anti)[- ]?)?clock-?wise\b)",
     re.IGNORECASE,
 )
 
@@ -107,5 +99,5 @@ def _seconds(text: str) -> float | None:
 
 def _swap(match: re.Match[str]) -> str:
     word = match.group(0)
-    other = _OTHER_SIDE[word.lower()]
+    other = _OTHER_SIDE.get(word.lower().replace("clock-wise", "clockwise"), "clockwise")
     return other.capitalize() if word[0].isupper() else other

@@ -58,7 +58,7 @@ SHORTEST = 40
 """Frames of the shortest piece without captions."""
 
 _TRIAL = re.compile(r"(\d+_\d+)", re.ASCII)
-_HUMANML3D_PATH = re.compile(r"/CMU/.*?(\d+_\d+)_poses\.npy$")
+_HUMANML3D_PATH = re.compile(r"/CMU/(?P<folder>[^/]+)/(?P<trial>\d+_\d+)_poses\.npy$")
 
 
 @dataclass(frozen=True)
@@ -88,12 +88,13 @@ class CmuTrials:
         Raises:
             DataError: A folder or file is missing or wrong.
         """
-        rows = defaultdict(list)
-        for row in read_index(humanml3d):
-            if match := _HUMANML3D_PATH.search(row.path):
-                rows[match[1]].append(row)
-        known = _read_rates(rates) if rates else {}
-        return cls(find_trials(trials), known, rows, read_splits(humanml3d), read_texts(humanml3d))
+        return cls(
+            paths=find_trials(trials),
+            rates=_read_rates(rates) if rates else {},
+            rows=rows_by_trial(humanml3d),
+            splits=read_splits(humanml3d),
+            texts=read_texts(humanml3d),
+        )
 
     @property
     def missing(self) -> int:
@@ -168,6 +169,34 @@ def find_trials(folder: Path) -> dict[str, Path]:
             f"get them from {CMU.url}"
         )
     return found
+
+
+def rows_by_trial(humanml3d: Path) -> dict[str, list[IndexRow]]:
+    """Returns HumanML3D's clips of each CMU trial.
+
+    Raises:
+        DataError: The index is missing or wrong.
+    """
+    rows = defaultdict(list)
+    for row in read_index(humanml3d):
+        if trial := trial_of(row.path):
+            rows[trial].append(row)
+    return dict(rows)
+
+
+def trial_of(path: str) -> str | None:
+    """Returns CMU's name of the trial behind a path in HumanML3D's index; None if not CMU's.
+
+    Trials of two people are there twice under the first one's number, in folders such as
+    `18_19_Justin` and `18_19_rory`; captions such as "is pulled" of "A pulls B" show that Rory is
+    the second one, whom CMU numbers 19, 21 and 23.
+    """
+    match = _HUMANML3D_PATH.search(path)
+    if match is None:
+        return None
+    subject, number = match["trial"].split("_")
+    second = "rory" in match["folder"].lower()
+    return f"{int(subject) + second:02d}_{number}"
 
 
 def read_trial(path: Path) -> Animation:

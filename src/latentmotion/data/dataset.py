@@ -12,17 +12,11 @@ from safetensors import SafetensorError, safe_open
 
 from latentmotion.data.clip import SPLITS, Clip, Source
 from latentmotion.data.store import MANIFEST, Manifest, StoredClip, read_manifest
-from latentmotion.errors import DataError
+from latentmotion.errors import DataError, InputError
 from latentmotion.files import sha256
-from latentmotion.representation.humanml3d import (
-    HUMANML3D_FEATURES,
-    KIT_FEATURES,
-    HumanML3DRepresentation,
-)
+from latentmotion.representation.interface import Representation
+from latentmotion.representation.known import representation_named
 from latentmotion.representation.normalizer import Normalizer
-
-REPRESENTATIONS = {part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES)}
-"""Representations that a folder can name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +27,8 @@ class Dataset:
     """The prepared folder."""
     manifest: Manifest
     """What it says about itself."""
+    representation: Representation
+    """How its features describe motion."""
 
     @classmethod
     def load(cls, folder: str | Path) -> Dataset:
@@ -42,17 +38,11 @@ class Dataset:
             DataError: It is not such a folder, or it is damaged.
         """
         manifest = read_manifest(folder)
-        if manifest.representation not in REPRESENTATIONS:
-            raise DataError(
-                f"{folder}: unknown representation {manifest.representation!r}, "
-                f"known are {', '.join(REPRESENTATIONS)}; prepare the folder again"
-            )
-        return cls(Path(folder), manifest)
-
-    @property
-    def representation(self) -> HumanML3DRepresentation:
-        """How its features describe motion."""
-        return REPRESENTATIONS[self.manifest.representation]
+        try:
+            representation = representation_named(manifest.representation)
+        except InputError as error:
+            raise DataError(f"{folder}: {error}; prepare the folder again") from error
+        return cls(Path(folder), manifest, representation)
 
     @cached_property
     def normalizer(self) -> Normalizer:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from latentmotion.data.annotations import GET_IT, read_index, read_splits, read_texts
-from latentmotion.data.cmu import CMU, CmuTrials, find_trials
+from latentmotion.data.cmu import CMU, find_trials, rows_by_trial
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.hdm05 import find_clips
 from latentmotion.data.humanml3d import FEATURES
@@ -83,12 +83,15 @@ def _official(folder: Path) -> Iterator[str]:
 
 
 def _motions(folder: Path) -> Iterator[str]:
-    for look in (_cmu, _hdm05, _own):
-        try:
-            yield from look(folder)
-            return
-        except DataError:
-            continue
+    lines = [line for look in (_cmu, _hdm05) for line in _found(look, folder)]
+    yield from lines or _found(_own, folder)
+
+
+def _found(look: Callable[[Path], Iterator[str]], folder: Path) -> list[str]:
+    try:
+        return list(look(folder))
+    except DataError:
+        return []
 
 
 def _cmu(folder: Path) -> Iterator[str]:
@@ -103,19 +106,18 @@ def _cmu(folder: Path) -> Iterator[str]:
     if index is None:
         yield f"  missing: HumanML3D's captions and index; {GET_IT}"
     else:
-        yield from _coverage(folder, index.parent)
+        yield from _coverage(trials, index.parent)
     yield f"next: latentmotion data prepare cmu --trials {folder} --humanml3d FOLDER -o OUT"
 
 
-def _coverage(folder: Path, humanml3d: Path) -> Iterator[str]:
-    data = CmuTrials.load(folder, humanml3d)
-    lacking = sorted(set(data.rows) - set(data.paths))
-    yield (
-        f"  of HumanML3D's {sum(map(len, data.rows.values()))} CMU clips {data.missing} need "
-        f"{len(lacking)} trials that are not here"
-    )
+def _coverage(trials: Mapping[str, Path], humanml3d: Path) -> Iterator[str]:
+    rows = rows_by_trial(humanml3d)
+    lacking = sorted(set(rows) - set(trials))
+    clips, missing = sum(map(len, rows.values())), sum(len(rows[trial]) for trial in lacking)
+    yield f"  HumanML3D cuts {clips} clips from CMU; {clips - missing} of them can be cut from these"
     if lacking:
-        yield f"  missing trials, from {CMU.url}: {', '.join(lacking[:8])}, …"
+        shown = ", ".join(lacking[:8]) + (", …" if len(lacking) > 8 else "")
+        yield f"  missing: {len(lacking)} trials, from {CMU.url}: {shown}"
 
 
 def _hdm05(folder: Path) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Recordings → prepared folder: check, retarget, encode, fit the normalizer, write, report."""
+"""Encoded recordings → prepared folder: fit captions and normalizer, write, report."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from latentmotion.configuration import read_json, write_json
 from latentmotion.data.captions import fit_sentences
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.glitches import find_glitch
-from latentmotion.data.recording import Dropped, EncodedRecording, Label, Recording
+from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.report import REPORT, Report, parts_of
 from latentmotion.data.store import (
     StoredClip,
@@ -24,11 +23,8 @@ from latentmotion.data.store import (
     write_dataset,
 )
 from latentmotion.errors import DataError
-from latentmotion.representation.humanml3d import HumanML3DRepresentation
+from latentmotion.representation.interface import Representation
 from latentmotion.representation.normalizer import Normalizer
-
-MIN_FRAMES = 10
-"""Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
 
 
 class Preparation:
@@ -38,21 +34,20 @@ class Preparation:
         representation: How features describe motion.
     """
 
-    def __init__(self, representation: HumanML3DRepresentation) -> None:
+    def __init__(self, representation: Representation) -> None:
         self.representation = representation
         self.motions: list[StoredMotion] = []
         self.dropped: list[Dropped] = []
-        self.round_trip: float | None = None
+        self.round_trip_mm: float | None = None
 
-    def add(self, items: Iterable[Recording | EncodedRecording | Dropped]) -> None:
+    def add(self, items: Iterable[EncodedRecording | Dropped]) -> None:
         """Takes what a source yields; what cannot be used is kept with the reason."""
         for item in items:
             if isinstance(item, Dropped):
                 self.dropped.append(item)
-            elif isinstance(item, Recording):
-                self._encode(item)
             else:
                 self._keep(item.label, item.features)
+                self.note(item.round_trip_mm)
 
     def write(
         self,
@@ -76,31 +71,9 @@ class Preparation:
         self._check_any()
         fitted = normalizer or self._fit()
         manifest = write_dataset(folder, self.motions, sources, self.representation, fitted)
-        report = Report(parts_of(manifest), tuple(self.dropped), self.round_trip, notes)
+        report = Report(parts_of(manifest), tuple(self.dropped), self.round_trip_mm, notes)
         write_json(Path(folder) / REPORT, report)
         return report
-
-    def _encode(self, recording: Recording) -> None:
-        if len(recording.joints) < MIN_FRAMES:
-            reason = f"{len(recording.joints)} frames, fewer than {MIN_FRAMES}"
-        else:
-            reason = find_glitch(recording.joints, self.representation.fps)
-        if reason:
-            self.dropped.append(Dropped(recording.label.id, "clip", reason))
-            return
-        joints = self.representation.retarget(recording.joints)
-        features = self.representation.encode(joints)
-        self.round_trip = max(self.round_trip or 0.0, self._error_mm(joints, features))
-        self._keep(recording.label, features)
-
-    def _error_mm(
-        self,
-        joints: Float[np.ndarray, "frames joints 3"],
-        features: Float[np.ndarray, "frames_less_one features"],
-    ) -> float:
-        expected = self.representation.canonicalize(joints)[:-1]
-        found = self.representation.decode(features)
-        return float(np.linalg.norm(found - expected, axis=-1).max() * 1000)
 
     def _keep(self, label: Label, features: Float[np.ndarray, "frames features"]) -> None:
         frames = len(features)
@@ -122,6 +95,11 @@ class Preparation:
         )
         self.motions.append(StoredMotion(clip, features))
 
+    def note(self, round_trip_mm: float | None) -> None:
+        """Takes the error of one more way there and back."""
+        if round_trip_mm is not None:
+            self.round_trip_mm = max(self.round_trip_mm or 0.0, round_trip_mm)
+
     def _fit(self) -> StoredNormalizer:
         train = [motion.features for motion in self.motions if motion.clip.split == "train"]
         if not train:
@@ -140,8 +118,10 @@ def merge(folders: Sequence[str | Path], out: str | Path) -> Report:
     """Joins prepared folders into one, with one normalizer for all.
 
     Raises:
-        DataError: They have different representations, or clips of the same name.
+        DataError: There is none, or they differ in representation, or share names of clips.
     """
+    if not folders:
+        raise DataError("nothing to merge; name two or more prepared folders")
     datasets = [Dataset.load(folder) for folder in folders]
     names = {dataset.manifest.representation for dataset in datasets}
     if len(names) > 1:
@@ -159,8 +139,7 @@ def _take_all(preparation: Preparation, dataset: Dataset) -> None:
         preparation.motions.append(StoredMotion(stored, dataset.features(stored.clip())))
     report = _report(dataset)
     preparation.dropped += report.dropped
-    if report.round_trip_mm is not None:
-        preparation.round_trip = max(preparation.round_trip or 0.0, report.round_trip_mm)
+    preparation.note(report.round_trip_mm)
 
 
 def _report(dataset: Dataset) -> Report:

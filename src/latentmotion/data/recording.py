@@ -45,12 +45,14 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class EncodedRecording:
-    """A motion that comes as features, from an official processed folder."""
+    """A motion as features: of a recording, or as an official processed folder holds them."""
 
     label: Label
     """What is known about it."""
     features: Float[np.ndarray, "frames features"]
     """Features, not normalized."""
+    round_trip_mm: float | None = None
+    """Largest distance of a joint after joints → features → joints, where there were joints."""
 
 
 @dataclass(frozen=True)
