@@ -67,7 +67,7 @@ def _signs(
     weight: Float[np.ndarray, " frames"],
     prior: Float[np.ndarray, "frames 2"],
 ) -> Float[np.ndarray, " frames"]:
-    """Chooses for each frame whether the limb bends as it is made to (1) or beyond straight (-1)."""
+    """Chooses for each frame: the limb bends as it is made to (1), or beyond straight (-1)."""
     natural = weight * (weight + _PRIOR * (plane * prior).sum(-1))
     pull = _CONTINUITY * np.minimum(weight[1:], weight[:-1]) * (plane[1:] * plane[:-1]).sum(-1)
     signs = np.array([1.0, -1.0])

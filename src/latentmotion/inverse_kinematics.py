@@ -8,8 +8,8 @@ A bone's direction fixes two of its three degrees of freedom. The third, the twi
                      for limbs that are straight see `hinge.py`
     all others       swing only, from the parent
 
-The rest pose is a T: arms along ±x, legs down and a little apart, feet flat and ahead, with the median
-bone lengths of the motion itself, so that forward kinematics gives the same joints again.
+The rest pose is a T: arms along ±x, legs down and a little apart, feet flat and ahead. Its bones
+are as long as the motion's median bones, so that forward kinematics gives the same joints again.
 """
 
 from __future__ import annotations

@@ -127,7 +127,7 @@ class Bodies:
     @property
     def floor(self) -> float:
         """Height of the floor on which the lowest foot stands."""
-        return float(np.percentile(self.joints[..., 1].min(-1), 2)) - _SOLE
+        return float(np.percentile(self.joints[..., 1].min(-1), 10)) - _SOLE
 
 
 def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float = 0.022) -> Bodies:
@@ -157,29 +157,31 @@ def paint_floor(
     picture: Picture, camera: Camera, height: float, reach: float, spacing: float = 0.5
 ) -> None:
     """Draws a grid on the floor around the camera's target that fades with the distance."""
-    draw = ImageDraw.Draw(picture)
-    center = camera.target[[0, 2]]
-    first = np.round((center - reach) / spacing).astype(int)
-    last = np.round((center + reach) / spacing).astype(int)
-    for axis in (0, 1):
-        along = np.linspace(center[1 - axis] - reach, center[1 - axis] + reach, 25)
-        for line in np.arange(first[axis], last[axis] + 1) * spacing:
-            points = np.full((len(along), 3), height)
-            points[:, 0 if axis == 0 else 2] = line
-            points[:, 2 if axis == 0 else 0] = along
-            _paint_fading(draw, camera, points, reach)
-
-
-def _paint_fading(
-    draw: ImageDraw.ImageDraw, camera: Camera, points: Float[np.ndarray, "points 3"], reach: float
-) -> None:
-    pixels, depth = camera.project(points)
-    away = np.linalg.norm((points - camera.target)[:, [0, 2]], axis=-1) / reach
+    lines = _grid_lines(camera.target, height, reach, spacing)
+    pixels, depth = camera.project(lines)
+    away = np.linalg.norm((lines - camera.target)[..., [0, 2]], axis=-1) / reach
     strength = np.clip(1 - away**2, 0, 1)
-    for i in np.flatnonzero((depth[1:] > 0.3) & (depth[:-1] > 0.3) & (strength[1:] > 0.02)):
-        color = _mixed(BACKGROUND, _GRID, float(strength[i + 1]))
-        ends = (*pixels[i].tolist(), *pixels[i + 1].tolist())
-        draw.line(ends, fill=color, width=OVERSAMPLING)
+    seen = (np.minimum(depth[:, 1:], depth[:, :-1]) > 0.3) & (strength[:, 1:] > 0.02)
+    ends = np.concatenate([pixels[:, :-1], pixels[:, 1:]], axis=-1)[seen].tolist()
+    draw = ImageDraw.Draw(picture)
+    for line, share in zip(ends, strength[:, 1:][seen].tolist(), strict=True):
+        draw.line(line, fill=faded(_GRID, share), width=OVERSAMPLING)
+
+
+def _grid_lines(
+    target: Float[np.ndarray, " width"], height: float, reach: float, spacing: float
+) -> Float[np.ndarray, "lines points 3"]:
+    """Returns lines along x and z that stay where they are when the target moves."""
+    across = np.arange(-np.ceil(reach / spacing), np.ceil(reach / spacing) + 1) * spacing
+    along = np.linspace(-reach, reach, 17)
+    lines = []
+    for axis in (0, 2):
+        still, moving = np.meshgrid(across, along, indexing="ij")
+        points = np.full((*still.shape, 3), height)
+        points[..., axis] = still + np.round(target[axis] / spacing) * spacing
+        points[..., 2 - axis] = moving + target[2 - axis]
+        lines.append(points)
+    return np.concatenate(lines)
 
 
 def paint_shadow(
@@ -192,7 +194,11 @@ def paint_shadow(
     for body in bodies:
         _paint_bones(draw, camera, body, frame, height)
     mask = mask.filter(ImageFilter.GaussianBlur(max(1.0, size[1] / 130)))
-    picture.paste(_SHADOW, (0, 0), mask.resize(picture.size, Image.Resampling.BILINEAR))
+    box = mask.getbbox()
+    if box is not None:
+        left, top, right, bottom = (n * _SHADOW_REDUCTION for n in box)
+        soft = mask.crop(box).resize((right - left, bottom - top), Image.Resampling.BILINEAR)
+        picture.paste(_SHADOW, (left, top, right, bottom), soft)
 
 
 def _paint_bones(

@@ -30,6 +30,11 @@ _CAPTION = 44
 _FOLLOWING = 0.5
 """Seconds over which the camera's way is smoothed."""
 
+_CELL = 0.025
+"""Size of the figure's faces, meters."""
+
+_X264 = {"crf": "18", "preset": "veryfast"}
+
 
 def write(path: str | Path, motions: Sequence[Motion], size: int = 512) -> list[Path]:
     """Writes a `.gif` or `.mp4` of one or more takes side by side.
@@ -73,7 +78,7 @@ class _Panel:
 
     def __init__(self, motion: Motion, size: tuple[int, int], color: tuple[int, int, int]) -> None:
         self.size, self.color = size, color
-        self.bodies = figure.make_bodies(motion)
+        self.bodies = figure.make_bodies(motion, cell=_CELL)
         self.way = _smooth(self.bodies.joints[:, 0] * (1, 0, 1), _FOLLOWING * motion.fps)
         self.azimuth = figure.facing(motion.joints, motion.skeleton.names) - np.radians(38)
         above = self.bodies.vertices[..., 1].max() - self.bodies.floor
@@ -115,7 +120,9 @@ def _smooth(way: Float[np.ndarray, "frames 3"], reach: float) -> Float[np.ndarra
 
 
 def _write_gif(path: Path, pictures: Iterator[Picture], fps: float) -> None:
-    first, *rest = [picture.quantize(128, dither=figure.Image.Dither.NONE) for picture in pictures]
+    first = next(pictures).quantize(128)
+    plain = figure.Image.Dither.NONE
+    rest = [picture.quantize(palette=first, dither=plain) for picture in pictures]
     # GIF counts in hundredths of a second.
     duration = max(20, round(100 / fps) * 10)
     first.save(path, format="GIF", save_all=True, append_images=rest, duration=duration, loop=0)
@@ -131,7 +138,7 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], fps: float) -> None:
         stream = None
         for picture in pictures:
             if stream is None:
-                stream = container.add_stream("libx264", rate=rate, options={"crf": "18"})
+                stream = container.add_stream("libx264", rate=rate, options=_X264)
                 stream.width, stream.height = picture.width // 2 * 2, picture.height // 2 * 2
                 stream.pix_fmt = "yuv420p"
             container.mux(stream.encode(av.VideoFrame.from_image(picture)))
