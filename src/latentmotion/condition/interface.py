@@ -1,10 +1,19 @@
-"""What steers a motion: words, each a vector, and which of them are real."""
+"""What steers a motion: a sentence, a label or nothing becomes words, each a vector.
+
+Two steps, so that embeddings can be kept on disk in training: a text encoder turns sentences into
+a `TextEmbedding`; from it, or from a label, a `Conditioning` is made, which is all a denoiser sees.
+Every implementation is checked (tests/test_text_encoders.py, tests/test_conditions.py) for this:
+the order in the batch does not matter, neither does the company a sentence is in, and the null
+condition depends on no input.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 from jaxtyping import Bool, Float
 
 
@@ -16,3 +25,78 @@ class Conditioning:
     """One vector per word; a pooled sentence or a label is one word."""
     mask: Bool[Any, "batch words"]
     """True on real words."""
+
+
+@dataclass(frozen=True)
+class TextEmbedding:
+    """What a text encoder says of a batch of sentences."""
+
+    pooled: Float[np.ndarray, "batch width"]
+    """One vector per sentence."""
+    words: Float[np.ndarray, "batch words width"]
+    """One vector per word piece, zero where there is none."""
+    mask: Bool[np.ndarray, "batch words"]
+    """True on real word pieces."""
+
+    def sentence(self) -> Conditioning:
+        """Returns the condition with each pooled sentence as its one word."""
+        tokens = self.pooled[:, None]
+        return Conditioning(tokens, np.ones(tokens.shape[:2], dtype=bool))
+
+    def word_by_word(self) -> Conditioning:
+        """Returns the condition with every word piece as a word."""
+        return Conditioning(self.words, self.mask)
+
+
+@runtime_checkable
+class Condition(Protocol):
+    """Sentences, labels or nothing to what a denoiser sees."""
+
+    def __call__(self, inputs: Sequence[Any]) -> Conditioning:
+        """Returns the condition of each input.
+
+        Raises:
+            InputError: An input is not of this condition's kind.
+        """
+        ...
+
+    def null(self, count: int) -> Conditioning:
+        """Returns `count` rows of no condition, the same whatever the inputs are."""
+        ...
+
+
+class TextEncoder(Protocol):
+    """Sentences to embeddings. The empty sentence is allowed: it is the null condition's."""
+
+    @property
+    def name(self) -> str:
+        """What distinguishes this encoder's embeddings from any other's."""
+        ...
+
+    @property
+    def width(self) -> int:
+        """Numbers per vector."""
+        ...
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        """Returns the embeddings of at least one sentence, float32.
+
+        Raises:
+            InputError: There is no sentence.
+        """
+        ...
+
+
+def stack(rows: Sequence[TextEmbedding]) -> TextEmbedding:
+    """Returns several embeddings as one batch, words filled with zeros to the longest."""
+    longest = max(row.mask.shape[1] for row in rows)
+    return TextEmbedding(
+        np.concatenate([row.pooled for row in rows]),
+        np.concatenate([_widen(row.words, longest) for row in rows]),
+        np.concatenate([_widen(row.mask, longest) for row in rows]),
+    )
+
+
+def _widen(array: np.ndarray, words: int) -> np.ndarray:
+    missing = words - array.shape[1]
+    return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from torch import nn
 
 from latentmotion.data.sampling import Crop
+from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop
 from latentmotion.diffusion.loss import denoiser_loss
 from latentmotion.diffusion.noise import SeededNoise
@@ -43,7 +43,7 @@ class LatentData:
     """Embeddings of all their captions."""
 
 
-class DenoiserStage(Stage):
+class DenoiserStage(Stage[Denoiser]):
     """The denoiser, the latents that it is shown, and those it is measured on.
 
     Args:
@@ -56,7 +56,7 @@ class DenoiserStage(Stage):
 
     def __init__(
         self,
-        denoiser: nn.Module,
+        denoiser: Denoiser,
         data: LatentData,
         decoder: LatentDecoder,
         experiment: Experiment,
@@ -78,7 +78,7 @@ class DenoiserStage(Stage):
         return {"total": self._loss(self.network, own, crops, randomness, dropped)}
 
     @torch.no_grad()
-    def validate(self, network: nn.Module) -> dict[str, float]:
+    def validate(self, network: Denoiser) -> dict[str, float]:
         """Mean loss of held-out motions and of as many seen ones, at the same times and noises."""
         held_out = self._data.held_out
         seen = self._data.plan(0)[: len(held_out)]
@@ -86,7 +86,7 @@ class DenoiserStage(Stage):
         return {name: self._mean_loss(network, crops) for name, crops in parts.items()}
 
     @torch.no_grad()
-    def sample(self, network: nn.Module) -> list[Motion]:
+    def sample(self, network: Denoiser) -> list[Motion]:
         """Motions for the sentences of a few held-out clips."""
         captions = [crop.caption for crop in self._data.held_out if crop.caption]
         captions = captions[:: max(1, len(captions) // 4)][:4]
@@ -104,7 +104,7 @@ class DenoiserStage(Stage):
 
     def _loss(
         self,
-        network: nn.Module,
+        network: Denoiser,
         crops: Sequence[Crop],
         among: Sequence[Crop],
         randomness: StepRandomness,
@@ -119,7 +119,7 @@ class DenoiserStage(Stage):
         condition = drop(condition, self._null, randomness.chance(dropped))
         return denoiser_loss(network, z0, epsilon, t, condition, latents.mask, objective)
 
-    def _mean_loss(self, network: nn.Module, crops: Sequence[Crop]) -> float:
+    def _mean_loss(self, network: Denoiser, crops: Sequence[Crop]) -> float:
         device = self._place.device
         draws = (StepRandomness(n, 0, len(crops), Ranks(), device) for n in range(DRAWS))
         losses = [self._loss(network, crops, crops, draw, dropped=0.0) for draw in draws]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import copy
+from typing import Generic, TypeVar
 
 import torch
 from torch import nn
 
+Network = TypeVar("Network", bound=nn.Module)
 
-class ExponentialMovingAverage:
+
+class ExponentialMovingAverage(Generic[Network]):
     """A smoothed copy of a network, which is what is validated, sampled from and saved.
 
     The decay at step k is min(decay, (1 + k) / (10 + k)), so that the random first weights are
@@ -19,15 +22,15 @@ class ExponentialMovingAverage:
         decay: d for large k; 0 makes the average equal to the network.
     """
 
-    def __init__(self, network: nn.Module, decay: float) -> None:
+    def __init__(self, network: Network, decay: float) -> None:
         self.network = copy.deepcopy(network).eval().requires_grad_(False)
         self.decay = decay
 
     @torch.no_grad()
-    def update(self, network: nn.Module, step: int) -> None:
+    def update(self, network: Network, step: int) -> None:
         """Moves the average towards `network` after optimizer step number `step`, from 0."""
         weight = 1 - min(self.decay, (1 + step) / (10 + step))
-        ours, theirs = list(self.network.parameters()), list(network.parameters())
-        torch._foreach_lerp_(ours, theirs, weight)
+        for mine, other in zip(self.network.parameters(), network.parameters(), strict=True):
+            mine.lerp_(other, weight)
         for mine, other in zip(self.network.buffers(), network.buffers(), strict=True):
             mine.copy_(other)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from latentmotion.checkpoint import WEIGHTS_FILE, load_model
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
@@ -15,10 +13,10 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment
 from latentmotion.files import sha256
 from latentmotion.model_card import CARD_FILE, LatentSpace, ModelCard
-from latentmotion.representation.normalizer import Normalizer
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.denoiser_stage import LatentData
 from latentmotion.training.devices import Place
+from latentmotion.training.latent_decoder import normalizer_of
 from latentmotion.training.latents import (
     LatentMemory,
     Posteriors,
@@ -126,8 +124,3 @@ def prepare_latents(
 def captions_of(items: list[Item]) -> set[str]:
     """Returns all sentences of some items."""
     return {caption for item in items for caption in item.captions}
-
-
-def normalizer_of(card: ModelCard) -> Normalizer:
-    """Returns the normalizer that a model was trained with."""
-    return Normalizer(np.float32(card.normalizer_mean), np.float32(card.normalizer_std))

@@ -27,8 +27,7 @@ class LatentDecoder:
     def __init__(self, vae: MotionVAE, card: ModelCard, frames: int) -> None:
         self._decode, self._latent_mask = vae.decode, vae.latent_mask
         self._card, self._frames = card, frames
-        mean, std = card.normalizer_mean, card.normalizer_std
-        self._normalizer = Normalizer(np.float32(mean), np.float32(std))
+        self._normalizer = normalizer_of(card)
 
     def mask(self, count: int) -> Bool[torch.Tensor, "batch tokens"]:
         """Returns the mask of the latents of `count` motions."""
@@ -46,3 +45,9 @@ class LatentDecoder:
             Motion(joints, part.fps, part.skeleton, caption)
             for joints, caption in zip(part.decode(features.cpu().numpy()), captions, strict=True)
         ]
+
+
+def normalizer_of(card: ModelCard) -> Normalizer:
+    """Returns the normalizer that a model was trained with."""
+    mean, std = card.normalizer_mean, card.normalizer_std
+    return Normalizer(np.asarray(mean, np.float32), np.asarray(std, np.float32))

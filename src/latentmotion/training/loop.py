@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic
 
 import torch
 from torch import nn
@@ -20,34 +20,34 @@ from latentmotion.errors import LatentMotionError
 from latentmotion.experiment import TrainingSettings
 from latentmotion.motion import Motion
 from latentmotion.training.devices import Place
-from latentmotion.training.ema import ExponentialMovingAverage
+from latentmotion.training.ema import ExponentialMovingAverage, Network
 from latentmotion.training.journal import Journal
 from latentmotion.training.snapshot import load_snapshot, save_snapshot
 from latentmotion.training.strips import write_strip
 
 
-class Stage(nn.Module):
+class Stage(nn.Module, Generic[Network]):
     """What is trained and on what: the losses of a step, figures on held-out data, samples."""
 
-    network: nn.Module
+    network: Network
     """The network that is optimized, averaged and saved."""
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`; "total" is minimized, the others are reported."""
         raise NotImplementedError
 
-    def validate(self, network: nn.Module) -> Mapping[str, float]:
+    def validate(self, network: Network) -> Mapping[str, float]:
         """Figures of `network` on data it is not trained on."""
         raise NotImplementedError
 
-    def sample(self, network: nn.Module) -> Sequence[Motion]:
+    def sample(self, network: Network) -> Sequence[Motion]:
         """A few motions of `network` to look at."""
         raise NotImplementedError
 
 
 def train(
-    stage: Stage, settings: TrainingSettings, folder: Path, place: Place
-) -> tuple[nn.Module, float]:
+    stage: Stage[Network], settings: TrainingSettings, folder: Path, place: Place
+) -> tuple[Network, float]:
     """Trains `stage.network` from its last snapshot in `folder`, or from the start.
 
     Returns:
@@ -98,7 +98,7 @@ def optimize(
     return {**{k: v.detach() for k, v in losses.items()}, "gradient": norm, "rate": rate}
 
 
-class Reporter:
+class Reporter(Generic[Network]):
     """Journal, validation and pictures of a run, each when its step has come.
 
     Args:
@@ -112,8 +112,8 @@ class Reporter:
 
     def __init__(
         self,
-        stage: Stage,
-        average: ExponentialMovingAverage,
+        stage: Stage[Network],
+        average: ExponentialMovingAverage[Network],
         settings: TrainingSettings,
         folder: Path,
         place: Place,

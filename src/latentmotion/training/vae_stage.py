@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import torch
 from jaxtyping import Float
-from torch import nn
 
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
@@ -25,7 +24,7 @@ LOOKED_AT = 64
 """Clips of each split that a validation rebuilds."""
 
 
-class VAEStage(Stage):
+class VAEStage(Stage[MotionVAE]):
     """The VAE, the crops it is shown, and the clips it is measured on.
 
     Args:
@@ -70,7 +69,7 @@ class VAEStage(Stage):
         )
 
     @torch.no_grad()
-    def validate(self, network: nn.Module) -> dict[str, float]:
+    def validate(self, network: MotionVAE) -> dict[str, float]:
         """Mean joint error in millimeters of rebuilt clips, root-aligned and in the world."""
         figures = {}
         for split, clips in self._looked_at.items():
@@ -81,7 +80,7 @@ class VAEStage(Stage):
         return figures
 
     @torch.no_grad()
-    def sample(self, network: nn.Module) -> list[Motion]:
+    def sample(self, network: MotionVAE) -> list[Motion]:
         """Two held-out clips, each as it is and as it is rebuilt."""
         motions = []
         for clip in self._looked_at["val"][:2]:
@@ -90,11 +89,11 @@ class VAEStage(Stage):
         return motions
 
     def _rebuild(
-        self, network: nn.Module, clip: Clip
+        self, network: MotionVAE, clip: Clip
     ) -> tuple[Float[torch.Tensor, "frames joints 3"], Float[torch.Tensor, "frames joints 3"]]:
         crop = Crop(clip, 0, min(clip.frames, self._longest), "")
         features, mask = (x.to(self._place.device) for x in self._memory.batch([crop], crop.frames))
-        rebuilt = network.decode(network.encode(features, mask).mean, mask)  # type: ignore[operator]
+        rebuilt = network.decode(network.encode(features, mask).mean, mask)
         return self._joints(rebuilt)[0], self._joints(features)[0]
 
     def _joints(
