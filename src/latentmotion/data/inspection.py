@@ -114,7 +114,7 @@ def _coverage(trials: Mapping[str, Path], humanml3d: Path) -> Iterator[str]:
     rows = rows_by_trial(humanml3d)
     lacking = sorted(set(rows) - set(trials))
     clips, missing = sum(map(len, rows.values())), sum(len(rows[trial]) for trial in lacking)
-    yield f"  HumanML3D cuts {clips} clips from CMU; {clips - missing} of them can be cut from these"
+    yield f"  HumanML3D has {clips} clips of CMU; {clips - missing} of them can be cut from these"
     if lacking:
         shown = ", ".join(lacking[:8]) + (", …" if len(lacking) > 8 else "")
         yield f"  missing: {len(lacking)} trials, from {CMU.url}: {shown}"

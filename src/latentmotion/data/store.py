@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 
 from latentmotion.configuration import read_json, write_json
 from latentmotion.data.clip import Caption, Clip, Source, Split
@@ -245,7 +245,8 @@ def _in_shards(motions: list[StoredMotion]) -> Iterator[list[StoredMotion]]:
 def _write_shard(folder: Path, number: int, group: list[StoredMotion]) -> Shard:
     path = folder / f"motions-{number:03d}.safetensors"
     features = np.concatenate([motion.features for motion in group]).astype(np.float32)
-    save_file({"features": features}, path)
+    # Written here and not by safetensors, whose files only their owner may read.
+    path.write_bytes(save({"features": features}))
     return Shard(path.name, len(features), sha256(path))
 
 
