@@ -1,0 +1,112 @@
+"""How latents meet what steers them: the parts that a `Denoiser` is put together from.
+
+Numbers (time, length) become tokens, tokens get positions, and latents and context meet in one
+sequence or by cross-attention.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from latentmotion.nn.timestep import NumberEmbedding
+
+
+class TimeToken(nn.Module):
+    """The time of the diffusion, as one token."""
+
+    def __init__(self, time: NumberEmbedding) -> None:
+        super().__init__()
+        self.time = time
+
+    def forward(self, t: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, 1, width)."""
+        return self.time(t)[:, None]
+
+
+class TimeAndLengthTokens(nn.Module):
+    """The time of the diffusion and the number of real latent tokens, as two tokens."""
+
+    def __init__(self, time: NumberEmbedding, length: NumberEmbedding) -> None:
+        super().__init__()
+        self.time = time
+        self.length = length
+
+    def forward(self, t: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, 2, width)."""
+        count = mask.sum(dim=1).to(t.dtype)
+        return torch.stack([self.time(t), self.length(count)], dim=1)
+
+
+class SeparatePlaces(nn.Module):
+    """Latents and context have a table each, so padding on either side moves nothing."""
+
+    def __init__(self, latents: nn.Module, context: nn.Module) -> None:
+        super().__init__()
+        self.latents = latents
+        self.context = context
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.latents(latents), self.context(context)
+
+
+class LatentsFirst(nn.Module):
+    """One table over [latents, context], as in the paper's denoiser."""
+
+    def __init__(self, table: nn.Module) -> None:
+        super().__init__()
+        self.table = table
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.table(latents), self.table(context, latents.shape[1])
+
+
+class ContextFirst(nn.Module):
+    """One table over [context, latents], as in the authors' diffusion on raw frames."""
+
+    def __init__(self, table: nn.Module) -> None:
+        super().__init__()
+        self.table = table
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.table(latents, context.shape[1]), self.table(context)
+
+
+class InContext(nn.Module):
+    """Latents and context are one sequence; attention does not care about its order."""
+
+    def __init__(self, encoder: nn.Module) -> None:
+        super().__init__()
+        self.encoder = encoder
+
+    def forward(
+        self, latents: Tensor, mask: Tensor, context: Tensor, context_mask: Tensor
+    ) -> Tensor:
+        """Returns the latents' part of the encoder's output."""
+        both = torch.cat([latents, context], dim=1)
+        return self.encoder(both, torch.cat([mask, context_mask], dim=1))[:, : latents.shape[1]]
+
+
+class AcrossContext(nn.Module):
+    """Latents look at the context by cross-attention: the decoder as it is."""
+
+    def __init__(self, decoder: nn.Module) -> None:
+        super().__init__()
+        self.decoder = decoder
+
+    def forward(
+        self, latents: Tensor, mask: Tensor, context: Tensor, context_mask: Tensor
+    ) -> Tensor:
+        """Returns the decoder's output."""
+        return self.decoder(latents, mask, context, context_mask)
+
+
+class SeePadding(nn.Module):
+    """Attention sees padded latents as well: a quirk of the authors' diffusion on raw frames."""
+
+    def forward(self, mask: Tensor) -> Tensor:
+        """Returns a mask that is True everywhere."""
+        return torch.ones_like(mask)
