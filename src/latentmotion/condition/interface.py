@@ -65,6 +65,7 @@ class Condition(Protocol):
         ...
 
 
+@runtime_checkable
 class TextEncoder(Protocol):
     """Sentences to embeddings. The empty sentence is allowed: it is the null condition's."""
 
