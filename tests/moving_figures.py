@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.data.clip import Source, Split
-from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer, write_dataset
+from latentmotion.data.manifest import StoredClip
+from latentmotion.data.store import StoredMotion, stored_normalizer, write_dataset
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.rotations import matrix_from_axis_angle

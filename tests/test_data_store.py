@@ -10,6 +10,7 @@ from latentmotion.data import store
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.inspection import inspect_folder
+from latentmotion.data.manifest import MANIFEST, StoredNormalizer
 from latentmotion.data.preparation import merge
 from latentmotion.errors import DataError, InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
@@ -84,15 +85,15 @@ def test_no_such_folder(tmp_path: Path) -> None:
     ],
 )
 def test_a_damaged_manifest(folder: Path, change, message: str) -> None:
-    manifest = json.loads((folder / store.MANIFEST).read_text())
+    manifest = json.loads((folder / MANIFEST).read_text())
     change(manifest)
-    (folder / store.MANIFEST).write_text(json.dumps(manifest))
+    (folder / MANIFEST).write_text(json.dumps(manifest))
     with pytest.raises(DataError, match=message):
         Dataset.load(folder)
 
 
 def test_a_manifest_that_is_no_json(folder: Path) -> None:
-    (folder / store.MANIFEST).write_text("{")
+    (folder / MANIFEST).write_text("{")
     with pytest.raises(DataError, match="not JSON"):
         Dataset.load(folder)
 
@@ -144,6 +145,6 @@ def test_the_normalizer_is_fit_on_train_and_mirrored(tmp_path: Path, folder: Pat
 
 def test_nothing_to_write(tmp_path: Path) -> None:
     source = Source("x", "y", "z")
-    normalizer = store.StoredNormalizer("", (0.0,), (1.0,))
+    normalizer = StoredNormalizer("", (0.0,), (1.0,))
     with pytest.raises(DataError, match="no clip is left"):
         store.write_dataset(tmp_path / "a", [], (source,), HUMANML3D_FEATURES, normalizer)

@@ -15,7 +15,7 @@ import torch
 from latentmotion.checkpoint import load_model
 from latentmotion.condition.interface import TextEmbedding
 from latentmotion.configuration import read_json, write_json
-from latentmotion.data.store import read_manifest
+from latentmotion.data.manifest import read_manifest
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.presets import PRESETS, preset_named

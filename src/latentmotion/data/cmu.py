@@ -31,10 +31,10 @@ from latentmotion.data.clip import Source, Split
 from latentmotion.data.cmu_rates import native_fps
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.resampling import every, joints_at
+from latentmotion.data.t_pose import without_blend
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
-from latentmotion.skeleton import HUMANML3D
 
 CMU = Source(
     name="cmu",
@@ -50,8 +50,6 @@ CMU = Source(
 )
 
 FPS = 20
-BLENDED = 6
-"""Frames of a BVH file after the T-pose that are drawn towards it, at the native rate."""
 LONGEST = 200
 """Frames of the longest piece without captions, HumanML3D's own limit."""
 SHORTEST = 40
@@ -126,7 +124,7 @@ class CmuTrials:
         path = self.paths[trial]
         animation, native = read_trial(path), self.rates.get(trial, native_fps(trial))
         joints = joints_at(animation, FPS, native)
-        return joints if path.suffix.lower() == ".amc" else _without_blend(joints, native)
+        return joints if path.suffix.lower() == ".amc" else without_blend(joints, native, FPS)
 
     def _cut(
         self, trial: str, row: IndexRow, joints: Float[np.ndarray, "frames joints 3"]
@@ -204,32 +202,6 @@ def read_trial(path: Path) -> Animation:
     if path.suffix.lower() == ".amc":
         return read_asf_amc(path)
     return every(read_bvh(path), step=1, start=1)
-
-
-def _without_blend(
-    joints: Float[np.ndarray, "frames joints 3"], native: float
-) -> Float[np.ndarray, "frames joints 3"]:
-    """Puts a straight continuation of what follows in place of the frames next to the T-pose."""
-    count = math.ceil(BLENDED * FPS / native)
-    if len(joints) < count + 2:
-        return joints
-    step = joints[count + 1] - joints[count]
-    back = np.arange(-count, 0)[:, None, None]
-    before = joints[count] + back * step
-    return np.concatenate([_with_bones_of(joints[count], before), joints[count:]])
-
-
-def _with_bones_of(
-    model: Float[np.ndarray, "joints 3"], joints: Float[np.ndarray, "frames joints 3"]
-) -> Float[np.ndarray, "frames joints 3"]:
-    """Gives poses the bone lengths of another one, by moving joints along their bones."""
-    placed = joints.copy()
-    for joint, parent in list(enumerate(HUMANML3D.parents))[1:]:
-        bone = joints[:, joint] - joints[:, parent]
-        length = np.linalg.norm(model[joint] - model[parent])
-        bone *= length / np.linalg.norm(bone, axis=-1, keepdims=True)
-        placed[:, joint] = placed[:, parent] + bone
-    return placed
 
 
 def _without_zeros(trial: str) -> str:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from safetensors import SafetensorError, safe_open
 
 from latentmotion.data.clip import SPLITS, Clip, Source
-from latentmotion.data.store import MANIFEST, Manifest, StoredClip, read_manifest
+from latentmotion.data.manifest import MANIFEST, Manifest, StoredClip, read_manifest
 from latentmotion.errors import DataError, InputError
 from latentmotion.files import sha256
 from latentmotion.representation.interface import Representation

@@ -18,8 +18,9 @@ import numpy as np
 from latentmotion.data.annotations import read_splits, read_texts, sentences_of
 from latentmotion.data.captions import TaggedSentence, mirror_sentence
 from latentmotion.data.clip import Source, Split
+from latentmotion.data.manifest import StoredNormalizer
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
-from latentmotion.data.store import StoredNormalizer, stored_normalizer
+from latentmotion.data.store import stored_normalizer
 from latentmotion.errors import DataError, InputError
 from latentmotion.representation.normalizer import Normalizer
 

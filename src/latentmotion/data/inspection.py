@@ -12,9 +12,9 @@ from latentmotion.data.cmu import CMU, find_trials, rows_by_trial
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.hdm05 import find_clips
 from latentmotion.data.humanml3d import FEATURES
+from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.own import find_motions
 from latentmotion.data.report import Report, parts_of
-from latentmotion.data.store import MANIFEST
 from latentmotion.errors import DataError
 from latentmotion.files import sha256
 

@@ -12,12 +12,11 @@ from latentmotion.configuration import read_json, write_json
 from latentmotion.data.captions import fit_sentences
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.manifest import StoredClip, StoredNormalizer
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.report import REPORT, Report, parts_of
 from latentmotion.data.store import (
-    StoredClip,
     StoredMotion,
-    StoredNormalizer,
     caption_rows,
     stored_normalizer,
     write_dataset,

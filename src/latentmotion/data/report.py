@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
+from latentmotion.data.manifest import Manifest
 from latentmotion.data.recording import Dropped
-from latentmotion.data.store import Manifest
 
 REPORT = "report.json"
 
