@@ -188,7 +188,7 @@ def paint_shadow(
     picture: Picture, camera: Camera, bodies: Sequence[Bodies], frame: int, height: float
 ) -> None:
     """Darkens the floor where bodies keep the sun off."""
-    size = tuple(n // _SHADOW_REDUCTION for n in picture.size)
+    size = picture.width // _SHADOW_REDUCTION, picture.height // _SHADOW_REDUCTION
     mask = Image.new("L", size, 0)
     draw = ImageDraw.Draw(mask)
     for body in bodies:

@@ -211,8 +211,7 @@ class _Body:
 
         What is right of the middle is not moved by the left limbs, nor the other way around.
         """
-        total = np.zeros((len(points), len(self.skeleton)))
-        np.add.at(total, (slice(None), self.owner), share ** (1 / _SOFTNESS))
+        total = share ** (1 / _SOFTNESS) @ np.eye(len(self.skeleton))[self.owner]
         side = np.array([_side(name) for name in self.skeleton.names])
         total /= 1 + np.exp(np.clip(-side * points[:, :1] / (0.012 * self.scale), -30, 30))
         joints = np.argsort(-total, axis=-1)[:, :_INFLUENCES]

@@ -60,7 +60,7 @@ def read(path: str | Path) -> list[Motion]:
         FileFormatError: The file is damaged, or holds something else.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             return _takes({name: file[name] for name in file.files})
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise FileFormatError(path, f"not a motion file of Latent Motion ({error})") from error
@@ -75,7 +75,8 @@ def read_joints(path: str | Path) -> list[Motion]:
         FileFormatError: The file is damaged, or holds something else.
     """
     try:
-        joints = np.load(path, allow_pickle=False)
+        with Path(path).open("rb") as opened:
+            joints = np.load(opened, allow_pickle=False)
         skeleton = _KNOWN[joints.shape[1]]
         return [Motion(joints, fps=12.5 if skeleton is KIT else 20.0, skeleton=skeleton)]
     except (ValueError, KeyError, IndexError, OSError, EOFError, LatentMotionError) as error:

@@ -114,7 +114,7 @@ def _smooth(way: Float[np.ndarray, "frames 3"], reach: float) -> Float[np.ndarra
     """Smooths a way by a Gaussian of `reach` frames, its ends carried on."""
     radius = int(3 * reach)
     kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / reach) ** 2)
-    padded = np.pad(way, ((radius, radius), (0, 0)), mode="edge")
+    padded = np.pad(way, ((radius, radius), (0, 0)), mode="reflect", reflect_type="odd")
     columns = [np.convolve(column, kernel / kernel.sum(), mode="valid") for column in padded.T]
     return np.stack(columns, axis=-1)
 

@@ -1,0 +1,118 @@
+"""Inverse kinematics: reaches the joints, bends hinges, does not flip."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from latentmotion.inverse_kinematics import solve
+from latentmotion.rotations import axis_angle_from_matrix, matrix_from_axis_angle
+from latentmotion.skeleton import HUMANML3D, KIT
+from walker import t_pose, walker
+
+NAMES = HUMANML3D.names
+
+
+def largest_turn(rotations: np.ndarray) -> float:
+    """The largest turn of any joint from one frame to the next, degrees."""
+    steps = np.swapaxes(rotations[:-1], -1, -2) @ rotations[1:]
+    return float(np.degrees(np.linalg.norm(axis_angle_from_matrix(steps), axis=-1).max()))
+
+
+def test_the_rest_pose_is_a_t():
+    rest = dict(zip(NAMES, t_pose().skeleton.rest_joints(), strict=True))
+    for side, sign in (("left", 1), ("right", -1)):
+        arm = rest[f"{side}_wrist"] - rest[f"{side}_shoulder"]
+        leg = rest[f"{side}_ankle"] - rest[f"{side}_hip"]
+        foot = rest[f"{side}_foot"] - rest[f"{side}_ankle"]
+        np.testing.assert_allclose(arm / np.linalg.norm(arm), (sign, 0, 0), atol=1e-6)
+        assert leg[1] < -0.99 * np.linalg.norm(leg)
+        assert foot[2] > 0.8 * np.linalg.norm(foot)
+        assert abs(foot[0]) < 1e-6
+
+
+def test_reaches_the_joints_and_gives_back_the_rotations():
+    person = walker()
+    found = solve(person.joints(), person.fps)
+    assert found.translations is None
+    np.testing.assert_allclose(found.joints(), person.joints(), atol=0.001)
+    for name in ("left_elbow", "right_elbow", "left_knee", "right_knee"):
+        wanted = axis_angle_from_matrix(person.rotations[:, NAMES.index(name)])
+        given = axis_angle_from_matrix(found.rotations[:, NAMES.index(name)])
+        np.testing.assert_allclose(given, wanted, atol=0.15)
+
+
+def test_hinges_turn_about_their_axis_only():
+    found = solve(walker().joints(), 20.0)
+    elbow = axis_angle_from_matrix(found.rotations[:, NAMES.index("left_elbow")])
+    knee = axis_angle_from_matrix(found.rotations[:, NAMES.index("left_knee")])
+    assert (np.abs(elbow[:, 1]) > 0.95 * np.linalg.norm(elbow, axis=-1)).all()
+    assert (elbow[:, 1] < 0).all()
+    assert (np.abs(knee[:, 0]) > 0.95 * np.linalg.norm(knee, axis=-1)).all()
+    assert (knee[:, 0] > 0).all()
+
+
+def test_no_flip_when_the_figure_turns_its_back():
+    person = walker()
+    heading = matrix_from_axis_angle(np.array([0, 2.0, 0]))
+    straight = solve(person.joints(), 20.0)
+    turned = solve(person.joints() @ heading.T, 20.0)
+    np.testing.assert_allclose(turned.rotations[:, 1:], straight.rotations[:, 1:], atol=1e-5)
+    np.testing.assert_allclose(
+        turned.rotations[:, 0], heading @ straight.rotations[:, 0], atol=1e-5
+    )
+    assert largest_turn(straight.rotations) < 1.5 * largest_turn(person.rotations)
+
+
+def test_straight_limbs_do_not_spin():
+    noise = np.random.default_rng(0).normal(size=(40, len(NAMES), 3))
+    down = np.zeros((40, len(NAMES), 3))
+    for side, sign in (("left", -1), ("right", 1)):
+        down[:, NAMES.index(f"{side}_shoulder"), 2] = sign * 1.3
+    pose = t_pose()
+    joints = pose.skeleton.forward_kinematics(matrix_from_axis_angle(down), np.zeros((40, 3)))
+    found = solve(joints + 0.0005 * noise, 20.0)
+    assert largest_turn(found.rotations) < 6
+
+
+def test_an_elbow_that_passes_straight_keeps_its_hinge():
+    bend = np.zeros((40, len(NAMES), 3))
+    bend[:, NAMES.index("left_elbow"), 1] = np.linspace(-1.2, 0.3, 40)
+    pose = t_pose()
+    joints = pose.skeleton.forward_kinematics(matrix_from_axis_angle(bend), np.zeros((40, 3)))
+    found = solve(joints, 20.0)
+    np.testing.assert_allclose(found.joints(), joints, atol=1e-6)
+    shoulder = axis_angle_from_matrix(found.rotations[:, NAMES.index("left_shoulder")])
+    assert np.abs(shoulder).max() < 0.05
+
+
+def test_a_spine_that_bends_in_the_pelvis_moves_a_joint_and_still_fits():
+    joints = walker().joints()
+    above = [NAMES.index(n) for n in NAMES if not n.endswith(("hip", "knee", "ankle", "foot"))][1:]
+    joints[:, above] += 0.03 * np.sin(np.arange(len(joints)))[:, None, None] * (1.0, 0, 0)
+    spine = joints[:, 3] - joints[:, 0]
+    length = np.linalg.norm(spine, axis=-1, keepdims=True)
+    joints[:, above] += (spine * (0.13 / length - 1))[:, None]
+    found = solve(joints, 20.0)
+    assert found.translations is not None
+    np.testing.assert_allclose(found.joints(), joints, atol=0.005)
+
+
+def test_kit_and_single_frames():
+    joints = np.tile(KIT.rest_joints(), (1, 1, 1))
+    found = solve(joints, 12.5, KIT)
+    np.testing.assert_allclose(found.joints(), joints, atol=1e-6)
+    assert found.skeleton.names == KIT.names
+
+
+def test_published_joints(shared):
+    joints = np.load(shared / "reference/humanml3d_sample/012314_joints.npy")
+    found = solve(joints, 20.0)
+    assert found.translations is None
+    np.testing.assert_allclose(found.joints(), joints, atol=0.001)
+
+
+@pytest.mark.parametrize("frames", [2, 3])
+def test_very_short_motions(frames: int):
+    joints = walker(frames).joints()
+    np.testing.assert_allclose(solve(joints, 20.0).joints(), joints, atol=0.001)
