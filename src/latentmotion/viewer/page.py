@@ -113,4 +113,4 @@ def _json_in_html(payload: dict[str, Any]) -> str:
 
 
 def _resource(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return resources.files("latentmotion.viewer").joinpath(name).read_text(encoding="utf-8")

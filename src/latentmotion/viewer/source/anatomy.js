@@ -31,7 +31,7 @@ export function rigidFrames({ names, parents }) {
  * the shapes that say, by their nearness, which `bone` carries a place of the skin.
  */
 export function body(skeleton, { positions, scale }) {
-  if (!skeleton.names.includes("left_ankle")) return plainBody(skeleton, positions);
+  if (!isDrawn(positions)) return plainBody(skeleton, positions, scale);
   const places = { ...positions, left_ear: along(positions.head, EAR, scale) };
   const left = [...CONES, ...ELLIPSOIDS].map((row) => shape(row, places, scale));
   const visible = bothSides([...left, ...hand(positions, scale)]);
@@ -42,7 +42,7 @@ export function body(skeleton, { positions, scale }) {
 
 /** What each point of the skin is: bare skin, shoe or hair, where positive; the suit elsewhere. */
 export function paint({ positions, scale }) {
-  if (!positions.left_ankle) return () => [-1, -1, -1];
+  if (!isDrawn(positions)) return () => [-1, -1, -1];
   const { head, neck, left_elbow: elbow, left_wrist: wrist, left_ankle: ankle } = positions;
   const forearm = unit(wrist.map((value, i) => value - elbow[i]));
   return (x, y, z) => {
@@ -58,7 +58,12 @@ export function paint({ positions, scale }) {
 
 /** Height of the sole in the resting body. */
 export function sole({ positions, scale }) {
-  return positions.left_foot ? positions.left_foot[1] - SOLE * scale : -Infinity;
+  return isDrawn(positions) ? positions.left_foot[1] - SOLE * scale : -Infinity;
+}
+
+// Whether the skeleton has the joints around which the person was drawn.
+function isDrawn(positions) {
+  return Object.keys(REST).every((joint) => positions[joint]);
 }
 
 function restDirection(name) {
@@ -68,7 +73,7 @@ function restDirection(name) {
 }
 
 function bothSides(shapes) {
-  const isPaired = ({ bone, a, b = a }) => bone.startsWith("left_") || a[0] + b[0] > 1e-6;
+  const isPaired = ({ bone, a, b }) => bone.startsWith("left_") || a[0] + b[0] > 1e-6;
   return [...shapes, ...shapes.filter(isPaired).map((one) => one.mirror())];
 }
 
@@ -112,12 +117,15 @@ function hand({ left_elbow: elbow, left_wrist: wrist }, scale) {
   );
 }
 
-// A skeleton whose names we do not know still gets a round limb along each bone.
-function plainBody({ names, parents, lengths }, positions) {
+// Any other skeleton gets a round limb along each bone, and a ball for its head.
+function plainBody({ names, parents, lengths }, positions, scale) {
   const limbs = names.slice(1).map((name, i) => {
     const parent = names[parents[i + 1]];
     const radius = Math.min(Math.max(lengths[i + 1] * 0.25, 0.025), 0.07);
     return new Cone(parent, positions[parent], positions[name], radius, radius * 0.8);
   });
-  return { groups: [limbs], carriers: limbs };
+  const ball = [0.09, 0.12, 0.1].map((axis) => axis * scale);
+  const head = positions.head ? [new Ellipsoid("head", positions.head, ball)] : [];
+  const all = [...limbs, ...head];
+  return { groups: all.map((one) => [one]), carriers: all };
 }

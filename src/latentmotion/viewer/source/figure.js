@@ -84,7 +84,7 @@ function suit(color) {
 }
 
 const PAINTED = `#include <color_fragment>
-  vec3 edge = fwidth(vPaint);
+  vec3 edge = max(fwidth(vPaint), 1e-5);
   vec3 part = smoothstep(-edge, edge, vPaint);
   diffuseColor.rgb = mix(mix(diffuseColor.rgb, bare, part.x), shoe, part.y);
   diffuseColor.rgb = mix(diffuseColor.rgb, hair, part.z);`;

@@ -2,6 +2,7 @@
 
 import { listenToKeys } from "./keyboard.js";
 import { readMotions } from "./motion.js";
+import { Pace } from "./pace.js";
 import { Panel } from "./panel.js";
 import { Sketch } from "./sketch.js";
 import { Stage } from "./stage.js";
@@ -19,14 +20,8 @@ const panel = new Panel(timeline, stage, motions, colors);
 
 function makeStage() {
   const canvas = document.getElementById("view");
-  try {
-    return new Stage(canvas, motions, colors);
-  } catch (problem) {
-    console.info(`No WebGL (${problem.message}); drawing lines instead.`);
-    const fresh = canvas.cloneNode();
-    canvas.replaceWith(fresh);
-    return new Sketch(fresh, motions, colors);
-  }
+  const hasWebGL = document.createElement("canvas").getContext("webgl2") !== null;
+  return new (hasWebGL ? Stage : Sketch)(canvas, motions, colors);
 }
 
 function fit() {
@@ -49,13 +44,17 @@ function obeyAddress() {
   timeline.play(false);
   timeline.seek(Number(time));
   document.body.dataset.joints = JSON.stringify(joints());
+  stage.draw();
   return true;
 }
 
 function everyFrame() {
-  let last = performance.now();
+  const pace = new Pace(timeline, stage);
+  let last = null;
   const frame = (now) => {
-    timeline.advance(Math.min(now - last, 100) / 1000);
+    const took = now - (last ?? now);
+    pace.frame(took);
+    timeline.advance(Math.min(took, 250) / 1000);
     last = now;
     stage.draw();
     requestAnimationFrame(frame);

@@ -33,9 +33,11 @@ export class Panel {
     const button = document.createElement("button");
     button.type = "button";
     button.style.setProperty("--take", color);
-    button.textContent = caption ? `${take + 1}  ${caption}` : `${take + 1}`;
+    const words = document.createElement("span");
+    words.textContent = caption ? `${take + 1}  ${caption}` : `${take + 1}`;
+    button.append(words);
     button.setAttribute("aria-pressed", "false");
-    button.title = `Look at take ${take + 1}`;
+    button.title = `Look at take ${take + 1}${caption && ": "}${caption}`;
     button.addEventListener("click", () => {
       this.watch(button.getAttribute("aria-pressed") === "true" ? null : take);
     });

@@ -3,6 +3,7 @@
 export class Cone {
   constructor(bone, a, b, radiusA, radiusB) {
     Object.assign(this, { bone, a, b, radiusA, radiusB });
+    this.girth = [0, 1, 2].map(() => Math.max(radiusA, radiusB));
     this.axis = b.map((value, i) => value - a[i]);
     this.length2 = this.axis.reduce((sum, value) => sum + value * value, 1e-12);
   }
@@ -25,7 +26,7 @@ export class Cone {
 
 export class Ellipsoid {
   constructor(bone, a, axes) {
-    Object.assign(this, { bone, a, axes });
+    Object.assign(this, { bone, a, b: a, axes, girth: axes });
   }
 
   distance(x, y, z) {

@@ -49,6 +49,10 @@ export class Sketch {
     this.stale = true;
   }
 
+  setDetail() {
+    this.stale = true;
+  }
+
   setDark(dark) {
     this.ink = dark ? "#8fa3c4" : "#8a94a6";
     this.stale = true;

@@ -8,10 +8,10 @@ import { alongPath, lineUp, smoothPath } from "./motion.js";
 
 const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the camera first looks
 const HEIGHT = 0.96; // of what it looks at, meters
+const SHADOW_PIXELS = 640; // along each side of the map
 const FIELD_OF_VIEW = 30; // degrees, vertical
 
 export class Stage {
-  /** Throws where WebGL is not to be had. */
   constructor(canvas, motions, colors) {
     this.name = "webgl";
     this.canvas = canvas;
@@ -34,6 +34,7 @@ export class Stage {
     );
     this.watched = null;
     this.follow = true;
+    this.detail = 1;
     this.time = 0;
     this.center = new THREE.Vector3(0, HEIGHT, 0);
   }
@@ -144,10 +145,20 @@ export class Stage {
   resize(covered, above) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     this.freeHeight = Math.max(height - covered - above, height / 3);
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2) * this.detail);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.setViewOffset(width, height, 0, (covered - above) / 2, width, height);
+    this.stale = true;
+  }
+
+  /** Draws this part of the pixels along each side, and of the shadow. */
+  setDetail(detail) {
+    this.detail = detail;
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2) * detail);
+    this.sun.shadow.mapSize.setScalar(SHADOW_PIXELS * detail);
+    this.sun.shadow.map?.dispose();
+    this.sun.shadow.map = null;
     this.stale = true;
   }
 
@@ -182,9 +193,9 @@ function sunlight(reach) {
   light.castShadow = true;
   Object.assign(light.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach });
   Object.assign(light.shadow.camera, { near: 0.5, far: 12 + reach });
-  light.shadow.mapSize.set(1024, 1024);
-  light.shadow.radius = 6;
-  light.shadow.blurSamples = 12;
+  light.shadow.mapSize.setScalar(SHADOW_PIXELS);
+  light.shadow.radius = 4;
+  light.shadow.blurSamples = 8;
   light.shadow.bias = -0.0004;
   light.shadow.normalBias = 0.015;
   return light;

@@ -17,10 +17,10 @@ const EDGES = CORNERS.flatMap((_, a) =>
 );
 
 /** Returns {positions, normals, triangles}: the skin of a body, cut flat at height `floor`. */
-export function skin({ groups }, floor, scale) {
+export function skin({ groups, carriers }, floor, scale) {
   const blended = blend(groups, BLEND * scale, BLOCK * CELL * scale);
   const field = (x, y, z) => Math.max(blended(x, y, z), floor - y);
-  const grid = sampled(field, bounds(groups.flat(), 0.05 * scale), CELL * scale);
+  const grid = sampled(field, bounds(carriers, 0.04 * scale), CELL * scale);
   const { positions, triangles } = surfaceNets(grid);
   const normals = positions.map((point) => settle(field, point, grid.cell));
   return { positions, normals, triangles };
@@ -75,16 +75,11 @@ function smoothMinimum(groups, k, x, y, z) {
 }
 
 function bounds(shapes, margin) {
-  const placed = shapes.filter(({ a }) => a);
-  const ends = placed.flatMap(({ a, b = a, axes = [0, 0, 0] }) => [
-    a.map((value, i) => value - axes[i]),
-    b.map((value, i) => value + axes[i]),
-    b,
-    a,
-  ]);
-  const low = [0, 1, 2].map((i) => Math.min(...ends.map((end) => end[i])) - margin);
-  const high = [0, 1, 2].map((i) => Math.max(...ends.map((end) => end[i])) + margin);
-  return { low, high };
+  const reach = (sign) => (i) => {
+    const ends = shapes.flatMap(({ a, b, girth }) => [a[i], b[i]].map((end) => end + sign * girth[i]));
+    return sign * Math.max(...ends.map((end) => sign * end)) + sign * margin;
+  };
+  return { low: [0, 1, 2].map(reach(-1)), high: [0, 1, 2].map(reach(1)) };
 }
 
 function sampled(field, { low, high }, cell) {
