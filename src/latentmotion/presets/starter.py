@@ -21,9 +21,9 @@ def starter() -> Experiment:
         vae_objective=VAEObjective(joints=1.0, steps=0.1, divergence=1e-3, joints_knee=0.05),
         vae_cropping=Cropping(unit=4, max_frames=64, min_frames=16),
         vae_training=TrainingSettings(
-            steps=12_000, batch_size=32, learning_rate=1e-3, precision="bfloat16"
+            steps=7_000, batch_size=32, learning_rate=1e-3, precision="bfloat16"
         ),
-        latents=LatentSettings(Cropping(unit=4, max_frames=196, min_frames=16), per_item=8),
+        latents=LatentSettings(Cropping(unit=4, max_frames=196, min_frames=12), per_item=8),
         denoiser=DenoiserConfig(
             latent_width=16,
             condition_width=384,
@@ -35,7 +35,7 @@ def starter() -> Experiment:
             schedule=LinearPath(), prediction=Velocity(), times="logit_normal"
         ),
         denoiser_training=TrainingSettings(
-            steps=20_000,
+            steps=12_000,
             batch_size=64,
             learning_rate=5e-4,
             warm_up=500,

@@ -1,0 +1,116 @@
+"""The chain with the model that ships: repeatable, whatever the batch and the engine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from latentmotion import MotionGenerator
+from latentmotion.cli.main import main
+from latentmotion.errors import InputError, ModelError
+from latentmotion.motion import Motion
+
+CAPTION = "a person walks forward"
+
+
+@pytest.fixture(scope="module")
+def generate() -> MotionGenerator:
+    return MotionGenerator.load("starter", runtime="onnxruntime", threads=1)
+
+
+@pytest.fixture(scope="module")
+def walk(generate: MotionGenerator) -> Motion:
+    return generate(CAPTION, seconds=2, seed=3)
+
+
+def test_a_walk_goes_forward_on_two_feet(walk: Motion) -> None:
+    assert walk.joints.shape == (40, 22, 3)
+    assert walk.caption == CAPTION
+    assert walk.metadata["seed"] == 3
+    root, head = walk.joints[:, 0], walk.joints[:, 15]
+    assert root[-1, 2] - root[0, 2] > 0.5, "walks less than half a meter ahead"
+    assert (head[:, 1] > root[:, 1] + 0.3).all(), "is not upright"
+    assert np.abs(walk.joints[..., 1].min(axis=1)).max() < 0.25, "feet are far from the floor"
+
+
+def test_the_same_seed_gives_the_same_motion(generate: MotionGenerator) -> None:
+    first, second, other = (generate(CAPTION, 2, seed, steps=4) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first.joints, second.joints)
+    assert np.abs(first.joints - other.joints).max() > 0.01
+
+
+def test_a_motion_is_the_same_in_any_batch(generate: MotionGenerator) -> None:
+    captions = ["a person jumps", CAPTION, "someone kicks with the right leg"]
+    together = generate.batch(captions, 2, seeds=[9, 5, 7], steps=4)
+    alone = generate(CAPTION, 2, seed=5, steps=4)
+    np.testing.assert_allclose(together[1].joints, alone.joints, atol=1e-3)
+
+
+def test_more_motions_than_go_at_once(generate: MotionGenerator) -> None:
+    motions = generate.batch([CAPTION] * 33, 1, steps=1)
+    assert [motion.metadata["seed"] for motion in motions] == list(range(33))
+
+
+def test_both_engines_agree(walk: Motion) -> None:
+    pytest.importorskip("openvino")
+    other = MotionGenerator.load("starter", runtime="openvino", threads=1)
+    np.testing.assert_allclose(other(CAPTION, 2, seed=3).joints, walk.joints, atol=5e-3)
+
+
+def test_length_is_what_was_asked_for(generate: MotionGenerator) -> None:
+    assert [len(generate(CAPTION, s, steps=1)) for s in (1.0, 1.35, 9.8)] == [20, 27, 196]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"caption": "  "}, "sentence is empty"),
+        ({"seconds": 0}, "0 seconds"),
+        ({"seconds": 1000}, "makes motions of .* to 9.8 seconds"),
+        ({"seconds": float("nan")}, "nan seconds"),
+        ({"seed": -1}, "seed -1"),
+        ({"steps": 0}, "0 sampling steps"),
+        ({"guidance": -3.0}, "guidance -3"),
+    ],
+)
+def test_numbers_out_of_range(generate: MotionGenerator, options: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        generate(**{"caption": CAPTION, **options})
+
+
+def test_unknown_words_are_named_and_survive(generate: MotionGenerator) -> None:
+    with pytest.warns(UserWarning, match="qzxv"):
+        motion = generate("a person qzxvs", 1, steps=1)
+    assert np.isfinite(motion.joints).all()
+
+
+def test_models_that_are_none(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="did you mean 'starter'"):
+        MotionGenerator.load("startr")
+    with pytest.raises(ModelError, match="not a model folder"):
+        MotionGenerator.load(tmp_path)
+
+
+def test_command_writes_every_file_and_reports(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [str(tmp_path / name) for name in ("a.bvh", "a.npz", "a.glb", "a.html")]
+    words = [CAPTION, "a person jumps", "--seconds", "1", "--steps", "2", "--seed", "7"]
+    main(["generate", *words, "--threads", "1", "--json", "-o", *files])
+    report = json.loads(capsys.readouterr().out)
+    assert [motion["seed"] for motion in report["motions"]] == [7, 8]
+    assert all(Path(file).stat().st_size > 1000 for file in report["files"])
+    assert len(Motion.load(tmp_path / "a.npz")) == 20
+
+
+def test_command_without_output_writes_a_page_and_overwrites_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("motion.html", "motion-2.html"):
+        main(["generate", CAPTION, "--seconds", "1", "--steps", "1", "--threads", "1"])
+        assert name in capsys.readouterr().out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["motion-2.html", "motion.html"]
