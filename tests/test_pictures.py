@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from latentmotion.errors import InputError
+from latentmotion.formats.camera import camera_around
 from latentmotion.formats.mannequin import make_mannequin
 from latentmotion.motion import Motion
 from walker import t_pose, walker
@@ -17,7 +18,7 @@ from walker import t_pose, walker
 Image = pytest.importorskip("PIL.Image")
 av = pytest.importorskip("av")
 
-from latentmotion.formats import figure, strip, video  # noqa: E402
+from latentmotion.formats import strip, video  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_skin_follows_the_bones():
 
 
 def test_the_camera_sees_its_target_in_the_middle_and_the_far_smaller():
-    camera = figure.camera_around(np.array([1.0, 1.0, 0.0]), 0.5, 0.2, 4.0, (200, 100), 2.0)
+    camera = camera_around(np.array([1.0, 1.0, 0.0]), 0.5, 0.2, 4.0, (200, 100), 2.0)
     pixels, depth = camera.project(np.array([[1.0, 1, 0], [1.0, 1.5, 0]]))
     np.testing.assert_allclose(pixels[0], (100, 50), atol=1e-9)
     assert depth[0] == pytest.approx(4)

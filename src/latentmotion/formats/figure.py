@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.errors import MissingExtraError
+from latentmotion.formats.camera import Camera, unit
 from latentmotion.formats.mannequin import make_mannequin
 from latentmotion.motion import Motion
 
@@ -39,65 +40,11 @@ COLORS = ((88, 128, 196), (222, 128, 84), (92, 166, 128), (152, 118, 190))
 _GRID = (205, 211, 220)
 _SHADOW = (176, 183, 196)
 _SHADOW_REDUCTION = 4
-_SUN = np.array([0.35, 1.0, 0.3])
+_SUN = (-0.3, 1.0, -0.35)
+"""Where the light comes from as the camera sees it: right, up, ahead."""
 _SHADOW_WIDTHS = {"head": 0.09, "neck": 0.07, "wrist": 0.035, "elbow": 0.045, "foot": 0.045}
 _SOLE = 0.02
 """The skin reaches this far below the lowest joint, meters."""
-
-
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """A pinhole that looks at a point."""
-
-    eye: Float[np.ndarray, " width"]
-    """Where it stands, meters."""
-    target: Float[np.ndarray, " width"]
-    """What it looks at: the middle of the picture, meters."""
-    focal: float
-    """Pixels for one meter at one meter's distance."""
-    size: tuple[int, int]
-    """Width and height of the picture, pixels."""
-
-    def project(
-        self, points: Float[np.ndarray, "*batch 3"]
-    ) -> tuple[Float[np.ndarray, "*batch 2"], Float[np.ndarray, "*batch"]]:
-        """Returns pixels (right, down) and distances along the line of sight."""
-        right, up, ahead = self.axes()
-        relative = points - self.eye
-        depth = relative @ ahead
-        scale = self.focal / np.maximum(depth, 0.1)
-        middle = np.array(self.size) / 2
-        flat = np.stack([relative @ right, -(relative @ up)], axis=-1)
-        return middle + flat * scale[..., None], depth
-
-    def axes(self) -> tuple[Float[np.ndarray, " width"], ...]:
-        """Returns the unit vectors to the right, up and ahead."""
-        ahead = _unit(self.target - self.eye)
-        right = _unit(np.cross(ahead, np.array([0.0, 1.0, 0.0])))
-        return right, np.cross(right, ahead), ahead
-
-
-def camera_around(
-    target: Float[np.ndarray, " width"],
-    azimuth: float,
-    elevation: float,
-    distance: float,
-    size: tuple[int, int],
-    visible_height: float,
-) -> Camera:
-    """Places a camera on a sphere around a point.
-
-    Args:
-        target: Center of the sphere, meters.
-        azimuth: Angle of the camera about the vertical, from +z towards +x, radians.
-        elevation: Angle above the horizontal, radians.
-        distance: Radius, meters; a large one looks almost without perspective.
-        size: Width and height of the picture, pixels.
-        visible_height: Meters at the target that fill the picture's height.
-    """
-    level = np.cos(elevation)
-    toward = np.array([np.sin(azimuth) * level, np.sin(elevation), np.cos(azimuth) * level])
-    return Camera(target + distance * toward, target, size[1] * distance / visible_height, size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +152,11 @@ def _paint_bones(
     draw: ImageDraw.ImageDraw, camera: Camera, body: Bodies, frame: int, height: float
 ) -> None:
     joints = body.joints[frame]
+    right, _, ahead = camera.axes()
+    sun = _SUN[0] * right + _SUN[2] * ahead
+    sun[1] = _SUN[1]
     above = joints[:, 1:2] - height
-    pixels, depth = camera.project(joints - above * _SUN / _SUN[1])
+    pixels, depth = camera.project(joints - above * sun)
     pixels = pixels / _SHADOW_REDUCTION
     scale = camera.focal / np.maximum(depth, 0.1) / _SHADOW_REDUCTION
     for joint, parent in list(enumerate(body.parents))[1:]:
@@ -242,7 +192,7 @@ def _visible_faces(
     first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     front = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
     quads = body.quads[front]
-    normals = _unit(body.normals[frame][quads].sum(1))
+    normals = unit(body.normals[frame][quads].sum(1))
     return corners[front], depth[quads].mean(1), _light(camera, normals, color)
 
 
@@ -250,10 +200,10 @@ def _light(
     camera: Camera, normals: Float[np.ndarray, "faces 3"], color: tuple[int, int, int]
 ) -> Int[np.ndarray, "faces 3"]:
     right, up, ahead = camera.axes()
-    key = _unit(0.6 * up - 0.45 * right - 0.65 * ahead)
+    key = unit(0.6 * up - 0.45 * right - 0.65 * ahead)
     sky = 0.5 + 0.5 * normals[:, 1]
     lambert = np.maximum(normals @ key, 0)
-    shine = np.maximum(normals @ _unit(key - ahead), 0) ** 24
+    shine = np.maximum(normals @ unit(key - ahead), 0) ** 24
     rim = np.clip(1 + normals @ ahead, 0, 1) ** 3
     share = 0.36 + 0.32 * sky + 0.50 * lambert
     light = share[:, None] * np.array(color) + (34 * shine + 26 * rim * sky)[:, None]
@@ -306,7 +256,3 @@ def faded(color: tuple[int, int, int], strength: float) -> tuple[int, int, int]:
 def _mixed(a: tuple[int, int, int], b: tuple[int, int, int], share: float) -> tuple[int, int, int]:
     red, green, blue = (round(x + (y - x) * share) for x, y in zip(a, b, strict=True))
     return red, green, blue
-
-
-def _unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

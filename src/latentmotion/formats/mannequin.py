@@ -5,19 +5,18 @@ The body is the surface f(p) = 0 of tapered capsules, blended by a soft minimum
     f(p) = −k log Σᵢ exp(−dᵢ(p) / k),      wᵢ(p) = exp((f(p) − dᵢ(p)) / k),
 
 and wᵢ, the share that each capsule has in the blend, is also the skinning weight of its joint.
-The surface is found by naive surface nets (Gibson 1998): one vertex in each cell of a grid that
-the surface crosses, pulled onto it by Newton's method; one quad for each crossed edge.
+The surface net of a coarse grid is pulled onto f = 0 by Newton's method.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.animation import Animation
+from latentmotion.formats.surface_net import surface_net
 from latentmotion.skeleton import Skeleton
 
 _BLEND = 0.013
@@ -119,10 +118,13 @@ def make_mannequin(skeleton: Skeleton, cell: float = 0.022) -> Mannequin:
     Args:
         skeleton: With the joint names of HumanML3D or KIT; capsules of joints it lacks are left
             out.
-        cell: Size of the grid's cells, meters: about the length of a face.
+        cell: Size of the grid's cells, meters on a body of 1.7 m: about the length of a face.
     """
     body = _Body(skeleton)
-    vertices, quads = _surface_net(body, cell)
+    cell = cell * body.scale
+    low, values = body.sample(cell)
+    places, quads = surface_net(values)
+    vertices = low + cell * places
     for _ in range(2):
         value, slope, _ = body.evaluate(vertices)
         vertices = vertices - (value / (slope**2).sum(-1))[:, None] * slope
@@ -183,10 +185,12 @@ class _Body:
         cut = below > value
         return np.where(cut, below, value), np.where(cut[:, None], (0, -1, 0), slope), share / total
 
-    def sample(
-        self, low: Float[np.ndarray, " width"], cell: float, size: Int[np.ndarray, " width"]
-    ) -> Float[np.ndarray, "x y z"]:
-        """Returns f on a grid, where it is near zero; far outside it is just large."""
+    def sample(self, cell: float) -> tuple[Float[np.ndarray, " width"], Float[np.ndarray, "x y z"]]:
+        """Returns f on a grid and the grid's corner; far outside, f is just large."""
+        edge = 0.15 * self.scale
+        low = np.minimum(self.start, self.end).min(0) - edge
+        extent = np.maximum(self.start, self.end).max(0) + edge - low
+        size = np.ceil(extent / cell).astype(int)
         total = np.full(size, 1e-30)
         margin = (self.radii.max(-1, keepdims=True) + 5 * self.blend) * self.squash
         first = ((np.minimum(self.start, self.end) - margin - low) / cell).astype(int).clip(0)
@@ -202,7 +206,7 @@ class _Body:
             distance, _ = self.distances(low + cell * places, slice(part, part + 1))
             total[box] += np.exp(-distance[..., 0] / self.blend)
         height = low[1] + cell * np.arange(size[1])
-        return np.maximum(-self.blend * np.log(total), (self.sole - height)[:, None])
+        return low, np.maximum(-self.blend * np.log(total), (self.sole - height)[:, None])
 
     def influences(
         self, points: Float[np.ndarray, "points 3"], share: Float[np.ndarray, "points parts"]
@@ -244,58 +248,4 @@ def _scale(skeleton: Skeleton) -> float:
     if not {"neck", "left_ankle"} <= set(names):
         return 1.0
     height = rest[names.index("neck"), 1] - rest[names.index("left_ankle"), 1]
-    return float(height) / _REFERENCE_HEIGHT
-
-
-def _surface_net(
-    body: _Body, cell: float
-) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "quads 4"]]:
-    """Finds one vertex in each crossed cell, and one quad around each crossed edge."""
-    low = np.minimum(body.start, body.end).min(0) - 0.15
-    size = np.ceil((np.maximum(body.start, body.end).max(0) + 0.15 - low) / cell).astype(int)
-    values = body.sample(low, cell, size)
-    places = _cell_vertices(values)
-    number = np.full(size - 1, -1)
-    crossed = np.isfinite(places[..., 0])
-    number[crossed] = np.arange(crossed.sum())
-    return low + cell * places[crossed], np.concatenate(
-        [_quads(values, number, a) for a in range(3)]
-    )
-
-
-def _cell_vertices(values: Float[np.ndarray, "x y z"]) -> Float[np.ndarray, "u v w 3"]:
-    """Returns the mean of the crossings on the 12 edges of each cell, NaN where there are none."""
-    n = np.array(values.shape) - 1
-    total, count = np.zeros((*n, 3)), np.zeros(n)
-    for axis, (u, v) in product(range(3), product((0, 1), repeat=2)):
-        first = np.insert((u, v), axis, 0)
-        a, b = (_corner(values, first + step) for step in (0 * first, np.eye(3, dtype=int)[axis]))
-        crossed = (a < 0) != (b < 0)
-        total += crossed[..., None] * first
-        total[..., axis] += np.where(crossed, a / np.where(crossed, a - b, 1), 0)
-        count += crossed
-    base = np.stack(np.meshgrid(*[np.arange(m) for m in n], indexing="ij"), axis=-1)
-    with np.errstate(invalid="ignore"):
-        return base + total / np.where(count > 0, count, np.nan)[..., None]
-
-
-def _corner(
-    values: Float[np.ndarray, "x y z"], corner: Int[np.ndarray, " width"]
-) -> Float[np.ndarray, "u v w"]:
-    """Returns the values at one corner of every cell."""
-    return values[tuple(slice(c, n - 1 + c) for c, n in zip(corner, values.shape, strict=True))]
-
-
-def _quads(
-    values: Float[np.ndarray, "x y z"], number: Int[np.ndarray, "u v w"], axis: int
-) -> Int[np.ndarray, "quads 4"]:
-    """Joins the four cells around each crossed grid edge along one axis."""
-    inside = values < 0
-    ahead = np.roll(inside, -1, axis)
-    ahead[tuple(slice(-1, None) if a == axis else slice(None) for a in range(3))] = False
-    edges = np.argwhere(inside != ahead)
-    outward = inside[tuple(edges.T)]
-    second, third = np.eye(3, dtype=int)[[(axis + 1) % 3, (axis + 2) % 3]]
-    around = [edges - second - third, edges - third, edges, edges - second]
-    ring = np.stack([number[tuple(cell.T)] for cell in around], axis=-1)
-    return np.where(outward[:, None], ring, ring[:, ::-1])
+    return max(0.1, float(height) / _REFERENCE_HEIGHT)

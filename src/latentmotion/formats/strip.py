@@ -12,6 +12,7 @@ from jaxtyping import Float
 from latentmotion.errors import InputError
 from latentmotion.files import atomic_file
 from latentmotion.formats import figure
+from latentmotion.formats.camera import Camera, camera_around
 from latentmotion.motion import Motion
 
 if TYPE_CHECKING:
@@ -62,9 +63,7 @@ def _row(motion: Motion, figures: int) -> Picture:
     height = max(1.7, float(bodies.vertices[..., 1].max()) - floor) + 0.36
     width = height * _ROW[0] / _ROW[1]
     target = np.array([0.0, floor + height / 2 - 0.26, 0.0])
-    camera = figure.camera_around(
-        target, _front(motion), np.radians(9), 40, _oversampled(_ROW), height
-    )
+    camera = camera_around(target, _front(motion), np.radians(9), 40, _oversampled(_ROW), height)
     places = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
     steps = places[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
     moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
@@ -87,7 +86,7 @@ def _path(motion: Motion, figures: int) -> Picture:
 
 def _painted(
     size: tuple[int, int],
-    camera: figure.Camera,
+    camera: Camera,
     bodies: Sequence[figure.Bodies],
     colors: Sequence[tuple[int, int, int]],
     floor: float,
@@ -111,12 +110,12 @@ def _along_path(motion: Motion, figures: int) -> list[int]:
     return np.unique(np.searchsorted(way, wanted).clip(0, len(motion) - 1)).tolist()
 
 
-def _camera_of_all(motion: Motion, bodies: figure.Bodies) -> tuple[figure.Camera, float]:
+def _camera_of_all(motion: Motion, bodies: figure.Bodies) -> tuple[Camera, float]:
     """Looks across the path, from as far as it takes to see all figures."""
     center = (bodies.vertices.min((0, 1)) + bodies.vertices.max((0, 1))) / 2
     azimuth, size, height = _across(motion), _oversampled(_PATH), 2.2
     for _ in range(12):
-        camera = figure.camera_around(center, azimuth, np.radians(16), 9, size, height)
+        camera = camera_around(center, azimuth, np.radians(16), 9, size, height)
         pixels, _ = camera.project(bodies.vertices)
         height *= float(np.abs(pixels / np.array(size) - 0.5).max()) / 0.46
     return camera, height

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.files import atomic_file
 from latentmotion.formats import figure
+from latentmotion.formats.camera import camera_around
 from latentmotion.motion import Motion
 
 if TYPE_CHECKING:
@@ -89,9 +90,7 @@ class _Panel:
         floor = self.bodies.floor
         target = self.way[frame] + (0, floor + self.height / 2 - 0.17, 0)
         pixels = self.size[0] * figure.OVERSAMPLING, self.size[1] * figure.OVERSAMPLING
-        camera = figure.camera_around(
-            target, self.azimuth, np.radians(14), 6.5, pixels, self.height
-        )
+        camera = camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
         picture = figure.new_picture(self.size)
         figure.paint_floor(picture, camera, floor, reach=3.2)
         figure.paint_shadow(picture, camera, [self.bodies], frame, floor)
