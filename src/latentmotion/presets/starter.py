@@ -35,7 +35,7 @@ def starter() -> Experiment:
             schedule=LinearPath(), prediction=Velocity(), times="logit_normal"
         ),
         denoiser_training=TrainingSettings(
-            steps=12_000,
+            steps=10_000,
             batch_size=64,
             learning_rate=5e-4,
             warm_up=500,
