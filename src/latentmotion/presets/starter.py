@@ -37,7 +37,7 @@ def starter() -> Experiment:
         denoiser_training=TrainingSettings(
             steps=10_000,
             batch_size=64,
-            learning_rate=5e-4,
+            learning_rate=1e-3,
             warm_up=500,
             precision="bfloat16",
         ),
