@@ -17,6 +17,10 @@ from torch.nn import functional as F
 class PackedLinear(nn.Module):
     """`nn.Linear` with its matrix in 8 bits."""
 
+    packed: torch.Tensor
+    scale: torch.Tensor
+    bias: torch.Tensor
+
     def __init__(self, linear: nn.Linear) -> None:
         super().__init__()
         packed, scale = pack(linear.weight.detach())
@@ -31,6 +35,9 @@ class PackedLinear(nn.Module):
 
 class PackedEmbedding(nn.Module):
     """`nn.Embedding` with its table in 8 bits."""
+
+    packed: torch.Tensor
+    scale: torch.Tensor
 
     def __init__(self, embedding: nn.Embedding) -> None:
         super().__init__()

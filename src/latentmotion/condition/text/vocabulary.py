@@ -40,8 +40,8 @@ def pieces_to_keep(
     kept = {piece for sentence in sentences for piece in tokenizer.encode(sentence).tokens}
     kept |= {piece for piece in order if len(piece.removeprefix(CONTINUATION)) == 1}
     kept |= set(frequent_words(tokenizer, words))
-    tails = sorted((p for p in order if p.startswith(CONTINUATION) and p.isascii()), key=order.get)
-    kept |= set(tails[:continuations])
+    tails = (piece for piece in order if piece.startswith(CONTINUATION) and piece.isascii())
+    kept |= set(sorted(tails, key=order.__getitem__)[:continuations])
     return sorted(kept - set(SPECIAL), key=order.__getitem__)
 
 
@@ -75,9 +75,8 @@ def split_words(tokenizer: Tokenizer, sentence: str) -> list[str]:
     encoding = tokenizer.encode(sentence, add_special_tokens=False)
     pieces = Counter(encoding.word_ids)
     unknown = {
-        word
-        for word, token in zip(encoding.word_ids, encoding.tokens, strict=True)
-        if pieces[word] > 1 or token == "[UNK]"
+        (place, encoding.word_to_chars(place))
+        for place, token in zip(encoding.word_ids, encoding.tokens, strict=True)
+        if place is not None and (pieces[place] > 1 or token == "[UNK]")
     }
-    spans = (encoding.word_to_chars(word) for word in sorted(unknown))
-    return [sentence[start:end].lower() for start, end in spans]
+    return [sentence[slice(*span)].lower() for _, span in sorted(unknown) if span]
