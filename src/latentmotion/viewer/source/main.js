@@ -24,9 +24,15 @@ function makeStage() {
   return new (hasWebGL ? Stage : Sketch)(canvas, motions, colors);
 }
 
+// A notebook may lay its frames out late: the view is chosen once there is a size to fill.
+let isFitted = false;
+
 function fit() {
   const height = (id) => document.getElementById(id).offsetHeight;
+  if (!stage.canvas.clientWidth || !stage.canvas.clientHeight) return;
   stage.resize(height("panel"), height("words"));
+  if (!isFitted) stage.reset();
+  isFitted = true;
 }
 
 /** Joint positions now, meters, in each motion's own space: takes × joints × 3. */
@@ -67,11 +73,10 @@ dark.addEventListener("change", () => stage.setDark(dark.matches));
 stage.setDark(dark.matches);
 timeline.addEventListener("time", () => stage.showTime(timeline.time));
 addEventListener("hashchange", obeyAddress);
-addEventListener("resize", fit);
+new ResizeObserver(fit).observe(stage.canvas);
 listenToKeys(timeline, stage, panel, 1 / motions[0].fps);
-fit();
 stage.showTime(0);
-stage.reset();
+fit();
 document.body.dataset.stage = stage.name;
 if (!obeyAddress()) timeline.play(!matchMedia("(prefers-reduced-motion: reduce)").matches);
 everyFrame();

@@ -13,7 +13,7 @@ export class Sketch {
     this.context = canvas.getContext("2d");
     this.offsets = lineUp(motions);
     this.paths = motions.map(smoothPath);
-    Object.assign(this, { watched: null, follow: true, time: 0, angle: START, scale: 1 });
+    Object.assign(this, { watched: null, follow: true, time: 0, angle: START, scale: 1, free: 0 });
     canvas.addEventListener("pointermove", ({ buttons, movementX }) => {
       if (buttons) this.turn(-movementX * 0.01);
     });
@@ -69,7 +69,7 @@ export class Sketch {
   }
 
   draw() {
-    if (!this.stale) return;
+    if (!this.stale || !this.free) return;
     this.stale = false;
     const { clientWidth: width, clientHeight: height } = this.canvas;
     this.context.clearRect(0, 0, width, height);

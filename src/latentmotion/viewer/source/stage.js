@@ -35,6 +35,7 @@ export class Stage {
     this.watched = null;
     this.follow = true;
     this.detail = 1;
+    this.freeHeight = 0;
     this.time = 0;
     this.center = new THREE.Vector3(0, HEIGHT, 0);
   }
@@ -170,7 +171,7 @@ export class Stage {
   /** Draws, if anything changed since the last time. */
   draw() {
     this.controls.update();
-    if (!this.stale) return;
+    if (!this.stale || !this.freeHeight) return;
     this.floor.fadeAround(this.controls.target, this.camera.position);
     this.renderer.render(this.scene, this.camera);
     this.stale = false;
