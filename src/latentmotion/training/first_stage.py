@@ -98,27 +98,30 @@ def prepare_latents(
 ) -> tuple[LatentData, LatentSpace]:
     """Encodes crops and sentences, or reads them from the run folder; measures the latents."""
     settings, training = experiment.latents, experiment.denoiser_training
-    clips = dataset.clips("train", mirrored=experiment.mirrored)
-    items, held_out = items_of(clips), items_of(dataset.clips("val"))[:HELD_OUT]
-    seen = keep_crops(items, settings.cropping, settings.per_item, training.seed)
-    unseen = keep_crops(held_out, settings.cropping, 1, training.seed)
-    train_crops, held_out_crops = seen.every(), unseen.every()
-    crops = [*train_crops, *held_out_crops]
+    clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
+    seen, held_out = items_of(clips[0]), items_of(clips[1])[:HELD_OUT]
+    kept = keep_crops(seen, settings.cropping, settings.per_item, training.seed)
+    unseen = keep_crops(held_out, settings.cropping, 1, training.seed).every()
+    crops = [*kept.every(), *unseen]
 
     def encode() -> Posteriors:
-        normalizer = normalizer_of(first.card)
-        memory = FeatureMemory(dataset, [*clips, *dataset.clips("val")], normalizer)
+        memory = FeatureMemory(dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
         return encode_crops(first.vae.to(place.device), memory, crops, place)
 
     posteriors = remembered_posteriors(folder / "latents.safetensors", encode, place)
     space = first.card.latents
     if settings.normalized:
-        mean, std = posteriors.take(range(len(train_crops))).channel_statistics()
-        space = replace(space, mean=tuple(mean), std=tuple(std))
-    memory = LatentMemory(crops, posteriors.normalized(space.mean, space.std).to(place.device))
-    sentences = Sentences(encoder, captions_of([*items, *held_out]), place.device)
-    plan = Plan(items, training.batch_size, seen, training.seed)
-    return LatentData(plan, tuple(held_out_crops), memory, sentences), space
+        space = measured(space, posteriors.take(range(len(kept.every()))))
+    posteriors = posteriors.normalized(space.mean, space.std).to(place.device)
+    sentences = Sentences(encoder, captions_of([*seen, *held_out]), place.device)
+    plan = Plan(seen, training.batch_size, kept, training.seed)
+    return LatentData(plan, tuple(unseen), LatentMemory(crops, posteriors), sentences), space
+
+
+def measured(space: LatentSpace, posteriors: Posteriors) -> LatentSpace:
+    """Returns the latent space with mean and deviation per channel as these have them."""
+    mean, std = posteriors.channel_statistics()
+    return replace(space, mean=tuple(mean), std=tuple(std))
 
 
 def captions_of(items: list[Item]) -> set[str]:

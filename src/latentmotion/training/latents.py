@@ -6,6 +6,7 @@ that a fresh latent can be drawn at every step.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -152,7 +153,11 @@ class Sentences:
         self, encoder: TextEncoder, sentences: Iterable[str], device: torch.device
     ) -> None:
         known = sorted({"", *sentences})
-        parts = [encoder(known[i : i + AT_ONCE]).pooled for i in range(0, len(known), AT_ONCE)]
+        with warnings.catch_warnings():
+            # Data sets are full of misspelled words, which nobody can help here.
+            warnings.simplefilter("ignore", UserWarning)
+            starts = range(0, len(known), AT_ONCE)
+            parts = [encoder(known[start : start + AT_ONCE]).pooled for start in starts]
         self._rows = {sentence: row for row, sentence in enumerate(known)}
         self._pooled = torch.from_numpy(np.concatenate(parts)).to(device)
 
