@@ -7,7 +7,7 @@ from torch import Tensor
 
 
 def mean_of_real(
-    values: Float[Tensor, "batch length ..."], mask: Bool[Tensor, "batch length"]
+    values: Float[Tensor, "batch length *_ width"], mask: Bool[Tensor, "batch length"]
 ) -> Float[Tensor, ""]:
     """Returns the mean over each row's real part, then over rows.
 
