@@ -73,7 +73,7 @@ def test_check_tells_what_raw_folders_lack(raw: Path, capsys: pytest.CaptureFixt
         ("data prepare cmu --trials @nothing --humanml3d @h3d -o @out", "no folder"),
         ("data prepare cmu --trials @trials --humanml3d @mine -o @out", "lacks index.csv"),
         (CMU.replace("@cmu", "@no/such/folder"), "does not exist"),
-        (CMU.replace("@cmu", "@mine"), "no prepared data set"),
+        (CMU.replace("@cmu", "@mine"), "has no manifest.json"),
         ("data prepare own @mine --fps 2 -o @out", "too few"),
         ("data prepare own @mine --unit meters -o @out", "check the unit of length"),
         ("data merge -o @out", "nothing to merge"),

@@ -115,7 +115,7 @@ def test_other_folders_are_never_overwritten(tmp_path: Path, folder: Path) -> No
     precious = tmp_path / "precious"
     precious.mkdir()
     (precious / "thesis.tex").write_text("...")
-    with pytest.raises(InputError, match="no prepared data set"):
+    with pytest.raises(InputError, match=r"has no manifest\.json"):
         merge([folder], precious)
     assert (precious / "thesis.tex").is_file()
     with pytest.raises(InputError, match="does not exist"):

@@ -26,12 +26,23 @@ def test_file_appears_only_when_complete(tmp_path: Path) -> None:
 
 def test_folder_is_replaced_as_a_whole(tmp_path: Path) -> None:
     for text in ("old", "new"):
-        with atomic_folder(tmp_path / "model") as temporary:
-            (temporary / text).write_text(text)
-    with pytest.raises(RuntimeError), atomic_folder(tmp_path / "model") as temporary:
+        with atomic_folder(tmp_path / "model", "marker") as temporary:
+            (temporary / "marker").write_text(text)
+    with pytest.raises(RuntimeError), atomic_folder(tmp_path / "model", "marker") as temporary:
         raise RuntimeError
-    assert [path.name for path in (tmp_path / "model").iterdir()] == ["new"]
+    assert (tmp_path / "model" / "marker").read_text() == "new"
     assert [path.name for path in tmp_path.iterdir()] == ["model"]
+
+
+def test_a_folder_of_something_else_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").write_text("precious")
+    with (
+        pytest.raises(InputError, match=r"photos exists and has no model\.json"),
+        atomic_folder(tmp_path / "photos", "model.json"),
+    ):
+        pass
+    assert (tmp_path / "photos" / "a.jpg").read_text() == "precious"
 
 
 def test_missing_folder_is_named(tmp_path: Path) -> None:

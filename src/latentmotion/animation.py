@@ -23,7 +23,7 @@ class Animation:
     fps: float
     """Frames per second."""
     translations: Float[np.ndarray, "frames joints 3"] | None = None
-    """Animated offsets in place of the skeleton's, for files that move joints other than the root."""
+    """Animated offsets in place of the skeleton's, in files that move more than the root."""
 
     def __len__(self) -> int:
         return len(self.rotations)

@@ -19,7 +19,7 @@ from latentmotion.configuration import from_json, to_json
 from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
 from latentmotion.errors import InputError, ModelError
 from latentmotion.files import atomic_folder
-from latentmotion.model_card import ModelCard, read_card
+from latentmotion.model_card import CARD_FILE, ModelCard, read_card
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.transformer import TransformerVAEConfig
@@ -64,7 +64,7 @@ def save_model(folder: str | Path, model: TrainedModel) -> None:
         if module is not None
         for key, tensor in module.state_dict().items()
     }
-    with atomic_folder(folder) as temporary:
+    with atomic_folder(folder, CARD_FILE) as temporary:
         model.card.write(temporary)
         save_file(weights, temporary / WEIGHTS_FILE)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class LatentMotionError(Exception):
-    """Base of every error that is the input's fault; the command line prints it and exits with 2."""
+    """Base of every error that is the input's fault; the command line prints it, exit code 2."""
 
 
 class InputError(LatentMotionError):

@@ -24,7 +24,7 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
     temporary = _temporary_name(target)
     try:
         yield temporary
-        os.replace(temporary, target)
+        temporary.replace(target)
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}") from error
     finally:
@@ -32,24 +32,42 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_folder(path: str | Path) -> Iterator[Path]:
+def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
     """Yields an empty temporary folder, put in place of `path` when the block succeeds.
 
+    Args:
+        path: The folder to write.
+        marker: A file that every folder of this kind has; a folder without it is not replaced.
+
     Raises:
-        InputError: The parent folder does not exist or cannot be written.
+        InputError: The parent cannot be written, or there is something else in this place.
     """
     target = Path(path)
+    check_replaceable(target, marker)
     temporary = _temporary_name(target)
     try:
         temporary.mkdir()
         yield temporary
         if target.is_dir():
             shutil.rmtree(target)
-        os.replace(temporary, target)
+        temporary.replace(target)
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_replaceable(path: str | Path, marker: str) -> None:
+    """Checks early that a folder could be written at `path` without losing anything else.
+
+    Raises:
+        InputError: The parent cannot be written, or there is something else in this place.
+    """
+    target = Path(path)
+    check_writable(target)
+    occupied = target.is_file() or (target.is_dir() and any(target.iterdir()))
+    if occupied and not (target / marker).is_file():
+        raise InputError(f"{target} exists and has no {marker}; choose another folder")
 
 
 def check_writable(path: str | Path) -> None:
@@ -67,7 +85,7 @@ def check_writable(path: str | Path) -> None:
 
 def sha256(path: str | Path) -> str:
     """Returns the SHA-256 of a file as hexadecimal digits."""
-    with open(path, "rb") as file:
+    with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -14,10 +14,11 @@ from latentmotion.data.encoding import encode_all
 from latentmotion.data.hdm05 import HDM05, hdm05_recordings
 from latentmotion.data.humanml3d import HUMANML3D, KIT, official_normalizer, official_recordings
 from latentmotion.data.inspection import inspect_folder
+from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.own import OwnMotions
 from latentmotion.data.preparation import Preparation, merge
 from latentmotion.data.report import Report
-from latentmotion.data.store import check_target
+from latentmotion.files import check_replaceable
 from latentmotion.joint_map import load_joint_map
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
@@ -42,7 +43,7 @@ class PrepareCmu:
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        check_target(self.out)
+        check_replaceable(self.out, MANIFEST)
         data = CmuTrials.load(self.trials, self.humanml3d, self.fps)
         preparation = Preparation(HUMANML3D_FEATURES)
         preparation.add(encode_all(data.recordings(self.uncaptioned), HUMANML3D_FEATURES))
@@ -64,7 +65,7 @@ class PrepareHdm05:
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        check_target(self.out)
+        check_replaceable(self.out, MANIFEST)
         preparation = Preparation(HUMANML3D_FEATURES)
         preparation.add(encode_all(hdm05_recordings(self.clips), HUMANML3D_FEATURES))
         _tell(preparation.write(self.out, (HDM05,)), self.out)
@@ -127,7 +128,7 @@ class PrepareOwn:
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        check_target(self.out)
+        check_replaceable(self.out, MANIFEST)
         source = Source(self.name, self.license, self.credit)
         joint_map = load_joint_map(self.joint_map) if self.joint_map else None
         motions = OwnMotions(
@@ -166,7 +167,7 @@ class Merge:
 
     def run(self) -> None:
         """Merges the folders and prints the report."""
-        check_target(self.out)
+        check_replaceable(self.out, MANIFEST)
         _tell(merge(self.folders, self.out), self.out)
 
 
@@ -185,7 +186,7 @@ class Check:
 def _prepare_official(
     folder: Path, out: Path, source: Source, representation: Representation
 ) -> None:
-    check_target(out)
+    check_replaceable(out, MANIFEST)
     normalizer = official_normalizer(folder, representation.width)
     preparation = Preparation(representation)
     preparation.add(official_recordings(folder, source, representation.width))

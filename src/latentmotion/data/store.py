@@ -26,7 +26,7 @@ from latentmotion.data.manifest import (
     StoredClip,
     StoredNormalizer,
 )
-from latentmotion.errors import DataError, InputError
+from latentmotion.errors import DataError
 from latentmotion.files import atomic_folder, sha256
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.normalizer import Normalizer
@@ -58,9 +58,8 @@ def write_dataset(
         DataError: There is no motion, or two have the same name.
         InputError: The folder cannot be written.
     """
-    check_target(folder)
     motions = _unique(motions)
-    with atomic_folder(folder) as temporary:
+    with atomic_folder(folder, MANIFEST) as temporary:
         shards: list[Shard] = []
         clips: list[StoredClip] = []
         for number, group in enumerate(_in_shards(motions)):
@@ -77,20 +76,6 @@ def write_dataset(
         )
         write_json(temporary / MANIFEST, manifest)
     return manifest
-
-
-def check_target(folder: str | Path) -> None:
-    """Refuses to write where it cannot, or in place of anything but a prepared folder.
-
-    Raises:
-        InputError: The parent does not exist, or the folder holds something else.
-    """
-    folder = Path(folder)
-    if not folder.absolute().parent.is_dir():
-        raise InputError(f"cannot write {folder}: {folder.absolute().parent} does not exist")
-    is_other = folder.is_file() or (folder.is_dir() and any(folder.iterdir()))
-    if is_other and not (folder / MANIFEST).is_file():
-        raise InputError(f"{folder} exists and is no prepared data set; choose another folder")
 
 
 def stored_normalizer(normalizer: Normalizer, origin: str) -> StoredNormalizer:

@@ -17,7 +17,7 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.errors import ModelError
 from latentmotion.files import atomic_folder
-from latentmotion.model_card import ModelCard
+from latentmotion.model_card import CARD_FILE, ModelCard
 from latentmotion.runtime.export import export_decoder, export_denoiser
 from latentmotion.runtime.session import open_session
 from latentmotion.vae.interface import MotionVAE
@@ -40,7 +40,7 @@ def package_model(source: Path, card: ModelCard, text_encoder: Path, output: Pat
         ModelError: A file or network is missing, or a graph does not repeat its network.
     """
     _check_text_encoder(text_encoder)
-    with atomic_folder(output) as folder:
+    with atomic_folder(output, CARD_FILE) as folder:
         card.write(folder)
         weights = load_file(source / WEIGHTS_FILE)
         save_file({key: value.half() for key, value in weights.items()}, folder / WEIGHTS_FILE)

@@ -46,7 +46,7 @@ def teacher_targets(
     digest = hashlib.sha256("\n".join(sentences).encode()).hexdigest()
     stamp = folder / "sentences.json"
     if not stamp.is_file() or json.loads(stamp.read_text()) != digest:
-        with atomic_folder(folder) as temporary:
+        with atomic_folder(folder, stamp.name) as temporary:
             _compute(temporary, sentences, tokenizer, teacher, report)
             (temporary / stamp.name).write_text(json.dumps(digest))
     names = ("pooled", "words", "starts")
