@@ -45,7 +45,21 @@ _HOMES = {
     "write_bvh": "formats.bvh",
 }
 
-__all__ = [*_HOMES, "__version__"]
+__all__ = [
+    "Animation",
+    "Dataset",
+    "LatentMotionError",
+    "Motion",
+    "MotionGenerator",
+    "Skeleton",
+    "__version__",
+    "load",
+    "read_asf_amc",
+    "read_bvh",
+    "save",
+    "to_humanml3d",
+    "write_bvh",
+]
 
 
 def __getattr__(name: str) -> Any:

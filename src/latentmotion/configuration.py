@@ -110,7 +110,9 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
 def _convert_union(members: tuple[Any, ...], value: Any, where: str) -> Any:
     if value is None and type(None) in members:
         return None
-    classes = {m.__name__: m for m in members if dataclasses.is_dataclass(m)}
+    classes = {
+        m.__name__: m for m in members if isinstance(m, type) and dataclasses.is_dataclass(m)
+    }
     if classes and isinstance(value, Mapping):
         kind = value.get("kind", next(iter(classes)) if len(classes) == 1 else None)
         _check(kind in classes, kind, f"kind to be one of {', '.join(classes)}", where)
