@@ -12,6 +12,7 @@ from typing import Annotated
 
 import tyro
 
+from latentmotion.condition.interface import TextEncoder
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.presets import preset_named
 
@@ -55,7 +56,8 @@ class TrainDenoiser:
     output: Output
     """Run folder; one that exists is gone on with."""
     text_encoder: str = "starter"
-    """Folder of a text encoder, or the name of a model whose encoder is used."""
+    """Folder of a text encoder, name of a model whose encoder is used, or minilm, clip,
+    clip_hidden, distilbert or t5, from the hub or after a colon from a folder (clip:my/clip)."""
     preset: str = "starter"
     """Experiment to start from: starter or mld_humanml3d."""
     set: Changes = ()
@@ -65,13 +67,12 @@ class TrainDenoiser:
 
     def run(self) -> None:
         """Trains until done."""
-        from latentmotion.condition.text.student import StudentTextEncoder
-        from latentmotion.models import find_model
+        from latentmotion.condition.text.cache import CachedTextEncoder
         from latentmotion.training.devices import training_place
         from latentmotion.training.stages import train_denoiser
 
         experiment = experiment_of(self.preset, self.set)
-        encoder = StudentTextEncoder.load(find_model(self.text_encoder))
+        encoder = CachedTextEncoder(text_encoder_named(self.text_encoder), self.output / "text")
         with training_place(self.device) as place:
             print(train_denoiser(experiment, self.data, self.vae, encoder, self.output, place))
 
@@ -83,3 +84,19 @@ def experiment_of(preset: str, changes: tuple[str, ...]) -> Experiment:
         InputError: Preset or key is unknown; the nearest is named.
     """
     return with_changes(preset_named(preset), changes)
+
+
+def text_encoder_named(name: str) -> TextEncoder:
+    """Returns a text encoder by folder, by the model that it belongs to, or by its kind.
+
+    Raises:
+        ModelError: There is none, or it cannot be loaded.
+    """
+    from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
+    from latentmotion.condition.text.student import StudentTextEncoder
+    from latentmotion.models import find_model
+
+    kind, _, source = name.partition(":")
+    if kind in KINDS:
+        return PretrainedTextEncoder.load(kind, source or None)
+    return StudentTextEncoder.load(find_model(name))
