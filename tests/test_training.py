@@ -93,7 +93,7 @@ def test_a_vae_is_trained_into_a_model_folder(vae_run: Path) -> None:
     model = load_model(vae_run / "model")
     assert model.vae is not None and model.denoiser is None
     assert model.card.figures["vae_val_mm"] > 0
-    assert model.card.provenance.licence == "CC0-1.0"
+    assert model.card.provenance.license == "CC0-1.0"
     assert list((vae_run / "tensorboard").iterdir())
 
 

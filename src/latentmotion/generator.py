@@ -230,7 +230,7 @@ class MotionGenerator:
             "seed": seed,
             "steps": order.steps,
             "guidance": order.guidance,
-            "license": self.card.provenance.licence,
+            "license": self.card.provenance.license,
         }
 
 

@@ -25,8 +25,8 @@ class Provenance:
     """Names and credits of the data sets."""
     data_hashes: dict[str, str] = field(default_factory=dict)
     """SHA-256 of the data's files."""
-    licence: str = "unknown"
-    """Licence of the weights."""
+    license: str = "unknown"
+    """License of the weights."""
     commands: tuple[str, ...] = ()
     """The commands that made them, in order."""
     commit: str = ""

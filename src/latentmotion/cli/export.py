@@ -27,6 +27,8 @@ class Export:
     """Folder to write."""
     name: str | None = None
     """What the model shall be called; by default as the folder."""
+    license: str | None = None
+    """License of the weights; by default the terms of all data sets."""
 
     def run(self) -> None:
         """Writes the folder and says how large it is.
@@ -35,6 +37,8 @@ class Export:
             ModelError: Something is missing, or a graph does not repeat its network.
         """
         card = replace(read_card(self.model), name=self.name or self.output.resolve().name)
+        if self.license:
+            card = replace(card, provenance=replace(card.provenance, license=self.license))
         package_model(self.model, card, self.text_encoder, self.output)
         size = sum(file.stat().st_size for file in self.output.iterdir()) / 1e6
         print(f"wrote {self.output} ({size:.1f} MB)")

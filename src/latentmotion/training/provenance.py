@@ -1,4 +1,4 @@
-"""Where a trained model comes from: data, licence, commands, hours, machine."""
+"""Where a trained model comes from: data, license, commands, hours, machine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = 
         before,
         data=tuple(f"{source.name}: {source.credit}" for source in sources),
         data_hashes={**before.data_hashes, **hashes},
-        licence=_licence([source.license for source in sources]),
+        license=_license([source.license for source in sources]),
         commands=(*before.commands, command_line()),
         commit=_commit(),
         machine=describe_machine(),
@@ -51,8 +51,8 @@ def describe_machine() -> str:
     return ", ".join([*parts, f"PyTorch {torch.__version__}"])
 
 
-def _licence(licences: list[str]) -> str:
-    return "; ".join(dict.fromkeys(licences)) or "unknown"
+def _license(licenses: list[str]) -> str:
+    return "; ".join(dict.fromkeys(licenses)) or "unknown"
 
 
 def _processor() -> str:

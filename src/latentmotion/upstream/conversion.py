@@ -163,7 +163,7 @@ def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple
 def _provenance(path: Path) -> Provenance:
     return Provenance(
         data_hashes={path.name: sha256(path)},
-        licence="as its authors say (MLD's code is MIT; the data behind it has terms of its own)",
+        license="as its authors say (MLD's code is MIT; the data behind it has terms of its own)",
         commands=(f"latentmotion convert {path.name}",),
     )
 

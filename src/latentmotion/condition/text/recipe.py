@@ -33,7 +33,7 @@ from latentmotion.files import atomic_file
 
 CHECKPOINT_FILE = "state.pt"
 CARD_FILE = "card.json"
-LICENCE = "Apache-2.0 (started from all-MiniLM-L6-v2, Apache-2.0; captions HumanML3D, MIT)"
+LICENSE = "Apache-2.0 (started from all-MiniLM-L6-v2, Apache-2.0; captions HumanML3D, MIT)"
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def student_card(
     return {
         "name": student.name,
         "teacher": "all-MiniLM-L6-v2" if teacher.name.startswith("minilm") else teacher.name,
-        "licence": LICENCE,
+        "license": LICENSE,
         "recipe": dataclasses.asdict(recipe),
         "held_out": dataclasses.asdict(figures),
         "milliseconds_a_sentence": pace,
