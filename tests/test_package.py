@@ -1,0 +1,86 @@
+"""A trained model becomes a folder that generates without PyTorch, or nothing is written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from latentmotion import MotionGenerator
+from latentmotion.checkpoint import TrainedModel, describe, load_model, save_model
+from latentmotion.cli.main import main
+from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.diffusion.prediction import Epsilon, Velocity
+from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
+from latentmotion.errors import ModelError
+from latentmotion.model_card import LatentSpace, ModelCard, read_card
+from latentmotion.models import find_model
+from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.runtime.package import package_model
+from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.transformer import TransformerVAEConfig
+
+SMALL = TransformerConfig(width=16, layers=3, heads=2, hidden=24)
+VAES = {
+    "over time": (ConvolutionalVAEConfig(width=8, channels=4), LatentSpace(4, frames_per_token=4)),
+    "global": (TransformerVAEConfig(tokens=2, transformer=SMALL), LatentSpace(16, tokens=2)),
+}
+
+
+def untrained(kind: str) -> TrainedModel:
+    torch.manual_seed(0)
+    vae, latents = VAES[kind]
+    denoiser = DenoiserConfig(latent_width=latents.width, transformer=SMALL, sine_width=16)
+    flow = kind == "over time"
+    card = ModelCard(
+        name="untrained",
+        task="text",
+        representation="humanml3d",
+        normalizer_mean=(0.0,) * 263,
+        normalizer_std=(1.0,) * 263,
+        latents=latents,
+        schedule=LinearPath() if flow else ScaledLinear(),
+        prediction=Velocity() if flow else Epsilon(),
+        vae=describe(vae),
+        denoiser=describe(denoiser),
+        condition={},
+        guidance=2.0,
+    )
+    return TrainedModel(card, vae.build(), denoiser.build())
+
+
+@pytest.mark.parametrize("kind", VAES)
+def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
+    save_model(tmp_path / "run", untrained(kind))
+    starter, output = find_model("starter"), tmp_path / "model"
+    options = ["--text-encoder", str(starter), "-o", str(output), "--license", "CC0"]
+    main(["export", str(tmp_path / "run"), *options])
+    assert read_card(output).provenance.license == "CC0"
+    motion = MotionGenerator.load(output, "onnxruntime", 1)("a person walks", 1, steps=3)
+    assert motion.joints.shape == (20, 22, 3)
+    assert motion.metadata["model"] == "model"
+
+
+def test_weights_are_kept_in_half_the_bits(tmp_path: Path) -> None:
+    model = untrained("over time")
+    save_model(tmp_path / "run", model)
+    package_model(tmp_path / "run", model.card, find_model("starter"), tmp_path / "model")
+    again = load_model(tmp_path / "model")
+    assert again.vae is not None and model.vae is not None
+    for old, new in zip(model.vae.parameters(), again.vae.parameters(), strict=True):
+        np.testing.assert_array_equal(old.detach().half().float(), new.detach())
+
+
+def test_nothing_is_written_of_half_a_model(tmp_path: Path) -> None:
+    model = untrained("over time")
+    save_model(tmp_path / "run", model)
+    with pytest.raises(ModelError, match=r"lacks text_encoder\.onnx"):
+        package_model(tmp_path / "run", model.card, tmp_path, tmp_path / "model")
+    first = TrainedModel(replace(model.card, denoiser={}), model.vae, None)
+    save_model(tmp_path / "vae", first)
+    with pytest.raises(ModelError, match="train both stages"):
+        package_model(tmp_path / "vae", first.card, find_model("starter"), tmp_path / "model")
+    assert not (tmp_path / "model").exists()
