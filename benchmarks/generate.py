@@ -68,7 +68,7 @@ def _call(generator: MotionGenerator, options: argparse.Namespace) -> dict[str, 
     """Runs the chain of `MotionGenerator` part by part, with a clock between the parts."""
     frames = round(options.seconds * generator.representation.fps)
     order = Order((CAPTION,), (0,), frames, options.steps, generator.card.guidance)
-    condition, text = _timed(lambda: generator.condition(order.captions))
+    condition, text = _timed(lambda: generator.sentences(order.captions))
     latents, diffusion = _timed(lambda: generator.latents(condition, order))
     features, decoder = _timed(lambda: generator.decode(latents, order.frames))
     joints, rest = _timed(lambda: generator.representation.decode(features))

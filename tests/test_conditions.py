@@ -9,7 +9,7 @@ import pytest
 
 from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.interface import Condition, TextEmbedding, stack
-from latentmotion.condition.sentence import SentenceCondition
+from latentmotion.condition.sentence import SentenceCondition, SentenceReading
 from latentmotion.condition.unconditional import Unconditional
 from latentmotion.errors import InputError
 
@@ -28,9 +28,16 @@ class LetterEncoder:
         return TextEmbedding(words.mean(1), words, np.ones(words.shape[:2], dtype=bool))
 
 
+BOTH = SentenceReading(words=3)
+WORDS = SentenceReading(pooled=False, words=9)
+
 CONDITIONS = {
+    "both": (
+        SentenceCondition(LetterEncoder(), SentenceReading(words=3)),
+        ["walk", "go", "a kick"],
+    ),
     "pooled": (SentenceCondition(LetterEncoder()), ["walk", "go", "a kick"]),
-    "words": (SentenceCondition(LetterEncoder(), by_word=True), ["walk", "go", "a kick"]),
+    "words": (SentenceCondition(LetterEncoder(), WORDS), ["walk", "go", "a kick"]),
     "action": (ActionCondition(("walk", "kick", "sit")), ["sit", "walk", "kick"]),
     "nothing": (Unconditional(5), [None, None, None]),
 }
@@ -69,6 +76,16 @@ def test_labels_are_unit_vectors_and_null_is_zero() -> None:
 
 
 def test_words_are_padded_with_zeros() -> None:
-    found = SentenceCondition(LetterEncoder(), by_word=True)(["walk", "go"])
+    found = SentenceCondition(LetterEncoder(), WORDS)(["walk", "go"])
     assert found.mask.sum(1).tolist() == [5, 3]
     assert not found.tokens[1, 3:].any()
+
+
+def test_the_pooled_sentence_comes_before_as_many_words_as_asked_for() -> None:
+    encoder = LetterEncoder()
+    found = SentenceCondition(encoder, SentenceReading(words=2))(["walk"])
+    embedded = encoder(["walk"])
+    np.testing.assert_array_equal(found.tokens[0, 0], embedded.pooled[0])
+    np.testing.assert_array_equal(found.tokens[0, 1:], embedded.words[0, :2])
+    with pytest.raises(InputError, match="words of at least 1"):
+        SentenceReading(pooled=False)

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from latentmotion.condition.sentence import SentenceReading
 from latentmotion.configuration import from_json, to_json
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
@@ -111,6 +112,8 @@ class Experiment:
     """How stage 2 is optimized."""
     sampling: Sampling
     """How the model is sampled."""
+    reading: SentenceReading = field(default_factory=SentenceReading)
+    """What the denoiser sees of sentences."""
     mirrored: bool = True
     """Whether mirrored copies of the clips are trained on too."""
 

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.condition.interface import Conditioning, TextEncoder
+from latentmotion.condition.interface import Conditioning
+from latentmotion.condition.sentence import SentenceCondition, SentenceReading
 from latentmotion.condition.text.student import StudentTextEncoder
+from latentmotion.configuration import from_json
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import DDIM, sample
@@ -74,8 +76,8 @@ class MotionGenerator:
 
     card: ModelCard
     """What the model is."""
-    text_encoder: TextEncoder
-    """Sentences to embeddings."""
+    sentences: SentenceCondition
+    """Sentences to tokens."""
     denoiser: Session
     """Graph: noisy latents, time, condition → prediction."""
     decoder: Session
@@ -96,9 +98,10 @@ class MotionGenerator:
             ModelError: There is no such model, or its folder is damaged.
         """
         folder = find_model(model)
+        card = read_card(folder)
         return cls(
-            read_card(folder),
-            StudentTextEncoder.load(folder),
+            card,
+            SentenceCondition(StudentTextEncoder.load(folder), _reading(card)),
             open_session(folder / "denoiser.onnx", runtime, threads),
             open_session(folder / "decoder.onnx", runtime, threads),
         )
@@ -156,7 +159,7 @@ class MotionGenerator:
         return [motion for part in order.parts() for motion in self._motions(part)]
 
     def _motions(self, order: Order) -> list[Motion]:
-        condition = self.condition(order.captions)  #         (batch, words, width)
+        condition = self.sentences(order.captions)  #         (batch, words, width)
         latents = self.latents(condition, order)  #           (batch, tokens, width)
         features = self.decode(latents, order.frames)  #      (batch, frames, features)
         joints = self.representation.decode(features)  #      (batch, frames, joints, 3)
@@ -171,10 +174,6 @@ class MotionGenerator:
             for positions, caption, seed in zip(joints, order.captions, order.seeds, strict=True)
         ]
 
-    def condition(self, captions: Sequence[str]) -> Conditioning:
-        """Returns one token per sentence: its pooled embedding."""
-        return self.text_encoder(captions).sentence()
-
     def latents(
         self, condition: Conditioning, order: Order
     ) -> Float[np.ndarray, "batch tokens width"]:
@@ -184,7 +183,7 @@ class MotionGenerator:
         noise = SeededNoise(order.seeds)
         z = noise((len(order.seeds), *shape))
         mask = np.ones(z.shape[:2], dtype=bool)
-        guided = ClassifierFreeGuidance(self._denoise, self.condition([""]), order.guidance)
+        guided = ClassifierFreeGuidance(self._denoise, self.sentences.null(1), order.guidance)
         sampler = DDIM(self.card.schedule, self.card.prediction)
         z = sample(guided, sampler, z, condition, mask, order.steps, noise)
         return z * _float32(space.std) + _float32(space.mean)
@@ -232,6 +231,10 @@ class MotionGenerator:
             "guidance": order.guidance,
             "license": self.card.provenance.license,
         }
+
+
+def _reading(card: ModelCard) -> SentenceReading:
+    return from_json(SentenceReading, card.condition.get("reading", {}))
 
 
 def _float32(values: Sequence[float]) -> Float[np.ndarray, " channels"]:

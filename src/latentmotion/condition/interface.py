@@ -38,15 +38,6 @@ class TextEmbedding:
     mask: Bool[np.ndarray, "batch words"]
     """True on real word pieces."""
 
-    def sentence(self) -> Conditioning:
-        """Returns the condition with each pooled sentence as its one word."""
-        tokens = self.pooled[:, None]
-        return Conditioning(tokens, np.ones(tokens.shape[:2], dtype=bool))
-
-    def word_by_word(self) -> Conditioning:
-        """Returns the condition with every word piece as a word."""
-        return Conditioning(self.words, self.mask)
-
 
 @runtime_checkable
 class Condition(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from latentmotion.condition.sentence import SentenceReading
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
@@ -35,11 +36,12 @@ def starter() -> Experiment:
             schedule=LinearPath(), prediction=Velocity(), times="logit_normal"
         ),
         denoiser_training=TrainingSettings(
-            steps=10_000,
+            steps=6_000,
             batch_size=64,
             learning_rate=1e-3,
             warm_up=500,
             precision="bfloat16",
         ),
         sampling=Sampling(steps=50, guidance=4.0),
+        reading=SentenceReading(pooled=True, words=16),
     )

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from latentmotion.checkpoint import describe
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.configuration import to_json
 from latentmotion.data.dataset import Dataset
 from latentmotion.experiment import Experiment
 from latentmotion.model_card import LatentSpace, ModelCard
@@ -54,7 +55,11 @@ def second_stage_card(
         schedule=objective.schedule,
         prediction=objective.prediction,
         denoiser=describe(experiment.denoiser),
-        condition={"encoder": encoder.name, "width": encoder.width},
+        condition={
+            "encoder": encoder.name,
+            "width": encoder.width,
+            "reading": to_json(experiment.reading),
+        },
         steps=experiment.sampling.steps,
         guidance=experiment.sampling.guidance,
         frames=(cropping.min_frames, cropping.max_frames),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from latentmotion.checkpoint import WEIGHTS_FILE, load_model
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition.sentence import SentenceCondition
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Item, items_of
 from latentmotion.errors import InputError, ModelError
@@ -113,7 +114,8 @@ def prepare_latents(
     if settings.normalized:
         space = measured(space, posteriors.take(range(len(kept.every()))))
     posteriors = posteriors.normalized(space.mean, space.std).to(place.device)
-    sentences = Sentences(encoder, captions_of([*seen, *held_out]), place.device)
+    condition = SentenceCondition(encoder, experiment.reading)
+    sentences = Sentences(condition, captions_of([*seen, *held_out]), place.device)
     plan = Plan(seen, training.batch_size, kept, training.seed)
     return LatentData(plan, tuple(unseen), LatentMemory(crops, posteriors), sentences), space
 

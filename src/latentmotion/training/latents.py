@@ -16,7 +16,8 @@ import torch
 from jaxtyping import Bool, Float
 from safetensors.torch import load_file, save_file
 
-from latentmotion.condition.interface import Conditioning, TextEncoder
+from latentmotion.condition.interface import Conditioning
+from latentmotion.condition.sentence import SentenceCondition
 from latentmotion.data.sampling import Crop, Cropping, Item
 from latentmotion.files import atomic_file
 from latentmotion.training.crops import FeatureMemory
@@ -141,31 +142,32 @@ def remembered_posteriors(
 
 
 class Sentences:
-    """Embeddings of sentences, each one token; the empty sentence is the null condition.
+    """What the denoiser sees of sentences; the empty sentence is the null condition.
 
     Args:
-        encoder: Says what sentences mean.
+        condition: Turns sentences into tokens.
         sentences: Those that will be asked for.
-        device: Where the embeddings are wanted.
+        device: Where the tokens are wanted.
     """
 
     def __init__(
-        self, encoder: TextEncoder, sentences: Iterable[str], device: torch.device
+        self, condition: SentenceCondition, sentences: Iterable[str], device: torch.device
     ) -> None:
         known = sorted({"", *sentences})
         with warnings.catch_warnings():
             # Data sets are full of misspelled words, which nobody can help here.
             warnings.simplefilter("ignore", UserWarning)
-            starts = range(0, len(known), AT_ONCE)
-            parts = [encoder(known[start : start + AT_ONCE]).pooled for start in starts]
+            embedded = condition(known)
         self._rows = {sentence: row for row, sentence in enumerate(known)}
-        self._pooled = torch.from_numpy(np.concatenate(parts)).to(device)
+        self._tokens = torch.from_numpy(embedded.tokens).to(device)
+        self._mask = torch.from_numpy(embedded.mask).to(device)
 
     def __call__(self, sentences: Sequence[str]) -> Conditioning:
-        """Returns one token per sentence."""
-        tokens = self._pooled[[self._rows[sentence] for sentence in sentences], None]
-        mask = torch.ones(tokens.shape[:2], dtype=torch.bool, device=tokens.device)
-        return Conditioning(tokens, mask)
+        """Returns the tokens of each sentence, with no more padding than these need."""
+        rows = [self._rows[sentence] for sentence in sentences]
+        mask = self._mask[rows]
+        longest = int(mask.sum(dim=1).max())
+        return Conditioning(self._tokens[rows][:, :longest], mask[:, :longest])
 
 
 def _key(crop: Crop) -> tuple[str, int, int]:
