@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from latentmotion import MotionGenerator, formats
+from latentmotion.formats import video
 
 PROMPTS = (
     "a person walks forward",
@@ -38,7 +39,7 @@ PROMPTS = (
     "a person hops on both legs",
     "a person jogs in a circle to the left",
 )
-MOVING = (0, 7, 12, 14)
+MOVING = (3, 7, 12, 14)
 SEED = 0
 
 
@@ -48,7 +49,7 @@ def main(folder: Path, model: str = "starter") -> None:
     motions = generate.batch(PROMPTS, seconds=4, seeds=[SEED] * len(PROMPTS))
     for sheet in range(3):
         formats.save(folder / f"starter_{sheet + 1}.png", motions[8 * sheet : 8 * sheet + 8])
-    formats.save(folder / "starter.gif", [motions[n] for n in MOVING])
+    video.write(folder / "starter.gif", [motions[n] for n in MOVING], size=280)
 
 
 if __name__ == "__main__":

@@ -42,6 +42,6 @@ def starter() -> Experiment:
             warm_up=500,
             precision="bfloat16",
         ),
-        sampling=Sampling(steps=50, guidance=4.0),
+        sampling=Sampling(steps=50, guidance=3.0),
         reading=SentenceReading(pooled=True, words=16),
     )
