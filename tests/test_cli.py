@@ -57,3 +57,13 @@ def test_sentences_and_file_exclude_each_other(
     assert "not both" in refused(["generate", "a person runs", "-f", str(prompts)], capsys)
     prompts.write_text("\n\n")
     assert "holds no sentence" in refused(["generate", "-f", str(prompts)], capsys)
+
+
+def test_a_verb_without_its_packages_names_the_extra(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def import_nothing(module: str) -> None:
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+
+    monkeypatch.setattr("latentmotion.cli.main.import_module", import_nothing)
+    assert 'pip install "latentmotion[train]"' in refused(["train", "vae"], capsys)

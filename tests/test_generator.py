@@ -26,14 +26,30 @@ def walk(generate: MotionGenerator) -> Motion:
     return generate(CAPTION, seconds=2, seed=3)
 
 
-def test_a_walk_goes_forward_on_two_feet(walk: Motion) -> None:
+def test_a_walk_goes_forward_on_alternating_feet(walk: Motion) -> None:
     assert walk.joints.shape == (40, 22, 3)
-    assert walk.caption == CAPTION
-    assert walk.metadata["seed"] == 3
+    assert (walk.caption, walk.metadata["seed"]) == (CAPTION, 3)
     root, head = walk.joints[:, 0], walk.joints[:, 15]
     assert root[-1, 2] - root[0, 2] > 0.5, "walks less than half a meter ahead"
     assert (head[:, 1] > root[:, 1] + 0.3).all(), "is not upright"
-    assert np.abs(walk.joints[..., 1].min(axis=1)).max() < 0.25, "feet are far from the floor"
+    lead = walk.joints[:, 7, 2] - walk.joints[:, 8, 2]
+    assert lead.max() > 0.15 and lead.min() < -0.15, "one foot is never ahead of the other"
+
+
+def test_other_sentences_make_other_movements(generate: MotionGenerator) -> None:
+    sentences = [
+        "a person lies down on the floor",
+        "a person jumps forward",
+        "a person kicks with the right leg",
+        "a person jogs in a circle to the left",
+    ]
+    lie, jump, kick, circle = (m.joints for m in generate.batch(sentences, 4, seeds=[0, 1, 0, 0]))
+    assert lie[-1, 15, 1] < 0.5, "the head of who lies down stays up"
+    assert jump[:, 0, 1].max() > jump[0, 0, 1] + 0.15, "who jumps stays on the floor"
+    assert kick[:, 11, 1].max() > kick[:, 10, 1].max() + 0.3, "the wrong foot kicks"
+    across = circle[:, 1] - circle[:, 2]
+    turned = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))
+    assert turned[-1] - turned[0] > 1.0, "who jogs in a circle to the left does not turn left"
 
 
 def test_the_same_seed_gives_the_same_motion(generate: MotionGenerator) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from latentmotion import __version__
-from latentmotion.errors import InputError, LatentMotionError
+from latentmotion.errors import InputError, LatentMotionError, MissingExtraError
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,12 @@ def _run_verb(words: list[str]) -> None:
     import tyro
 
     module, _, cls = VERBS[name].target.partition(":")
-    command = getattr(import_module(module), cls)
+    try:
+        command = getattr(import_module(module), cls)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith("latentmotion"):
+            raise
+        raise MissingExtraError(f"latentmotion {name}", error.name, "train") from error
     rest = words[len(name.split()) :]
     tyro.cli(command, prog=f"latentmotion {name}", args=rest).run()
 
