@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 from latentmotion import MotionGenerator
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError, ModelError
+from latentmotion.models import find_model
 from latentmotion.motion import Motion
+from latentmotion.runtime.session import Runtime
 
 CAPTION = "a person walks forward"
 
@@ -108,6 +111,15 @@ def test_models_that_are_none(tmp_path: Path) -> None:
         MotionGenerator.load("startr")
     with pytest.raises(ModelError, match="not a model folder"):
         MotionGenerator.load(tmp_path)
+
+
+@pytest.mark.parametrize("runtime", ["onnxruntime", "openvino"])
+def test_a_damaged_graph_is_named(runtime: Runtime, tmp_path: Path) -> None:
+    pytest.importorskip(runtime)
+    shutil.copytree(find_model("starter"), tmp_path / "damaged")
+    (tmp_path / "damaged" / "denoiser.onnx").write_bytes(b"not a graph")
+    with pytest.raises(ModelError, match=r"denoiser\.onnx cannot be loaded"):
+        MotionGenerator.load(tmp_path / "damaged", runtime)
 
 
 def test_command_writes_every_file_and_reports(

@@ -39,7 +39,9 @@ def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = No
     except (InputError, MissingExtraError):
         raise
     except Exception as error:  # each engine has error classes of its own
-        raise ModelError(f"{path} cannot be loaded, it may be damaged: {error}") from error
+        raise ModelError(
+            f"{path} cannot be loaded, it is damaged or no ONNX graph; copy the model's folder again"
+        ) from error
 
 
 def _chosen(runtime: Runtime) -> str:
