@@ -40,7 +40,7 @@ def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = No
         raise
     except Exception as error:  # each engine has error classes of its own
         raise ModelError(
-            f"{path} cannot be loaded, it is damaged or no ONNX graph; copy the model's folder again"
+            f"{path} cannot be loaded, it is damaged or no ONNX graph; copy the folder again"
         ) from error
 
 
