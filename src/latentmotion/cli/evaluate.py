@@ -9,6 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion.checkpoint import load_model
+from latentmotion.data.clip import SPLITS
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import ModelError
 from latentmotion.evaluation.card import generated_figures, real_figures, reconstruction
@@ -40,7 +41,8 @@ class Evaluate:
         dataset, trained = Dataset.load(self.data), load_model(folder)
         if trained.vae is None:
             raise ModelError(f"{folder} has no VAE to measure")
-        errors = {s: reconstruction(trained.vae, dataset, s) for s in ("train", "val", "test")}
+        splits = [name for name in SPLITS if any(c.captions for c in dataset.clips(name))]
+        errors = {name: reconstruction(trained.vae, dataset, name) for name in splits}
         print(" ".join(f"{split} {error:.1f}" for split, error in errors.items()), "mm MPJPE")
         rows = {
             "generated": generated_figures(MotionGenerator.load(folder), dataset, self.split),

@@ -108,8 +108,8 @@ def _reconstruction_error(vae: MotionVAE, dataset: Dataset, clip: Clip) -> float
     return mpjpe(predicted, true)
 
 
-def _facing_ahead(dataset: Dataset, joints: Joints) -> Joints:
-    """Returns poses around the root, each turned to face +z."""
+def _facing_ahead(dataset: Dataset, joints: Joints) -> Float[np.ndarray, "_ _ 3"]:
+    """Returns all joints but the root, relative to it, each pose turned to face +z."""
     features = dataset.representation.encode(joints)
     positions = features[:, dataset.representation.blocks["positions"]]
     return positions.reshape(len(positions), -1, 3)
