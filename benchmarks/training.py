@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 
 import torch
+from torch import nn
 
 import authors_shaped
 from latentmotion.condition.interface import Conditioning
@@ -25,7 +26,7 @@ from latentmotion.experiment import Experiment
 from latentmotion.presets import preset_named
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.devices import Place
-from latentmotion.training.loop import Stage, optimize
+from latentmotion.training.loop import optimize
 from latentmotion.training.provenance import describe_machine
 from latentmotion.training.randomness import Ranks, StepRandomness
 from latentmotion.vae.loss import vae_losses
@@ -33,7 +34,7 @@ from latentmotion.vae.loss import vae_losses
 PLACE = Place(torch.device("cpu"), Ranks())
 
 
-class FirstStage(Stage):
+class FirstStage(nn.Module):
     """Stage 1 on synthetic features."""
 
     def __init__(self, experiment: Experiment, features: torch.Tensor) -> None:
@@ -49,7 +50,7 @@ class FirstStage(Stage):
         return vae_losses(self.network, self.features, mask, noise, decode, fps, self.objective)
 
 
-class SecondStage(Stage):
+class SecondStage(nn.Module):
     """Stage 2 on remembered synthetic latents and sentences."""
 
     def __init__(self, experiment: Experiment, batch: int) -> None:
@@ -104,7 +105,7 @@ def main() -> None:
         print(f"| {name} | {seconds[0]:.3g} | {seconds[1]:.3g} | {ratio} |", flush=True)
 
 
-def _ours(stage: Stage, experiment: Experiment) -> Callable[[], object]:
+def _ours(stage: nn.Module, experiment: Experiment) -> Callable[[], object]:
     settings = experiment.vae_training
     optimizer = torch.optim.AdamW(stage.parameters(), settings.learning_rate)
     numbers = iter(range(10**9))

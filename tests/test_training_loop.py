@@ -9,6 +9,7 @@ from torch import nn
 
 from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.experiment import TrainingSettings
+from latentmotion.motion import Motion
 from latentmotion.training.devices import Place
 from latentmotion.training.ema import ExponentialMovingAverage
 from latentmotion.training.journal import Journal, read_journal, readable_time
@@ -48,6 +49,9 @@ class Line(Stage):
     def validate(self, network: nn.Module) -> dict[str, float]:
         with torch.no_grad():
             return {"error": float((network(torch.ones(1, 1)) - 2).abs())}
+
+    def sample(self, network: nn.Module) -> list[Motion]:
+        return []
 
 
 def weights(network: nn.Module) -> torch.Tensor:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Generic
@@ -26,23 +27,23 @@ from latentmotion.training.snapshot import load_snapshot, save_snapshot
 from latentmotion.training.strips import write_strip
 
 
-class Stage(nn.Module, Generic[Network]):
+class Stage(nn.Module, ABC, Generic[Network]):
     """What is trained and on what: the losses of a step, figures on held-out data, samples."""
 
     network: Network
     """The network that is optimized, averaged and saved."""
 
+    @abstractmethod
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`; "total" is minimized, the others are reported."""
-        raise NotImplementedError
 
+    @abstractmethod
     def validate(self, network: Network) -> Mapping[str, float]:
         """Figures of `network` on data it is not trained on."""
-        raise NotImplementedError
 
+    @abstractmethod
     def sample(self, network: Network) -> Sequence[Motion]:
         """A few motions of `network` to look at."""
-        raise NotImplementedError
 
 
 def train(

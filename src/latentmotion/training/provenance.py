@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
+import torch.distributed
 
 from latentmotion.data.dataset import Dataset
 from latentmotion.model_card import Provenance
@@ -44,8 +45,9 @@ def command_line() -> str:
 
 
 def describe_machine() -> str:
-    """Returns processor, threads, devices and PyTorch's version."""
-    parts = [_processor(), f"{torch.get_num_threads()} threads"]
+    """Returns processor, processes with their threads, devices and PyTorch's version."""
+    world = torch.distributed.get_world_size() if torch.distributed.is_initialized() else 1
+    parts = [_processor(), f"{world} processes of {torch.get_num_threads()} threads"]
     if torch.cuda.is_available():
         parts.append(f"{torch.cuda.device_count()} x {torch.cuda.get_device_name()}")
     return ", ".join([*parts, f"PyTorch {torch.__version__}"])

@@ -50,15 +50,6 @@ def open_run(folder: Path, run: Run, place: Place) -> None:
     place.wait()
 
 
-def read_run(folder: Path) -> Run:
-    """Reads what a run folder was made with.
-
-    Raises:
-        InputError: There is none, or it does not fit this version; the message names the key.
-    """
-    return read_json(Run, folder / NAME)
-
-
 def _check_same(path: Path, run: Run) -> None:
     # Through text, as the file went: tuples become lists.
     found = json.loads(json.dumps(to_json(read_json(Run, path))))
