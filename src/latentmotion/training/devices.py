@@ -71,8 +71,11 @@ def training_place(device: str = "auto") -> Iterator[Place]:
         yield Place(chosen, Ranks())
         return
     torch.distributed.init_process_group("nccl" if chosen.type == "cuda" else "gloo")
+    place = Place(chosen, Ranks(torch.distributed.get_rank(), world))
     try:
-        yield Place(chosen, Ranks(torch.distributed.get_rank(), world))
+        yield place
+        # A rank that ended while the leader still wrote could abort, and torchrun stop the leader.
+        place.wait()
     finally:
         torch.distributed.destroy_process_group()
 
