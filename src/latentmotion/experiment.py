@@ -9,7 +9,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from latentmotion.condition.sentence import SentenceReading
 from latentmotion.configuration import from_json, to_json
@@ -118,11 +118,14 @@ class Experiment:
     """Whether mirrored copies of the clips are trained on too."""
 
 
-def with_changes(experiment: Experiment, changes: Sequence[str]) -> Experiment:
-    """Returns the experiment with some values replaced.
+Settings = TypeVar("Settings")
+
+
+def with_changes(experiment: Settings, changes: Sequence[str]) -> Settings:
+    """Returns an experiment, or settings like it, with some values replaced.
 
     Args:
-        experiment: Where to start from.
+        experiment: Where to start from, a frozen dataclass.
         changes: Each `part.key=value` with a JSON value, e.g. `vae_training.steps=1000`.
 
     Raises:
@@ -134,7 +137,7 @@ def with_changes(experiment: Experiment, changes: Sequence[str]) -> Experiment:
         if not equals:
             raise InputError(f"{change!r}: expected KEY=VALUE, e.g. vae_training.steps=1000")
         _replace(data, path.split("."), _value(text))
-    return from_json(Experiment, data)
+    return from_json(type(experiment), data)
 
 
 def differing_keys(one: Any, other: Any, where: str = "") -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from latentmotion.configuration import read_json, to_json, write_json
 from latentmotion.errors import InputError
@@ -31,8 +32,13 @@ class Run:
     """Everything else that decides what the run yields."""
 
 
-def open_run(folder: Path, run: Run, place: Place) -> None:
+def open_run(folder: Path, run: Any, place: Place) -> None:
     """Makes the folder, or checks that it was made with the same.
+
+    Args:
+        folder: The run folder.
+        run: A `Run`, or another frozen dataclass that says all that decides what the run yields.
+        place: The leading rank makes it.
 
     Raises:
         InputError: It was made with something else (the differing keys are named), or it cannot be
@@ -50,9 +56,9 @@ def open_run(folder: Path, run: Run, place: Place) -> None:
     place.wait()
 
 
-def _check_same(path: Path, run: Run) -> None:
+def _check_same(path: Path, run: Any) -> None:
     # Through text, as the file went: tuples become lists.
-    found = json.loads(json.dumps(to_json(read_json(Run, path))))
+    found = json.loads(json.dumps(to_json(read_json(type(run), path))))
     wanted = json.loads(json.dumps(to_json(run)))
     differing = list(differing_keys(found, wanted))
     if differing:
