@@ -1,0 +1,146 @@
+"""Pickles of arrays, lists, dictionaries, text and numbers, read without running what they say.
+
+A pickle is a program that may call any function by name. Here it may only call those that rebuild
+such plain values (`ALLOWED`); the first other name ends the reading. SciPy's sparse matrices, as
+SMPL's joint regressor, come out as dense arrays.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from latentmotion.errors import FileFormatError
+
+
+class _SparseColumns:
+    """Stands for SciPy's compressed columns while a pickle is read."""
+
+    data: np.ndarray
+    """Values, one column after another."""
+    indices: np.ndarray
+    """Row of each value."""
+    indptr: np.ndarray
+    """Where each column begins."""
+    _shape: tuple[int, int]
+
+    def dense(self) -> np.ndarray:
+        """Returns the whole matrix."""
+        whole = np.zeros(self._shape, self.data.dtype)
+        columns = np.repeat(np.arange(self._shape[1]), np.diff(self.indptr))
+        whole[self.indices, columns] = self.data
+        return whole
+
+
+def _encode(text: str, encoding: str) -> bytes:
+    """Makes the bytes that Python 2 and protocol 2 keep as text."""
+    return text.encode("latin1" if encoding in ("latin1", "latin-1") else "ascii")
+
+
+def _reconstructor(cls: type, base: type, state: Any) -> Any:
+    """Makes an object as protocol 0 does; of the stand-in alone."""
+    if cls is not _SparseColumns or base is not object or state is not None:
+        raise pickle.UnpicklingError(f"it makes an object of {cls!r}")
+    return _SparseColumns()
+
+
+_PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
+
+_NUMPY = ("numpy.core", "numpy._core")
+
+ALLOWED: dict[tuple[str, str], Any] = {
+    ("numpy", "ndarray"): np.ndarray,
+    ("numpy", "dtype"): np.dtype,
+    ("_codecs", "encode"): _encode,
+    ("collections", "OrderedDict"): OrderedDict,
+    ("builtins", "bytes"): bytes,
+    ("builtins", "set"): set,
+    ("builtins", "frozenset"): frozenset,
+    ("builtins", "complex"): complex,
+    ("builtins", "bytearray"): bytearray,
+    ("builtins", "object"): object,
+    ("copyreg", "_reconstructor"): _reconstructor,
+    **{
+        (f"{package}.{module}", name): getattr(getattr(np._core, module), name)
+        for package in _NUMPY
+        for module, name in (
+            ("multiarray", "_reconstruct"),
+            ("multiarray", "scalar"),
+            ("numeric", "_frombuffer"),
+        )
+    },
+    **{
+        (module, "csc_matrix"): _SparseColumns
+        for module in ("scipy.sparse.csc", "scipy.sparse._csc", "scipy.sparse")
+    },
+}
+"""What a pickle may name, and what it gets for it."""
+
+
+class _Forbidden(pickle.UnpicklingError):
+    """A pickle named something that is not allowed."""
+
+
+class _Unpickler(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        module = _PYTHON_2.get(module, module)
+        if (module, name) not in ALLOWED:
+            raise _Forbidden(f"{module}.{name}")
+        return ALLOWED[module, name]
+
+    def persistent_load(self, pid: Any) -> Any:
+        raise _Forbidden(f"the outside object {pid!r}")
+
+
+def load(path: str | Path) -> Any:
+    """Reads a pickle of plain values, of any protocol, of Python 2 as well.
+
+    Returns:
+        Arrays, lists, tuples, dictionaries, sets, text, bytes and numbers, in any nesting.
+
+    Raises:
+        FileFormatError: The file is missing, damaged, no pickle, or holds anything else, which
+            is named; nothing of it was run.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            return _plain(_Unpickler(file, encoding="latin1").load())
+    except _Forbidden as error:
+        raise FileFormatError(path, _told(str(error), path)) from error
+    except OSError as error:
+        raise FileFormatError(path, f"cannot be read ({error.strerror or error})") from error
+    except Exception as error:  # a damaged pickle fails anywhere inside pickle and NumPy
+        problem = f"no pickle of plain values, or damaged ({type(error).__name__}: {error})"
+        raise FileFormatError(path, f"{problem}; download it again") from error
+
+
+def _plain(value: Any) -> Any:
+    """Replaces stand-ins, in dictionaries and lists."""
+    if isinstance(value, _SparseColumns):
+        return value.dense()
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list) else value
+
+
+def _told(name: str, path: str | Path) -> str:
+    if name.startswith("chumpy"):
+        return _CHUMPY.format(name=name, path=path)
+    return (
+        f"holds {name}, expected only arrays, lists, dictionaries, text and numbers; it was not "
+        "read, because a pickle that names other things can run any program"
+    )
+
+
+_CHUMPY = (
+    "holds {name}; arrays of chumpy cannot be read here, since that package no longer runs. Where "
+    'it does (Python 3.10, numpy 1.23, chumpy, scipy), convert the file once: python -c "import '
+    "pickle, numpy as n; m = pickle.load(open('{path}', 'rb'), encoding='latin1'); n.savez("
+    "'smpl.npz', **{{k: n.asarray(m[k].todense() if hasattr(m[k], 'todense') else m[k]) for k in "
+    "('v_template', 'shapedirs', 'posedirs', 'J_regressor', 'weights', 'kintree_table', 'f')}})\" "
+    "and pass smpl.npz"
+)
