@@ -68,6 +68,30 @@ def test_a_motion_is_the_same_in_any_batch(generate: MotionGenerator) -> None:
     np.testing.assert_allclose(together[1].joints, alone.joints, atol=1e-3)
 
 
+def test_lengths_may_differ_in_a_batch(generate: MotionGenerator) -> None:
+    captions = ["a person jumps", CAPTION, "someone kicks with the right leg"]
+    seconds, seeds = (3, 1.2, 2), [9, 5, 7]
+    for sampler in ("ddim", "ddpm"):
+        options = {"steps": 4, "sampler": sampler}
+        together = generate.batch(captions, seconds, seeds, **options)
+        for motion, caption, length, seed in zip(together, captions, seconds, seeds, strict=True):
+            alone = generate(caption, length, seed, **options)
+            np.testing.assert_allclose(motion.joints, alone.joints, atol=1e-3)
+
+
+def test_features_are_what_motions_are_made_of(generate: MotionGenerator) -> None:
+    features = generate.features([CAPTION, "a person jumps"], [41, 24], [3, 4], steps=2)
+    assert [each.shape for each in features] == [(41, 263), (24, 263)]
+    motion = generate("a person jumps", 1.2, seed=4, steps=2)
+    joints = generate.representation.decode(features[1])
+    np.testing.assert_allclose(joints, motion.joints, atol=1e-3)
+    with pytest.raises(InputError, match="3 seeds for 2 motions"):
+        generate.features([CAPTION] * 2, [40, 40], [1, 2, 3])
+    with pytest.raises(InputError, match="2 prompts for 1 length"):
+        generate.features([CAPTION] * 2, [40], [1])
+    assert generate.features([], [], []) == []
+
+
 def test_more_motions_than_go_at_once(generate: MotionGenerator) -> None:
     motions = generate.batch([CAPTION] * 33, 1, steps=1)
     assert [motion.metadata["seed"] for motion in motions] == list(range(33))
@@ -86,7 +110,8 @@ def test_length_is_what_was_asked_for(generate: MotionGenerator) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"caption": "  "}, "sentence is empty"),
+        ({"prompt": "  "}, "sentence is empty"),
+        ({"prompt": "kickLFront1Reps"}, "looks like a label"),
         ({"seconds": 0}, "0 seconds"),
         ({"seconds": 1000}, "makes motions of .* to 9.8 seconds"),
         ({"seconds": float("nan")}, "nan seconds"),
@@ -97,7 +122,7 @@ def test_length_is_what_was_asked_for(generate: MotionGenerator) -> None:
 )
 def test_numbers_out_of_range(generate: MotionGenerator, options: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        generate(**{"caption": CAPTION, **options})
+        generate(**{"prompt": CAPTION, **options})
 
 
 def test_unknown_words_are_named_and_survive(generate: MotionGenerator) -> None:

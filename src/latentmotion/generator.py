@@ -1,73 +1,34 @@
-"""The chain: sentence → condition → (noise → latents) → features → joints → motion.
+"""The chain: prompt → condition → (noise → latents) → features → joints → motion.
 
-MLD section 3, in order, without PyTorch: `batch` is the chain, all else serves it.
+MLD section 3, in order, without PyTorch: `together` is the chain up to features, which `batch`
+turns into motions; all else serves them. A prompt is a sentence, an action label or nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.condition.interface import Conditioning
-from latentmotion.condition.sentence import SentenceCondition, SentenceReading
-from latentmotion.condition.text.student import StudentTextEncoder
-from latentmotion.configuration import from_json
+from latentmotion.condition.interface import Condition, Conditioning
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import DDIM, sample
-from latentmotion.errors import InputError
+from latentmotion.diffusion.sampler import SamplerName, sample, sampler_named
+from latentmotion.feature_decoder import FeatureDecoder
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model
 from latentmotion.motion import Motion
+from latentmotion.order import Order, batches, check_frames, check_prompts, frames_of
 from latentmotion.representation.interface import Representation
-from latentmotion.representation.known import representation_named
-from latentmotion.representation.normalizer import Normalizer
-from latentmotion.runtime.session import Runtime, Session, open_session
+from latentmotion.runtime.conditions import condition_of
+from latentmotion.runtime.session import Runtime, Session, open_decoder, open_session
 
 MOST_AT_ONCE = 32
 """Motions that go through the networks together; more are done in turns, to bound memory."""
-
-
-@dataclass(frozen=True)
-class Order:
-    """What is asked of the model.
-
-    Raises:
-        InputError: A caption is empty or a number is out of range.
-    """
-
-    captions: tuple[str, ...]
-    """One sentence per motion."""
-    seeds: tuple[int, ...]
-    """One seed per motion."""
-    frames: int
-    """Length of each motion."""
-    steps: int
-    """Sampling steps."""
-    guidance: float
-    """Guidance scale."""
-
-    def __post_init__(self) -> None:
-        if not self.captions or not all(caption.strip() for caption in self.captions):
-            raise InputError("the sentence is empty; say what the person does")
-        if len(self.seeds) != len(self.captions):
-            raise InputError(f"{len(self.seeds)} seeds for {len(self.captions)} sentences")
-        if any(seed < 0 for seed in self.seeds):
-            raise InputError(f"seed {min(self.seeds)}: expected a number from 0 up")
-        if not 0 <= self.guidance <= 100:
-            raise InputError(f"guidance {self.guidance}: expected 0 to 100, usual are 1 to 10")
-
-    def parts(self) -> list[Order]:
-        """Returns the same in portions that go through the networks together."""
-        starts = range(0, len(self.captions), MOST_AT_ONCE)
-        return [self._part(slice(start, start + MOST_AT_ONCE)) for start in starts]
-
-    def _part(self, rows: slice) -> Order:
-        return replace(self, captions=self.captions[rows], seeds=self.seeds[rows])
 
 
 @dataclass(frozen=True)
@@ -76,12 +37,14 @@ class MotionGenerator:
 
     card: ModelCard
     """What the model is."""
-    sentences: SentenceCondition
-    """Sentences to tokens."""
+    condition: Condition
+    """Prompts to words."""
     denoiser: Session
-    """Graph: noisy latents, time, condition → prediction."""
+    """Network: noisy latents, time, words → prediction."""
     decoder: Session
-    """Graph: latents → normalized features."""
+    """Network: latents → normalized features."""
+    at_once: int = MOST_AT_ONCE
+    """Motions that go through the networks together."""
 
     @classmethod
     def load(
@@ -95,98 +58,120 @@ class MotionGenerator:
             threads: Most threads the engine may use; by default all cores.
 
         Raises:
-            ModelError: There is no such model, or its folder is damaged.
+            ModelError: There is no such model, or its folder is damaged or was not exported.
         """
         folder = find_model(model)
         card = read_card(folder)
         return cls(
             card,
-            SentenceCondition(StudentTextEncoder.load(folder), _reading(card)),
+            condition_of(card, folder),
             open_session(folder / "denoiser.onnx", runtime, threads),
-            open_session(folder / "decoder.onnx", runtime, threads),
+            open_decoder(card, folder, runtime, threads),
         )
 
     def __call__(
         self,
-        caption: str,
+        prompt: str = "",
         seconds: float = 4.0,
         seed: int = 0,
         steps: int | None = None,
         guidance: float | None = None,
+        sampler: SamplerName | None = None,
     ) -> Motion:
-        """Turns a sentence into a motion.
+        """Turns a prompt into a motion.
 
         Args:
-            caption: What the person does, e.g. `a person walks forward and kicks`.
+            prompt: What the person does, e.g. `a person walks forward and kicks`; for a model of
+                actions one of its labels; for an unconditional model nothing.
             seconds: Length of the motion.
             seed: Another number, another motion; the same number, the same motion.
             steps: Sampling steps; more is slower and finer. By default the model's own.
-            guidance: How strongly the sentence steers (paper eq. 6). By default the model's own.
+            guidance: How strongly the prompt steers (paper eq. 6). By default the model's own.
+            sampler: `ddim`, or `ddpm` for fresh noise at every step. By default the model's own.
 
         Raises:
-            InputError: The caption is empty or a number is out of range.
+            InputError: The prompt is not of the model's kind or a number is out of range.
         """
-        return self.batch([caption], seconds, [seed], steps, guidance)[0]
+        return self.batch([prompt], seconds, [seed], steps, guidance, sampler)[0]
 
     def batch(
         self,
-        captions: Sequence[str],
-        seconds: float = 4.0,
+        prompts: Sequence[str],
+        seconds: float | Sequence[float] = 4.0,
         seeds: Sequence[int] | None = None,
         steps: int | None = None,
         guidance: float | None = None,
+        sampler: SamplerName | None = None,
     ) -> list[Motion]:
-        """Turns several sentences into motions; each is what it would be alone.
+        """Turns several prompts into motions; each is what it would be alone.
 
         Args:
-            captions: One sentence per motion.
-            seconds: Length of the motions.
+            prompts: One per motion.
+            seconds: Length of all motions, or of each.
             seeds: One seed per motion; by default 0, 1, 2, ….
             steps: As for one motion.
             guidance: As for one motion.
+            sampler: As for one motion.
 
         Raises:
-            InputError: A caption is empty or a number is out of range.
+            InputError: A prompt is not of the model's kind or a number is out of range.
         """
-        seeds = range(len(captions)) if seeds is None else seeds
-        order = Order(
-            tuple(captions),
-            tuple(seeds),
-            self._frames(seconds),
-            self.card.steps if steps is None else steps,
-            self.card.guidance if guidance is None else guidance,
-        )
-        return [motion for part in order.parts() for motion in self._motions(part)]
-
-    def _motions(self, order: Order) -> list[Motion]:
-        condition = self.sentences(order.captions)  #         (batch, words, width)
-        latents = self.latents(condition, order)  #           (batch, tokens, width)
-        features = self.decode(latents, order.frames)  #      (batch, frames, features)
-        joints = self.representation.decode(features)  #      (batch, frames, joints, 3)
+        frames = frames_of(seconds, len(prompts), self.representation.fps)
+        seeds = range(len(prompts)) if seeds is None else seeds
+        order = self._order(prompts, frames, seeds, steps, guidance, sampler)
         return [
-            Motion(
-                joints=np.asarray(positions, dtype=np.float32),
-                fps=self.representation.fps,
-                skeleton=self.representation.skeleton,
-                caption=caption,
-                metadata=self._metadata(order, seed),
-            )
-            for positions, caption, seed in zip(joints, order.captions, order.seeds, strict=True)
+            self._features.motion(features, prompt, self._metadata(order, seed))
+            for features, prompt, seed in zip(self._each(order), prompts, seeds, strict=True)
         ]
+
+    def features(
+        self,
+        prompts: Sequence[str],
+        frames: Sequence[int],
+        seeds: Sequence[int],
+        steps: int | None = None,
+        guidance: float | None = None,
+        sampler: SamplerName | None = None,
+    ) -> list[Float[np.ndarray, "_ features"]]:
+        """Returns what `batch` turns into joints: features in their own units, (frames, features).
+
+        Args:
+            prompts: One per motion.
+            frames: Length of each motion.
+            seeds: One seed per motion.
+            steps: As for one motion.
+            guidance: As for one motion.
+            sampler: As for one motion.
+
+        Raises:
+            InputError: A prompt is not of the model's kind or a number is out of range.
+        """
+        return self._each(self._order(prompts, frames, seeds, steps, guidance, sampler))
+
+    def together(self, order: Order) -> Float[np.ndarray, "batch frames features"]:
+        """Walks the chain for one batch; what lies beyond a motion's length means nothing."""
+        condition = self.condition(order.prompts)  #             (batch, words, width)
+        latents = self.latents(condition, order)  #              (batch, tokens, width)
+        return self._features(latents, order.frames)  #          (batch, frames, features)
 
     def latents(
         self, condition: Conditioning, order: Order
     ) -> Float[np.ndarray, "batch tokens width"]:
         """Walks from noise to latents, guided (paper eq. 6), in the scale of the VAE."""
         space = self.card.latents
-        shape = (space.tokens_of(order.frames), space.width)
-        noise = SeededNoise(order.seeds)
-        z = noise((len(order.seeds), *shape))
-        mask = np.ones(z.shape[:2], dtype=bool)
-        guided = ClassifierFreeGuidance(self._denoise, self.sentences.null(1), order.guidance)
-        sampler = DDIM(self.card.schedule, self.card.prediction)
+        tokens = [space.tokens_of(length) for length in order.frames]
+        noise = SeededNoise(order.seeds, tokens)
+        z = noise((len(tokens), max(tokens), space.width))
+        mask = np.arange(max(tokens)) < np.array(tokens)[:, None]
+        guided = ClassifierFreeGuidance(self._denoise, self._null, order.guidance)
+        sampler = sampler_named(order.sampler, self.card.schedule, self.card.prediction)
         z = sample(guided, sampler, z, condition, mask, order.steps, noise)
-        return z * _float32(space.std) + _float32(space.mean)
+        return z * np.array(space.std, np.float32) + np.array(space.mean, np.float32)
+
+    @property
+    def representation(self) -> Representation:
+        """What the features mean."""
+        return self._features.representation
 
     def _denoise(
         self,
@@ -197,31 +182,41 @@ class MotionGenerator:
     ) -> Float[np.ndarray, "batch tokens width"]:
         return self.denoiser(z=z, t=t, words=condition.tokens, words_mask=condition.mask, mask=mask)
 
-    def decode(
-        self, latents: Float[np.ndarray, "batch tokens width"], frames: int
-    ) -> Float[np.ndarray, "batch frames features"]:
-        """Returns features in their own units."""
-        mask = np.ones((len(latents), frames), dtype=bool)
-        normalizer = Normalizer(
-            _float32(self.card.normalizer_mean), _float32(self.card.normalizer_std)
+    @cached_property
+    def _null(self) -> Conditioning:
+        return self.condition.null(1)
+
+    @cached_property
+    def _features(self) -> FeatureDecoder:
+        return FeatureDecoder(self.card, self.decoder)
+
+    def _each(self, order: Order) -> list[Float[np.ndarray, "_ features"]]:
+        found: dict[int, np.ndarray] = {}
+        for rows in batches(order.frames, self.at_once, self.card.masks_padding):
+            features = self.together(order.take(rows))
+            found |= {row: features[n, : order.frames[row]] for n, row in enumerate(rows)}
+        return [found[row] for row in range(len(order.frames))]
+
+    def _order(
+        self,
+        prompts: Sequence[str],
+        frames: Sequence[int],
+        seeds: Sequence[int],
+        steps: int | None,
+        guidance: float | None,
+        sampler: SamplerName | None,
+    ) -> Order:
+        card = self.card
+        check_prompts(card, prompts)
+        check_frames(card, frames, self.representation.fps)
+        return Order(
+            tuple(prompts),
+            tuple(frames),
+            tuple(seeds),
+            card.steps if steps is None else steps,
+            card.guidance if guidance is None else guidance,
+            card.sampler if sampler is None else sampler,
         )
-        return normalizer.denormalize(self.decoder(latents=latents, mask=mask))
-
-    @property
-    def representation(self) -> Representation:
-        """What the features mean."""
-        return representation_named(self.card.representation)
-
-    def _frames(self, seconds: float) -> int:
-        shortest, longest = self.card.frames
-        fps = self.representation.fps
-        frames = round(seconds * fps) if np.isfinite(seconds) else -1
-        if not shortest <= frames <= longest:
-            raise InputError(
-                f"{seconds} seconds: model {self.card.name!r} makes motions of "
-                f"{shortest / fps:g} to {longest / fps:g} seconds"
-            )
-        return frames
 
     def _metadata(self, order: Order, seed: int) -> dict[str, str | int | float]:
         return {
@@ -231,11 +226,3 @@ class MotionGenerator:
             "guidance": order.guidance,
             "license": self.card.provenance.license,
         }
-
-
-def _reading(card: ModelCard) -> SentenceReading:
-    return from_json(SentenceReading, card.condition.get("reading", {}))
-
-
-def _float32(values: Sequence[float]) -> Float[np.ndarray, " channels"]:
-    return np.asarray(values, dtype=np.float32)

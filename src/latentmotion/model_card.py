@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from latentmotion.configuration import read_json, write_json
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
+from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.errors import InputError, ModelError
 
@@ -89,6 +90,8 @@ class ModelCard:
     """Default number of sampling steps."""
     guidance: float = 1.0
     """Default guidance scale."""
+    sampler: SamplerName = "ddim"
+    """Default sampler."""
     frames: tuple[int, int] = (16, 196)
     """Shortest and longest motion it was trained on, in frames."""
     provenance: Provenance = Provenance()
@@ -97,6 +100,16 @@ class ModelCard:
     """Measured figures, by name."""
     format: int = FORMAT
     """Version of this file."""
+
+    @property
+    def masks_padding(self) -> bool:
+        """Whether a motion is the same in a batch of other lengths as it is alone.
+
+        Not where the denoiser attends to padding, nor where its context stands behind it.
+        """
+        behind = self.denoiser.get("places") == "latents_first"
+        over_time = self.latents.frames_per_token is not None
+        return not (self.denoiser.get("sees_padding", False) or (behind and over_time))
 
     def write(self, folder: Path) -> None:
         """Writes `model.json` into `folder`."""

@@ -6,9 +6,9 @@ denoiser around a denoiser.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 from array_api_compat import array_namespace, device
 from jaxtyping import Bool, Float
@@ -16,9 +16,13 @@ from jaxtyping import Bool, Float
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.interface import Denoiser, Noise
 from latentmotion.diffusion.prediction import Prediction
-from latentmotion.diffusion.schedule import Schedule
+from latentmotion.diffusion.schedule import ScaledLinear, Schedule
+from latentmotion.errors import InputError
 
 Latents = Float[Any, "batch tokens width"]
+
+SamplerName = Literal["ddim", "ddpm"]
+"""Samplers that cards and the command line name."""
 
 
 @runtime_checkable
@@ -70,6 +74,21 @@ class DDPM:
         of_z, of_z0, deviation = _posterior(self.schedule, t, s)
         mean = of_z * z + of_z0 * z0
         return mean + deviation * _like(z, noise) if deviation > 0 else mean
+
+
+def sampler_named(name: SamplerName, schedule: Schedule, prediction: Prediction) -> Sampler:
+    """Returns a sampler; DDPM walks the paper's schedule to its very end, as the authors' does.
+
+    Raises:
+        InputError: There is none of that name.
+    """
+    if name == "ddim":
+        return DDIM(schedule, prediction)
+    if name != "ddpm":
+        raise InputError(f"unknown sampler {name!r}; known are ddim, ddpm")
+    if isinstance(schedule, ScaledLinear):
+        schedule = replace(schedule, offset=0, ends_clean=True)
+    return DDPM(schedule, prediction)
 
 
 def sample(

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from latentmotion.errors import InputError, MissingExtraError, ModelError
+from latentmotion.model_card import ModelCard
 
 Runtime = Literal["auto", "onnxruntime", "openvino"]
 """Which engine runs the graphs; `auto` takes OpenVINO where it is installed."""
@@ -42,6 +43,25 @@ def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = No
         raise ModelError(
             f"{path} cannot be loaded, it is damaged or no ONNX graph; copy the folder again"
         ) from error
+
+
+def open_decoder(
+    card: ModelCard, folder: Path, runtime: Runtime = "auto", threads: int | None = None
+) -> Session:
+    """Loads the decoder of a model folder; without a VAE the latents are the features already.
+
+    Raises:
+        MissingExtraError: OpenVINO was asked for and is not installed.
+        ModelError: The file is missing or damaged.
+    """
+    if not card.vae:
+        return raw_frames
+    return open_session(folder / "decoder.onnx", runtime, threads)
+
+
+def raw_frames(latents: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Returns latents that are normalized features already, zero on padding."""
+    return latents * mask[..., None]
 
 
 def _chosen(runtime: Runtime) -> str:

@@ -14,6 +14,7 @@ import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Literal
 
 import torch
@@ -188,6 +189,33 @@ class PretrainedTextEncoder:
         return TextEmbedding(
             reading.pooled.float().numpy(), reading.words.float().numpy(), reading.mask.numpy()
         )
+
+
+def local_encoder(name: str) -> PretrainedTextEncoder:
+    """Loads the encoder of a card's name, `kind:source` or a hub name, without a network.
+
+    Raises:
+        InputError: The name is of no kind of encoder.
+        MissingExtraError: `transformers` is not installed.
+        ModelError: It is not on this machine.
+    """
+    kind, _, source = name.partition(":")
+    if not source:
+        kind = next((k for k, found in KINDS.items() if found.hub_name == name), name)
+        source = name
+    return PretrainedTextEncoder.load(kind, source if Path(source).is_dir() else _cached(source))
+
+
+def _cached(source: str) -> str:
+    """Returns the folder in which the hub's client keeps a model."""
+    if find_spec("huggingface_hub") is None:
+        raise MissingExtraError(f"the text encoder {source}", "transformers", "train")
+    from huggingface_hub import snapshot_download
+
+    try:
+        return snapshot_download(source, local_files_only=True)
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{source} is neither a folder nor in the hub's cache") from error
 
 
 def packaged_minilm() -> str | None:

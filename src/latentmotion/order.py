@@ -1,0 +1,142 @@
+"""What is asked of a model, checked, and in which batches it goes through the networks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from latentmotion.diffusion.sampler import SamplerName
+from latentmotion.errors import InputError
+from latentmotion.model_card import ModelCard
+
+
+@dataclass(frozen=True)
+class Order:
+    """Prompts, lengths and seeds of several motions, and how they are sampled.
+
+    Raises:
+        InputError: The numbers of prompts, lengths and seeds differ, or one is out of range.
+    """
+
+    prompts: tuple[str, ...]
+    """A sentence, a label or "" per motion, as the model's task is."""
+    frames: tuple[int, ...]
+    """Length of each motion."""
+    seeds: tuple[int, ...]
+    """One seed per motion."""
+    steps: int
+    """Sampling steps."""
+    guidance: float
+    """Guidance scale."""
+    sampler: SamplerName
+    """Rule of a sampling step."""
+
+    def __post_init__(self) -> None:
+        if len(self.prompts) != len(self.frames):
+            raise InputError(f"{len(self.prompts)} prompts for {len(self.frames)} lengths")
+        check_seeds(self.frames, self.seeds)
+        if not 0 <= self.guidance <= 100:
+            raise InputError(f"guidance {self.guidance}: expected 0 to 100, usual are 1 to 10")
+
+    def take(self, rows: Sequence[int]) -> Order:
+        """Returns the same for some of the motions."""
+        prompts, frames, seeds = (
+            tuple(values[row] for row in rows) for values in (self.prompts, self.frames, self.seeds)
+        )
+        return replace(self, prompts=prompts, frames=frames, seeds=seeds)
+
+
+def batches(frames: Sequence[int], most: int, mixed: bool = True) -> list[list[int]]:
+    """Returns which motions go through the networks together, those of similar length.
+
+    Args:
+        frames: Length of each motion.
+        most: Motions of a batch.
+        mixed: Whether a batch may hold different lengths.
+    """
+    by_length = sorted(range(len(frames)), key=frames.__getitem__)
+    equal = [list(group) for _, group in groupby(by_length, frames.__getitem__)]
+    runs = [by_length] if mixed else equal
+    return [run[start : start + most] for run in runs for start in range(0, len(run), most)]
+
+
+def frames_of(seconds: float | Sequence[float], count: int, fps: float) -> list[int]:
+    """Returns the lengths of `count` motions in frames.
+
+    Raises:
+        InputError: One is no finite number, or there are not as many as motions.
+    """
+    each = [seconds] * count if isinstance(seconds, int | float) else list(seconds)
+    if not np.isfinite(each).all():
+        raise InputError(f"{seconds} seconds: expected a number")
+    if len(each) != count:
+        raise InputError(f"{len(each)} lengths for {count} motions")
+    return [round(length * fps) for length in each]
+
+
+def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:
+    """Compares prompts with a model's task; whether a label is known, its condition tells.
+
+    Raises:
+        InputError: One is of another kind.
+    """
+    for prompt in prompts:
+        _CHECKS[card.task](card, prompt)
+
+
+def check_seeds(frames: Sequence[int], seeds: Sequence[int]) -> None:
+    """Raises InputError where a seed is negative or there are not as many as motions."""
+    if len(seeds) != len(frames):
+        raise InputError(f"{len(seeds)} seeds for {len(frames)} motions")
+    if any(seed < 0 for seed in seeds):
+        raise InputError(f"seed {min(seeds)}: expected a number from 0 up")
+
+
+def check_frames(card: ModelCard, frames: Sequence[int], fps: float) -> None:
+    """Compares lengths with those that a model was trained on.
+
+    Raises:
+        InputError: One is too short or too long.
+    """
+    shortest, longest = card.frames
+    for length in frames:
+        if not shortest <= length <= longest:
+            raise InputError(
+                f"{length / fps:g} seconds: model {card.name!r} makes motions of "
+                f"{shortest / fps:g} to {longest / fps:g} seconds"
+            )
+
+
+def _check_sentence(card: ModelCard, prompt: str) -> None:
+    if not prompt.strip():
+        raise InputError("the sentence is empty; say what the person does")
+    if re.fullmatch(r"\w*([a-z][A-Z]|_|\d)\w*", prompt):
+        raise InputError(
+            f"{prompt!r} looks like a label; model {card.name!r} takes sentences, "
+            'e.g. "a person kicks with the left leg"'
+        )
+
+
+def _check_label(card: ModelCard, prompt: str) -> None:
+    if not prompt.strip():
+        known = ", ".join(card.condition.get("labels", ()))
+        raise InputError(f"model {card.name!r} takes an action label; known are {known}")
+
+
+def _check_nothing(card: ModelCard, prompt: str) -> None:
+    if prompt:
+        raise InputError(
+            f"model {card.name!r} makes motions of its own choice and takes no prompt; "
+            f"leave {prompt!r} out"
+        )
+
+
+_CHECKS: dict[str, Callable[[ModelCard, str], None]] = {
+    "text": _check_sentence,
+    "action": _check_label,
+    "unconditional": _check_nothing,
+}
