@@ -9,9 +9,12 @@ import pytest
 import torch
 from torch import Tensor
 
+from latentmotion.baselines.actor import actor_vae
+from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.errors import InputError
 from latentmotion.nn.transformer import TransformerConfig
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
 from latentmotion.vae.transformer import TransformerVAEConfig
@@ -29,7 +32,10 @@ CONFIGS = {
     "joint decoding": dataclasses.replace(PAPER, decoding="joint", tokens=2),
     "pre-norm": dataclasses.replace(PAPER, transformer=dataclasses.replace(SMALL, norm="pre")),
     "actor": dataclasses.replace(PAPER, transformer=ACTOR, position="sine"),
+    "adapted": dataclasses.replace(PAPER, latent_width=6, tokens=4),
     "convolutional": ConvolutionalVAEConfig(FEATURES, width=24, channels=6),
+    "identity": IdentityVAEConfig(FEATURES),
+    "vposer-t": VPoserTConfig(FEATURES, frames=44, hidden=24, width=12),
 }
 
 
@@ -87,10 +93,11 @@ def test_evaluation_is_deterministic_and_training_is_not_needed(
 
 def test_gradient_reaches_every_parameter(vae: MotionVAE, motion: Tensor) -> None:
     mask = mask_of(LENGTHS)
+    motion.requires_grad_()  # the network without weights passes it on
     latents = vae.train().encode(motion, mask).sample(torch.Generator().manual_seed(0))
     assert latents.shape == (3, vae.latent_mask(mask).shape[1], vae.latent_width)
     vae.decode(latents, mask).square().sum().backward()
-    assert all(parameter.grad is not None for parameter in vae.parameters())
+    assert all(parameter.grad is not None for parameter in [motion, *vae.parameters()])
 
 
 @torch.no_grad()
@@ -104,6 +111,49 @@ def test_any_length(vae: MotionVAE, motion: Tensor, length: int) -> None:
 def test_convolutional_latents_keep_time() -> None:
     vae = CONFIGS["convolutional"].build()
     assert vae.latent_mask(mask_of([13, 40, 22])).sum(1).tolist() == [4, 10, 6]
+
+
+def test_identity_latents_are_the_frames_without_doubt(motion: Tensor) -> None:
+    vae, mask = CONFIGS["identity"].build(), mask_of(LENGTHS)
+    posterior = vae.encode(motion, mask)
+    assert posterior.std.abs().max() == 0
+    assert torch.equal(posterior.sample(), motion * mask[..., None])
+    assert torch.equal(vae.decode(posterior.sample(), mask), motion * mask[..., None])
+
+
+def test_vposer_t_knows_one_length(motion: Tensor) -> None:
+    """A shorter motion stands still after its end; a longer one is refused."""
+    vae = VPoserTConfig(FEATURES, frames=44, hidden=24, width=12).build().eval()
+    mask = mask_of([13])
+    still = torch.cat([motion[:1, :13], motion[:1, 12:13].expand(-1, 31, -1)], dim=1)
+    whole = vae.encode(still, mask_of([44])).mean
+    assert torch.allclose(vae.encode(motion[:1], mask_of([13, 40])[:1]).mean, whole, atol=1e-6)
+    assert torch.allclose(vae.encode(motion[:1, :13], mask).mean, whole, atol=1e-6)
+    for refused in (vae.encode, vae.decode):
+        with pytest.raises(InputError, match=r"45 frames.*at most 44"):
+            refused(torch.zeros(1, 45, FEATURES), mask_of([45]))
+
+
+def test_vposer_t_deviation_is_a_softplus_that_never_vanishes(motion: Tensor) -> None:
+    vae, mask = VPoserTConfig(FEATURES, frames=40, hidden=24, width=12).build(), mask_of(LENGTHS)
+    torch.nn.init.zeros_(vae.deviation[0].weight)
+    torch.nn.init.zeros_(vae.deviation[0].bias)
+    assert torch.allclose(vae.encode(motion, mask).std, torch.tensor(math.log(2.0)))
+    torch.nn.init.constant_(vae.deviation[0].bias, -200.0)
+    vae.encode(motion, mask).divergence().sum().backward()
+    assert all(p.grad is None or p.grad.isfinite().all() for p in vae.parameters())
+
+
+def test_actor_and_vposer_t_have_the_size_of_the_authors() -> None:
+    def count(network: torch.nn.Module) -> int:
+        return sum(parameter.numel() for parameter in network.parameters())
+
+    assert count(actor_vae(150).build()) == 11_136_918
+    features = 196 * 263
+    inner = 512 * 512 + 512
+    encoder = 2 * features + features * 512 + 512 + 2 * 512 + 2 * inner + 2 * (512 * 256 + 256)
+    decoder = 256 * 512 + 512 + inner + 512 * features + features
+    assert count(VPoserTConfig().build()) == encoder + decoder
 
 
 def test_long_skips_need_an_odd_number_of_layers() -> None:

@@ -15,16 +15,18 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.configuration import from_json, to_json
 from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
 from latentmotion.errors import InputError, ModelError
 from latentmotion.files import atomic_folder
 from latentmotion.model_card import CARD_FILE, ModelCard, read_card
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.transformer import TransformerVAEConfig
 
-VAEConfig = TransformerVAEConfig | ConvolutionalVAEConfig
+VAEConfig = TransformerVAEConfig | ConvolutionalVAEConfig | VPoserTConfig | IdentityVAEConfig
 """Every kind of VAE that a model folder can name."""
 
 WEIGHTS_FILE = "weights.safetensors"
@@ -34,8 +36,8 @@ WEIGHTS_FILE = "weights.safetensors"
 class Networks:
     """What `model.json` says of the networks."""
 
-    vae: TransformerVAEConfig | ConvolutionalVAEConfig | None = None
-    """None where the diffusion runs on raw frames."""
+    vae: VAEConfig | None = None
+    """None, or an `IdentityVAEConfig`, where the diffusion runs on raw frames."""
     denoiser: DenoiserConfig | None = None
     """None where only the first stage is trained."""
 

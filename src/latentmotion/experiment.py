@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
+from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.condition.sentence import SentenceReading
 from latentmotion.configuration import from_json, to_json
 from latentmotion.data.sampling import Cropping
@@ -18,6 +19,7 @@ from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.errors import InputError
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.loss import VAEObjective
 from latentmotion.vae.transformer import TransformerVAEConfig
 
@@ -94,7 +96,7 @@ class Experiment:
 
     name: str
     """What the model is called."""
-    vae: TransformerVAEConfig | ConvolutionalVAEConfig
+    vae: TransformerVAEConfig | ConvolutionalVAEConfig | VPoserTConfig | IdentityVAEConfig
     """Motion to latents and back."""
     vae_objective: VAEObjective
     """What stage 1 minimizes."""

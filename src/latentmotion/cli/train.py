@@ -52,7 +52,7 @@ class TrainDenoiser:
     data: Path
     """Folder that `latentmotion data prepare` made."""
     vae: Path
-    """Run folder of `latentmotion train vae`, or a model folder."""
+    """Run folder of `latentmotion train vae`, or a model folder; none for raw frames."""
     output: Output
     """Run folder; one that exists is gone on with."""
     text_encoder: str = "starter"
@@ -74,7 +74,10 @@ class TrainDenoiser:
         experiment = experiment_of(self.preset, self.set)
         encoder = CachedTextEncoder(text_encoder_named(self.text_encoder), self.output / "text")
         with training_place(self.device) as place:
-            print(train_denoiser(experiment, self.data, self.vae, encoder, self.output, place))
+            print(train_denoiser(experiment, self.data, self._vae(), encoder, self.output, place))
+
+    def _vae(self) -> Path | None:
+        return None if str(self.vae) == "none" else self.vae
 
 
 def experiment_of(preset: str, changes: tuple[str, ...]) -> Experiment:

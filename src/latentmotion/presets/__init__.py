@@ -7,12 +7,15 @@ from collections.abc import Callable
 
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
+from latentmotion.presets.baselines import actor, vposer_t
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
 from latentmotion.presets.starter import starter
 
 PRESETS: dict[str, Callable[[], Experiment]] = {
     "starter": starter,
     "mld_humanml3d": mld_humanml3d,
+    "actor": actor,
+    "vposer_t": vposer_t,
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.checkpoint import describe
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.configuration import to_json
@@ -13,6 +14,7 @@ from latentmotion.experiment import Experiment
 from latentmotion.model_card import LatentSpace, ModelCard
 from latentmotion.training.provenance import provenance_of
 from latentmotion.vae.convolutional import STRIDE, ConvolutionalVAEConfig
+from latentmotion.vae.identity import IdentityVAEConfig
 
 
 def first_stage_card(
@@ -73,4 +75,8 @@ def latent_space(experiment: Experiment) -> LatentSpace:
     config = experiment.vae
     if isinstance(config, ConvolutionalVAEConfig):
         return LatentSpace(config.channels, frames_per_token=STRIDE)
-    return LatentSpace(config.transformer.width, tokens=config.tokens)
+    if isinstance(config, IdentityVAEConfig):
+        return LatentSpace(config.features, frames_per_token=1)
+    if isinstance(config, VPoserTConfig):
+        return LatentSpace(config.width, tokens=1)
+    return LatentSpace(config.latent_width or config.transformer.width, tokens=config.tokens)

@@ -21,6 +21,7 @@ from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.latents import LatentMemory, Sentences
 from latentmotion.training.loop import Stage
 from latentmotion.training.randomness import Ranks, StepRandomness
+from latentmotion.training.raw_frames import FrameMemory
 
 DRAWS = 4
 """Times and noises at which held-out motions are measured."""
@@ -37,7 +38,7 @@ class LatentData:
     """Which crops each step shows."""
     held_out: tuple[Crop, ...]
     """Crops that are only measured."""
-    latents: LatentMemory
+    latents: LatentMemory | FrameMemory
     """Posteriors of all these crops, in the denoiser's scale."""
     sentences: Sentences
     """Embeddings of all their captions."""

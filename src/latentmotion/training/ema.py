@@ -30,7 +30,9 @@ class ExponentialMovingAverage(Generic[Network]):
     def update(self, network: Network, step: int) -> None:
         """Moves the average towards `network` after optimizer step number `step`, from 0."""
         weight = 1 - min(self.decay, (1 + step) / (10 + step))
-        for mine, other in zip(self.network.parameters(), network.parameters(), strict=True):
-            mine.lerp_(other, weight)
-        for mine, other in zip(self.network.buffers(), network.buffers(), strict=True):
-            mine.copy_(other)
+        mine, others = self.network.state_dict(), network.state_dict()
+        for name, tensor in mine.items():
+            if tensor.is_floating_point():  # weights, and the running statistics that fit them
+                tensor.lerp_(others[name], weight)
+            else:
+                tensor.copy_(others[name])

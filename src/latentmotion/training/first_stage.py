@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from latentmotion.checkpoint import WEIGHTS_FILE, load_model
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.sentence import SentenceCondition
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Item, items_of
+from latentmotion.data.sampling import Crop, Item, items_of
 from latentmotion.errors import InputError, ModelError
-from latentmotion.experiment import Experiment
+from latentmotion.experiment import Experiment, LatentSettings
 from latentmotion.files import sha256
 from latentmotion.model_card import CARD_FILE, LatentSpace, ModelCard
 from latentmotion.training.crops import FeatureMemory, Plan
@@ -26,7 +28,9 @@ from latentmotion.training.latents import (
     keep_crops,
     remembered_posteriors,
 )
+from latentmotion.training.raw_frames import FrameMemory, frames_card
 from latentmotion.training.run_folder import MODEL, NAME
+from latentmotion.vae.identity import IdentityVAE
 from latentmotion.vae.interface import MotionVAE
 
 HELD_OUT = 128
@@ -65,6 +69,16 @@ def load_first_stage(folder: Path) -> FirstStage:
     return FirstStage(vae, trained.card, sha256(model / WEIGHTS_FILE))
 
 
+def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStage:
+    """Returns the first stage of a diffusion on raw frames, which needs no training.
+
+    Raises:
+        InputError: The frames should be normalized as latents.
+    """
+    config, card = frames_card(experiment, dataset)
+    return FirstStage(config.build(), card, "none")
+
+
 def check_fit(
     experiment: Experiment, dataset: Dataset, first: FirstStage, encoder: TextEncoder
 ) -> None:
@@ -101,23 +115,42 @@ def prepare_latents(
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
     seen, held_out = items_of(clips[0]), items_of(clips[1])[:HELD_OUT]
-    kept = keep_crops(seen, settings.cropping, settings.per_item, training.seed)
     unseen = keep_crops(held_out, settings.cropping, 1, training.seed).every()
-    crops = [*kept.every(), *unseen]
+    features = partial(FeatureMemory, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
+    if isinstance(first.vae, IdentityVAE):
+        cropping, space = settings.cropping, first.card.latents
+        latents = FrameMemory(features(), place.device)
+    else:
+        cropping = keep_crops(seen, settings.cropping, settings.per_item, training.seed)
+        latents, space = _encode(
+            settings, first, features, (cropping.every(), unseen), folder, place
+        )
+    condition = SentenceCondition(encoder, experiment.reading)
+    sentences = Sentences(condition, captions_of([*seen, *held_out]), place.device)
+    plan = Plan(seen, training.batch_size, cropping, training.seed)
+    return LatentData(plan, tuple(unseen), latents, sentences), space
+
+
+def _encode(
+    settings: LatentSettings,
+    first: FirstStage,
+    features: Callable[[], FeatureMemory],
+    crops: tuple[list[Crop], list[Crop]],
+    folder: Path,
+    place: Place,
+) -> tuple[LatentMemory, LatentSpace]:
+    """Encodes seen and unseen crops, or reads their posteriors; the seen ones give the scale."""
+    every = [*crops[0], *crops[1]]
 
     def encode() -> Posteriors:
-        memory = FeatureMemory(dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
-        return encode_crops(first.vae.to(place.device), memory, crops, place)
+        return encode_crops(first.vae.to(place.device), features(), every, place)
 
     posteriors = remembered_posteriors(folder / "latents.safetensors", encode, place)
     space = first.card.latents
     if settings.normalized:
-        space = measured(space, posteriors.take(range(len(kept.every()))))
+        space = measured(space, posteriors.take(range(len(crops[0]))))
     posteriors = posteriors.normalized(space.mean, space.std).to(place.device)
-    condition = SentenceCondition(encoder, experiment.reading)
-    sentences = Sentences(condition, captions_of([*seen, *held_out]), place.device)
-    plan = Plan(seen, training.batch_size, kept, training.seed)
-    return LatentData(plan, tuple(unseen), LatentMemory(crops, posteriors), sentences), space
+    return LatentMemory(every, posteriors), space
 
 
 def measured(space: LatentSpace, posteriors: Posteriors) -> LatentSpace:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import torch
 
+from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.checkpoint import TrainedModel, save_model
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
@@ -15,7 +16,12 @@ from latentmotion.experiment import Experiment
 from latentmotion.training.cards import first_stage_card, second_stage_card
 from latentmotion.training.denoiser_stage import DenoiserStage
 from latentmotion.training.devices import Place
-from latentmotion.training.first_stage import check_fit, load_first_stage, prepare_latents
+from latentmotion.training.first_stage import (
+    check_fit,
+    frames_as_first_stage,
+    load_first_stage,
+    prepare_latents,
+)
 from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import MODEL, Run, open_run
@@ -31,6 +37,7 @@ def train_vae(experiment: Experiment, data: Path, folder: Path, place: Place) ->
     """
     dataset, training = Dataset.load(data), experiment.vae_training
     check_width(experiment, dataset)
+    check_length(experiment)
     open_run(folder, Run("vae", dataset.fingerprint, {}, experiment), place)
     torch.manual_seed(training.seed)
     stage = VAEStage(experiment.vae.build(), dataset, experiment, place)
@@ -44,19 +51,22 @@ def train_vae(experiment: Experiment, data: Path, folder: Path, place: Place) ->
 def train_denoiser(
     experiment: Experiment,
     data: Path,
-    vae: Path,
+    vae: Path | None,
     encoder: TextEncoder,
     folder: Path,
     place: Place,
 ) -> Path:
     """Trains stage 2, or goes on with it; returns the model folder, which holds both stages.
 
+    Without `vae` the diffusion is on raw frames.
+
     Raises:
         DataError: The data cannot be used.
         ModelError: There is no trained VAE.
         InputError: The run folder holds another run, or data, VAE, encoder and network do not fit.
     """
-    dataset, first = Dataset.load(data), load_first_stage(vae)
+    dataset = Dataset.load(data)
+    first = load_first_stage(vae) if vae else frames_as_first_stage(experiment, dataset)
     training = experiment.denoiser_training
     check_fit(experiment, dataset, first, encoder)
     parents = {"vae": first.fingerprint, "text": encoder.name}
@@ -82,3 +92,11 @@ def check_width(experiment: Experiment, dataset: Dataset) -> None:
             f"{dataset.folder} has {found} features a frame ({dataset.representation.name}), the "
             f"experiment's VAE takes {expected}; use --set vae.features={found}"
         )
+
+
+def check_length(experiment: Experiment) -> None:
+    """Raises InputError where the VAE knows shorter motions alone than it will be shown."""
+    croppings = experiment.vae_cropping, experiment.latents.cropping
+    longest = max(cropping.max_frames for cropping in croppings)
+    if isinstance(experiment.vae, VPoserTConfig):
+        experiment.vae.check(longest)

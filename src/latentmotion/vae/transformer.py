@@ -3,6 +3,8 @@
     encode:  [learned tokens, frames] + positions → encoder → its first outputs → mean, logvar
     decode:  zeros + positions, looking at z by cross-attention → decoder → frames
 
+A narrower latent (MotionLCM, Dai et al. 2024) has a learned linear map on each side of it.
+
 ACTOR's VAE (Petrovich et al. 2021) is the same chain without skips, with sine positions.
 """
 
@@ -33,6 +35,9 @@ class TransformerVAE(MotionVAE):
         distribution: Summary outputs to a `Posterior`.
         decoder: Latents and mask to outputs per frame.
         tokens: Number of latent tokens.
+        narrow: Summary outputs to the width of the latents.
+        widen: Latents to the width of the transformer.
+        latent_width: Numbers per latent token.
     """
 
     def __init__(
@@ -45,6 +50,9 @@ class TransformerVAE(MotionVAE):
         distribution: nn.Module,
         decoder: nn.Module,
         tokens: int,
+        narrow: nn.Module,
+        widen: nn.Module,
+        latent_width: int,
     ) -> None:
         super().__init__()
         self.frames_in = frames_in
@@ -55,7 +63,9 @@ class TransformerVAE(MotionVAE):
         self.distribution = distribution
         self.decoder = decoder
         self.tokens = tokens
-        self.latent_width = summary.shape[1]
+        self.narrow = narrow
+        self.widen = widen
+        self.latent_width = latent_width
 
     def encode(
         self,
@@ -66,7 +76,7 @@ class TransformerVAE(MotionVAE):
         summary = self.summary.expand(features.shape[0], -1, -1)
         x = self.place(torch.cat([summary, self.frames_in(features)], dim=1))
         x = self.encoder(x, torch.cat([_all_real(summary), mask], dim=1))
-        return self.distribution(x[:, : summary.shape[1]])
+        return self.distribution(self.narrow(x[:, : summary.shape[1]]))
 
     def decode(
         self,
@@ -74,7 +84,7 @@ class TransformerVAE(MotionVAE):
         mask: Bool[Tensor, "batch frames"],
     ) -> Float[Tensor, "batch frames features"]:
         """Returns features of as many frames as the mask has."""
-        return self.frames_out(self.decoder(latents, mask)) * mask[..., None]
+        return self.frames_out(self.decoder(self.widen(latents), mask)) * mask[..., None]
 
     def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
         """Returns True for every token: each stands for the whole motion."""
@@ -147,9 +157,13 @@ class TransformerVAEConfig:
     decoding: Literal["cross", "joint"] = "cross"
     """Whether frames look at the latents by cross-attention or share a sequence with them."""
 
+    latent_width: int | None = None
+    """Numbers per latent token; by default as many as the transformer has."""
+
     def build(self) -> TransformerVAE:
         """Builds the network with fresh weights."""
-        width = self.transformer.width
+        width, latent = self.transformer.width, self.latent_width or self.transformer.width
+        adapted = self.latent_width is not None
         own_tokens = self.distribution == "tokens"
         return TransformerVAE(
             frames_in=nn.Linear(self.features, width),
@@ -157,9 +171,12 @@ class TransformerVAEConfig:
             summary=torch.randn(self.tokens * (2 if own_tokens else 1), width),
             place=self._place(),
             encoder=self.transformer.encoder(),
-            distribution=TokenDistribution() if own_tokens else LinearDistribution(width),
+            distribution=TokenDistribution() if own_tokens else LinearDistribution(latent),
             decoder=self._decoder(),
             tokens=self.tokens,
+            narrow=nn.Linear(width, latent) if adapted else nn.Identity(),
+            widen=nn.Linear(latent, width) if adapted else nn.Identity(),
+            latent_width=latent,
         )
 
     def _place(self) -> nn.Module:

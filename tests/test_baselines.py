@@ -1,0 +1,144 @@
+"""The baselines are trained by the same commands: VPoser-t in stage 1, raw frames in stage 2."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from latentmotion.baselines.vposer_t import VPoserTConfig
+from latentmotion.checkpoint import load_model
+from latentmotion.condition.interface import TextEmbedding
+from latentmotion.errors import InputError
+from latentmotion.experiment import Experiment, with_changes
+from latentmotion.presets import preset_named
+from latentmotion.training.devices import Place
+from latentmotion.training.ema import ExponentialMovingAverage
+from latentmotion.training.randomness import Ranks
+from latentmotion.training.stages import train_denoiser, train_vae
+from latentmotion.vae.identity import IdentityVAE
+from moving_figures import write_moving_figures
+
+PLACE = Place(torch.device("cpu"), Ranks())
+
+
+def quick(experiment: Experiment, **changes: object) -> Experiment:
+    """Two stages of six steps on crops of at most 24 frames."""
+    every: dict[str, object] = {
+        f"{part}.{key}": value
+        for part in ("vae_training", "denoiser_training")
+        for key, value in {
+            "steps": 6,
+            "batch_size": 4,
+            "warm_up": 0,
+            "precision": "float32",
+            "report_every": 1,
+            "validate_every": 3,
+            "snapshot_every": 2,
+            "sample_every": 0,
+        }.items()
+    }
+    for part in ("vae_cropping", "latents.cropping"):
+        every |= {f"{part}.max_frames": 24, f"{part}.min_frames": 8}
+    every |= changes
+    return with_changes(experiment, [f"{key}={json.dumps(value)}" for key, value in every.items()])
+
+
+@dataclass(frozen=True)
+class LetterCount:
+    """A text encoder of six numbers."""
+
+    name: str = "letter-count"
+    width: int = 6
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        rows = [[sentence.count(letter) for letter in "aeiour"] for sentence in sentences]
+        pooled = np.asarray(rows, np.float32)
+        return TextEmbedding(pooled, pooled[:, None], np.ones((len(rows), 1), bool))
+
+
+TINY = {"width": 16, "layers": 3, "heads": 2, "hidden": 16}
+RAW = {
+    "latents.normalized": False,
+    "denoiser.latent_width": 263,
+    "denoiser.condition_width": 6,
+    "denoiser.transformer": TINY,
+    "reading.words": 0,
+}
+
+
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_moving_figures(tmp_path_factory.mktemp("data") / "figures")
+
+
+def vposer_t(**changes: object) -> Experiment:
+    config = VPoserTConfig(frames=24, hidden=16, width=8)
+    return quick(replace(preset_named("vposer_t"), vae=config), **changes)
+
+
+def test_vposer_t_is_trained_and_goes_on_where_it_was_killed(
+    figures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from latentmotion.training import loop
+
+    def stop_at_three(*arguments: object) -> dict[str, torch.Tensor]:
+        if arguments[3] == 3:
+            raise KeyboardInterrupt
+        return optimize(*arguments)
+
+    optimize = loop.optimize
+    whole = train_vae(vposer_t(), figures, tmp_path / "whole", PLACE)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(loop, "optimize", stop_at_three)
+        train_vae(vposer_t(), figures, tmp_path / "parts", PLACE)
+    parts = train_vae(vposer_t(), figures, tmp_path / "parts", PLACE)
+    name = "weights.safetensors"
+    assert (whole / name).read_bytes() == (parts / name).read_bytes()
+    model = load_model(whole)
+    assert model.card.latents.tokens == 1 and model.card.latents.width == 8
+    assert model.vae is not None
+    assert int(model.vae.state_dict()["encoder.0.num_batches_tracked"]) == 6
+
+
+def test_crops_longer_than_vposer_t_knows_are_refused_before_training(
+    figures: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=r"at most 24.*max_frames"):
+        experiment = vposer_t(**{"latents.cropping.max_frames": 40})
+        train_vae(experiment, figures, tmp_path / "run", PLACE)
+    assert not (tmp_path / "run").exists()
+
+
+def test_running_statistics_are_averaged_like_the_weights() -> None:
+    network = VPoserTConfig(features=3, frames=2, hidden=4, width=2).build()
+    average = ExponentialMovingAverage(network, 0.5)
+    start = network.state_dict()["encoder.0.running_mean"].clone()
+    network.encode(torch.randn(5, 2, 3) + 7, torch.ones(5, 2, dtype=torch.bool))
+    moved = network.state_dict()["encoder.0.running_mean"]
+    average.update(network, 1000)
+    found = average.network.state_dict()
+    assert torch.allclose(found["encoder.0.running_mean"], (start + moved) / 2)
+    assert int(found["encoder.0.num_batches_tracked"]) == 1
+
+
+def test_diffusion_on_raw_frames_needs_no_first_stage(figures: Path, tmp_path: Path) -> None:
+    experiment = quick(preset_named("starter"), **RAW)
+    folder = train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", PLACE)
+    model = load_model(folder)
+    assert isinstance(model.vae, IdentityVAE)
+    assert model.card.latents.width == 263 and model.card.latents.frames_per_token == 1
+    assert model.card.latents.std == (1.0,)
+    assert len(model.card.provenance.commands) == 1
+    assert not (tmp_path / "run" / "latents.safetensors").exists()
+
+
+def test_raw_frames_are_not_normalized_twice(figures: Path, tmp_path: Path) -> None:
+    experiment = quick(preset_named("starter"), **{**RAW, "latents.normalized": True})
+    with pytest.raises(InputError, match=r"latents\.normalized=false"):
+        train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", PLACE)
