@@ -35,8 +35,20 @@ VERBS = {
     "train text-encoder": Verb(
         f"{_CLI}.train_text_encoder:TrainTextEncoder", "Distill a small sentence encoder."
     ),
+    "train evaluator": Verb(
+        f"{_CLI}.train_evaluator:TrainEvaluator", "Train what FID and R-precision look through."
+    ),
+    "train classifier": Verb(
+        f"{_CLI}.train_classifier:TrainClassifier", "Train a judge of actions for evaluation."
+    ),
     "export": Verb(f"{_CLI}.export:Export", "Make a trained model run without PyTorch."),
     "evaluate": Verb(f"{_CLI}.evaluate:Evaluate", "Measure a model for its card."),
+    "convert evaluator": Verb(
+        f"{_CLI}.convert_evaluator:ConvertEvaluator", "Turn the T2M authors' evaluator into ours."
+    ),
+    "convert evaluator": Verb(
+        f"{_CLI}.convert_evaluator:ConvertEvaluator", "Turn an official evaluator into a folder."
+    ),
     "convert": Verb(f"{_CLI}.convert:Convert", "Turn the MLD authors' checkpoint into a model."),
 }
 """The command line. Only the verb that was typed is imported."""

@@ -23,7 +23,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
     Raises:
         ModelError: The file is missing, damaged, of another kind, or holds code.
     """
-    content = _load(Path(path))
+    content = read_content(Path(path))
     state = content.get("state_dict", content) if isinstance(content, Mapping) else None
     if not isinstance(state, Mapping) or not any(isinstance(v, Tensor) for v in state.values()):
         raise ModelError(f"{path}: no state_dict of tensors inside; is it an MLD checkpoint?")
@@ -46,7 +46,12 @@ def split_parts(
     return parts, dict(others)
 
 
-def _load(path: Path) -> Any:
+def read_content(path: Path) -> Any:
+    """Returns whatever a PyTorch file holds, without running code.
+
+    Raises:
+        ModelError: The file is missing, damaged, of another kind, or holds code.
+    """
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
