@@ -51,5 +51,7 @@ def motion(generator: np.random.Generator, number: int, split: Split) -> StoredM
         offset=0,
         captions=((f"a person sways left {number % 3}", 0, frames, ""),),
         mirrored_captions=((f"a person sways right {number % 3}", 0, frames, ""),),
+        action=f"swayLeft{number % 3}",
+        mirrored_action=f"swayRight{number % 3}",
     )
     return StoredMotion(clip, features)

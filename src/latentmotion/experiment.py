@@ -17,6 +17,7 @@ from latentmotion.configuration import from_json, to_json
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
+from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.identity import IdentityVAEConfig
@@ -88,6 +89,8 @@ class Sampling:
     """Sampling steps."""
     guidance: float = 7.5
     """Guidance scale (paper eq. 6)."""
+    sampler: SamplerName = "ddim"
+    """Rule of a sampling step."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,8 @@ class Experiment:
     """What the denoiser sees of sentences."""
     mirrored: bool = True
     """Whether mirrored copies of the clips are trained on too."""
+    task: Literal["text", "action", "unconditional"] = "text"
+    """What steers the motion: a sentence, the label of an action, or nothing."""
 
 
 Settings = TypeVar("Settings")

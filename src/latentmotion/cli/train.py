@@ -29,7 +29,7 @@ class TrainVAE:
     output: Output
     """Run folder; one that exists is gone on with."""
     preset: str = "starter"
-    """Experiment to start from: starter or mld_humanml3d."""
+    """Experiment to start from: starter, mld_humanml3d, actor or vposer_t."""
     set: Changes = ()
     """Change one value of it, e.g. vae_training.steps=1000; may be given several times."""
     device: str = "auto"
@@ -56,25 +56,31 @@ class TrainDenoiser:
     output: Output
     """Run folder; one that exists is gone on with."""
     text_encoder: str = "starter"
-    """Folder of a text encoder, name of a model whose encoder is used, or minilm, clip,
-    clip_hidden, distilbert or t5, from the hub or after a colon from a folder (clip:my/clip)."""
+    """Where the task is text: folder of a text encoder, name of a model whose encoder is used, or
+    minilm, clip, clip_hidden, distilbert or t5, from the hub or after a colon from a folder
+    (clip:my/clip)."""
     preset: str = "starter"
-    """Experiment to start from: starter or mld_humanml3d."""
+    """Experiment to start from: starter, mld_humanml3d, mdm or mdm_50."""
     set: Changes = ()
-    """Change one value of it, e.g. denoiser_training.steps=1000; may be given several times."""
+    """Change one value of it, e.g. denoiser_training.steps=1000 or task=action; may be given
+    several times."""
     device: str = "auto"
     """auto, cpu, cuda or cuda:N."""
 
     def run(self) -> None:
         """Trains until done."""
-        from latentmotion.condition.text.cache import CachedTextEncoder
         from latentmotion.training.devices import training_place
         from latentmotion.training.stages import train_denoiser
 
         experiment = experiment_of(self.preset, self.set)
-        encoder = CachedTextEncoder(text_encoder_named(self.text_encoder), self.output / "text")
+        encoder = self._encoder() if experiment.task == "text" else None
         with training_place(self.device) as place:
             print(train_denoiser(experiment, self.data, self._vae(), encoder, self.output, place))
+
+    def _encoder(self) -> TextEncoder:
+        from latentmotion.condition.text.cache import CachedTextEncoder
+
+        return CachedTextEncoder(text_encoder_named(self.text_encoder), self.output / "text")
 
     def _vae(self) -> Path | None:
         return None if str(self.vae) == "none" else self.vae

@@ -40,6 +40,6 @@ class ActionCondition:
     def _place(self, label: str) -> int:
         if label not in self.labels:
             near = difflib.get_close_matches(label, self.labels, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(self.labels)}"
-            raise InputError(f"unknown action {label!r}; {hint}")
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise InputError(f"unknown action {label!r}; {hint}known are {', '.join(self.labels)}")
         return self.labels.index(label)

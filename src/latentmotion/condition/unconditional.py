@@ -17,7 +17,7 @@ class Unconditional:
     width: int
     """Numbers per word that the denoiser expects."""
 
-    def __call__(self, inputs: Sequence[None]) -> Conditioning:
+    def __call__(self, inputs: Sequence[object]) -> Conditioning:
         """Returns no words for each input."""
         return self.null(len(inputs))
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.checkpoint import describe
-from latentmotion.condition.interface import TextEncoder
-from latentmotion.configuration import to_json
 from latentmotion.data.dataset import Dataset
 from latentmotion.experiment import Experiment
 from latentmotion.model_card import LatentSpace, ModelCard
 from latentmotion.training.provenance import provenance_of
+from latentmotion.training.steering import Steering
 from latentmotion.vae.convolutional import STRIDE, ConvolutionalVAEConfig
 from latentmotion.vae.identity import IdentityVAEConfig
 
@@ -24,7 +23,7 @@ def first_stage_card(
     objective, cropping = experiment.denoiser_objective, experiment.latents.cropping
     return ModelCard(
         name=experiment.name,
-        task="text",
+        task=experiment.task,
         representation=dataset.representation.name,
         normalizer_mean=tuple(dataset.normalizer.mean.tolist()),
         normalizer_std=tuple(dataset.normalizer.std.tolist()),
@@ -44,7 +43,7 @@ def second_stage_card(
     experiment: Experiment,
     dataset: Dataset,
     first: ModelCard,
-    encoder: TextEncoder,
+    steering: Steering,
     seconds: float,
     figures: Mapping[str, float],
 ) -> ModelCard:
@@ -54,16 +53,14 @@ def second_stage_card(
     return replace(
         first,
         name=experiment.name,
+        task=experiment.task,
         schedule=objective.schedule,
         prediction=objective.prediction,
         denoiser=describe(experiment.denoiser),
-        condition={
-            "encoder": encoder.name,
-            "width": encoder.width,
-            "reading": to_json(experiment.reading),
-        },
+        condition=steering.described,
         steps=experiment.sampling.steps,
-        guidance=experiment.sampling.guidance,
+        guidance=experiment.sampling.guidance if experiment.task != "unconditional" else 1.0,
+        sampler=experiment.sampling.sampler,
         frames=(cropping.min_frames, cropping.max_frames),
         provenance=provenance_of(dataset, seconds, first.provenance),
         figures={**first.figures, **rounded},

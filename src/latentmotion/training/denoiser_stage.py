@@ -12,16 +12,17 @@ from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop
 from latentmotion.diffusion.loss import denoiser_loss
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import DDIM, sample
+from latentmotion.diffusion.sampler import sample, sampler_named
 from latentmotion.experiment import Experiment
 from latentmotion.motion import Motion
 from latentmotion.training.crops import Plan
 from latentmotion.training.devices import Place
 from latentmotion.training.latent_decoder import LatentDecoder
-from latentmotion.training.latents import LatentMemory, Sentences
+from latentmotion.training.latents import LatentMemory
 from latentmotion.training.loop import Stage
 from latentmotion.training.randomness import Ranks, StepRandomness
 from latentmotion.training.raw_frames import FrameMemory
+from latentmotion.training.steering import PromptTable
 
 DRAWS = 4
 """Times and noises at which held-out motions are measured."""
@@ -40,8 +41,8 @@ class LatentData:
     """Crops that are only measured."""
     latents: LatentMemory | FrameMemory
     """Posteriors of all these crops, in the denoiser's scale."""
-    sentences: Sentences
-    """Embeddings of all their captions."""
+    prompts: PromptTable
+    """What the denoiser sees of all their captions."""
 
 
 class DenoiserStage(Stage[Denoiser]):
@@ -49,7 +50,7 @@ class DenoiserStage(Stage[Denoiser]):
 
     Args:
         denoiser: The network to train.
-        data: Latents and sentences.
+        data: Latents and prompts.
         decoder: Latents to motions, to look at samples.
         experiment: Which objective.
         place: The device and rank.
@@ -66,7 +67,7 @@ class DenoiserStage(Stage[Denoiser]):
         super().__init__()
         self.network = denoiser
         self._data, self._decoder, self._place = data, decoder, place
-        self._experiment, self._null = experiment, data.sentences([""])
+        self._experiment, self._null = experiment, data.prompts([""])
         self._spread = float(experiment.latents.sampled)
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
@@ -88,18 +89,19 @@ class DenoiserStage(Stage[Denoiser]):
 
     @torch.no_grad()
     def sample(self, network: Denoiser) -> list[Motion]:
-        """Motions for the sentences of a few held-out clips."""
-        captions = [crop.caption for crop in self._data.held_out if crop.caption]
+        """Motions for the prompts of a few held-out clips."""
+        every = [crop.caption for crop in self._data.held_out]
+        captions = [caption for caption in every if caption] or every
         captions = captions[:: max(1, len(captions) // 4)][:4]
         if not captions:
             return []
         objective, sampling = self._experiment.denoiser_objective, self._experiment.sampling
-        condition, device = self._data.sentences(captions), self._place.device
+        condition, device = self._data.prompts(captions), self._place.device
         mask = self._decoder.mask(len(captions)).to(device)
         noise = SeededNoise(range(len(captions)))
         z = torch.from_numpy(noise((*mask.shape, self._experiment.denoiser.latent_width)))
         guided = ClassifierFreeGuidance(network, self._null, sampling.guidance)
-        sampler = DDIM(objective.schedule, objective.prediction)
+        sampler = sampler_named(sampling.sampler, objective.schedule, objective.prediction)
         z = sample(guided, sampler, z.to(device), condition, mask, SAMPLING_STEPS, noise)
         return self._decoder(z, captions)
 
@@ -116,7 +118,7 @@ class DenoiserStage(Stage[Denoiser]):
         shape = latents.mean.shape[1:]
         z0 = latents.mean + spread * latents.std * randomness.normal(*shape)
         epsilon, t = randomness.normal(*shape), objective.time(randomness.normal())
-        condition = self._data.sentences([crop.caption for crop in crops])
+        condition = self._data.prompts([crop.caption for crop in crops])
         condition = drop(condition, self._null, randomness.chance(dropped))
         return denoiser_loss(network, z0, epsilon, t, condition, latents.mask, objective)
 

@@ -8,10 +8,8 @@ from functools import partial
 from pathlib import Path
 
 from latentmotion.checkpoint import WEIGHTS_FILE, load_model
-from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.sentence import SentenceCondition
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Crop, Item, items_of
+from latentmotion.data.sampling import Crop, Item
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, LatentSettings
 from latentmotion.files import sha256
@@ -23,13 +21,13 @@ from latentmotion.training.latent_decoder import normalizer_of
 from latentmotion.training.latents import (
     LatentMemory,
     Posteriors,
-    Sentences,
     encode_crops,
     keep_crops,
     remembered_posteriors,
 )
 from latentmotion.training.raw_frames import FrameMemory, frames_card
 from latentmotion.training.run_folder import MODEL, NAME
+from latentmotion.training.steering import PromptTable, Steering
 from latentmotion.vae.identity import IdentityVAE
 from latentmotion.vae.interface import MotionVAE
 
@@ -80,7 +78,7 @@ def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStag
 
 
 def check_fit(
-    experiment: Experiment, dataset: Dataset, first: FirstStage, encoder: TextEncoder
+    experiment: Experiment, dataset: Dataset, first: FirstStage, steering: Steering
 ) -> None:
     """Compares the parts of stage 2.
 
@@ -95,7 +93,7 @@ def check_fit(
         ),
         "denoiser.condition_width and the text encoder's": (
             experiment.denoiser.condition_width,
-            encoder.width,
+            steering.width,
         ),
     }
     for name, (one, other) in pairs.items():
@@ -107,14 +105,14 @@ def prepare_latents(
     experiment: Experiment,
     dataset: Dataset,
     first: FirstStage,
-    encoder: TextEncoder,
+    steering: Steering,
     folder: Path,
     place: Place,
 ) -> tuple[LatentData, LatentSpace]:
-    """Encodes crops and sentences, or reads them from the run folder; measures the latents."""
+    """Encodes crops and prompts, or reads them from the run folder; measures the latents."""
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
-    seen, held_out = items_of(clips[0]), items_of(clips[1])[:HELD_OUT]
+    seen, held_out = steering.items(clips[0]), steering.items(clips[1])[:HELD_OUT]
     unseen = keep_crops(held_out, settings.cropping, 1, training.seed).every()
     features = partial(FeatureMemory, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
     if isinstance(first.vae, IdentityVAE):
@@ -125,10 +123,9 @@ def prepare_latents(
         latents, space = _encode(
             settings, first, features, (cropping.every(), unseen), folder, place
         )
-    condition = SentenceCondition(encoder, experiment.reading)
-    sentences = Sentences(condition, captions_of([*seen, *held_out]), place.device)
+    prompts = PromptTable(steering.condition, captions_of([*seen, *held_out]), place.device)
     plan = Plan(seen, training.batch_size, cropping, training.seed)
-    return LatentData(plan, tuple(unseen), latents, sentences), space
+    return LatentData(plan, tuple(unseen), latents, prompts), space
 
 
 def _encode(
@@ -160,5 +157,5 @@ def measured(space: LatentSpace, posteriors: Posteriors) -> LatentSpace:
 
 
 def captions_of(items: list[Item]) -> set[str]:
-    """Returns all sentences of some items."""
+    """Returns all prompts of some items."""
     return {caption for item in items for caption in item.captions}

@@ -1,13 +1,12 @@
-"""Stage 2's memory: posteriors of several crops of every motion, embeddings of every sentence.
+"""Stage 2's memory: posteriors of several crops of every motion.
 
-Both are computed once and kept in the run folder. Posteriors keep mean and standard deviation, so
-that a fresh latent can be drawn at every step.
+They are computed once and kept in the run folder, as mean and standard deviation, so that a fresh
+latent can be drawn at every step.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,8 +15,6 @@ import torch
 from jaxtyping import Bool, Float
 from safetensors.torch import load_file, save_file
 
-from latentmotion.condition.interface import Conditioning
-from latentmotion.condition.sentence import SentenceCondition
 from latentmotion.data.sampling import Crop, Cropping, Item
 from latentmotion.files import atomic_file
 from latentmotion.training.crops import FeatureMemory
@@ -25,7 +22,7 @@ from latentmotion.training.devices import Place
 from latentmotion.vae.interface import MotionVAE
 
 AT_ONCE = 64
-"""Crops or sentences that go through a network together."""
+"""Crops that go through a network together."""
 
 
 @dataclass(frozen=True)
@@ -139,35 +136,6 @@ def remembered_posteriors(
             save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary)
     place.wait()
     return Posteriors(**load_file(path))
-
-
-class Sentences:
-    """What the denoiser sees of sentences; the empty sentence is the null condition.
-
-    Args:
-        condition: Turns sentences into tokens.
-        sentences: Those that will be asked for.
-        device: Where the tokens are wanted.
-    """
-
-    def __init__(
-        self, condition: SentenceCondition, sentences: Iterable[str], device: torch.device
-    ) -> None:
-        known = sorted({"", *sentences})
-        with warnings.catch_warnings():
-            # Data sets are full of misspelled words, which nobody can help here.
-            warnings.simplefilter("ignore", UserWarning)
-            embedded = condition(known)
-        self._rows = {sentence: row for row, sentence in enumerate(known)}
-        self._tokens = torch.from_numpy(embedded.tokens).to(device)
-        self._mask = torch.from_numpy(embedded.mask).to(device)
-
-    def __call__(self, sentences: Sequence[str]) -> Conditioning:
-        """Returns the tokens of each sentence, with no more padding than these need."""
-        rows = [self._rows[sentence] for sentence in sentences]
-        mask = self._mask[rows]
-        longest = int(mask.sum(dim=1).max())
-        return Conditioning(self._tokens[rows][:, :longest], mask[:, :longest])
 
 
 def _key(crop: Crop) -> tuple[str, int, int]:

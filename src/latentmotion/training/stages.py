@@ -25,7 +25,9 @@ from latentmotion.training.first_stage import (
 from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import MODEL, Run, open_run
+from latentmotion.training.steering import fitted, steering_of
 from latentmotion.training.vae_stage import VAEStage
+from latentmotion.vae.identity import IdentityVAEConfig
 
 
 def train_vae(experiment: Experiment, data: Path, folder: Path, place: Place) -> Path:
@@ -36,6 +38,7 @@ def train_vae(experiment: Experiment, data: Path, folder: Path, place: Place) ->
         InputError: The run folder holds another run, or features and network do not fit.
     """
     dataset, training = Dataset.load(data), experiment.vae_training
+    check_trainable(experiment)
     check_width(experiment, dataset)
     check_length(experiment)
     open_run(folder, Run("vae", dataset.fingerprint, {}, experiment), place)
@@ -52,13 +55,13 @@ def train_denoiser(
     experiment: Experiment,
     data: Path,
     vae: Path | None,
-    encoder: TextEncoder,
+    encoder: TextEncoder | None,
     folder: Path,
     place: Place,
 ) -> Path:
     """Trains stage 2, or goes on with it; returns the model folder, which holds both stages.
 
-    Without `vae` the diffusion is on raw frames.
+    Without `vae` the diffusion is on raw frames; `encoder` is needed where the task is text.
 
     Raises:
         DataError: The data cannot be used.
@@ -67,11 +70,12 @@ def train_denoiser(
     """
     dataset = Dataset.load(data)
     first = load_first_stage(vae) if vae else frames_as_first_stage(experiment, dataset)
-    training = experiment.denoiser_training
-    check_fit(experiment, dataset, first, encoder)
-    parents = {"vae": first.fingerprint, "text": encoder.name}
+    steering = steering_of(experiment, dataset, encoder)
+    experiment, training = fitted(experiment, steering), experiment.denoiser_training
+    check_fit(experiment, dataset, first, steering)
+    parents = {"vae": first.fingerprint, **steering.parents}
     open_run(folder, Run("denoiser", dataset.fingerprint, parents, experiment), place)
-    seen, space = prepare_latents(experiment, dataset, first, encoder, folder, place)
+    seen, space = prepare_latents(experiment, dataset, first, steering, folder, place)
     card = replace(first.card, latents=space)
     torch.manual_seed(training.seed)
     decoder = LatentDecoder(first.vae, card, experiment.latents.cropping.max_frames // 2)
@@ -79,9 +83,18 @@ def train_denoiser(
     denoiser, seconds = train(stage, training, folder, place)
     if place.leads:
         figures = stage.validate(denoiser)
-        card = second_stage_card(experiment, dataset, card, encoder, seconds, figures)
+        card = second_stage_card(experiment, dataset, card, steering, seconds, figures)
         save_model(folder / MODEL, TrainedModel(card, first.vae.cpu(), denoiser))
     return folder / MODEL
+
+
+def check_trainable(experiment: Experiment) -> None:
+    """Raises InputError where there is no VAE to train."""
+    if isinstance(experiment.vae, IdentityVAEConfig):
+        raise InputError(
+            f"experiment {experiment.name!r} has no VAE, its diffusion is on raw frames; "
+            "run latentmotion train denoiser --vae none"
+        )
 
 
 def check_width(experiment: Experiment, dataset: Dataset) -> None:
