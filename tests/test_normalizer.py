@@ -90,3 +90,8 @@ def test_a_block_that_never_changes_keeps_its_scale(clips):
     normalizer = Normalizer.fit(still, BLOCKS)
     assert (normalizer.std[BLOCKS["contacts"]] == 1).all()
     normalizer.check(normalizer.normalize(still[0]), BLOCKS)
+
+
+def test_identity_changes_nothing():
+    features = np.array([[0.01, 5.0, 100.0]], np.float32).repeat(4, 0)
+    np.testing.assert_array_equal(Normalizer.identity(3).normalize(features), features)

@@ -14,10 +14,14 @@ from latentmotion.representation.canonical import canonicalize
 from latentmotion.representation.facing import gaussian_smooth, heading, turn
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
+from latentmotion.representation.smpl import SMPL_FEATURES
 from latentmotion.rotations import matrix_from_axis_angle
 
-ALL = [HUMANML3D_FEATURES, KIT_FEATURES]
+ALL = [HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES]
 REPRESENTATIONS = pytest.mark.parametrize("representation", ALL, ids=lambda r: r.name)
+WITH_CONTACTS = pytest.mark.parametrize(
+    "representation", [r for r in ALL if "contacts" in r.blocks], ids=lambda r: r.name
+)
 
 
 def waves(random, frames, count):
@@ -77,6 +81,17 @@ def test_place_and_direction_on_the_floor_change_nothing(representation, angle, 
 
 
 @REPRESENTATIONS
+def test_a_part_that_is_restarted_is_a_clip_of_its_own(representation):
+    features = representation.encode(moving_body(representation))
+    part = representation.restart(features[20:])
+    found = canonicalize(representation.decode(part), representation.skeleton)
+    expected = canonicalize(representation.decode(features)[20:], representation.skeleton)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    np.testing.assert_allclose(representation.decode(part)[0, 0, [0, 2]], 0, atol=1e-7)
+    np.testing.assert_array_equal(representation.restart(part), part)
+
+
+@WITH_CONTACTS
 def test_still_feet_have_contact_and_moving_ones_have_not(representation):
     contacts = representation.blocks["contacts"]
     still = still_body(representation)
@@ -106,7 +121,7 @@ def test_both_libraries_and_batches_agree(representation):
     theirs = torch.from_numpy(features)
     encoded = representation.encode(torch.from_numpy(clips[0]))
     np.testing.assert_allclose(encoded.numpy(), features[0], atol=1e-6)
-    for function in (representation.decode, representation.mirror):
+    for function in (representation.decode, representation.mirror, representation.restart):
         ours = function(features)
         assert ours.dtype == np.float32
         np.testing.assert_allclose(function(theirs).numpy(), ours, atol=1e-5)

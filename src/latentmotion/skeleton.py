@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, device
 from jaxtyping import Float
 
 
@@ -69,7 +69,7 @@ class Skeleton:
             Global joint positions, meters.
         """
         xp = array_namespace(rotations, root_positions)
-        offsets = xp.asarray(self.offsets, dtype=rotations.dtype)
+        offsets = xp.asarray(self.offsets, dtype=rotations.dtype, device=device(rotations))
         world, positions = [rotations[..., 0, :, :]], [root_positions]
         for joint, parent in list(enumerate(self.parents))[1:]:
             offset = offsets[joint] if translations is None else translations[..., joint, :]
@@ -153,4 +153,36 @@ KIT = Skeleton(
 """The 21 joints of KIT-ML's Master Motor Map; sides as the published features have them.
 
 Their inverse kinematics takes the right hip and shoulder to point to +x, so x is negated here.
+"""
+
+_SIDE = {
+    **{"hip": (0.08, -0.09, 0.0), "knee": (0.03, -0.41, 0.0), "ankle": (0.0, -0.41, -0.02)},
+    **{"foot": (0.02, -0.06, 0.13), "collar": (0.08, 0.12, 0.0), "shoulder": (0.11, 0.02, 0.0)},
+    **{"elbow": (0.28, 0.0, 0.0), "wrist": (0.25, 0.0, 0.0), "hand": (0.08, 0.0, 0.0)},
+}
+_MIDDLE = {
+    **{"pelvis": (0.0, 0.0, 0.0), "spine1": (0.0, 0.12, -0.01), "spine2": (0.0, 0.13, 0.01)},
+    **{"spine3": (0.0, 0.06, 0.01), "neck": (0.0, 0.21, -0.02), "head": (0.0, 0.11, 0.04)},
+}
+
+
+def _rest_offset(name: str) -> tuple[float, float, float]:
+    side, _, part = name.partition("_")
+    x, y, z = _MIDDLE[name] if name in _MIDDLE else _SIDE[part]
+    return (-x if side == "right" else x, y, z)
+
+
+_BODY_NAMES = (*HUMANML3D.names, "left_hand", "right_hand")
+
+BODY = Skeleton(
+    name="body",
+    names=_BODY_NAMES,
+    parents=(*HUMANML3D.parents, 20, 21),
+    offsets=np.array([_rest_offset(name) for name in _BODY_NAMES]),
+    left_foot=(7, 10),
+    right_foot=(8, 11),
+)
+"""A body of 1.7 m in a T-pose with the 24 joints that SMPL's poses turn, in their order.
+
+Lengths are round figures after Winter's proportions, and owe nothing to SMPL's files.
 """

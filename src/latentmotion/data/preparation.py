@@ -100,6 +100,9 @@ class Preparation:
             self.round_trip_mm = max(self.round_trip_mm or 0.0, round_trip_mm)
 
     def _fit(self) -> StoredNormalizer:
+        if not self.representation.normalized:
+            identity = Normalizer.identity(self.representation.width)
+            return stored_normalizer(identity, "none: the features are used as they are")
         train = [motion.features for motion in self.motions if motion.clip.split == "train"]
         if not train:
             raise DataError("no clip is in the train split, so no normalizer can be fit")

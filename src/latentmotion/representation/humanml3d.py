@@ -57,6 +57,11 @@ class HumanML3DRepresentation:
         return self.blocks["contacts"].stop
 
     @property
+    def normalized(self) -> bool:
+        """Networks see them normalized."""
+        return True
+
+    @property
     def blocks(self) -> Mapping[str, slice]:
         """Which features belong together, by name."""
         return _layout(len(self.skeleton))
@@ -123,6 +128,12 @@ class HumanML3DRepresentation:
         local = xp.reshape(positions, (*positions.shape[:-1], -1, 3))
         root = xp.concat([nothing, height, nothing], axis=-1)[..., None, :]
         return turn(xp.concat([root, local], axis=-2), yaw[..., None]) + path
+
+    def restart(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames features"]:
+        """Returns the features: none of them knows where the clip began."""
+        return features
 
     def mirror(
         self, features: Float[Any, "*batch frames features"]

@@ -35,6 +35,11 @@ class Representation(Protocol):
         ...
 
     @property
+    def normalized(self) -> bool:
+        """Whether networks see its features normalized, or as they are."""
+        ...
+
+    @property
     def blocks(self) -> Mapping[str, slice]:
         """Which features belong together, by name; they cover the width once, in order."""
         ...
@@ -49,6 +54,20 @@ class Representation(Protocol):
         self, features: Float[Any, "*batch frames features"]
     ) -> Float[Any, "*batch frames joints 3"]:
         """Returns joints that start above the origin; differentiable in PyTorch."""
+        ...
+
+    def retarget(self, joints: Float[Any, "frames _ 3"]) -> Float[Any, "frames joints 3"]:
+        """Gives a body of any size the skeleton's bone lengths."""
+        ...
+
+    def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
+        """Puts the lowest point on the floor and the start at the origin, facing +z."""
+        ...
+
+    def restart(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames features"]:
+        """Returns features cut from a longer clip as those of a clip that begins with them."""
         ...
 
     def mirror(

@@ -7,9 +7,10 @@ import difflib
 from latentmotion.errors import InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
+from latentmotion.representation.smpl import SMPL_FEATURES
 
 REPRESENTATIONS: dict[str, Representation] = {
-    part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES)
+    part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES)
 }
 """Each representation by its name."""
 

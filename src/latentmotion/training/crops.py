@@ -1,4 +1,4 @@
-"""The crops of a step, found from its number alone; features are kept normalized in memory."""
+"""The crops of a step, found from its number alone; features are kept in memory."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Plan:
 
 
 class FeatureMemory:
-    """Normalized features of clips, read once.
+    """Features of clips, read once and given out normalized, each crop as a clip of its own.
 
     Args:
         dataset: Where features come from.
@@ -59,22 +59,28 @@ class FeatureMemory:
     """
 
     def __init__(self, dataset: Dataset, clips: Sequence[Clip], normalizer: Normalizer) -> None:
-        self._features = {c.id: normalizer.normalize(dataset.features(c)) for c in clips}
+        self._features = {clip.id: dataset.features(clip) for clip in clips}
+        self._normalizer, self._representation = normalizer, dataset.representation
         if not self._features:
             raise DataError("no clip to train on; see what there is: latentmotion data check")
-        every = np.concatenate(list(self._features.values()))
-        normalizer.check(every, dataset.representation.blocks)
+        if self._representation.normalized:
+            every = np.concatenate(list(self._features.values()))
+            normalizer.check(normalizer.normalize(every), self._representation.blocks)
 
     def batch(
         self, crops: Sequence[Crop], frames: int
     ) -> tuple[Float[torch.Tensor, "batch frames features"], Bool[torch.Tensor, "batch frames"]]:
         """Returns crops padded with zeros to `frames`, and the mask of what is real."""
-        parts = [self._features[c.clip.id][c.start : c.start + c.frames] for c in crops]
+        parts = [self._part(crop) for crop in crops]
         features = np.zeros((len(crops), frames, parts[0].shape[1]), np.float32)
         for row, part in zip(features, parts, strict=True):
             row[: len(part)] = part
         lengths = torch.tensor([crop.frames for crop in crops])
         return torch.from_numpy(features), torch.arange(frames)[None] < lengths[:, None]
+
+    def _part(self, crop: Crop) -> Float[np.ndarray, "frames features"]:
+        part = self._features[crop.clip.id][crop.start : crop.start + crop.frames]
+        return self._normalizer.normalize(self._representation.restart(part))
 
 
 def items_by_length(clips: Sequence[Clip], most: int) -> list[Item]:

@@ -1,0 +1,216 @@
+"""SMPL's pose parameters as ACTOR feeds them to networks: 150 numbers a frame.
+
+    25 tokens   24 joint rotations, 6D as the first two rows of the matrix, and
+                the root's way since the first frame: x, y, z, 0, 0, 0
+    150         number = 25 channel + token, channel 0 .. 5
+
+Rotations are relative to the parent, from a T-pose that faces +z, y up. The root's is in the axes
+of the camera that the data sets were filmed with: x to its right, y down, z away from it. Joints
+come out upright: (x, -y, -z), so that who faces the camera faces +z.
+Petrovich et al., "Action-Conditioned 3D Human Motion Synthesis with Transformer VAE", ICCV 2021.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from array_api_compat import array_namespace, device
+from jaxtyping import Float
+
+from latentmotion import skeleton
+from latentmotion.errors import InputError
+from latentmotion.inverse_kinematics import solve
+from latentmotion.representation import canonical
+from latentmotion.representation.rest_pose import rotations_from
+from latentmotion.rotations import matrix_from_sixd, sixd_from_matrix
+from latentmotion.skeleton import Skeleton
+
+TOKENS = 25
+"""Joints that turn, and the way of the root."""
+
+UPRIGHT = (1.0, -1.0, -1.0)
+"""Signs that lead from the camera's axes to upright ones and back: half a turn about x."""
+
+_CHANNELS = ("xx", "xy", "xz", "yx", "yy", "yz")
+"""Entries of a rotation's first two rows; the way of the root shares the first three."""
+
+
+@dataclass(frozen=True, eq=False)
+class SmplRepresentation:
+    """Joints to SMPL's pose features and back, by a skeleton of fixed bone lengths."""
+
+    name: str
+    """What it is called in files."""
+    skeleton: Skeleton
+    """Whose joints it describes; any T-pose with SMPL's 24 joints."""
+    fps: float
+    """Frames per second."""
+    leg: tuple[int, ...] = (4, 7)
+    """Joints whose bones make up the length of a leg."""
+
+    @property
+    def width(self) -> int:
+        """Features per frame."""
+        return 6 * TOKENS
+
+    @property
+    def normalized(self) -> bool:
+        """Networks see them as they are."""
+        return False
+
+    @property
+    def blocks(self) -> Mapping[str, slice]:
+        """One block per channel of the tokens."""
+        every = {name: slice(i * TOKENS, (i + 1) * TOKENS) for i, name in enumerate(_CHANNELS)}
+        return MappingProxyType(every)
+
+    def retarget(self, joints: Float[Any, "frames _ 3"]) -> Float[Any, "frames joints 3"]:
+        """Lets the skeleton do what another body does; its path is scaled by the legs' lengths.
+
+        Limbs keep their directions; hips and shoulders sit where the skeleton has them. A body
+        without hands gets them, in line with its forearms.
+        """
+        xp = array_namespace(joints)
+        body = np.asarray(joints, dtype=np.float64)
+        if body.shape[1] == len(self.skeleton) - 2:
+            body = np.concatenate([body, (4 * body[:, 20:22] - body[:, 18:20]) / 3], axis=1)
+        self._check(body)
+        scale = self._leg_length(self.skeleton.rest_joints()) / self._leg_length(body[0])
+        turns = rotations_from(self.skeleton, solve(body, self.fps, self.skeleton))
+        found = self.skeleton.forward_kinematics(turns, scale * body[:, 0])
+        return xp.asarray(found, device=device(joints))
+
+    def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
+        """Puts the lowest point on the floor and the start at the origin, facing +z."""
+        return canonical.canonicalize(joints, self.skeleton)
+
+    def encode(
+        self, joints: Float[Any, "frames joints 3"]
+    ) -> Float[Any, "frames_less_one features"]:
+        """Finds rotations that reach the joints, of a body that first faces the camera.
+
+        Args:
+            joints: Global positions of at least two frames, meters, y up, of the skeleton; call
+                `retarget` first for another body. The twist of hands, head and toes is not known.
+
+        Returns:
+            Features in float32, one row less than frames, as those with velocities.
+
+        Raises:
+            InputError: The joints do not fit the skeleton, are too few or not finite.
+        """
+        xp = array_namespace(joints)
+        places = np.asarray(joints, dtype=np.float64)
+        self._check(places)
+        places = self.canonicalize(places)
+        turns = rotations_from(self.skeleton, solve(places, self.fps, self.skeleton))
+        turns[:, 0] = np.array(UPRIGHT)[:, None] * turns[:, 0]
+        way = (places[:, 0] - places[0, 0]) * UPRIGHT
+        return xp.asarray(smpl_features(turns, way)[:-1], device=device(joints))
+
+    def decode(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames joints 3"]:
+        """Turns the skeleton; the clip starts above the origin at the height of who stands."""
+        xp = array_namespace(features)
+        signs = xp.asarray(UPRIGHT, dtype=features.dtype, device=device(features))
+        start = xp.asarray(
+            [0.0, self._standing, 0.0], dtype=features.dtype, device=device(features)
+        )
+        return self.camera_joints(features) * signs + start
+
+    def camera_joints(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames joints 3"]:
+        """Returns joints in the axes of the data, the root at zero in the first frame.
+
+        These are what HumanAct12's classifier looks at.
+        """
+        rotations, way = self.pose(features)
+        return self.skeleton.forward_kinematics(rotations, way - way[..., :1, :])
+
+    def pose(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> tuple[Float[Any, "*batch frames 24 3 3"], Float[Any, "*batch frames 3"]]:
+        """Returns the rotations of the joints and the way of the root, in the axes of the data.
+
+        Features of zero, as on padding, are the identity.
+        """
+        xp = array_namespace(features)
+        tokens = xp.reshape(features, (*features.shape[:-1], 6, TOKENS))
+        tokens = xp.moveaxis(tokens, -2, -1)
+        sixd, way = tokens[..., :-1, :], tokens[..., -1, :3]
+        still = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+        identity = xp.asarray(still, dtype=features.dtype, device=device(features))
+        blank = xp.sum(sixd * sixd, axis=-1, keepdims=True) < 1e-12
+        return matrix_from_sixd(xp.where(blank, identity, sixd), "rows"), way
+
+    def restart(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames features"]:
+        """Lets the way of the root begin at zero."""
+        xp = array_namespace(features)
+        is_way = xp.asarray(self._is_way, device=device(features))
+        return xp.where(is_way, features - features[..., :1, :], features)
+
+    def mirror(
+        self, features: Float[Any, "*batch frames features"]
+    ) -> Float[Any, "*batch frames features"]:
+        """Swaps left and right: x changes its sign, joints their side."""
+        xp = array_namespace(features)
+        order, signs = self._mirror_map
+        signs = xp.asarray(signs, dtype=features.dtype, device=device(features))
+        return features[..., order] * signs
+
+    @cached_property
+    def _is_way(self) -> np.ndarray:
+        tokens = np.zeros((6, TOKENS), bool)
+        tokens[:3, -1] = True
+        return tokens.ravel()
+
+    @cached_property
+    def _mirror_map(self) -> tuple[list[int], Float[np.ndarray, " features"]]:
+        """Which feature each comes from, and the sign it takes."""
+        sources = np.arange(self.width).reshape(6, TOKENS)[:, [*self.skeleton.mirror, TOKENS - 1]]
+        signs = np.repeat([[1, -1, -1, -1, 1, 1]], TOKENS, axis=0).T
+        signs[:, -1] = [-1, 1, 1, 1, 1, 1]
+        return sources.ravel().tolist(), signs.ravel().astype(np.float32)
+
+    @cached_property
+    def _standing(self) -> float:
+        """Height of the pelvis above the soles in rest pose."""
+        return -float(self.skeleton.rest_joints()[:, 1].min())
+
+    def _leg_length(self, joints: Float[np.ndarray, "joints 3"]) -> float:
+        above = [self.skeleton.parents[joint] for joint in self.leg]
+        return float(np.linalg.norm(joints[list(self.leg)] - joints[above], axis=-1).sum())
+
+    def _check(self, joints: Float[np.ndarray, "frames joints 3"]) -> None:
+        frames, count = joints.shape[:2]
+        if count != len(self.skeleton):
+            raise InputError(
+                f"{count} joints; {self.name} describes {len(self.skeleton)}: map them first"
+            )
+        if frames < 2:
+            raise InputError(f"{frames} frames; features need at least 2")
+        if not np.isfinite(joints).all():
+            raise InputError("joints that are not finite; drop or repair these frames first")
+
+
+def smpl_features(
+    rotations: Float[np.ndarray, "frames 24 3 3"], way: Float[np.ndarray, "frames 3"]
+) -> Float[np.ndarray, "frames 150"]:
+    """Lays rotations and the way of the root out as the networks see them, in float32."""
+    tokens = np.zeros((len(rotations), TOKENS, 6), np.float32)
+    tokens[:, :-1] = sixd_from_matrix(rotations, "rows")
+    tokens[:, -1, :3] = way
+    return np.swapaxes(tokens, 1, 2).reshape(len(tokens), -1)
+
+
+SMPL_FEATURES = SmplRepresentation(name="smpl", skeleton=skeleton.BODY, fps=20.0)
+"""The 150 features of HumanAct12 and UESTC, which name no frame rate; ACTOR plays 20 a second."""
