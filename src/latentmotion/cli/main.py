@@ -44,12 +44,15 @@ VERBS = {
     "export": Verb(f"{_CLI}.export:Export", "Make a trained model run without PyTorch."),
     "evaluate": Verb(f"{_CLI}.evaluate:Evaluate", "Measure a model for its card."),
     "convert evaluator": Verb(
-        f"{_CLI}.convert_evaluator:ConvertEvaluator", "Turn the T2M authors' evaluator into ours."
-    ),
-    "convert evaluator": Verb(
         f"{_CLI}.convert_evaluator:ConvertEvaluator", "Turn an official evaluator into a folder."
     ),
     "convert": Verb(f"{_CLI}.convert:Convert", "Turn the MLD authors' checkpoint into a model."),
+    "experiment list": Verb(
+        f"{_CLI}.experiment:ListExperiments", "Say which tables of the paper can be run."
+    ),
+    "experiment run": Verb(
+        f"{_CLI}.experiment:RunExperiment", "Train and measure the rows of a table."
+    ),
 }
 """The command line. Only the verb that was typed is imported."""
 

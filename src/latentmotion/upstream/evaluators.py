@@ -55,8 +55,8 @@ class EvaluatorFiles:
     """Folder with our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl."""
 
 
-def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> None:
-    """Converts the authors' evaluator; writes the whole folder or nothing.
+def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> TextMotionCard:
+    """Converts the authors' evaluator; writes the whole folder or nothing, returns what it is.
 
     Raises:
         ModelError: A file is missing, can't be opened safely, or is none of their evaluator.
@@ -83,6 +83,12 @@ def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> None:
     )
     normalizer = _statistics(files.statistics, config.features)
     save_text_motion(output, TextMotionEvaluator(card, networks, normalizer, vectors))
+    return card
+
+
+def holds_evaluator(content: Any) -> bool:
+    """Returns whether what a file holds has one of the three networks."""
+    return isinstance(content, Mapping) and any(_parts(content).values())
 
 
 def evaluator_weights(path: Path) -> dict[str, Tensor]:

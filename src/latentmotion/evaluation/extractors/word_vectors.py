@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -40,6 +40,7 @@ class Sentences:
     """True on real words."""
 
 
+@runtime_checkable
 class WordVectors(Protocol):
     """Captions to the vectors of their words."""
 
