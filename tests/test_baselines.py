@@ -17,6 +17,10 @@ from latentmotion.condition.interface import TextEmbedding
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.presets import preset_named
+from latentmotion.presets.mdm import mdm
+from latentmotion.runtime.eager import eager_generator
+from latentmotion.runtime.export import export_decoder
+from latentmotion.runtime.session import open_session
 from latentmotion.training.devices import Place
 from latentmotion.training.ema import ExponentialMovingAverage
 from latentmotion.training.randomness import Ranks
@@ -136,6 +140,43 @@ def test_diffusion_on_raw_frames_needs_no_first_stage(figures: Path, tmp_path: P
     assert model.card.latents.std == (1.0,)
     assert len(model.card.provenance.commands) == 1
     assert not (tmp_path / "run" / "latents.safetensors").exists()
+
+
+@pytest.mark.parametrize("steps", [6, 1000])
+def test_mdm_is_trained_and_generates_alone_as_in_a_batch(
+    figures: Path, tmp_path: Path, steps: int
+) -> None:
+    changes = {
+        "denoiser.condition_width": 6,
+        "denoiser.transformer": {**TINY, "skips": False, "final_norm": False},
+        "denoiser.sine_width": 16,
+        "denoiser_training.sample_every": 6,
+    }
+    experiment = quick(mdm(steps), **changes)
+    folder = train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", PLACE)
+    generator = eager_generator(folder, LetterCount())
+    assert (generator.card.sampler, generator.card.guidance) == ("ddpm", 2.5)
+    assert generator.card.steps == steps
+    prompts, frames, seeds = ["a person walks", "a person kicks"], [20, 12], [1, 2]
+    found = generator.features(prompts, frames, seeds, steps=6)
+    assert [part.shape for part in found] == [(20, 263), (12, 263)]
+    for row, part in enumerate(found):
+        part_of = slice(row, row + 1)
+        alone = generator.features(prompts[part_of], frames[part_of], seeds[part_of], steps=6)
+        np.testing.assert_allclose(alone[0], part, atol=1e-3)
+
+
+def test_mdm_has_no_first_stage_to_train(figures: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--vae none"):
+        train_vae(quick(mdm()), figures, tmp_path / "run", PLACE)
+
+
+def test_the_graph_of_raw_frames(tmp_path: Path) -> None:
+    export_decoder(IdentityVAE(5), 1, tmp_path / "decoder.onnx")
+    decoder = open_session(tmp_path / "decoder.onnx", "onnxruntime", 1)
+    latents = np.random.default_rng(0).standard_normal((3, 11, 5), dtype=np.float32)
+    mask = np.arange(11)[None].repeat(3, 0) < np.array([[11], [4], [1]])
+    np.testing.assert_array_equal(decoder(latents=latents, mask=mask), latents * mask[..., None])
 
 
 def test_raw_frames_are_not_normalized_twice(figures: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from latentmotion.baselines.mdm import mdm_denoiser
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
 from latentmotion.nn.dropout import Dropout
@@ -30,6 +31,9 @@ EXACT_UNDER_PADDING = {
     "length token": dataclasses.replace(OURS, length_token=True, time_scale=1000.0),
     "cross": dataclasses.replace(OURS, attention="cross", transformer=NO_SKIPS),
     "sine": dataclasses.replace(OURS, position="sine"),
+    "words added to time": dataclasses.replace(
+        OURS, words="added_to_time", places="context_first", transformer=NO_SKIPS
+    ),
 }
 CONFIGS = {
     **EXACT_UNDER_PADDING,
@@ -100,6 +104,24 @@ def test_the_paper_has_8_million_weights() -> None:
     count = sum(parameter.numel() for parameter in paper.build().parameters())
     unused = 500 * 256  # positions of a memory that only cross-attention has
     assert count == 8_349_184 - unused
+
+
+def test_mdm_has_17_9_million_weights() -> None:
+    network = mdm_denoiser(263, condition_width=512).build()
+    assert sum(parameter.numel() for parameter in network.parameters()) == 17_880_327
+
+
+@torch.no_grad()
+def test_words_are_added_to_the_time_as_their_mean() -> None:
+    network, z, t, condition, mask = build("words added to time")
+    pairs = zip(condition.tokens, condition.mask, strict=True)
+    means = torch.stack([row[real].mean(0) for row, real in pairs])
+    one = Conditioning(means[:, None], torch.ones(3, 1, dtype=torch.bool))
+    output = network(z, t, condition, mask)
+    assert torch.allclose(output, network(z, t, one, mask), atol=1e-5)
+    nothing = Conditioning(condition.tokens[:, :0], condition.mask[:, :0])
+    silent = network(z, t, nothing, mask)
+    assert silent.isfinite().all() and not torch.allclose(silent, output)
 
 
 def test_a_number_becomes_cosines_then_sines() -> None:

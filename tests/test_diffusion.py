@@ -13,11 +13,11 @@ import torch
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop
 from latentmotion.diffusion.prediction import Epsilon, Prediction, Sample, Velocity, add_noise
-from latentmotion.diffusion.sampler import DDIM, DDPM, Sampler, sample
-from latentmotion.diffusion.schedule import LinearPath, ScaledLinear, Schedule
+from latentmotion.diffusion.sampler import DDIM, DDPM, Sampler, sample, sampler_named
+from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
 from latentmotion.errors import InputError
 
-SCHEDULES = [ScaledLinear(), ScaledLinear(offset=0, ends_clean=True), LinearPath()]
+SCHEDULES = [ScaledLinear(), ScaledLinear(offset=0, ends_clean=True), Cosine(), LinearPath()]
 PREDICTIONS = [Epsilon(), Sample(), Velocity()]
 FOREIGN_NAMES = {"epsilon": Epsilon(), "sample": Sample(), "v_prediction": Velocity()}
 SHAPE = (3, 5, 4)
@@ -86,6 +86,30 @@ def test_signal_of_the_paper() -> None:
     assert ScaledLinear().alpha(-1) == 1
 
 
+def foreign_betas(length: int) -> np.ndarray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        diffusers = pytest.importorskip("diffusers")
+    name = "squaredcos_cap_v2"
+    return diffusers.DDPMScheduler(num_train_timesteps=length, beta_schedule=name).betas.numpy()
+
+
+@pytest.mark.parametrize("length", [1000, 50])
+def test_mdms_signal_is_a_squared_cosine(length: int) -> None:
+    schedule = Cosine(length)
+    signal = np.array([schedule.alpha(t) ** 2 for t in [-1, *range(length)]])
+    assert signal[0] == 1
+    betas = 1 - signal[1:] / signal[:-1]
+    assert np.allclose(betas, foreign_betas(length), rtol=1e-4, atol=1e-7)
+    fractions = np.arange(length) / length
+    cosine = np.cos(np.pi / 2 * (fractions + 0.008) / 1.008) ** 2
+    assert np.allclose(signal[:-1], cosine / cosine[0], rtol=1e-6)
+    assert schedule.alpha(length - 1) < 0.05
+    assert schedule.times(length).tolist() == [*range(length - 1, -1, -1), -1]
+    with pytest.raises(InputError, match=str(length + 1)):
+        schedule.times(length + 1)
+
+
 @pytest.mark.parametrize("schedule", SCHEDULES)
 def test_a_scalar_time_is_a_vector_of_equal_times(schedule: Schedule) -> None:
     times = schedule.times(10)[1:-1]
@@ -126,6 +150,31 @@ def test_velocity_is_the_slope_of_the_line() -> None:
 
 
 # Samplers
+
+
+@pytest.mark.parametrize(("length", "steps"), [(1000, 1000), (1000, 50), (50, 50)])
+def test_mdms_ancestral_sampling_against_diffusers(length: int, steps: int) -> None:
+    """The answer is a clean sample; the last step returns it as it is."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        diffusers = pytest.importorskip("diffusers")
+    foreign = diffusers.DDPMScheduler(
+        num_train_timesteps=length,
+        beta_schedule="squaredcos_cap_v2",
+        prediction_type="sample",
+        clip_sample=False,
+    )
+    foreign.set_timesteps(steps)
+    ours = sampler_named("ddpm", Cosine(length), Sample())
+    theirs, z = torch.from_numpy(normal(0)), normal(0)
+    seed, same_seed = torch.Generator().manual_seed(5), torch.Generator().manual_seed(5)
+    for t, s in pairwise(ours.schedule.times(steps).tolist()):
+        theirs = foreign.step(toy_network(theirs, t), int(t), theirs, generator=seed).prev_sample
+        draw = lambda shape: torch.randn(shape, generator=same_seed).numpy()  # noqa: E731
+        answer = toy_network(z, t)
+        z = ours.step(answer, z, t, s, draw)
+    assert np.abs(z - theirs.numpy()).max() < 2e-3 * np.abs(z).max()
+    assert np.allclose(z, answer, atol=1e-5)
 
 
 def foreign_scheduler(kind: str, prediction: str) -> Any:

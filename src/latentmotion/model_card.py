@@ -9,7 +9,7 @@ from typing import Any, Literal
 from latentmotion.configuration import read_json, write_json
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
 from latentmotion.diffusion.sampler import SamplerName
-from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
+from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, ModelError
 
 FORMAT = 1
@@ -76,7 +76,7 @@ class ModelCard:
     """Standard deviation of each feature."""
     latents: LatentSpace
     """Shape and scale of the latents."""
-    schedule: ScaledLinear | LinearPath
+    schedule: ScaledLinear | Cosine | LinearPath
     """Noise schedule."""
     prediction: Epsilon | Sample | Velocity
     """What the denoiser predicts."""

@@ -38,6 +38,26 @@ class TimeAndLengthTokens(nn.Module):
         return torch.stack([self.time(t), self.length(count)], dim=1)
 
 
+class NumbersThenWords(nn.Module):
+    """Words of the condition are tokens of their own."""
+
+    def forward(self, numbers: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns (batch, numbers + words, width), and which of them are real."""
+        always = torch.ones_like(numbers[..., 0], dtype=torch.bool)
+        return torch.cat([numbers, words], dim=1), torch.cat([always, mask], dim=1)
+
+
+class WordsAddedToTime(nn.Module):
+    """The mean of the real words is added to the time's token, as in MDM (Tevet et al. 2023)."""
+
+    def forward(self, numbers: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns the numbers' tokens, all of them real."""
+        weights = mask / mask.sum(dim=1, keepdim=True).clamp(min=1)
+        mean = (words * weights[..., None]).sum(dim=1, keepdim=True)
+        context = torch.cat([numbers[:, :1] + mean, numbers[:, 1:]], dim=1)
+        return context, torch.ones_like(context[..., 0], dtype=torch.bool)
+
+
 class SeparatePlaces(nn.Module):
     """Latents and context have a table each, so padding on either side moves nothing."""
 

@@ -1,6 +1,6 @@
 """The network that sees noisy latents, the time and the condition (paper, section 3.2).
 
-    context = [time token, (length token,) condition words]
+    context = [time token, (length token,) condition words]   or the words added to the time
     in context:       encoder([latents, context]), of which the latents are kept
     cross-attention:  decoder(latents, memory = context)
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
@@ -22,10 +21,12 @@ from latentmotion.diffusion.context import (
     ContextFirst,
     InContext,
     LatentsFirst,
+    NumbersThenWords,
     SeePadding,
     SeparatePlaces,
     TimeAndLengthTokens,
     TimeToken,
+    WordsAddedToTime,
 )
 from latentmotion.nn.position import PositionKind, build_position
 from latentmotion.nn.timestep import NumberEmbedding
@@ -40,6 +41,7 @@ class Denoiser(nn.Module):
         latents_out: And back.
         condition_in: Words of the condition to tokens.
         numbers: Time and mask to one or two tokens.
+        joining: Numbers and words to the context and its mask.
         places: Adds positions to latents and context.
         body: The transformer, called with latents, their mask, context and its mask.
         padding: What attention sees of the latents' mask.
@@ -51,6 +53,7 @@ class Denoiser(nn.Module):
         latents_out: nn.Module,
         condition_in: nn.Module,
         numbers: nn.Module,
+        joining: nn.Module,
         places: nn.Module,
         body: nn.Module,
         padding: nn.Module,
@@ -60,6 +63,7 @@ class Denoiser(nn.Module):
         self.latents_out = latents_out
         self.condition_in = condition_in
         self.numbers = numbers
+        self.joining = joining
         self.places = places
         self.body = body
         self.padding = padding
@@ -80,9 +84,8 @@ class Denoiser(nn.Module):
             mask: True on real latent tokens.
         """
         numbers = self.numbers(t.expand(z.shape[0]), mask)
-        context = torch.cat([numbers, self.condition_in(condition.tokens)], dim=1)
-        always = torch.ones_like(numbers[..., 0], dtype=torch.bool)
-        context_mask = torch.cat([always, condition.mask], dim=1)
+        words = self.condition_in(condition.tokens)
+        context, context_mask = self.joining(numbers, words, condition.mask)
         latents, context = self.places(self.latents_in(z), context)
         latents = self.body(latents, self.padding(mask), context, context_mask)
         return self.latents_out(latents) * mask[..., None]
@@ -104,6 +107,8 @@ class DenoiserConfig:
     """Whether a learned projection leads latents in and out; without, the widths must be equal."""
     condition_projection: Literal["linear", "relu_linear", "table", "none"] = "linear"
     """How words become tokens; `table` is for one-hot labels, `relu_linear` is the paper's."""
+    words: Literal["tokens", "added_to_time"] = "tokens"
+    """Whether words are tokens of their own, or added to the time's as in MDM."""
     attention: Literal["in_context", "cross"] = "in_context"
     """How latents meet the context."""
     places: Literal["separate", "latents_first", "context_first"] = "separate"
@@ -128,6 +133,7 @@ class DenoiserConfig:
             latents_out=nn.Linear(*outer) if self.project_latents else nn.Identity(),
             condition_in=self._condition_in(width),
             numbers=self._numbers(width),
+            joining=WordsAddedToTime() if self.words == "added_to_time" else NumbersThenWords(),
             places=self._places(width),
             body=self._body(),
             padding=SeePadding() if self.sees_padding else nn.Identity(),

@@ -16,7 +16,7 @@ from torch import Tensor
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity, add_noise
-from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
+from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.nn.masked import mean_of_real
 
 
@@ -24,7 +24,7 @@ from latentmotion.nn.masked import mean_of_real
 class DenoiserObjective:
     """What the denoiser learns; the defaults are the paper's."""
 
-    schedule: ScaledLinear | LinearPath = field(default_factory=ScaledLinear)
+    schedule: ScaledLinear | Cosine | LinearPath = field(default_factory=ScaledLinear)
     """Noise schedule."""
     prediction: Epsilon | Sample | Velocity = field(default_factory=Epsilon)
     """What the network predicts."""

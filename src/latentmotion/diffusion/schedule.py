@@ -1,12 +1,14 @@
 """How much signal and how much noise there is at time t: z_t = alpha(t) z_0 + sigma(t) epsilon.
 
 `ScaledLinear` is the paper's (section 3.2; variance preserving, 1,000 discrete times, betas linear
-in their square root, as Stable Diffusion's). `LinearPath` is the straight line of flow matching
+in their square root, as Stable Diffusion's). `Cosine` is MDM's (Nichol & Dhariwal 2021): the signal
+falls like a squared cosine. `LinearPath` is the straight line of flow matching
 (Lipman et al. 2023; Liu et al. 2023): alpha = 1 - t, sigma = t.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
@@ -45,9 +47,33 @@ class Schedule(Protocol):
         ...
 
 
+class DiscreteTimes(ABC):
+    """Variance preserving, at the times 0, 1, …; time -1 means no noise at all.
+
+    signal(t) = alpha² = product of 1 - beta up to t, sigma² = 1 - alpha².
+    """
+
+    @property
+    @abstractmethod
+    def signal(self) -> np.ndarray:
+        """The signal at every time, and 1 as the last entry."""
+
+    def alpha(self, t: Time) -> Any:
+        """Returns sqrt of the signal."""
+        return _look_up(np.sqrt(self.signal), t)
+
+    def sigma(self, t: Time) -> Any:
+        """Returns sqrt(1 - alpha²)."""
+        return _look_up(np.sqrt(1 - self.signal), t)
+
+    def slope(self, t: Time) -> tuple[Any, Any]:
+        """Returns (-sigma, alpha): v = alpha epsilon - sigma z_0 (Salimans & Ho 2022)."""
+        return -self.sigma(t), self.alpha(t)
+
+
 @dataclass(frozen=True)
-class ScaledLinear:
-    """The paper's schedule of discrete times; time -1 means no noise at all.
+class ScaledLinear(DiscreteTimes):
+    """The paper's schedule.
 
     With the defaults the times are those of the authors' DDIM (..., 21, 1, then 0, which keeps a
     hair of noise); `offset=0, ends_clean=True` gives those of their DDPM (..., 1, 0, then -1).
@@ -64,35 +90,47 @@ class ScaledLinear:
     ends_clean: bool = False
     """Whether sampling ends at -1, without noise, instead of at 0."""
 
-    def alpha(self, t: Time) -> Any:
-        """Returns sqrt of the cumulative product of 1 - beta."""
-        return _look_up(np.sqrt(self._signal), t)
-
-    def sigma(self, t: Time) -> Any:
-        """Returns sqrt(1 - alpha²)."""
-        return _look_up(np.sqrt(1 - self._signal), t)
-
-    def slope(self, t: Time) -> tuple[Any, Any]:
-        """Returns (-sigma, alpha): v = alpha epsilon - sigma z_0 (Salimans & Ho 2022)."""
-        return -self.sigma(t), self.alpha(t)
-
     def at(self, u: Any) -> Any:
         """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
         return array_namespace(u).floor(u * self.length)
 
     def times(self, steps: int) -> np.ndarray:
         """Returns times with the spacing that diffusers calls leading."""
-        _check_steps(steps, self.length)
-        spacing = self.length // steps
         # With a step for every time there is no room for the offset; diffusers fails there.
-        offset = min(self.offset, self.length - 1 - (steps - 1) * spacing)
-        times = np.arange(steps - 1, -1, -1) * spacing + offset
-        return np.append(times, -1 if self.ends_clean else 0).astype(np.float32)
+        times = _leading(self.length, steps)
+        offset = min(self.offset, self.length - 1 - int(times[0]))
+        return np.append(times + offset, -1 if self.ends_clean else 0).astype(np.float32)
 
     @cached_property
-    def _signal(self) -> np.ndarray:
-        beta = np.linspace(self.start**0.5, self.end**0.5, self.length) ** 2
-        return np.append(np.cumprod(1 - beta), 1.0)  # entry -1: no noise
+    def signal(self) -> np.ndarray:
+        """The signal where sqrt(beta) rises linearly."""
+        return _signal(np.linspace(self.start**0.5, self.end**0.5, self.length) ** 2)
+
+
+@dataclass(frozen=True)
+class Cosine(DiscreteTimes):
+    """The schedule of MDM; sampling ends without noise.
+
+    beta(t) = 1 - f(t + 1) / f(t) ≤ 0.999 with f(t) = cos²(π/2 · (t / length + 0.008) / 1.008).
+    """
+
+    length: int = 1000
+    """Number of discrete times: 1,000, or 50 in MDM's fast form, which is trained with so few."""
+
+    def at(self, u: Any) -> Any:
+        """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
+        return array_namespace(u).floor(u * self.length)
+
+    def times(self, steps: int) -> np.ndarray:
+        """Returns times with the spacing that diffusers calls leading, then -1."""
+        return np.append(_leading(self.length, steps), -1).astype(np.float32)
+
+    @cached_property
+    def signal(self) -> np.ndarray:
+        """The signal, a squared cosine but for its very end."""
+        fractions = np.arange(self.length + 1) / self.length
+        f = np.cos(np.pi / 2 * (fractions + 0.008) / 1.008) ** 2
+        return _signal(np.minimum(1 - f[1:] / f[:-1], 0.999))
 
 
 @dataclass(frozen=True)
@@ -119,6 +157,15 @@ class LinearPath:
         """Returns equal steps from 1 down to 0."""
         _check_steps(steps, 10_000)
         return np.linspace(1, 0, steps + 1, dtype=np.float32)
+
+
+def _signal(beta: np.ndarray) -> np.ndarray:
+    return np.append(np.cumprod(1 - beta), 1.0)  # entry -1: no noise
+
+
+def _leading(length: int, steps: int) -> np.ndarray:
+    _check_steps(steps, length)
+    return np.arange(steps - 1, -1, -1) * (length // steps)
 
 
 def _look_up(table: np.ndarray, t: Time) -> Any:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
 from latentmotion.presets.baselines import actor, vposer_t
+from latentmotion.presets.mdm import mdm, mdm_50
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
 from latentmotion.presets.starter import starter
 
@@ -16,6 +17,8 @@ PRESETS: dict[str, Callable[[], Experiment]] = {
     "mld_humanml3d": mld_humanml3d,
     "actor": actor,
     "vposer_t": vposer_t,
+    "mdm": mdm,
+    "mdm_50": mdm_50,
 }
 
 

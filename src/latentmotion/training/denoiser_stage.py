@@ -28,7 +28,7 @@ DRAWS = 4
 """Times and noises at which held-out motions are measured."""
 
 SAMPLING_STEPS = 20
-"""Sampling steps of the motions in a picture."""
+"""Most sampling steps of the motions in a picture."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,8 @@ class DenoiserStage(Stage[Denoiser]):
         z = torch.from_numpy(noise((*mask.shape, self._experiment.denoiser.latent_width)))
         guided = ClassifierFreeGuidance(network, self._null, sampling.guidance)
         sampler = sampler_named(sampling.sampler, objective.schedule, objective.prediction)
-        z = sample(guided, sampler, z.to(device), condition, mask, SAMPLING_STEPS, noise)
+        steps = min(SAMPLING_STEPS, sampling.steps)
+        z = sample(guided, sampler, z.to(device), condition, mask, steps, noise)
         return self._decoder(z, captions)
 
     def _loss(
