@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from array_api_compat import array_namespace
 from jaxtyping import Float
 
@@ -28,3 +29,11 @@ def mpjpe(
     if align:
         predicted, true = predicted - predicted[..., :1, :], true - true[..., :1, :]
     return 1000 * float(xp.mean(xp.sqrt(xp.sum((predicted - true) ** 2, axis=-1))))
+
+
+def joint_errors(
+    predicted: Float[np.ndarray, "frames joints 3"], true: Float[np.ndarray, "frames joints 3"]
+) -> Float[np.ndarray, " frames"]:
+    """Returns the mean error of each frame after the root is moved to the origin, in its unit."""
+    apart = (predicted - predicted[:, :1]) - (true - true[:, :1])
+    return np.linalg.norm(apart, axis=-1).mean(axis=-1)

@@ -1,0 +1,56 @@
+"""What a reader of a report must know to compare its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from latentmotion.data.dataset import Dataset
+from latentmotion.evaluation.extractors.interface import TextMotionExtractor
+from latentmotion.evaluation.observation import Extractor
+from latentmotion.evaluation.settings import Protocol
+from latentmotion.evaluation.trials import Lengths, Needs, TestItem
+
+
+def remarks(
+    dataset: Dataset,
+    items: Sequence[TestItem],
+    lengths: Lengths,
+    needs: Needs,
+    protocol: Protocol,
+    extractor: Extractor | None,
+) -> list[str]:
+    """Returns the notes of a report, a sentence each."""
+    clips = len(dataset.clips(protocol.split))
+    asked = {"text": "with captions", "action": "with a label"}.get(needs, "of any kind")
+    notes = [
+        f"{len(items)} items {asked} of {lengths.shortest} to {lengths.longest} frames, from "
+        f"{clips} clips of the {protocol.split} split"
+    ]
+    if extractor is None:
+        notes.append("no evaluator, so metrics of positions alone")
+    elif isinstance(extractor, TextMotionExtractor):
+        notes += _of_text(len(items), extractor.width, protocol)
+    if protocol.nearest_clip:
+        notes.append("the nearest training clip is looked for in the first replication alone")
+    return notes
+
+
+def _of_text(items: int, width: int, protocol: Protocol) -> list[str]:
+    pairs, repeats, rest = protocol.quirks.drawn_pairs, protocol.repeats, items % protocol.group
+    notes = []
+    if items < protocol.group:
+        notes.append(f"R-precision ranks among {items} motions, since there are no more")
+    elif rest and protocol.quirks.remainder_dropped:
+        notes.append(
+            f"{rest} items of each replication have no R-precision, as in the authors' code"
+        )
+    if items <= width:
+        notes.append(
+            f"FID from {items} motions and {width} features is biased upward: compare it with rows "
+            "of as many motions alone, or see KID"
+        )
+    if pairs and items < pairs.text_diversity:
+        notes.append(f"diversity is of {items} pairs, not {pairs.text_diversity}")
+    if repeats.texts > items:
+        notes.append(f"MultiModality is of {items} captions, not {repeats.texts}")
+    return notes

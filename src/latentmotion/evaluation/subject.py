@@ -1,0 +1,203 @@
+"""Whom a report is about: a generator, a VAE that repeats motions, or its prior.
+
+A subject answers a trial with one motion per question, as features in their own units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.sampler import SamplerName
+from latentmotion.evaluation.settings import Protocol as Settings
+from latentmotion.evaluation.trials import Question, Trial
+from latentmotion.model_card import ModelCard
+from latentmotion.order import batches
+from latentmotion.prior import MotionPrior
+from latentmotion.representation.normalizer import Normalizer
+from latentmotion.vae.interface import MotionVAE
+
+Motions = list[Float[np.ndarray, "_ features"]]
+
+MOST_AT_ONCE = 32
+"""Motions that a VAE repeats together."""
+
+
+@runtime_checkable
+class Subject(Protocol):
+    """What is measured."""
+
+    @property
+    def card(self) -> ModelCard:
+        """What the model is."""
+        ...
+
+    @property
+    def row(self) -> str:
+        """Its row in the report."""
+        ...
+
+    @property
+    def weights(self) -> str:
+        """Hash of its files; empty where it does not come from a folder."""
+        ...
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it sees the motion that it shall answer with."""
+        ...
+
+    @property
+    def prompted(self) -> bool:
+        """Whether its answers have to do with the question, so that they can match it."""
+        ...
+
+    def __call__(self, trial: Trial, settings: Settings) -> Motions:
+        """Answers a trial."""
+        ...
+
+
+@runtime_checkable
+class Generator(Protocol):
+    """What is asked of a `MotionGenerator`."""
+
+    @property
+    def card(self) -> ModelCard:
+        """What the model is."""
+        ...
+
+    def features(
+        self,
+        prompts: Sequence[str],
+        frames: Sequence[int],
+        seeds: Sequence[int],
+        steps: int | None = None,
+        guidance: float | None = None,
+        sampler: SamplerName | None = None,
+    ) -> Motions:
+        """Returns motions in their own units, (frames, features)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Generated:
+    """Motions that a generator makes of the questions' sentences, labels, or lengths alone."""
+
+    generator: Generator
+    """The model, a `MotionGenerator`."""
+    steps: int | None = None
+    """Sampling steps; by default the model's own."""
+    guidance: float | None = None
+    """Guidance scale; by default the model's own."""
+    sampler: SamplerName | None = None
+    """Rule of a step; by default the model's own."""
+    weights: str = ""
+    """Hash of its files."""
+    row: str = "generated"
+    """Its row in the report."""
+    repeats = False
+
+    @property
+    def card(self) -> ModelCard:
+        """What the model is."""
+        return self.generator.card
+
+    @property
+    def prompted(self) -> bool:
+        """Whether it is asked anything."""
+        return self.card.task != "unconditional"
+
+    def __call__(self, trial: Trial, settings: Settings) -> Motions:
+        """Answers a trial."""
+        seeds = settings.seeds("motions", trial.replication, len(trial.questions))
+        return self.answer(trial.questions, seeds)
+
+    def answer(self, questions: Sequence[Question], seeds: Sequence[int]) -> Motions:
+        """Answers questions with seeds of one's own."""
+        prompts = [question.prompt(self.card.task) for question in questions]
+        frames = [question.frames for question in questions]
+        return self.generator.features(
+            prompts, frames, seeds, self.steps, self.guidance, self.sampler
+        )
+
+
+@dataclass(frozen=True)
+class Reconstructed:
+    """The real motions, encoded and decoded by a VAE."""
+
+    vae: MotionVAE
+    """The VAE."""
+    card: ModelCard
+    """What the model is; its normalizer is used."""
+    sampled: bool | None = None
+    """Whether latents are drawn, or the posterior's mean; by default as the protocol has it."""
+    weights: str = ""
+    """Hash of its files."""
+    row: str = "reconstruction"
+    """Its row in the report."""
+    repeats = True
+    prompted = True
+
+    def __call__(self, trial: Trial, settings: Settings) -> Motions:
+        """Answers a trial."""
+        sampled = settings.quirks.sampled_latents if self.sampled is None else self.sampled
+        seeds = settings.seeds("motions", trial.replication, len(trial.questions))
+        found: dict[int, np.ndarray] = {}
+        for rows in batches(trial.frames, MOST_AT_ONCE):
+            motions = [trial.features[row] for row in rows]
+            drawn = [seeds[row] for row in rows] if sampled else None
+            found |= dict(zip(rows, self._repeat(motions, drawn), strict=True))
+        return [found[row] for row in range(len(trial.questions))]
+
+    @torch.no_grad()
+    def _repeat(self, motions: Motions, seeds: list[int] | None) -> Motions:
+        frames = [len(motion) for motion in motions]
+        normalizer = self._normalizer
+        padded = np.zeros((len(motions), max(frames), motions[0].shape[1]), np.float32)
+        for row, motion in zip(padded, motions, strict=True):
+            row[: len(motion)] = normalizer.normalize(motion)
+        mask = torch.arange(max(frames)) < torch.tensor(frames)[:, None]
+        posterior = self.vae.encode(torch.from_numpy(padded), mask)
+        latents = posterior.mean
+        if seeds is not None:
+            tokens = self.vae.latent_mask(mask).sum(1).tolist()
+            noise = SeededNoise(seeds, tokens)(tuple(latents.shape))
+            latents = latents + posterior.std * torch.from_numpy(noise)
+        decoded = normalizer.denormalize(self.vae.decode(latents, mask).numpy())
+        return [features[:length] for features, length in zip(decoded, frames, strict=True)]
+
+    @property
+    def _normalizer(self) -> Normalizer:
+        card = self.card
+        mean, std = (np.array(v, np.float32) for v in (card.normalizer_mean, card.normalizer_std))
+        return Normalizer(mean, std)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Motions decoded from a VAE's prior, of the questions' lengths."""
+
+    prior: MotionPrior
+    """The model."""
+    weights: str = ""
+    """Hash of its files."""
+    row: str = "prior"
+    """Its row in the report."""
+    repeats = False
+    prompted = False
+
+    @property
+    def card(self) -> ModelCard:
+        """What the model is."""
+        return self.prior.card
+
+    def __call__(self, trial: Trial, settings: Settings) -> Motions:
+        """Answers a trial."""
+        seeds = settings.seeds("motions", trial.replication, len(trial.questions))
+        return self.prior.features(trial.frames, seeds)
