@@ -32,7 +32,7 @@ def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = 
         data_hashes={**before.data_hashes, **hashes},
         license=_license([source.license for source in sources]),
         commands=(*before.commands, command_line()),
-        commit=_commit(),
+        commit=commit(),
         machine=describe_machine(),
         hours=round(before.hours + seconds / 3600, 3),
     )
@@ -64,7 +64,8 @@ def _processor() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-def _commit() -> str:
+def commit() -> str:
+    """Returns the commit of this code; empty where it is not in a repository."""
     command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
