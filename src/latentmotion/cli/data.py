@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from latentmotion.cli.prepare_actions import PrepareHumanAct12, PrepareLabelled, PrepareUestc
 from latentmotion.data.clip import Source
 from latentmotion.data.cmu import CMU, CmuTrials
 from latentmotion.data.encoding import encode_all
@@ -101,7 +102,7 @@ class PrepareKit:
 
 @dataclass(frozen=True)
 class PrepareOwn:
-    """Take your own BVH (or AMC) files, with captions beside them or in one CSV."""
+    """Take your own BVH, AMC or NPZ files, with captions beside them or in one CSV."""
 
     folder: tyro.conf.Positional[Path]
     """Folder of motion files, in any nesting."""
@@ -152,6 +153,9 @@ Prepare = (
     | Annotated[PrepareHumanML3D, tyro.conf.subcommand("humanml3d")]
     | Annotated[PrepareKit, tyro.conf.subcommand("kit")]
     | Annotated[PrepareOwn, tyro.conf.subcommand("own")]
+    | Annotated[PrepareHumanAct12, tyro.conf.subcommand("humanact12")]
+    | Annotated[PrepareUestc, tyro.conf.subcommand("uestc")]
+    | Annotated[PrepareLabelled, tyro.conf.subcommand("labelled")]
 )
 """One subcommand per source."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -15,13 +16,14 @@ from latentmotion.data.humanml3d import FEATURES
 from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.own import find_motions
 from latentmotion.data.report import Report, parts_of
+from latentmotion.data.uestc import ACTIONS, FRAMES, NAMES, POSES, UESTC
 from latentmotion.errors import DataError
 from latentmotion.files import sha256
 
 _EXPECTED = (
     f"expected a prepared folder ({MANIFEST}), HumanML3D's captions (index.csv, texts, train.txt), "
-    f"an official processed folder ({FEATURES}), CMU trials (SS_TT.amc or .bvh), HDM05's clips "
-    "(HDM_ACTOR_CLASS_NNN_120.amc) or your own BVH files"
+    f"an official processed folder ({FEATURES}), humanact12poses.pkl or {POSES}, CMU "
+    "trials (SS_TT.amc or .bvh), HDM05's clips (HDM_ACTOR_CLASS_NNN_120.amc) or your own BVH files"
 )
 
 
@@ -35,7 +37,8 @@ def inspect_folder(folder: Path) -> list[str]:
         raise DataError(f"no folder {folder}; {_EXPECTED}")
     if (folder / MANIFEST).is_file():
         return list(_prepared(folder))
-    lines = [line for look in (_annotations, _official, _motions) for line in look(folder)]
+    looks = (_annotations, _official, _poses, _motions)
+    lines = [line for look in looks for line in look(folder)]
     if not lines:
         raise DataError(f"{folder}: found nothing known; {_EXPECTED}")
     return lines
@@ -54,6 +57,9 @@ def _prepared(folder: Path) -> Iterator[str]:
     yield f"prepared data set: {manifest.representation}, {manifest.fps:g} fps, every hash right"
     yield Report(parts_of(manifest), (), None).table()
     yield f"normalizer: {manifest.normalizer.origin}"
+    if counts := Counter(clip.action for clip in manifest.clips if clip.action):
+        every = ", ".join(f"{action} {count}" for action, count in sorted(counts.items()))
+        yield f"actions: {len(counts)} ({every})"
     for source in manifest.sources:
         yield f"source {source.name}: {source.license}. Credit: {source.credit}"
 
@@ -80,6 +86,18 @@ def _official(folder: Path) -> Iterator[str]:
         if not (folder / name).exists():
             yield f"  missing {name}: {GET_IT}"
     yield f"next: latentmotion data prepare humanml3d {folder} -o OUT (or kit)"
+
+
+def _poses(folder: Path) -> Iterator[str]:
+    for path in sorted(folder.rglob("humanact12poses.pkl")):
+        yield "HumanAct12 with SMPL's poses"
+        yield f"next: latentmotion data prepare humanact12 --poses {path} -o OUT"
+    for path in sorted(folder.rglob(POSES)):
+        yield "UESTC with VIBE's poses"
+        for name in (NAMES, FRAMES, ACTIONS):
+            if not (path.parent / name).is_file():
+                yield f"  missing {name}, from {UESTC.url}"
+        yield f"next: latentmotion data prepare uestc --folder {path.parent} -o OUT"
 
 
 def _motions(folder: Path) -> Iterator[str]:

@@ -1,7 +1,9 @@
-"""Your own motion capture: BVH (or AMC) files with captions beside them or in one CSV.
+"""Your own motion capture: BVH, AMC or NPZ files with captions beside them, in a CSV, or labels.
 
     walk.bvh + walk.txt     one sentence a line; HumanML3D's `sentence#tokens#from#to` works too
     captions.csv            columns file, caption; also: from, to (seconds), split, action
+    LABEL/take.bvh          where folders are labels: each file is of that action
+    test/LABEL/take.bvh     and of that split, if the first folder is train, val or test
 
 Each file becomes one clip. Mirrored copies get the same sentences with left and right swapped.
 """
@@ -15,16 +17,27 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from latentmotion.data.captions import TaggedSentence, mirror_sentence, parse_sentences
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.animation import Animation
+from latentmotion.data.captions import (
+    TaggedSentence,
+    mirror_sentence,
+    mirror_words,
+    parse_sentences,
+)
 from latentmotion.data.clip import SPLITS, Source, Split
 from latentmotion.data.recording import Dropped, Label, Recording
-from latentmotion.data.resampling import joints_at
+from latentmotion.data.resampling import interpolate, joints_at, whole_step
 from latentmotion.errors import DataError, FileFormatError
-from latentmotion.formats.asf_amc import read_asf_amc
+from latentmotion.formats import npz
+from latentmotion.formats.asf_amc import find_asf, read_asf_amc
 from latentmotion.formats.bvh import read_bvh
 from latentmotion.joint_map import JointMap
+from latentmotion.skeleton import HUMANML3D
 
-ENDINGS = (".bvh", ".amc")
+ENDINGS = (".bvh", ".amc", ".npz")
 FPS = 20
 
 _NEEDED, _OPTIONAL = ("file", "caption"), ("from", "to", "split", "action")
@@ -59,6 +72,8 @@ class OwnMotions:
     """Part of the files that goes to the val split, where the CSV does not say."""
     test: float = 0.05
     """Part of the files that goes to the test split, where the CSV does not say."""
+    labelled: bool = False
+    """Whether the name of the folder that a file lies in is its action."""
 
     def recordings(self) -> Iterator[Recording | Dropped]:
         """Yields every motion file.
@@ -85,7 +100,7 @@ class OwnMotions:
                     yield Dropped(name, "caption", reason)
 
     def _recording(self, name: str, path: Path, known: _Known | None) -> Recording:
-        known = known or _Known(list(_beside(path)))
+        known = known or self._unlisted(path)
         label = Label(
             id=name.replace("/", "-"),
             source=self.source.name,
@@ -94,12 +109,33 @@ class OwnMotions:
             sentences=tuple(known.sentences),
             mirrored_sentences=tuple(map(mirror_sentence, known.sentences)),
             action=known.action,
-            mirrored_action=known.action,
+            mirrored_action=mirror_words(known.action) if known.action else None,
         )
-        is_bvh = path.suffix.lower() == ".bvh"
-        animation = read_bvh(path, self.unit) if is_bvh else read_asf_amc(path)
-        rate = self.fps or animation.fps
-        return Recording(label, joints_at(animation, FPS, rate, self.joint_map))
+        return Recording(label, self._joints(path))
+
+    def _unlisted(self, path: Path) -> _Known:
+        """Returns what a file's place and the sentences beside it say."""
+        sentences = list(_beside(path))
+        if not self.labelled:
+            return _Known(sentences)
+        above = path.relative_to(self.folder).parts[:-1]
+        split = next((split for split in SPLITS if above[:1] == (split,)), None)
+        folders = above[1:] if split else above
+        if not folders:
+            raise DataError("lies in no folder whose name is its action")
+        return _Known(sentences, split, folders[-1])
+
+    def _joints(self, path: Path) -> Float[np.ndarray, "frames joints 3"]:
+        ending = path.suffix.lower()
+        if ending == ".npz":
+            return _joints_of_npz(path, self.fps)
+        animation = read_bvh(path, self.unit) if ending == ".bvh" else self._read_amc(path)
+        return joints_at(animation, FPS, self.fps or animation.fps, self.joint_map)
+
+    def _read_amc(self, path: Path) -> Animation:
+        """Reads a motion whose skeleton lies beside it or at the top."""
+        beside = any(other.suffix.lower() == ".asf" for other in path.parent.iterdir())
+        return read_asf_amc(path, find_asf(path if beside else self.folder / path.name))
 
     def _split(self, name: str) -> Split:
         """Draws by hash, so that more files never move a file to another split."""
@@ -116,11 +152,21 @@ def find_motions(folder: Path) -> dict[str, Path]:
         DataError: There is no such folder, or no motion file in it.
     """
     if not folder.is_dir():
-        raise DataError(f"no folder {folder}; it should hold your BVH files")
+        raise DataError(f"no folder {folder}; it should hold your motion files")
     paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in ENDINGS)
     if not paths:
         raise DataError(f"{folder}: expected motion files ({', '.join(ENDINGS)}), found none")
     return {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
+
+
+def _joints_of_npz(path: Path, fps: float | None) -> Float[np.ndarray, "frames joints 3"]:
+    motions = npz.read(path)
+    if len(motions) != 1 or motions[0].skeleton.names[: len(HUMANML3D)] != HUMANML3D.names:
+        found = f"{len(motions)} takes of {motions[0].skeleton.name!r}"
+        raise FileFormatError(path, f"{found}, expected one of HumanML3D's {len(HUMANML3D)} joints")
+    joints, rate = motions[0].joints[:, : len(HUMANML3D)], fps or motions[0].fps
+    step = whole_step(FPS, rate)
+    return joints[::step] if step else interpolate(joints, rate / FPS)
 
 
 def _beside(path: Path) -> tuple[TaggedSentence, ...]:

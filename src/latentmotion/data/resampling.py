@@ -33,10 +33,17 @@ def joints_at(
         raise DataError(
             f"{native_fps:g} frames per second are too few for {fps:g}; check the rate given"
         )
-    step = round(native_fps / fps)
-    if step >= 1 and math.isclose(native_fps / fps, step, rel_tol=0.005):
+    step = whole_step(fps, native_fps)
+    if step is not None:
         return to_humanml3d(every(animation, step), joint_map)
     return interpolate(to_humanml3d(animation, joint_map), native_fps / fps)
+
+
+def whole_step(fps: float, native_fps: float) -> int | None:
+    """Returns n where every n-th frame makes the wanted rate, or None where none does."""
+    step = round(native_fps / fps)
+    exact = step >= 1 and math.isclose(native_fps / fps, step, rel_tol=0.005)
+    return step if exact else None
 
 
 def every(animation: Animation, step: int, start: int = 0) -> Animation:

@@ -1,0 +1,93 @@
+"""HumanAct12 with SMPL's poses, as ACTOR distributes it in one file, `humanact12poses.pkl`.
+
+    poses      a list of (frames, 72) rotation vectors, one per clip
+    joints3D   a list of (frames, 24, 3) joints of which the root's way is taken
+    y          the action of each clip, 0 .. 11
+
+There is one split, `train`, on which its models are measured too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from latentmotion.data import restricted_pickle
+from latentmotion.data.clip import Source
+from latentmotion.data.recording import Dropped, EncodedRecording, Label
+from latentmotion.data.smpl_poses import JOINTS, PosedRecording
+from latentmotion.errors import FileFormatError
+
+HUMANACT12 = Source(
+    name="humanact12",
+    license="research only: the terms of HumanAct12 and of PHSPD; poses are of the SMPL model",
+    credit=(
+        "C. Guo et al.: Action2Motion, ACM MM 2020; S. Zou et al.: 3D Human Shape Reconstruction "
+        "from a Polarization Image, ECCV 2020; poses by M. Petrovich et al.: ACTOR, ICCV 2021"
+    ),
+    url="https://github.com/Mathux/ACTOR",
+)
+
+ACTIONS = (
+    *("warm_up", "walk", "run", "jump", "drink", "lift_dumbbell", "sit", "eat"),
+    *("turn steering wheel", "phone", "boxing", "throw"),
+)
+"""Its labels, in the order of their numbers; each is its own mirror image."""
+
+_NEEDED = ("poses", "joints3D", "y")
+
+
+def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | Dropped]:
+    """Yields every clip.
+
+    Args:
+        path: The file.
+        hold: Frames up to which shorter clips keep still in their last one.
+
+    Raises:
+        FileFormatError: The file cannot be read, or is laid out otherwise.
+    """
+    content = restricted_pickle.load(path)
+    _check(path, content)
+    for number, (pose, joints, action) in enumerate(zip(*map(content.get, _NEEDED), strict=True)):
+        label = _label(number, int(action), path)
+        if _fit(pose, joints):
+            yield PosedRecording(label, np.asarray(pose), np.asarray(joints)[:, 0]).encode(hold)
+        else:
+            found = f"poses {np.shape(pose)} and joints {np.shape(joints)}"
+            yield Dropped(label.id, "clip", f"{found}, expected (n, 72) and (n, {JOINTS}, 3)")
+
+
+def _label(number: int, action: int, path: Path) -> Label:
+    return Label(
+        id=f"humanact12-{number:04d}",
+        source=HUMANACT12.name,
+        origin=f"{path.name}, clip {number}",
+        split="train",
+        action=ACTIONS[action],
+        mirrored_action=ACTIONS[action],
+    )
+
+
+def _fit(pose: Any, joints: Any) -> bool:
+    frames = len(pose)
+    return np.shape(pose) == (frames, 3 * JOINTS) and np.shape(joints) == (frames, JOINTS, 3)
+
+
+def _check(path: Path, content: Any) -> None:
+    found = ", ".join(map(str, content)) if isinstance(content, Mapping) else type(content).__name__
+    if not isinstance(content, Mapping) or any(key not in content for key in _NEEDED):
+        raise FileFormatError(
+            path, f"expected {', '.join(_NEEDED)} of humanact12poses.pkl, found {found}"
+        )
+    counts = [len(content[key]) for key in _NEEDED]
+    if len(set(counts)) > 1:
+        raise FileFormatError(path, f"{' and '.join(map(str, counts))} clips; expected as many")
+    strange = sorted({int(y) for y in content["y"]} - set(range(len(ACTIONS))))
+    if strange:
+        raise FileFormatError(
+            path, f"action {strange[0]}; expected 0 to {len(ACTIONS) - 1}: is it another data set?"
+        )
