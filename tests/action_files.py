@@ -12,7 +12,6 @@ from latentmotion.representation.smpl import SMPL_FEATURES
 from latentmotion.rotations import axis_angle_from_matrix
 from walker import walker
 
-
 START = np.array([0.1, 0.2, 3.0])
 """Where they stand in front of the camera, meters."""
 
