@@ -70,7 +70,7 @@ def test_the_command_writes_a_folder(good: Path, capsys: pytest.CaptureFixture[s
     folder = good.parent
     arrays = ["--mean", str(folder / "Mean.npy"), "--std", str(folder / "Std.npy")]
     main(["convert", str(good), "-o", str(folder / "model"), *arrays, "--heads", "2"])
-    assert "rot2xyz (1), text_encoder (1)" in capsys.readouterr().out
+    assert "rot2xyz (1: SMPL's body" in capsys.readouterr().out
     model = load_model(folder / "model")
     assert model.vae is None
     assert model.denoiser is not None

@@ -1,4 +1,4 @@
-"""`latentmotion convert FILE.ckpt -o FOLDER`: the MLD authors' checkpoint becomes our folder."""
+"""`latentmotion convert FILE.ckpt -o FOLDER`: MLD's or MotionLCM's file becomes our folder."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from latentmotion.errors import InputError, MissingExtraError
 
 @dataclass(frozen=True)
 class Convert:
-    """Turn a checkpoint of the MLD authors' code into a model folder.
+    """Turn a checkpoint of MLD's or MotionLCM's code into a model folder.
 
     The file is opened without running any code inside it. Sizes are told by its shapes; what shapes
     can't tell has an option, whose default is what the authors trained.
@@ -36,6 +36,12 @@ class Convert:
     """Whether the VAE's layers normalize after or before their parts."""
     predicts: Literal["epsilon", "sample"] = "epsilon"
     """What the denoiser was trained to predict."""
+    text_activation: Literal["relu", "none"] | None = None
+    """What is before the text's projection: relu in MLD, none in MotionLCM's second version."""
+    text_encoder: str | None = None
+    """The text encoder it was trained with, KIND:FOLDER; by default MLD's or MotionLCM's."""
+    labels: tuple[str, ...] = ()
+    """Names of its actions, in their order; by default HumanAct12's for its twelve."""
 
     def run(self) -> None:
         """Converts, and says what was left behind."""
@@ -44,10 +50,16 @@ class Convert:
             from latentmotion.upstream.conversion import Origin, convert_checkpoint
         except ImportError as error:
             raise MissingExtraError("converting a checkpoint", "PyTorch", "train") from error
-        unstated = Unstated(heads=self.heads, activation=self.activation, norm=self.norm)
-        origin = Origin(self._normalizer(), unstated, self.predicts)
+        unstated = Unstated(
+            heads=self.heads,
+            activation=self.activation,
+            norm=self.norm,
+            text_activation=self.text_activation,
+        )
+        known = self._normalizer(), unstated, self.predicts, self.text_encoder, self.labels
+        origin = Origin(*known)
         others = convert_checkpoint(self.file, self.output, origin)
-        left = ", ".join(f"{name} ({count})" for name, count in sorted(others.items()))
+        left = ", ".join(_told(name, count) for name, count in sorted(others.items()))
         print(f"wrote {self.output}" + (f"; left behind: {left}" if left else ""))
 
     def _normalizer(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -56,6 +68,12 @@ class Convert:
         if self.mean is None or self.std is None:
             raise InputError("--mean and --std belong together: pass both")
         return _read_array(self.mean), _read_array(self.std)
+
+
+def _told(name: str, count: int) -> str:
+    """Says what the weights of a foreign network are."""
+    kinds = {"rot2xyz": "SMPL's body, whose license forbids to pass it on", "text_encoder": "CLIP"}
+    return f"{name} ({count}" + (f": {kinds[name]})" if name in kinds else ")")
 
 
 def _read_array(path: Path) -> np.ndarray:

@@ -1,4 +1,8 @@
-"""What the shapes in the authors' checkpoint tell of their networks, and what they can't tell."""
+"""What the shapes in a checkpoint tell of its networks, and what they can't tell.
+
+Layouts: MLD's for text, actions and raw frames, and MotionLCM's of the same networks (Dai et al.
+2024), where a linear map on each side makes latents narrower than the transformers.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +35,9 @@ class Unstated:
     """Activation of the VAE's feed-forward parts."""
     norm: Literal["post", "pre"] = "post"
     """Whether the VAE's layers normalize after or before their parts."""
+    text_activation: Literal["relu", "none"] | None = None
+    """What is between the text's embedding and its projection; by default ReLU as MLD has it, and
+    nothing where the denoiser projects its latents, as MotionLCM has it."""
 
 
 def vae_config(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
@@ -41,6 +48,11 @@ def vae_config(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
 def is_actor(weights: Weights) -> bool:
     """Returns whether these are the weights of an `ActorVae`."""
     return "encoder.mu_token" in weights
+
+
+def is_motionlcm(weights: Weights) -> bool:
+    """Returns whether a VAE or denoiser maps its latents to another width."""
+    return "latent_pre.weight" in weights
 
 
 def _mld(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
@@ -54,6 +66,7 @@ def _mld(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
         position=_position(weights, "query_pos_encoder.pe"),
         distribution="linear" if linear else "tokens",
         decoding="joint" if joint else "cross",
+        latent_width=_shape(weights, "latent_pre.weight")[0] if is_motionlcm(weights) else None,
     )
 
 
@@ -68,19 +81,23 @@ def _actor(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
 
 def denoiser_config(weights: Weights, unstated: Unstated) -> DenoiserConfig:
     """Returns the configuration of an `MldDenoiser` with the prefix `denoiser.` removed."""
+    if "time_embedding.cond_proj.weight" in weights:
+        raise ModelError(
+            "this denoiser takes the guidance scale as an input, as the distilled models of "
+            "MotionLCM do; only the model it was distilled from can be converted (mld_humanml.ckpt)"
+        )
     cross = any(name.startswith("decoder.") for name in weights)
     # The denoiser's constructor ignored what the VAE's obeyed.
     always = dataclasses.replace(unstated, activation="gelu", norm="post")
     transformer = _transformer(weights, "decoder." if cross else "encoder.", always)
     frames = "pose_embd.weight" in weights
-    width = _shape(weights, "pose_embd.weight")[1] if frames else transformer.width
     in_context = "context_first" if frames else "latents_first"
-    projection, condition_width = _condition(weights, transformer.width)
+    projection, condition_width = _condition(weights, transformer.width, unstated)
     return DenoiserConfig(
-        latent_width=width,
+        latent_width=_latent_width(weights, transformer.width),
         condition_width=condition_width,
         transformer=transformer,
-        project_latents=frames,
+        project_latents=frames or is_motionlcm(weights),
         condition_projection=projection,
         attention="cross" if cross else "in_context",
         places="separate" if cross else in_context,
@@ -90,11 +107,21 @@ def denoiser_config(weights: Weights, unstated: Unstated) -> DenoiserConfig:
     )
 
 
-def _condition(weights: Weights, width: int) -> tuple[Literal["relu_linear", "table", "none"], int]:
+def _latent_width(weights: Weights, width: int) -> int:
+    projections = (n for n in ("pose_embd.weight", "latent_pre.weight") if n in weights)
+    return next((_shape(weights, name)[1] for name in projections), width)
+
+
+def _condition(
+    weights: Weights, width: int, unstated: Unstated
+) -> tuple[Literal["linear", "relu_linear", "table", "none"], int]:
     if "emb_proj.action_embedding" in weights:
         return "table", _shape(weights, "emb_proj.action_embedding")[0]
     if "emb_proj.1.weight" in weights:
-        return "relu_linear", _shape(weights, "emb_proj.1.weight")[1]
+        usual = "none" if is_motionlcm(weights) else "relu"
+        linear = (unstated.text_activation or usual) == "none"
+        found = _shape(weights, "emb_proj.1.weight")[1]
+        return "linear" if linear else "relu_linear", found
     return "none", width
 
 

@@ -1,4 +1,4 @@
-"""From the authors' file to one of our model folders."""
+"""From a file of the authors, or of MotionLCM's, to one of our model folders."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from torch import Tensor
 
 from latentmotion.checkpoint import TrainedModel, describe, load_weights, save_model
+from latentmotion.data.humanact12 import ACTIONS
 from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
 from latentmotion.diffusion.prediction import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
@@ -21,6 +22,9 @@ from latentmotion.upstream import names
 from latentmotion.upstream.configurations import Unstated, denoiser_config, is_actor, vae_config
 from latentmotion.upstream.reading import read_checkpoint, split_parts
 from latentmotion.vae.transformer import TransformerVAE, TransformerVAEConfig
+
+_TEXT_ENCODERS = ("openai/clip-vit-large-patch14", "sentence-transformers/sentence-t5-large")
+"""The text encoders of MLD and of MotionLCM."""
 
 _REPRESENTATIONS = {263: "humanml3d", 251: "kit", 150: "smpl"}
 """Representation that a number of features means."""
@@ -36,8 +40,10 @@ class Origin:
     """What shapes can't tell."""
     predicts: Literal["epsilon", "sample"] = "epsilon"
     """What the denoiser was trained to predict."""
-    text_encoder: str = "openai/clip-vit-large-patch14"
-    """The text encoder it was trained with."""
+    text_encoder: str | None = None
+    """The text encoder it was trained with; by default MLD's or MotionLCM's."""
+    labels: tuple[str, ...] = ()
+    """Names of the actions, in order; by default HumanAct12's for its twelve, else numbers."""
 
 
 def convert_checkpoint(
@@ -95,6 +101,8 @@ def _denoiser(
     used = {name: tensor for name, tensor in weights.items() if name not in unused}
     network = config.build()
     rules = names.DENOISER_CROSS if cross else names.DENOISER_IN_CONTEXT
+    if config.condition_projection == "linear":
+        rules = names.LINEAR_TEXT + rules
     load_weights(network, names.rename(used, rules), f"{path}, denoiser")
     return network, config
 
@@ -118,6 +126,7 @@ def _card(
         condition=_condition(denoiser, origin),
         steps=50 if vae else 1000,
         guidance=7.5,
+        sampler="ddim" if vae else "ddpm",
         provenance=_provenance(path),
     )
 
@@ -134,15 +143,25 @@ def _is_action(denoiser: DenoiserConfig | None) -> bool:
 def _latents(vae: TransformerVAEConfig | None, features: int) -> LatentSpace:
     if vae is None:
         return LatentSpace(width=features, frames_per_token=1)
-    return LatentSpace(width=vae.transformer.width, tokens=vae.tokens)
+    return LatentSpace(width=vae.latent_width or vae.transformer.width, tokens=vae.tokens)
 
 
 def _condition(denoiser: DenoiserConfig | None, origin: Origin) -> dict[str, Any]:
     if denoiser is None:
         return {}
     if _is_action(denoiser):
-        return {"classes": denoiser.condition_width}
-    return {"encoder": origin.text_encoder, "width": denoiser.condition_width}
+        return {"kind": "action", "labels": list(_labels(denoiser.condition_width, origin))}
+    usual = _TEXT_ENCODERS[denoiser.condition_projection == "linear"]
+    encoder = origin.text_encoder or usual
+    return {"encoder": encoder, "width": denoiser.condition_width}
+
+
+def _labels(count: int, origin: Origin) -> tuple[str, ...]:
+    usual = ACTIONS if count == len(ACTIONS) else tuple(map(str, range(count)))
+    labels = origin.labels or usual
+    if len(set(labels)) != count:
+        raise InputError(f"{len(set(labels))} labels for a checkpoint of {count} actions")
+    return labels
 
 
 def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -163,7 +182,8 @@ def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple
 def _provenance(path: Path) -> Provenance:
     return Provenance(
         data_hashes={path.name: sha256(path)},
-        license="as its authors say (MLD's code is MIT; the data behind it has terms of its own)",
+        license="as its authors say (MLD's code is MIT, MotionLCM's is for non-commercial use; the "
+        "data behind it has terms of its own)",
         commands=(f"latentmotion convert {path.name}",),
     )
 

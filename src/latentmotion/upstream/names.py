@@ -39,6 +39,8 @@ MLD_VAE: Rules = (
     (r"^skel_embedding\.", "frames_in."),
     (r"^final_layer\.", "frames_out."),
     (r"^dist_layer\.", "distribution.linear."),
+    (r"^latent_pre\.", "narrow."),
+    (r"^latent_post\.", "widen."),
     (r"^decoder\.(?!place)", "decoder.decoder."),
 )
 
@@ -61,6 +63,8 @@ _DENOISER: Rules = (
     (r"^(encoder|decoder)\.", r"body.\1."),
     (r"^pose_embd\.", "latents_in."),
     (r"^pose_proj\.", "latents_out."),
+    (r"^latent_pre\.", "latents_in."),
+    (r"^latent_post\.", "latents_out."),
 )
 
 DENOISER_IN_CONTEXT: Rules = (*_DENOISER, (r"^query_pos\.pe$", "places.table.table"))
@@ -70,6 +74,9 @@ DENOISER_CROSS: Rules = (
     (r"^query_pos\.pe$", "places.latents.table"),
     (r"^mem_pos\.pe$", "places.context.table"),
 )
+
+LINEAR_TEXT: Rules = ((r"^emb_proj\.1\.", "condition_in."),)
+"""Goes before the others where nothing precedes the text's projection."""
 
 
 def rename(weights: Mapping[str, Tensor], rules: Rules) -> Weights:
