@@ -26,7 +26,8 @@ class Verb:
 _CLI = "latentmotion.cli"
 
 VERBS = {
-    "generate": Verb(f"{_CLI}.generate:Generate", "Turn sentences into motion files."),
+    "generate": Verb(f"{_CLI}.generate:Generate", "Turn sentences or labels into motion files."),
+    "clean": Verb(f"{_CLI}.clean:Clean", "Hold the feet of a motion and steady it."),
     "data prepare": Verb(f"{_CLI}.data:Prepare", "Make a training set from mocap and captions."),
     "data merge": Verb(f"{_CLI}.data:Merge", "Join prepared folders into one training set."),
     "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
@@ -53,6 +54,10 @@ VERBS = {
     "experiment run": Verb(
         f"{_CLI}.experiment:RunExperiment", "Train and measure the rows of a table."
     ),
+    "study make": Verb(
+        f"{_CLI}.study:MakeStudy", "Make a page on which people compare two models, blind."
+    ),
+    "study report": Verb(f"{_CLI}.study:ReportStudy", "Say what they preferred."),
 }
 """The command line. Only the verb that was typed is imported."""
 

@@ -1,0 +1,122 @@
+"""`latentmotion experiment list` and `run`: the paper's tables, our figures beside the paper's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from latentmotion.experiments.tables import TABLES, rows_named, table_named
+
+if TYPE_CHECKING:
+    from latentmotion.condition.interface import TextEncoder
+    from latentmotion.evaluation.extractors.interface import ActionExtractor, TextMotionExtractor
+    from latentmotion.evaluation.settings import Protocol
+    from latentmotion.experiments.workplace import Workplace
+    from latentmotion.training.devices import Place
+
+Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Changes = tyro.conf.UseAppendAction[tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class ListExperiments:
+    """Say which tables and figures of the paper can be run, and what each needs.
+
+    Example: latentmotion experiment list
+    """
+
+    name: Positional[str] = ""
+    """One of them, to see its rows."""
+
+    def run(self) -> None:
+        """Prints a table.
+
+        Raises:
+            InputError: There is none of this name.
+        """
+        from latentmotion.experiments.overview import overview, rows_of
+
+        print(rows_of(table_named(self.name)) if self.name else overview(TABLES.values()))
+
+
+@dataclass(frozen=True)
+class RunExperiment:
+    """Train and measure the rows of a table; the same command again goes on where it was.
+
+    Tables that share a folder share models. Writes OUTPUT/NAME.md, .json and, for a figure, .png.
+
+    Example: latentmotion experiment run vae --data my_data --budget small -o results
+    """
+
+    name: Positional[str]
+    """Which table; see latentmotion experiment list."""
+    data: Annotated[Path, tyro.conf.arg(aliases=["-d"])]
+    """Folder that `latentmotion data prepare` made."""
+    output: Output
+    """Folder of models and results."""
+    budget: str = "paper"
+    """paper for its sizes, small for two cores."""
+    set: Changes = ()
+    """Change one value of every model on top, e.g. denoiser_training.steps=1000; several times."""
+    rows: str = ""
+    """Rows to run, with commas between; by default all."""
+    evaluator: Path | None = None
+    """Folder of an evaluator, for FID and its like; without one, joint errors are all."""
+    text_encoder: str = "starter"
+    """What reads sentences, where a row is not about that; see latentmotion train denoiser."""
+    protocol: Literal["clean", "paper"] = "clean"
+    """clean, or paper for the authors' habits of measuring."""
+    replications: int | None = None
+    """Repetitions of each measurement; by default the budget's."""
+    device: str = "auto"
+    """auto, cpu, cuda or cuda:N."""
+
+    def run(self) -> None:
+        """Trains, measures and writes; prints the page.
+
+        Raises:
+            InputError: Experiment, row or budget is unknown, or the folder holds other runs.
+        """
+        from latentmotion.experiments.measuring import Measurement
+        from latentmotion.experiments.run import run_table
+        from latentmotion.training.devices import training_place
+
+        table = table_named(self.name)
+        rows = rows_named(table, [row.strip() for row in self.rows.split(",") if row.strip()])
+        with training_place(self.device) as place:
+            work = self._workplace(place)
+            extractor = self._extractor()
+            measurement = Measurement(table, work, self._protocol(work), extractor)
+            print(run_table(measurement, rows).read_text(encoding="utf-8"))
+
+    def _workplace(self, place: Place) -> Workplace:
+        from latentmotion.data.dataset import Dataset
+        from latentmotion.experiments.budget import budget_named
+        from latentmotion.experiments.workplace import Workplace
+
+        budget = budget_named(self.budget).changed(self.set)
+        folder, dataset = self.output, Dataset.load(self.data)
+        return Workplace(dataset, folder, budget, place, cache(self._encoder), self.text_encoder)
+
+    def _encoder(self, name: str) -> TextEncoder:
+        from latentmotion.cli.train import text_encoder_named
+        from latentmotion.condition.text.cache import CachedTextEncoder
+
+        folder = self.output / "text" / name.replace(":", "_").replace("/", "_")
+        return CachedTextEncoder(text_encoder_named(name), folder)
+
+    def _protocol(self, work: Workplace) -> Protocol:
+        from latentmotion.evaluation.settings import PROTOCOLS
+
+        count = self.replications or work.budget.replications
+        return work.budget.protocol(replace(PROTOCOLS[self.protocol], replications=count))
+
+    def _extractor(self) -> TextMotionExtractor | ActionExtractor | None:
+        from latentmotion.evaluation.extractors.interface import load_extractor
+
+        return load_extractor(self.evaluator) if self.evaluator else None

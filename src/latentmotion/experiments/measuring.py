@@ -1,0 +1,146 @@
+"""One row: train or take its model, measure it, keep the figures until something changes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from latentmotion.checkpoint import WEIGHTS_FILE, load_model
+from latentmotion.configuration import read_json, to_json, write_json
+from latentmotion.errors import InputError
+from latentmotion.evaluation.extractors.interface import ActionExtractor, TextMotionExtractor
+from latentmotion.evaluation.protocol import evaluate
+from latentmotion.evaluation.report import TRUTH, Figure, Report
+from latentmotion.evaluation.settings import Protocol
+from latentmotion.evaluation.subject import Generated, Prior, Reconstructed, Subject
+from latentmotion.experiments.cost import cost_of
+from latentmotion.experiments.result import RowResult
+from latentmotion.experiments.reverse import draw_latents
+from latentmotion.experiments.table import Row, Table
+from latentmotion.experiments.workplace import Workplace
+from latentmotion.files import sha256
+from latentmotion.generator import MotionGenerator
+from latentmotion.model_card import read_card
+from latentmotion.runtime.eager import eager_generator, eager_prior
+
+SLOW = 1000
+"""Sampling steps from which a row is repeated less often."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """How the rows of a table are measured."""
+
+    table: Table
+    """The table."""
+    work: Workplace
+    """Data, models and sizes."""
+    protocol: Protocol
+    """How often, and by whose habits."""
+    extractor: TextMotionExtractor | ActionExtractor | None
+    """What FID and its like look through."""
+
+    def row(self, row: Row) -> RowResult:
+        """Trains what is missing, measures the row, or takes the figures that are there."""
+        folder = self._model(row)
+        protocol, path = (
+            self._protocol(row),
+            self.work.folder / self.table.name / f"{row.name}.json",
+        )
+        key = self._key(row, folder, protocol)
+        if path.is_file():
+            found = read_json(RowResult, path)
+            if found.key == key:
+                return found
+        self.work.tell(f"{self.table.name}/{row.name}: measuring {folder}")
+        result = self._measured(row, folder, protocol, key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_json(path, result)
+        return result
+
+    def generator(self, row: Row) -> MotionGenerator:
+        """Returns the trained model of a row, ready to generate."""
+        model = self.work.model(row.model)
+        encoder = None if model.base == "starter" else self.work.encoder_of(model)
+        return eager_generator(self._model(row), encoder)
+
+    def _model(self, row: Row) -> Path:
+        if row.kind in ("reconstructed", "prior"):
+            return self.work.first_stage(row.model)
+        return self.work.both_stages(row.model)
+
+    def _protocol(self, row: Row) -> Protocol:
+        """Slow rows are repeated less often, and only tables that print it ask for varieties."""
+        protocol, most = self.protocol, self.work.budget.slow
+        if (row.steps or 0) >= SLOW:
+            protocol = replace(protocol, replications=min(protocol.replications, most))
+        wanted = "MultiModality" in self.table.metrics and (row.steps or 0) < SLOW
+        texts = protocol.repeats.texts if wanted else 0
+        repeats = replace(protocol.repeats, texts=texts)
+        return replace(protocol, repeats=repeats, nearest_clip=False)
+
+    def _measured(self, row: Row, folder: Path, protocol: Protocol, key: str) -> RowResult:
+        if row.kind == "latents":
+            return self._drawn(row, folder, key)
+        subject = self._subject(row, folder)
+        report = evaluate(subject, self.work.dataset, self.extractor, protocol)
+        figures = dict(report[subject.row])
+        if isinstance(subject, Generated) and {"Seconds", "GFLOPs"} & set(self.table.metrics):
+            figures |= cost_of(subject, folder, self.work.budget.max_frames)
+        return RowResult(
+            row=row.name,
+            key=key,
+            figures=_plain(figures),
+            truth=_plain(report[TRUTH]),
+            items=report.items[subject.row],
+            replications=protocol.replications,
+            versions=dict(report.provenance.versions),
+            warnings=(*report.warnings, *self._warnings(report)),
+            **_made(folder),
+        )
+
+    def _drawn(self, row: Row, folder: Path, key: str) -> RowResult:
+        path = self.work.folder / f"{self.table.name}.png"
+        figures = draw_latents(self.generator(row), path)
+        return RowResult(row.name, key, _plain(figures), replications=1, **_made(folder))
+
+    def _subject(self, row: Row, folder: Path) -> Subject:
+        if row.kind == "prior":
+            return Prior(eager_prior(folder))
+        if row.kind == "reconstructed":
+            model = load_model(folder)
+            if model.vae is None:
+                raise InputError(f"{folder} has no VAE to rebuild motions with")
+            return Reconstructed(model.vae, model.card)
+        return Generated(self.generator(row), row.steps, row.guidance, row.sampler)
+
+    def _warnings(self, report: Report) -> list[str]:
+        asked = self.protocol.replications
+        count = report.protocol.replications
+        return [f"measured {count} times instead of {asked}"] if count < asked else []
+
+    def _key(self, row: Row, folder: Path, protocol: Protocol) -> str:
+        decides: dict[str, Any] = {
+            "row": to_json(replace(row, title="", paper={})),
+            "weights": sha256(folder / WEIGHTS_FILE),
+            "data": self.work.dataset.fingerprint,
+            "evaluator": self.extractor.fingerprint if self.extractor else "",
+            "protocol": to_json(protocol),
+            "metrics": list(self.table.metrics),
+        }
+        text = json.dumps(decides, sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _made(folder: Path) -> dict[str, Any]:
+    """What a row says of its model."""
+    hours = read_card(folder).provenance.hours
+    return {"weights": sha256(folder / WEIGHTS_FILE), "hours": hours}
+
+
+def _plain(figures: Mapping[str, Figure]) -> dict[str, list[float | None]]:
+    return {name: [figure.mean, figure.interval] for name, figure in figures.items()}

@@ -1,0 +1,145 @@
+"""What a table's rows measured: JSON for programs, Markdown with the paper beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from latentmotion.evaluation.report import UNITS as REPORTED
+from latentmotion.experiments.table import Row, Table
+
+UNITS = {
+    **REPORTED,
+    "Seconds": "s a motion ↓",
+    "GFLOPs": "10⁹ a motion ↓",
+    "Parameters": "10⁶ ↓",
+    "Silhouette of noise": "",
+    "Silhouette of latents": "↑",
+}
+"""Unit of each metric; ↓ where less is better, ↑ where more is, → where near the real is."""
+
+
+@dataclass(frozen=True)
+class RowResult:
+    """One measured row."""
+
+    row: str
+    """Its name in the table."""
+    key: str
+    """Hash of all that decides the figures; a row is measured again where it differs."""
+    figures: dict[str, list[float | None]] = field(default_factory=dict)
+    """Mean and half of the 95 % interval by metric; no interval for a single repetition."""
+    truth: dict[str, list[float | None]] = field(default_factory=dict)
+    """The same of the real motions, measured in the same run."""
+    items: int = 0
+    """Motions of a repetition."""
+    replications: int = 0
+    """Repetitions."""
+    weights: str = ""
+    """Hash of the model's weights."""
+    hours: float = 0.0
+    """Hours of training, both stages."""
+    versions: dict[str, str] = field(default_factory=dict)
+    """Of this package, its commit and what computes."""
+    warnings: tuple[str, ...] = ()
+    """What a reader should know."""
+
+
+@dataclass(frozen=True)
+class TableResult:
+    """A table as it was run."""
+
+    table: str
+    """Its name."""
+    budget: str
+    """Name of the budget."""
+    data: str
+    """The data set's folder name and fingerprint."""
+    protocol: str
+    """Name of the protocol, and how often it was repeated."""
+    rows: tuple[RowResult, ...] = ()
+    """Rows that are measured so far, in the table's order."""
+
+
+def markdown(table: Table, result: TableResult, says: str) -> str:
+    """Returns the table with our figures beside the paper's, and how they came to be.
+
+    Args:
+        table: What was asked.
+        result: What was measured.
+        says: What the budget made smaller.
+    """
+    measured = {row.row: row for row in result.rows}
+    columns = _columns(table, measured.values())
+    lines = [
+        f"### {table.title}",
+        "",
+        _line(["", *(heading for heading, _, _ in columns)]),
+        _line(["---"] * (len(columns) + 1)),
+        *(_row_line(row, measured.get(row.name), columns) for row in table.rows),
+        "",
+        f"Paper: {table.where}. Data: {result.data}. Protocol: {result.protocol}. "
+        f"Budget `{result.budget}`: {says}.",
+        *_notes(table, result),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def number(value: float) -> str:
+    """Prints three or four significant digits, without an exponent."""
+    digits = next((n for limit, n in ((100, 0), (10, 1), (1, 2)) if abs(value) >= limit), 3)
+    return f"{value:.{digits}f}"
+
+
+def cell(figure: Sequence[float | None]) -> str:
+    """Prints a mean with its interval."""
+    mean, interval = figure
+    if mean is None:
+        return "–"
+    return number(mean) if not interval else f"{number(mean)} ± {number(interval)}"
+
+
+_Column = tuple[str, str, bool]
+"""Heading, metric, and whether it is the paper's."""
+
+
+def _columns(table: Table, measured: Iterable[RowResult]) -> list[_Column]:
+    ours = {metric for row in measured for metric in row.figures}
+    columns: list[_Column] = []
+    for metric in table.metrics:
+        heading = f"{metric} {UNITS.get(metric, '')}".strip()
+        columns += [(heading, metric, False)] if metric in ours else []
+        if any(metric in row.paper for row in table.rows):
+            columns.append((f"{metric}, paper", metric, True))
+    return columns
+
+
+def _row_line(row: Row, found: RowResult | None, columns: Sequence[_Column]) -> str:
+    cells = [row.title]
+    for _, metric, papers in columns:
+        if papers:
+            cells.append(f"{row.paper[metric]:g}" if metric in row.paper else "")
+        else:
+            cells.append(cell(found.figures[metric]) if found and metric in found.figures else "–")
+    return _line(cells)
+
+
+def _notes(table: Table, result: TableResult) -> list[str]:
+    notes = [f"The paper finds: {table.expects}"] if table.expects else []
+    notes += [f"{row.title}: not run, {row.missing}." for row in table.rows if row.missing]
+    for name, texts in _by_text(result.rows).items():
+        notes.append(f"{texts}: {name}")
+    return [line for note in notes for line in ("", note)]
+
+
+def _by_text(rows: Iterable[RowResult]) -> dict[str, str]:
+    """The same warning of several rows is printed once."""
+    texts: dict[str, list[str]] = {}
+    for row in rows:
+        for warning in row.warnings:
+            texts.setdefault(warning, []).append(row.row)
+    return {text: "Warning for " + ", ".join(names) for text, names in texts.items()}
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"

@@ -1,0 +1,115 @@
+"""Latents along the reverse process, by action, and their t-SNE maps (paper, appendix).
+
+z_T (noise) → … → z_t → … → z_0, recorded at the denoiser's calls, → two dimensions each
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance
+from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.sampler import sample, sampler_named
+from latentmotion.errors import MissingExtraError
+from latentmotion.evaluation.report import Figure
+from latentmotion.experiments.plots import latent_maps
+from latentmotion.generator import MotionGenerator
+
+PER_LABEL = 30
+"""Motions of each action, as in the paper."""
+
+FRAMES = 60
+"""Length of the motions, as of the paper's action data."""
+
+CLEAN = -1.0
+"""Stands for the time of latents without noise."""
+
+
+@dataclass
+class Recorder:
+    """A denoiser around a denoiser that remembers what it was shown."""
+
+    denoiser: Denoiser
+    """The one that answers."""
+    states: list[tuple[float, np.ndarray]] = field(default_factory=list)
+    """Time and latents of every call."""
+
+    def __call__(self, z: np.ndarray, t: np.ndarray, *rest: object) -> np.ndarray:
+        """Remembers and answers."""
+        self.states.append((float(t[0]), z.reshape(len(z), -1)))
+        return self.denoiser(z, t, *rest)  # type: ignore[arg-type]
+
+
+def draw_latents(generator: MotionGenerator, path: Path) -> dict[str, Figure]:
+    """Draws the maps of a model of actions; returns how well noise and latents are apart."""
+    known = generator.card.condition.get("labels", ())
+    labels = [label for label in known for _ in range(PER_LABEL)]
+    states = latents_along(generator, labels, min(FRAMES, generator.card.frames[1]))
+    names = {t: f"t = {t:g}" for t, _ in states} | {CLEAN: "z₀"}
+    latent_maps(path, {names[t]: map_of(z) for t, z in chosen(states)}, labels)
+    return {
+        "Silhouette of noise": Figure(silhouette(states[0][1], labels)),
+        "Silhouette of latents": Figure(silhouette(states[-1][1], labels)),
+    }
+
+
+def latents_along(
+    generator: MotionGenerator, labels: Sequence[str], frames: int
+) -> list[tuple[float, Float[np.ndarray, "items numbers"]]]:
+    """Samples a motion for each label; returns its latents at each time, the last without noise.
+
+    Args:
+        generator: A model of actions with a global latent.
+        labels: One per motion.
+        frames: Length of the motions.
+    """
+    card = generator.card
+    tokens = [card.latents.tokens_of(frames)] * len(labels)
+    noise = SeededNoise(range(len(labels)), tokens)
+    z = noise((len(labels), tokens[0], card.latents.width))
+    mask = np.ones(z.shape[:2], bool)
+    condition = generator.condition(labels)
+    null = generator.condition.null(1)
+
+    def denoise(z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
+        words, known = condition.tokens, condition.mask
+        return generator.denoiser(z=z, t=t, words=words, words_mask=known, mask=mask)
+
+    recorder = Recorder(ClassifierFreeGuidance(denoise, null, card.guidance))
+    sampler = sampler_named("ddim", card.schedule, card.prediction)
+    z = sample(recorder, sampler, z, condition, mask, card.steps, noise)
+    return [*recorder.states, (CLEAN, z.reshape(len(z), -1))]
+
+
+def chosen(
+    states: Sequence[tuple[float, np.ndarray]], count: int = 5
+) -> list[tuple[float, np.ndarray]]:
+    """Returns `count` of the states, evenly spaced from the first to the last."""
+    places = np.linspace(0, len(states) - 1, count).round().astype(int)
+    return [states[place] for place in places]
+
+
+def map_of(latents: Float[np.ndarray, "items numbers"], seed: int = 0) -> np.ndarray:
+    """Returns the t-SNE map (van der Maaten & Hinton 2008), (items, 2)."""
+    try:
+        from sklearn.manifold import TSNE
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("t-SNE", "scikit-learn", "train") from error
+    perplexity = min(30.0, (len(latents) - 1) / 3)
+    tsne = TSNE(perplexity=perplexity, init="pca", random_state=seed)
+    return tsne.fit_transform(latents.astype(np.float32))
+
+
+def silhouette(latents: Float[np.ndarray, "items numbers"], labels: Sequence[str]) -> float:
+    """Returns how much nearer items are to their own label's than to the next (Rousseeuw 1987)."""
+    from sklearn.metrics import silhouette_score
+
+    return float(silhouette_score(latents, list(labels)))

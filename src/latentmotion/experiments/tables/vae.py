@@ -1,0 +1,69 @@
+"""Motion VAEs (paper, table 4 and the appendix): how well motions come back from the latents."""
+
+from __future__ import annotations
+
+from latentmotion.experiments import published
+from latentmotion.experiments.table import Row, Table
+
+METRICS = ("MPJPE", "PA-MPJPE", "ACCL", "FID", "Diversity")
+
+
+def rebuilt(name: str, title: str, paper: bool = True) -> Row:
+    """Returns the row of a VAE, by the name of its model."""
+    figures = published.RECONSTRUCTION.get(name, {}) if paper else {}
+    return Row(name, title, "reconstructed", name, paper=figures)
+
+
+def _tokens(count: int) -> Row:
+    return rebuilt(f"mld_{count}", f"MLD-{count}")
+
+
+VAE = Table(
+    name="vae",
+    title="Motion VAEs: ACTOR, VPoser-t and ours by number of latent tokens",
+    where="table 4",
+    metrics=METRICS,
+    expects="ACTOR and VPoser-t rebuild worse than MLD-1, and more tokens rebuild better.",
+    rows=(
+        Row("real", "Real", "real", paper={"FID": 0.002, "Diversity": 9.503}),
+        rebuilt("vposer_t", "VPoser-t"),
+        rebuilt("actor", "ACTOR"),
+        *map(_tokens, (1, 2, 5, 7, 10)),
+        rebuilt("mld_1_no_skip", "MLD-1 without skips"),
+    ),
+)
+
+LAYERS = Table(
+    name="vae_layers",
+    title="VAE by layers and skips",
+    where="appendix",
+    metrics=METRICS,
+    expects="Long skips help; nine layers suffice.",
+    rows=(
+        Row("real", "Real", "real"),
+        rebuilt("mld_1_no_skip", "9 layers, no skips"),
+        rebuilt("mld_1_7_layers", "7 layers"),
+        rebuilt("mld_1", "9 layers"),
+        rebuilt("mld_1_11_layers", "11 layers"),
+    ),
+)
+
+TOKENS = Table(
+    name="tokens",
+    title="Latent tokens: rebuilding against generating",
+    where="tables 4 and 5",
+    metrics=("MPJPE", "FID", "R@3", "Diversity"),
+    expects="More tokens rebuild better and generate worse.",
+    rows=(
+        Row("real", "Real", "real"),
+        *map(_tokens, (1, 2, 7)),
+        *(
+            Row(f"generated_{n}", f"MLD-{n}, generated", model=f"mld_{n}", paper=paper)
+            for n, paper in (
+                (1, {"FID": 0.473, "R@3": 0.772}),
+                (2, {}),
+                (7, published.GENERATED_7),
+            )
+        ),
+    ),
+)
