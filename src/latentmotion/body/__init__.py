@@ -1,0 +1,1 @@
+"""Bodies with a surface: SMPL model files that users bring, and skin that follows bones."""
