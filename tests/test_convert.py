@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
+import types
+from collections import OrderedDict, defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,8 +19,10 @@ from latentmotion.checkpoint import load_model
 from latentmotion.cli.convert import Convert
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError, ModelError
+from latentmotion.upstream.configurations import Unstated
 from latentmotion.upstream.conversion import Origin, convert_checkpoint
 from latentmotion.upstream.names import rename
+from latentmotion.upstream.reading import read_checkpoint
 
 
 def layer(prefix: str) -> dict[str, Tensor]:
@@ -90,6 +95,16 @@ class Dangerous:
         return os.mkdir, (str(self.trace),)
 
 
+class Reduced:
+    """Pickled as the call of a function."""
+
+    def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+        self.call = function, arguments
+
+    def __reduce__(self) -> Any:
+        return self.call
+
+
 def save(content: Any) -> Callable[[Path], Any]:
     return lambda path: torch.save(content, path)
 
@@ -138,6 +153,78 @@ def test_code_inside_a_file_does_not_run(tmp_path: Path) -> None:
         convert_checkpoint(tmp_path / "bad.ckpt", tmp_path / "model")
     assert not trace.exists()
     assert not (tmp_path / "model").exists()
+
+
+SETTINGS = """
+class DictConfig:
+    def __init__(self, content):
+        self.content, self.parent = content, None
+"""
+"""Stands for OmegaConf's class, which is in the authors' files."""
+
+
+def save_with_settings(path: Path, state: dict[str, Tensor], monkeypatch: Any) -> None:
+    module = types.ModuleType("omegaconf.dictconfig")
+    exec(SETTINGS, module.__dict__)
+    module.DictConfig.__module__ = module.__name__
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "omegaconf", types.ModuleType("omegaconf"))
+        patch.setitem(sys.modules, "omegaconf.dictconfig", module)
+        settings = module.DictConfig({"lr": 1e-4, "path": Path("x"), "score": np.float64(2)})
+        content = {
+            "state_dict": OrderedDict(state),
+            "hyper_parameters": settings,
+            "callbacks": {"best": defaultdict(list), "half": torch.ones(3).half()},
+        }
+        torch.save(content, path)
+
+
+def test_settings_of_foreign_programs_do_not_matter(
+    good: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = frames_denoiser()
+    state["denoiser.pose_proj.bias"] = torch.arange(10.0)[::2]  # a view with a stride
+    state["denoiser.pose_proj.weight"] = torch.nn.Parameter(torch.randn(5, 8))
+    save_with_settings(good.parent / "with.ckpt", state, monkeypatch)
+    assert "omegaconf" not in sys.modules
+    found = read_checkpoint(good.parent / "with.ckpt")
+    assert found.keys() == state.keys()
+    assert all(torch.equal(found[key], tensor) for key, tensor in state.items())
+    plain = Origin((np.zeros(5), np.ones(5)), Unstated(heads=2))
+    convert_checkpoint(good.parent / "with.ckpt", good.parent / "model", plain)
+    assert "omegaconf" not in sys.modules
+
+
+@pytest.mark.parametrize("kind", ["call", "eval", "object of settings", "old format"])
+def test_code_beside_settings_does_not_run(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trace, file = tmp_path / "trace", tmp_path / "bad.ckpt"
+    content: Any = {"state_dict": frames_denoiser(), "path": Path("x"), "x": Dangerous(trace)}
+    if kind == "eval":
+        content["x"] = Reduced(eval, (f"__import__('os').mkdir({str(trace)!r})",))
+    if kind == "object of settings":
+        content["x"] = Reduced(defaultdict, (Dangerous(trace),))
+    torch.save(content, file, _use_new_zipfile_serialization=kind != "old format")
+    with pytest.raises(ModelError, match="could run code"):
+        convert_checkpoint(file, tmp_path / "model")
+    assert not trace.exists()
+    assert not (tmp_path / "model").exists()
+
+
+def test_a_tensor_beyond_its_storage_is_refused(tmp_path: Path) -> None:
+    class Beyond:
+        def __reduce__(self) -> Any:
+            storage = torch.zeros(2).untyped_storage()
+            typed = torch.storage.TypedStorage(
+                wrap_storage=storage, dtype=torch.float32, _internal=True
+            )
+            return torch._utils._rebuild_tensor_v2, (typed, 0, (9,), (1,), False, OrderedDict())
+
+    content = {"state_dict": {"denoiser.x": Beyond()}, "path": Path("x")}
+    torch.save(content, tmp_path / "bad.ckpt")
+    with pytest.raises(ModelError):
+        read_checkpoint(tmp_path / "bad.ckpt")
 
 
 def test_the_normalizer_must_come_along(good: Path) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 import torch
 import torch.nn.functional as F
@@ -12,6 +14,7 @@ from latentmotion.nn.masked import mean_of_real
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.loss import VAEObjective, vae_losses
+from latentmotion.vae.posterior import Posterior
 
 
 def test_padding_weighs_nothing_in_a_mean() -> None:
@@ -51,6 +54,35 @@ def test_the_total_is_the_weighted_sum() -> None:
     assert torch.allclose(parts["total"], torch.as_tensor(total))
 
 
+def test_the_authors_means_run_over_padding() -> None:
+    """Plain means of padded batches; the joints of padding are those of features of zero."""
+    generator = torch.Generator().manual_seed(0)
+    mask = torch.arange(24)[None] < torch.tensor([24, 10])[:, None]
+    features = torch.randn(2, 24, 263, generator=generator) / 10 * mask[..., None]
+    torch.manual_seed(1)
+    vae = ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)).build()
+    losses_of = partial(
+        vae_losses,
+        *(vae, features, mask, lambda *shape: torch.zeros(2, *shape)),
+        *(HUMANML3D_FEATURES.decode, 20.0),
+    )
+    found = losses_of(VAEObjective(padded_means=True))
+    posterior = vae.encode(features, mask)
+    rebuilt = vae.decode(posterior.mean, mask)
+    joints = [HUMANML3D_FEATURES.decode(part) for part in (rebuilt, features)]
+    theirs = {
+        "features": F.smooth_l1_loss(rebuilt, features),
+        "joints": F.smooth_l1_loss(*joints),
+        "divergence": posterior.divergence().mean(),
+    }
+    for name, value in theirs.items():
+        assert float(found[name].detach()) == pytest.approx(float(value.detach()), rel=1e-5)
+    total = theirs["features"] + theirs["joints"] + 1e-4 * theirs["divergence"]
+    assert float(found["total"].detach()) == pytest.approx(float(total.detach()), rel=1e-5)
+    clean = losses_of(VAEObjective())
+    assert float((clean["features"] / found["features"]).detach()) > 1.1
+
+
 @pytest.mark.parametrize("prediction", [Epsilon(), Sample(), Velocity()])
 @pytest.mark.parametrize("schedule", [ScaledLinear(), LinearPath()])
 def test_a_denoiser_that_knows_the_answer_has_no_loss(
@@ -79,3 +111,35 @@ def test_times_are_uniform_or_prefer_the_middle() -> None:
     middle = DenoiserObjective(LinearPath(), Velocity(), "logit_normal").time(normal)
     assert float(((middle > 0.25) & (middle < 0.75)).float().mean()) > 0.7
     assert DenoiserObjective().time(torch.tensor([40.0])) == 999
+
+
+def test_vertices_are_compared_where_there_is_a_body() -> None:
+    features = torch.randn(2, 8, 5, generator=torch.Generator().manual_seed(0))
+    mask = torch.arange(8)[None] < torch.tensor([[8], [5]])
+
+    class Halves(torch.nn.Module):
+        """Rebuilds half of each feature."""
+
+        def encode(self, features: torch.Tensor, mask: torch.Tensor) -> Posterior:
+            self.half = 0.5 * features
+            return Posterior(torch.zeros(2, 1, 3), torch.zeros(2, 1, 3))
+
+        def decode(self, latents: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+            return self.half * mask[..., None]
+
+        def latent_mask(self, mask: torch.Tensor) -> torch.Tensor:
+            return mask.new_ones(2, 1)
+
+    def points(features: torch.Tensor) -> torch.Tensor:
+        return features[..., :4, None].expand(-1, -1, -1, 3)
+
+    objective = VAEObjective(joints=0.0, vertices=2.0)
+    noise = torch.zeros(2, 1, 3)
+    arguments = (Halves(), features, mask, lambda *_: noise, points, 20.0, objective)
+    plain, found = vae_losses(*arguments), vae_losses(*arguments, vertices_of=points)
+    expected = mean_of_real(
+        F.smooth_l1_loss(0.5 * features[..., :4], features[..., :4], reduction="none"), mask
+    )
+    assert "vertices" not in plain
+    assert torch.allclose(found["vertices"], expected)
+    assert torch.allclose(found["total"], plain["total"] + 2 * expected)

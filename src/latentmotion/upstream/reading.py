@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from latentmotion.errors import ModelError
+from latentmotion.upstream.stand_ins import read_with_stand_ins
 
 PARTS = ("vae", "denoiser")
 """First parts of the names that are taken; all others are foreign networks, losses and metrics."""
@@ -57,12 +58,22 @@ def read_content(path: Path) -> Any:
     except FileNotFoundError as error:
         raise ModelError(f"{path} does not exist") from error
     except pickle.UnpicklingError as error:
-        raise ModelError(_unsafe(path, error)) from error
+        return _read_carefully(path, error)
     except Exception as error:  # a damaged file fails anywhere inside zip, pickle or torch
         raise ModelError(
             f"{path} is no PyTorch checkpoint, or is damaged ({type(error).__name__}: {error}); "
             "download it again"
         ) from error
+
+
+def _read_carefully(path: Path, problem: Exception) -> Any:
+    """Reads the file once more, with nothing in place of the settings of foreign programs."""
+    try:
+        return read_with_stand_ins(path)
+    except pickle.UnpicklingError as error:
+        raise ModelError(_unsafe(path, error)) from error
+    except Exception as error:  # a damaged file, or one of PyTorch before 1.6, which is no zip
+        raise ModelError(_unsafe(path, problem)) from error
 
 
 def _unsafe(path: Path, error: Exception) -> str:

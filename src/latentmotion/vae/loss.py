@@ -1,6 +1,7 @@
 """What the VAE minimizes (paper, section 3.1; the authors' code adds the joints).
 
 L = |x̂ − x| + |joints(x̂) − joints(x)| + w KL(q(z | x) ‖ N(0, 1)),  smooth L1 distances
+Action data: a body's vertices, which stays where it is, instead of joints.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from latentmotion.nn.masked import mean_of_real
+from latentmotion.nn.masked import mean_of_all, mean_of_real
 from latentmotion.vae.interface import MotionVAE
+
+Mean = Callable[[Tensor, Tensor], Tensor]
+"""Values and the mask of what is real to a number."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,16 @@ class VAEObjective:
     """Weight of the divergence from N(0, 1), per latent number."""
     joints_knee: float = 1.0
     """Distance in meters from which the joints' loss grows linearly; before, as a square."""
+    vertices: float = 0.0
+    """Weight of the distance of the body's vertices without its way, meters; needs a body."""
+    padded_means: bool = False
+    """Whether means run over padding as well, as the authors': there the features are equal, which
+    dilutes their mean, and joints are the mean pose where a motion's way ended."""
+
+    @property
+    def mean(self) -> Mean:
+        """How distances and divergences of a padded batch are averaged."""
+        return mean_of_all if self.padded_means else mean_of_real
 
 
 def vae_losses(
@@ -41,6 +55,7 @@ def vae_losses(
     joints_of: Callable[[Tensor], Tensor],
     fps: float,
     objective: VAEObjective,
+    vertices_of: Callable[[Tensor], Tensor] | None = None,
 ) -> dict[str, Tensor]:
     """Encodes, draws, decodes and compares.
 
@@ -52,6 +67,7 @@ def vae_losses(
         joints_of: Normalized features to joints, (batch, frames, joints, 3), meters.
         fps: Frames per second.
         objective: Weights of the losses.
+        vertices_of: Normalized features to vertices, (batch, frames, vertices, 3), meters.
 
     Returns:
         "total", and each loss by the name of its weight.
@@ -61,16 +77,18 @@ def vae_losses(
     rebuilt = vae.decode(latents, mask).float()  #                   (batch, frames, features)
     found, true = joints_of(rebuilt), joints_of(features)  #         (batch, frames, joints, 3)
     velocities = fps * found.diff(dim=1), fps * true.diff(dim=1)
-    knee = objective.joints_knee
+    knee, mean = objective.joints_knee, objective.mean
     losses = {
-        "features": _distance(rebuilt, features, mask, 1.0),
-        "joints": _distance(found, true, mask, knee),
-        "steps": _distance(*velocities, mask[:, 1:], knee * fps),
-        "divergence": mean_of_real(posterior.divergence().float(), vae.latent_mask(mask)),
+        "features": mean(_distance(rebuilt, features, 1.0), mask),
+        "joints": mean(_distance(found, true, knee), mask),
+        "steps": mean(_distance(*velocities, knee * fps), mask[:, 1:]),
+        "divergence": mean(posterior.divergence().float(), vae.latent_mask(mask)),
     }
+    if vertices_of is not None:
+        losses["vertices"] = _distance(vertices_of(rebuilt), vertices_of(features), mask, 1.0)
     weighted = [getattr(objective, name) * loss for name, loss in losses.items()]
     return {"total": torch.stack(weighted).sum(), **losses}
 
 
-def _distance(found: Tensor, true: Tensor, mask: Tensor, knee: float) -> Tensor:
-    return mean_of_real(F.smooth_l1_loss(found, true, reduction="none", beta=knee), mask)
+def _distance(found: Tensor, true: Tensor, knee: float) -> Tensor:
+    return F.smooth_l1_loss(found, true, reduction="none", beta=knee)
