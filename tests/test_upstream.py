@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 from torch import Tensor
 
-from latentmotion.checkpoint import TrainedModel, load_model
-from latentmotion.condition.interface import Conditioning
+from latentmotion.checkpoint import TrainedModel, load_model, save_model
+from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEncoder
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.sampler import DDIM, sample
+from latentmotion.errors import InputError
+from latentmotion.generator import MotionGenerator
+from latentmotion.runtime.eager import eager_generator
 from latentmotion.upstream.configurations import Unstated
 from latentmotion.upstream.conversion import Origin, convert_checkpoint
 
@@ -202,3 +208,67 @@ def test_denoiser_variant(variants: Variants, name: str) -> None:
     always = torch.ones(condition.shape[:2], dtype=torch.bool)
     output = denoiser(z, times, Conditioning(condition, always), mask)
     assert relative(output, variants.arrays[f"{name}/out"]) < ONE_PASS
+
+
+@dataclass(frozen=True)
+class Counting:
+    """A text encoder whose vectors count letters."""
+
+    width: int
+    name: str = "counting"
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        rows = [[sentence.count(chr(97 + i)) for i in range(self.width)] for sentence in sentences]
+        pooled = np.asarray(rows, np.float32)
+        return TextEmbedding(pooled, pooled[:, None], np.ones((len(rows), 1), bool))
+
+
+def generator_of(model: TrainedModel, folder: Path, encoder: TextEncoder | None) -> MotionGenerator:
+    """The tiny networks have 19 features a frame, which is no representation; HumanML3D's name is
+    borrowed for its frame rate.
+    """
+    card = replace(model.card, representation="humanml3d")
+    save_model(folder, replace(model, card=card))
+    return eager_generator(folder, encoder)
+
+
+def test_a_whole_action_file_generates_by_label(variants: Variants) -> None:
+    """ACTOR's VAE, a denoiser of twelve labels, and SMPL's body, which is left behind."""
+    state = variants.state("actor_vae") | variants.state("den_action")
+    smpl = {"rot2xyz.smpl_model.v_template": torch.zeros(6890, 3)}
+    torch.save({"state_dict": state | smpl, "epoch": 1}, variants.out / "action.ckpt")
+    origin = Origin(plain_normalizer(19), Unstated(heads=2))
+    others = convert_checkpoint(variants.out / "action.ckpt", variants.out / "action", origin)
+    assert others == {"rot2xyz": 1}
+    model = load_model(variants.out / "action")
+    weights = load_file(variants.out / "action/weights.safetensors")
+    assert all(6890 not in tensor.shape for tensor in weights.values())
+    assert (model.card.task, model.card.frames) == ("action", (60, 60))
+    assert model.card.condition["labels"][:2] == ["warm_up", "walk"]
+    generator = generator_of(model, variants.out / "action", None)
+    walk, jump = generator.features(["walk", "jump"], [60, 60], [1, 1], steps=2)
+    assert walk.shape == (60, 19)
+    assert not np.allclose(walk, jump)
+
+
+def test_an_action_file_with_other_labels(variants: Variants) -> None:
+    torch.save({"state_dict": variants.state("den_action")}, variants.out / "labels.ckpt")
+    for labels, message in ((("a", "b"), "2 labels for a checkpoint of 12"), ((), "")):
+        origin = Origin(plain_normalizer(32), Unstated(heads=2), labels=labels)
+        if message:
+            with pytest.raises(InputError, match=message):
+                convert_checkpoint(variants.out / "labels.ckpt", variants.out / "labels", origin)
+            assert not (variants.out / "labels").exists()
+        else:
+            convert_checkpoint(variants.out / "labels.ckpt", variants.out / "labels", origin)
+
+
+def test_a_file_without_vae_generates_by_sentence(variants: Variants) -> None:
+    model = variants.load("den_novae_dec")
+    assert model.vae is None
+    assert (model.card.sampler, model.card.steps) == ("ddpm", 1000)
+    encoder = Counting(int(model.card.condition["width"]))
+    generator = generator_of(model, variants.out / "den_novae_dec", encoder)
+    prompts = ["a person walks", "a person kicks"]
+    first, second = generator.features(prompts, [20, 16], [1, 2], steps=3)
+    assert (first.shape, second.shape) == ((20, 19), (16, 19))

@@ -26,6 +26,9 @@ from latentmotion.vae.transformer import TransformerVAE, TransformerVAEConfig
 _TEXT_ENCODERS = ("openai/clip-vit-large-patch14", "sentence-transformers/sentence-t5-large")
 """The text encoders of MLD and of MotionLCM."""
 
+_FRAMES = {"text": (16, 196), "action": (60, 60)}
+"""Shortest and longest motions that MLD's models were trained on."""
+
 _REPRESENTATIONS = {263: "humanml3d", 251: "kit", 150: "smpl"}
 """Representation that a number of features means."""
 
@@ -127,6 +130,7 @@ def _card(
         steps=50 if vae else 1000,
         guidance=7.5,
         sampler="ddim" if vae else "ddpm",
+        frames=_FRAMES["action" if _is_action(denoiser) else "text"],
         provenance=_provenance(path),
     )
 

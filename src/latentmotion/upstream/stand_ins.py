@@ -27,7 +27,7 @@ KNOWN = {
     *(f"builtins.{kind.__name__}" for kind in (dict, list, set, frozenset, tuple, object)),
     *(f"builtins.{kind.__name__}" for kind in (int, float, str, bool, complex, bytes)),
     *("numpy.ndarray", "numpy.dtype", "torch.Size", "torch.device"),
-    *("_codecs.encode", "copyreg._reconstructor"),
+    *("builtins.long", "builtins.unicode", "_codecs.encode", "copyreg._reconstructor"),
 }
 """Names that do so as well."""
 
