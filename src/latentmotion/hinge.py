@@ -17,6 +17,14 @@ rest pose and toes. Two steps, both exact:
 
    in axes that are carried along the bone without turning about it (parallel transport), so that
    λ resists twist alone.
+
+3. Pace. Where n_t turns faster than its neighbors give reason to, the same chain is solved again
+   for its angle φ_t, with λ_t raised until the turn is spread over enough frames:
+
+       Σ (w_t + |p_t|) (φ_t − angle n_t)²  +  Σ λ_t (φ_t − φ_{t−1})²
+
+   A limb that passes through straight then turns in its own time; its elbow bends a little beside
+   its hinge meanwhile. The joints stay where they are.
 """
 
 from __future__ import annotations
@@ -24,10 +32,16 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.rotations import quaternion_between, quaternion_rotate
+from latentmotion.rotations import matrix_from_quaternion, quaternion_between
 
 _PRIOR, _CONTINUITY = 0.1, 5.0
 """μ and κ."""
+
+_ROUNDS = 8
+"""How often λ_t is raised at most."""
+
+_TOLERANCE = 1.1
+"""Share of the pace that is fast enough to be slowed down."""
 
 
 def hinge(
@@ -35,6 +49,7 @@ def hinge(
     normal: Float[np.ndarray, "frames 3"],
     prior: Float[np.ndarray, "frames 3"],
     stiffness: float,
+    pace: Float[np.ndarray, " steps"],
 ) -> Float[np.ndarray, "frames 3"]:
     """Returns the hinge of a limb, a unit vector normal to its upper bone in every frame.
 
@@ -43,22 +58,44 @@ def hinge(
         normal: Normal of the plane of both bones, as long as the sine of the bend.
         prior: What the hinge is where the limb is straight, as long as it weighs.
         stiffness: λ, per frame.
+        pace: How far it may turn about the bone from each frame to the next, radians.
     """
     first = _transport(axis)
     frame = np.stack([first, np.cross(axis, first)], axis=1)
     weight, trust = (normal**2).sum(-1), np.linalg.norm(prior, axis=-1)
     plane, prior = (_unit(np.einsum("tij,tj->ti", frame, x)) for x in (normal, prior))
     signed = plane * (weight * _signs(plane, weight, prior))[:, None]
-    found = _solve_chain(weight + trust, stiffness, signed + prior * trust[:, None])
-    return np.einsum("tij,ti->tj", frame, _unit(found))
+    every = np.full(len(pace), stiffness)
+    found = _solve_chain(weight + trust, every, signed + prior * trust[:, None])
+    angle = _spread(np.unwrap(np.arctan2(found[:, 1], found[:, 0])), weight + trust, every, pace)
+    turned = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.einsum("tij,ti->tj", frame, turned)
+
+
+def _spread(
+    angle: Float[np.ndarray, " frames"],
+    weight: Float[np.ndarray, " frames"],
+    stiffness: Float[np.ndarray, " steps"],
+    pace: Float[np.ndarray, " steps"],
+) -> Float[np.ndarray, " frames"]:
+    """Spreads turns that are faster than `pace` over the frames around them."""
+    found, resistance = angle, np.zeros_like(stiffness)
+    for _ in range(_ROUNDS):
+        excess = np.abs(np.diff(found)) / pace
+        if not (excess > _TOLERANCE).any():
+            break
+        raised = np.maximum(resistance, stiffness) * np.minimum(excess, 4) ** 2
+        resistance = np.where(excess > 1, raised, resistance)
+        found = _solve_chain(weight, resistance, (weight * angle)[:, None])[:, 0]
+    return found
 
 
 def _transport(axis: Float[np.ndarray, "frames 3"]) -> Float[np.ndarray, "frames 3"]:
     """Carries a normal along a turning axis by the smallest rotation from frame to frame."""
     across = np.eye(3)[np.argmin(np.abs(axis[0]))]
     carried = [_unit(np.cross(axis[0], across))]
-    for step in quaternion_between(axis[:-1], axis[1:]):
-        carried.append(quaternion_rotate(step, carried[-1]))
+    for step in matrix_from_quaternion(quaternion_between(axis[:-1], axis[1:])):
+        carried.append(step @ carried[-1])
     return np.stack(carried)
 
 
@@ -83,20 +120,26 @@ def _signs(
 
 
 def _solve_chain(
-    weight: Float[np.ndarray, " frames"], stiffness: float, wanted: Float[np.ndarray, "frames 2"]
-) -> Float[np.ndarray, "frames 2"]:
-    """Solves the tridiagonal system (diag(w) + λ·Laplacian) x = wanted, by Thomas' algorithm."""
-    frames = len(weight)
-    neighbors = np.full(frames, 2.0)
-    neighbors[[0, -1]] = 1.0 if frames > 1 else 0.0
-    diagonal, right = weight + stiffness * neighbors, wanted.copy()
-    for t in range(1, frames):
-        factor = stiffness / diagonal[t - 1]
-        diagonal[t] -= factor * stiffness
+    weight: Float[np.ndarray, " frames"],
+    stiffness: Float[np.ndarray, " steps"],
+    wanted: Float[np.ndarray, "frames width"],
+) -> Float[np.ndarray, "frames width"]:
+    """Solves the tridiagonal system (diag(w) + Laplacian of λ) x = wanted, by Thomas' algorithm."""
+    links = np.concatenate([[0.0], stiffness, [0.0]])
+    diagonal = (weight + links[:-1] + links[1:]).tolist()
+    factors = []
+    for t, link in enumerate(stiffness.tolist(), start=1):
+        factors.append(link / diagonal[t - 1])
+        diagonal[t] -= factors[-1] * link
+    return np.stack([_substitute(diagonal, factors, x) for x in wanted.T.tolist()], axis=1)
+
+
+def _substitute(diagonal: list[float], factors: list[float], right: list[float]) -> list[float]:
+    for t, factor in enumerate(factors, start=1):
         right[t] += factor * right[t - 1]
-    right[-1] /= diagonal[-1]
-    for t in range(frames - 2, -1, -1):
-        right[t] = (right[t] + stiffness * right[t + 1]) / diagonal[t]
+    right = [value / pivot for value, pivot in zip(right, diagonal, strict=True)]
+    for t in range(len(factors) - 1, -1, -1):
+        right[t] += factors[t] * right[t + 1]
     return right
 
 

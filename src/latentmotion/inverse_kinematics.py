@@ -39,6 +39,8 @@ _STIFFNESS = 0.1
 _SWING_PRIOR, _TOE_PRIOR = 0.01, 0.05
 """How much rest pose and toes say about the hinge, as sin² of the bend that says as much."""
 
+_PACE = 2.0
+"""Radians per second that a limb may twist where its two bones stand still."""
 
 _STRADDLE = {"knee": np.radians(7), "ankle": np.radians(3)}
 """How far thigh and shank point outward in rest pose, so that the skins of the legs part."""
@@ -159,8 +161,15 @@ class _Solver:
         if tip is not None:
             prior = prior + _TOE_PRIOR * np.cross(tip, lower)
         stiffness = _STIFFNESS * (self.fps / 20) ** 2
-        axis = hinge(upper, np.cross(upper, lower), prior, stiffness)
+        axis = hinge(upper, np.cross(upper, lower), prior, stiffness, self._pace(upper, lower))
         return self.world[parent] @ _frame(upper, axis) @ _frame(rest, rest_hinge).T
+
+    def _pace(
+        self, upper: Float[np.ndarray, "frames 3"], lower: Float[np.ndarray, "frames 3"]
+    ) -> Float[np.ndarray, " steps"]:
+        """How far the upper bone may twist in a step: a little, and as far as both bones turn."""
+        turns = [np.linalg.norm(np.diff(bone, axis=0), axis=-1) for bone in (upper, lower)]
+        return _PACE / self.fps + np.maximum(*turns)
 
     def _local_bone(self, joint: int, frame: int) -> Float[np.ndarray, "frames 3"]:
         return np.einsum("tij,ti->tj", self.world[frame], self.bones[:, joint])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +13,9 @@ from jaxtyping import Float
 from latentmotion.animation import Animation
 from latentmotion.errors import InputError
 from latentmotion.skeleton import HUMANML3D, Skeleton
+
+if TYPE_CHECKING:
+    from latentmotion.cleanup import CleanUp
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,16 @@ class Motion:
         from latentmotion.inverse_kinematics import solve
 
         return solve(self.joints, self.fps, self.skeleton)
+
+    def cleaned(self, steps: CleanUp | None = None) -> Motion:
+        """Returns the motion with still feet, constant bones and less shaking.
+
+        Args:
+            steps: Which steps are taken, and how; by default all that leave it where it is.
+        """
+        from latentmotion.cleanup import CleanUp, clean
+
+        return clean(self, CleanUp() if steps is None else steps)
 
     def save(self, path: str | Path) -> list[Path]:
         """Writes a file whose format is chosen by the ending of `path`; returns what was written.

@@ -1,0 +1,11 @@
+"""Clean-up of generated motion: one step a file, NumPy only.
+
+    smoothing  →  bones  →  floor  →  contacts  →  foot lock  →  root
+
+`clean` takes the steps in this order; each is a function of joints to joints that can be used and
+measured alone (`benchmarks/cleanup.py`).
+"""
+
+from latentmotion.cleanup.steps import CleanUp, CleanUpWarning, clean
+
+__all__ = ["CleanUp", "CleanUpWarning", "clean"]

@@ -1,0 +1,62 @@
+"""Bones of constant length: a network draws joints one by one, so that bones breathe.
+
+Each bone gets its median length, and the joints move as little as possible: in turns every bone
+pulls its two ends to the right distance (position-based dynamics, Müller et al. 2007); at last the
+tree is walked from the root, so that lengths are exact. A bone that has shrunk says little about
+its direction, which is then the mean over the frames around, weighted by length.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.cleanup.smoothing import gaussian
+from latentmotion.skeleton import Skeleton
+
+_ROUNDS = 10
+_SHRUNK = 0.7
+"""Share of its length below which a bone's direction is taken from its neighbors in time, too."""
+
+_MEMORY = 0.1
+"""Deviation of the Gaussian over these neighbors, seconds."""
+
+
+def constant_bones(
+    joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns joints near the given ones whose bones have the same length in every frame."""
+    parents = list(skeleton.parents[1:])
+    bones = joints[:, 1:] - joints[:, parents]
+    lengths = np.median(np.linalg.norm(bones, axis=-1), axis=0)
+    moved = joints.copy()
+    for _ in range(_ROUNDS):
+        for joint, (parent, length) in enumerate(zip(parents, lengths, strict=True), start=1):
+            bone = moved[:, joint] - moved[:, parent]
+            pull = bone * (0.5 - 0.5 * length / np.maximum(_norm(bone), 1e-6))
+            moved[:, joint] -= pull
+            moved[:, parent] += pull
+    directions = _directions(moved[:, 1:] - moved[:, parents], bones, lengths, fps)
+    for joint, (parent, length) in enumerate(zip(parents, lengths, strict=True), start=1):
+        moved[:, joint] = moved[:, parent] + length * directions[:, joint - 1]
+    return moved
+
+
+def _directions(
+    moved: Float[np.ndarray, "frames bones 3"],
+    bones: Float[np.ndarray, "frames bones 3"],
+    lengths: Float[np.ndarray, " bones"],
+    fps: float,
+) -> Float[np.ndarray, "frames bones 3"]:
+    """Returns where bones point; for those that had shrunk also after their neighbors in time."""
+    trust = np.clip(_norm(bones) / (_SHRUNK * lengths[:, None]), 0, 1) ** 2
+    around = gaussian(trust * _unit(moved), _MEMORY * fps)
+    return _unit(trust * _unit(moved) + (1 - trust) * _unit(around))
+
+
+def _norm(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 1"]:
+    return np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def _unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+    return vectors / np.maximum(_norm(vectors), 1e-9)

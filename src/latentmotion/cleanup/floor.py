@@ -1,0 +1,79 @@
+"""Floor: feet that stand are at height 0, and a body that lies neither sinks in nor hovers.
+
+1. The whole motion is shifted by one number, if feet that bear an upright body are far from 0.
+2. Where the body is below the floor, it is lifted; feet are by their own legs, hands by their arms.
+3. Where the body lies (pelvis low) and its lowest joint hovers for longer than any jump lasts, it
+   is let down. A jump, a ladder, a flight of stairs are left as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.cleanup.hands import find_arms, lift_hands
+from latentmotion.cleanup.smoothing import gaussian, upper_envelope
+from latentmotion.skeleton import Skeleton
+
+Heights = Float[np.ndarray, " frames"]
+
+
+@dataclass(frozen=True)
+class Floor:
+    """How the floor is found."""
+
+    tolerance: float = 0.03
+    """Meters that standing feet may be off the floor: real ones are as much in mocap."""
+    lying: tuple[float, float] = (0.25, 0.4)
+    """Heights of the pelvis, meters, below which a body lies and above which it does not."""
+    hover: float = 0.1
+    """Meters that the lowest joint of a lying body may be above the floor: flesh is between."""
+    longest_jump: float = 1.2
+    """Seconds."""
+    sink: float = 0.04
+    """Meters that feet may be below the floor for legs to lift them alone."""
+
+
+def align_floor(
+    joints: Float[np.ndarray, "frames joints 3"],
+    fps: float,
+    skeleton: Skeleton,
+    settings: Floor = Floor(),
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns the joints, whole poses moved up or down so that they stand or lie on height 0."""
+    feet = [*skeleton.left_foot, *skeleton.right_foot]
+    hands = [joint for arm in find_arms(skeleton) for joint in arm[2:]]
+    body = [joint for joint in range(len(skeleton)) if joint not in (*feet, *hands)]
+    moved = joints.copy()
+    if feet:
+        moved[..., 1] -= _level(moved[:, 0, 1], moved[:, feet, 1].min(axis=1), fps, settings)
+    moved[..., 1] -= _hovering(moved[..., 1], fps, settings)[:, None]
+    below = np.maximum(0, -moved[:, body, 1].min(axis=1))
+    if feet:
+        below = np.maximum(below, -settings.sink - moved[:, feet, 1].min(axis=1))
+    moved[..., 1] += upper_envelope(below, max(1, round(0.2 * fps)))[:, None]
+    return lift_hands(moved, fps, skeleton)
+
+
+def _level(pelvis: Heights, lowest: Heights, fps: float, settings: Floor) -> float:
+    """Returns the floor's height under feet at rest, less what is tolerated; 0 if none stands."""
+    upright = pelvis - lowest > settings.lying[1]
+    if len(lowest) > 1:
+        upright &= np.abs(np.gradient(lowest)) * fps < 0.1
+    if not upright.any():
+        return 0.0
+    level = float(np.percentile(lowest[upright], 10))
+    return float(np.sign(level)) * max(0.0, abs(level) - settings.tolerance)
+
+
+def _hovering(heights: Float[np.ndarray, "frames joints"], fps: float, settings: Floor) -> Heights:
+    """Returns how far a lying body is above the floor, smoothly over time."""
+    frames = len(heights)
+    reach = min(round(settings.longest_jump * fps / 2), frames - 1)
+    lowest = np.pad(heights.min(axis=1) - settings.hover, reach, mode="edge")
+    base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1).min(axis=-1)
+    low, high = settings.lying
+    lies = np.clip((high - heights[:, 0]) / (high - low), 0, 1)
+    return np.maximum(0, gaussian(lies * np.maximum(0, base), 0.2 * fps))

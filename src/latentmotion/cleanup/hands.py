@@ -1,0 +1,37 @@
+"""Hands that reach through the floor are put onto it: shoulder and elbow bend for them."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.cleanup.smoothing import upper_envelope
+from latentmotion.cleanup.two_bone import reach
+from latentmotion.skeleton import Skeleton
+
+_ARM = ("shoulder", "elbow", "wrist")
+
+
+def find_arms(skeleton: Skeleton) -> list[tuple[int, int, int]]:
+    """Returns shoulder, elbow and wrist of both arms, as far as the skeleton has them."""
+    place = {name: joint for joint, name in enumerate(skeleton.names)}
+    sides = [[f"{side}_{name}" for name in _ARM] for side in ("left", "right")]
+    found = [[place[name] for name in side] for side in sides if set(side) <= set(place)]
+    return [(shoulder, elbow, wrist) for shoulder, elbow, wrist in found]
+
+
+def lift_hands(
+    joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns the joints with no wrist below the floor at height 0."""
+    moved = joints.copy()
+    for arm in find_arms(skeleton):
+        shoulder, elbow, wrist = (joints[:, joint] for joint in arm)
+        up = upper_envelope(np.maximum(0, -wrist[:, 1]), max(1, round(0.1 * fps)))
+        goal = wrist + up[:, None] * (0, 1, 0)
+        bend = elbow - (shoulder + wrist) / 2
+        new = reach(shoulder, elbow, wrist, goal, bend)
+        touched = (up > 0)[:, None]
+        for joint, old, position in zip(arm[1:], (elbow, wrist), new, strict=True):
+            moved[:, joint] = np.where(touched, position, old)
+    return moved

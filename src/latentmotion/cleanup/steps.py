@@ -1,0 +1,92 @@
+"""The steps of a clean-up in their order, and the settings that choose among them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.cleanup.bones import constant_bones
+from latentmotion.cleanup.contacts import Contacts, foot_contacts
+from latentmotion.cleanup.floor import Floor, align_floor
+from latentmotion.cleanup.foot_lock import lock_feet
+from latentmotion.cleanup.foot_shift import FootLock
+from latentmotion.cleanup.legs import find_legs
+from latentmotion.cleanup.root import in_place
+from latentmotion.cleanup.smoothing import smooth
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
+
+
+class CleanUpWarning(UserWarning):
+    """A step was left out because the motion does not allow it."""
+
+
+@dataclass(frozen=True)
+class CleanUp:
+    """Which steps are taken, and how.
+
+    Raises:
+        InputError: The cutoff is not a positive number.
+    """
+
+    smooth: bool = True
+    """Take out shaking."""
+    bones: bool = True
+    """Give every bone one length."""
+    floor: bool = True
+    """Put the figure on the floor."""
+    feet: bool = True
+    """Hold feet that stand."""
+    in_place: bool = False
+    """Take away the path along the floor, as game engines like it."""
+    cutoff: float = 5.0
+    """Hertz up to which movement counts as meant and not as shaking."""
+    contacts: Contacts = field(default_factory=Contacts)
+    """What counts as standing."""
+    lock: FootLock = field(default_factory=FootLock)
+    """How feet are held."""
+    ground: Floor = field(default_factory=Floor)
+    """How the floor is found."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.cutoff) and self.cutoff > 0):
+            raise InputError(f"cutoff {self.cutoff}: expected hertz, a positive number such as 5")
+
+
+def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
+    """Returns the motion cleaned up, as long as it was.
+
+    Warns:
+        CleanUpWarning: The skeleton has no feet that could be held; all other steps are taken.
+    """
+    fps, skeleton = motion.fps, motion.skeleton
+    joints = motion.joints.astype(np.float64)
+    if steps.smooth:
+        joints = smooth(joints, fps, steps.cutoff)
+    if steps.bones:
+        joints = constant_bones(joints, fps, skeleton)
+    if steps.floor:
+        joints = align_floor(joints, fps, skeleton, steps.ground)
+    if steps.feet:
+        joints = _hold_feet(joints, motion, steps)
+    if steps.in_place:
+        joints = in_place(joints, fps)
+    return replace(motion, joints=joints.astype(np.float32))
+
+
+def _hold_feet(
+    joints: Float[np.ndarray, "frames joints 3"], motion: Motion, steps: CleanUp
+) -> Float[np.ndarray, "frames joints 3"]:
+    if not find_legs(motion.skeleton):
+        warnings.warn(
+            f"skeleton {motion.skeleton.name!r} names no feet below hip and knee; "
+            "feet were left as they are",
+            CleanUpWarning,
+            stacklevel=3,
+        )
+        return joints
+    contacts = foot_contacts(joints, motion.fps, motion.skeleton, steps.contacts)
+    return lock_feet(joints, contacts, motion.fps, motion.skeleton, steps.lock)
