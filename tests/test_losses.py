@@ -13,6 +13,7 @@ from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.nn.masked import mean_of_real
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.loss import VAEObjective, vae_losses
 from latentmotion.vae.posterior import Posterior
 
@@ -117,7 +118,7 @@ def test_vertices_are_compared_where_there_is_a_body() -> None:
     features = torch.randn(2, 8, 5, generator=torch.Generator().manual_seed(0))
     mask = torch.arange(8)[None] < torch.tensor([[8], [5]])
 
-    class Halves(torch.nn.Module):
+    class Halves(MotionVAE):
         """Rebuilds half of each feature."""
 
         def encode(self, features: torch.Tensor, mask: torch.Tensor) -> Posterior:

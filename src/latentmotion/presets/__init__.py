@@ -9,12 +9,15 @@ from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
 from latentmotion.presets.baselines import actor, vposer_t
 from latentmotion.presets.mdm import mdm, mdm_50
+from latentmotion.presets.mld_actions import mld_humanact12, mld_uestc
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
 from latentmotion.presets.starter import starter
 
 PRESETS: dict[str, Callable[[], Experiment]] = {
     "starter": starter,
     "mld_humanml3d": mld_humanml3d,
+    "mld_humanact12": mld_humanact12,
+    "mld_uestc": mld_uestc,
     "actor": actor,
     "vposer_t": vposer_t,
     "mdm": mdm,

@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 
 from latentmotion.baselines.vposer_t import VPoserTConfig
+from latentmotion.body.smpl_model import SmplModel, load_smpl
 from latentmotion.checkpoint import TrainedModel, save_model
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
@@ -30,20 +31,28 @@ from latentmotion.training.vae_stage import VAEStage
 from latentmotion.vae.identity import IdentityVAEConfig
 
 
-def train_vae(experiment: Experiment, data: Path, folder: Path, place: Place) -> Path:
+def train_vae(
+    experiment: Experiment, data: Path, folder: Path, place: Place, body: Path | None = None
+) -> Path:
     """Trains stage 1, or goes on with it; returns the model folder.
+
+    `body` is a SMPL model file, which an objective on vertices needs.
 
     Raises:
         DataError: The data cannot be used.
-        InputError: The run folder holds another run, or features and network do not fit.
+        FileFormatError: The body's file cannot be used.
+        InputError: The run folder holds another run, or features, network and body do not fit.
     """
     dataset, training = Dataset.load(data), experiment.vae_training
     check_trainable(experiment)
     check_width(experiment, dataset)
     check_length(experiment)
-    open_run(folder, Run("vae", dataset.fingerprint, {}, experiment), place)
+    smpl = check_body(experiment, dataset, body)
+    parents = {"body": smpl.fingerprint} if smpl else {}
+    open_run(folder, Run("vae", dataset.fingerprint, parents, experiment), place)
     torch.manual_seed(training.seed)
-    stage = VAEStage(experiment.vae.build(), dataset, experiment, place)
+    skin = smpl.body if smpl else None
+    stage = VAEStage(experiment.vae.build(), dataset, experiment, place, skin)
     vae, seconds = train(stage, training, folder, place)
     if place.leads:
         card = first_stage_card(experiment, dataset, seconds, stage.validate(vae))
@@ -105,6 +114,30 @@ def check_width(experiment: Experiment, dataset: Dataset) -> None:
             f"{dataset.folder} has {found} features a frame ({dataset.representation.name}), the "
             f"experiment's VAE takes {expected}; use --set vae.features={found}"
         )
+
+
+def check_body(experiment: Experiment, dataset: Dataset, body: Path | None) -> SmplModel | None:
+    """Returns the body where the objective compares vertices.
+
+    Raises:
+        FileFormatError: Its file cannot be used.
+        InputError: It is missing, of no use, or the features are no poses.
+    """
+    wanted = experiment.vae_objective.vertices > 0
+    if wanted and dataset.representation.name != "smpl":
+        raise InputError(
+            f"vae_objective.vertices needs SMPL's poses, {dataset.folder} has features "
+            f"{dataset.representation.name!r}; use --set vae_objective.vertices=0"
+        )
+    if wanted and body is None:
+        raise InputError(
+            "vae_objective.vertices needs a SMPL model file, which does not come with this "
+            "package: --body SMPL_NEUTRAL.npz (from https://smpl.is.tue.mpg.de), or go without: "
+            "--set vae_objective.vertices=0 --set vae_objective.joints=1"
+        )
+    if body is not None and not wanted:
+        raise InputError("--body is of no use: vae_objective.vertices is 0; set it to 1")
+    return load_smpl(body) if body is not None else None
 
 
 def check_length(experiment: Experiment) -> None:

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import torch
 from jaxtyping import Float
 
+from latentmotion.body.skinning import Body
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop
 from latentmotion.evaluation.metrics.mpjpe import mpjpe
 from latentmotion.experiment import Experiment
 from latentmotion.motion import Motion
+from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.training.crops import FeatureMemory, Plan, items_by_length
 from latentmotion.training.devices import Place
 from latentmotion.training.loop import Stage
@@ -32,15 +34,22 @@ class VAEStage(Stage[MotionVAE]):
         dataset: Motions.
         experiment: Which crops, which objective.
         place: The device and rank.
+        body: Whose vertices are compared, where the objective does.
     """
 
     def __init__(
-        self, vae: MotionVAE, dataset: Dataset, experiment: Experiment, place: Place
+        self,
+        vae: MotionVAE,
+        dataset: Dataset,
+        experiment: Experiment,
+        place: Place,
+        body: Body | None = None,
     ) -> None:
         super().__init__()
         self.network = vae
         self._dataset, self._place = dataset, place
         self._objective, self._settings = experiment.vae_objective, experiment.vae_training
+        self._body = body.like(torch.zeros(1, device=place.device)) if body else None
         self._longest = experiment.latents.cropping.max_frames
         train = dataset.clips("train", mirrored=experiment.mirrored)
         self._looked_at = {
@@ -66,6 +75,7 @@ class VAEStage(Stage[MotionVAE]):
             joints_of=self._joints,
             fps=self._dataset.representation.fps,
             objective=self._objective,
+            vertices_of=self._vertices if self._body else None,
         )
 
     @torch.no_grad()
@@ -73,17 +83,19 @@ class VAEStage(Stage[MotionVAE]):
         """Mean joint error in millimeters of rebuilt clips, root-aligned and in the world."""
         figures = {}
         for split, clips in self._looked_at.items():
+            if not clips:
+                continue
             pairs = [self._rebuild(network, clip) for clip in clips]
             for name, align in (("mm", True), ("world_mm", False)):
                 errors = [mpjpe(found, true, align) for found, true in pairs]
-                figures[f"{split}_{name}"] = sum(errors) / max(len(errors), 1)
+                figures[f"{split}_{name}"] = sum(errors) / len(errors)
         return figures
 
     @torch.no_grad()
     def sample(self, network: MotionVAE) -> list[Motion]:
-        """Two held-out clips, each as it is and as it is rebuilt."""
+        """Two held-out clips, each as it is and as it is rebuilt; seen ones where all are."""
         motions = []
-        for clip in self._looked_at["val"][:2]:
+        for clip in (self._looked_at["val"] or self._looked_at["train"])[:2]:
             rebuilt, true = self._rebuild(network, clip)
             motions += [self._motion(true, f"{clip.id}"), self._motion(rebuilt, "rebuilt")]
         return motions
@@ -101,6 +113,14 @@ class VAEStage(Stage[MotionVAE]):
     ) -> Float[torch.Tensor, "batch frames joints 3"]:
         dataset = self._dataset
         return dataset.representation.decode(dataset.normalizer.denormalize(features))
+
+    def _vertices(
+        self, features: Float[torch.Tensor, "batch frames features"]
+    ) -> Float[torch.Tensor, "batch frames vertices 3"]:
+        part, body = self._dataset.representation, self._body
+        assert isinstance(part, SmplRepresentation) and body is not None  # checked at the start
+        rotations, _ = part.pose(self._dataset.normalizer.denormalize(features))
+        return body.posed(rotations)
 
     def _motion(self, joints: Float[torch.Tensor, "frames joints 3"], caption: str) -> Motion:
         part = self._dataset.representation

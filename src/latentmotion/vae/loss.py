@@ -85,7 +85,8 @@ def vae_losses(
         "divergence": mean(posterior.divergence().float(), vae.latent_mask(mask)),
     }
     if vertices_of is not None:
-        losses["vertices"] = _distance(vertices_of(rebuilt), vertices_of(features), mask, 1.0)
+        surfaces = vertices_of(rebuilt), vertices_of(features)
+        losses["vertices"] = mean(_distance(*surfaces, 1.0), mask)
     weighted = [getattr(objective, name) * loss for name, loss in losses.items()]
     return {"total": torch.stack(weighted).sum(), **losses}
 
