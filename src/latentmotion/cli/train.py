@@ -32,6 +32,8 @@ class TrainVAE:
     """Experiment to start from: starter, mld_humanml3d, actor or vposer_t."""
     set: Changes = ()
     """Change one value of it, e.g. vae_training.steps=1000; may be given several times."""
+    body: Path | None = None
+    """SMPL model file (.npz, or .pkl of plain arrays), for losses on vertices."""
     device: str = "auto"
     """auto, cpu, cuda or cuda:N."""
 
@@ -42,7 +44,7 @@ class TrainVAE:
 
         experiment = experiment_of(self.preset, self.set)
         with training_place(self.device) as place:
-            print(train_vae(experiment, self.data, self.output, place))
+            print(train_vae(experiment, self.data, self.output, place, self.body))
 
 
 @dataclass(frozen=True)
