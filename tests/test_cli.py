@@ -56,7 +56,7 @@ def test_sentences_and_file_exclude_each_other(
     prompts.write_text("a person walks\n")
     assert "not both" in refused(["generate", "a person runs", "-f", str(prompts)], capsys)
     prompts.write_text("\n\n")
-    assert "holds no sentence" in refused(["generate", "-f", str(prompts)], capsys)
+    assert "holds no prompt" in refused(["generate", "-f", str(prompts)], capsys)
 
 
 def test_a_verb_without_its_packages_names_the_extra(

@@ -19,7 +19,7 @@ from latentmotion.errors import ModelError
 from latentmotion.model_card import LatentSpace, ModelCard, read_card
 from latentmotion.models import find_model
 from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.runtime.package import package_model
+from latentmotion.runtime.package import copied, package_model
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.transformer import TransformerVAEConfig
 
@@ -67,7 +67,7 @@ def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
 def test_weights_are_kept_in_half_the_bits(tmp_path: Path) -> None:
     model = untrained("over time")
     save_model(tmp_path / "run", model)
-    package_model(tmp_path / "run", model.card, find_model("starter"), tmp_path / "model")
+    package_model(tmp_path / "run", model.card, copied(find_model("starter")), tmp_path / "model")
     again = load_model(tmp_path / "model")
     assert again.vae is not None and model.vae is not None
     for old, new in zip(model.vae.parameters(), again.vae.parameters(), strict=True):
@@ -78,9 +78,11 @@ def test_nothing_is_written_of_half_a_model(tmp_path: Path) -> None:
     model = untrained("over time")
     save_model(tmp_path / "run", model)
     with pytest.raises(ModelError, match=r"lacks text_encoder\.onnx"):
-        package_model(tmp_path / "run", model.card, tmp_path, tmp_path / "model")
+        package_model(tmp_path / "run", model.card, copied(tmp_path), tmp_path / "model")
     first = TrainedModel(replace(model.card, denoiser={}), model.vae, None)
     save_model(tmp_path / "vae", first)
     with pytest.raises(ModelError, match="train both stages"):
-        package_model(tmp_path / "vae", first.card, find_model("starter"), tmp_path / "model")
+        package_model(
+            tmp_path / "vae", first.card, copied(find_model("starter")), tmp_path / "model"
+        )
     assert not (tmp_path / "model").exists()

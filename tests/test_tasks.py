@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from latentmotion import MotionGenerator
 from latentmotion.cli.main import main
 from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.unconditional import Unconditional
@@ -100,6 +101,71 @@ def test_an_unconditional_model_generates(nothing: Path) -> None:
     assert len(generate.features(["", ""], [24, 41], [3, 4])[1]) == 41
     with pytest.raises(InputError, match="takes no prompt; leave 'a person walks' out"):
         generate("a person walks")
+
+
+@pytest.mark.parametrize("task", ["actions", "nothing"])
+def test_models_without_sentences_run_as_graphs(
+    task: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model: Path = request.getfixturevalue(task)
+    main(["export", str(model), "-o", str(tmp_path / "model")])
+    assert not (tmp_path / "model" / "tokenizer.json").exists()
+    prompts = ["swayLeft1", "swayRight0"] if task == "actions" else ["", ""]
+    expected = eager_generator(tmp_path / "model").features(prompts, [24, 41], [3, 4], steps=3)
+    for runtime in ("onnxruntime", "openvino"):
+        graphs = MotionGenerator.load(tmp_path / "model", runtime, 1)
+        found = graphs.features(prompts, [24, 41], [3, 4], steps=3)
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-3)
+
+
+def test_the_command_asks_each_model_for_what_it_takes(
+    actions: Path, nothing: Path, vae_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def generate(*words: str) -> list[str]:
+        output = ["-o", str(tmp_path / "out.npz"), "--seconds", "1.2", "--json"]
+        main(["generate", *words, *output])
+        return [motion["caption"] for motion in json.loads(capsys.readouterr().out)["motions"]]
+
+    def refused(*words: str) -> str:
+        with pytest.raises(SystemExit):
+            generate(*words)
+        return capsys.readouterr().err
+
+    run = ["--steps", "2", "--model"]
+    assert generate("swayLeft1", "swayRight2", *run, str(actions.parent)) == [
+        "swayLeft1",
+        "swayRight2",
+    ]
+    assert generate("--count", "2", "--sampler", "ddpm", *run, str(nothing)) == ["", ""]
+    assert generate("--count", "3", "--prior", "--model", str(vae_run)) == [""] * 3
+    assert "no action given; model 'starter' knows swayLeft0" in refused(*run, str(actions))
+    assert "takes no prompt" in refused("a person walks", *run, str(nothing))
+    assert "takes no prompt" in refused("a person walks", "--prior", *run, str(vae_run))
+    assert "--prior" in refused("a person walks", *run, str(vae_run))
+    assert "omit --text-encoder" in export_refused(actions, tmp_path, capsys)
+
+
+def export_refused(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit):
+        main(["export", str(model), "--text-encoder", "starter", "-o", str(folder / "model")])
+    return capsys.readouterr().err
+
+
+def test_pytorch_runs_what_was_not_exported_or_says_that_it_is_missing(
+    actions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    words = ["generate", "swayLeft1", "--steps", "1", "-o", str(tmp_path / "a.npz")]
+    main([*words, "--model", str(actions)])
+    assert "has no graphs (latentmotion export); PyTorch runs it" in capsys.readouterr().err
+    monkeypatch.setattr("latentmotion.cli.loading.find_spec", lambda name: None)
+    with pytest.raises(SystemExit):
+        main([*words, "--model", str(actions)])
+    assert "latentmotion export, or here: pip install" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([*words, "--model", str(actions), "--runtime", "pytorch"])
+    assert 'pip install "latentmotion[train]"' in capsys.readouterr().err
 
 
 def test_data_without_labels_cannot_train_actions(

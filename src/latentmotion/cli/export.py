@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from latentmotion.model_card import read_card
-from latentmotion.runtime.package import package_model
+from latentmotion.cli.train import text_encoder_named
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
+from latentmotion.condition.text.pretrained_export import export_pretrained
+from latentmotion.errors import InputError
+from latentmotion.model_card import ModelCard, read_card
+from latentmotion.models import find_model
+from latentmotion.runtime.eager import encoder_folder, find_encoder
+from latentmotion.runtime.package import WriteTextEncoder, copied, package_model
 
 
 @dataclass(frozen=True)
@@ -20,11 +28,13 @@ class Export:
     """
 
     model: Positional[Path]
-    """Folder that training wrote."""
-    text_encoder: Path
-    """Folder that `latentmotion train text-encoder` wrote."""
+    """Folder that training or `latentmotion convert` wrote."""
     output: Annotated[Path, arg(aliases=["-o"])]
     """Folder to write."""
+    text_encoder: str | None = None
+    """For a model that reads sentences: folder that `latentmotion train text-encoder` wrote, name
+    of a model whose encoder is taken, or clip:FOLDER, minilm:FOLDER and the like; by default the
+    one in the model's folder, or that its card names where it is on this machine."""
     name: str | None = None
     """What the model shall be called; by default as the folder."""
     license: str | None = None
@@ -36,9 +46,28 @@ class Export:
         Raises:
             ModelError: Something is missing, or a graph does not repeat its network.
         """
-        card = replace(read_card(self.model), name=self.name or self.output.resolve().name)
+        source = find_model(self.model)
+        card = replace(read_card(source), name=self.name or self.output.resolve().name)
         if self.license:
             card = replace(card, provenance=replace(card.provenance, license=self.license))
-        package_model(self.model, card, self.text_encoder, self.output)
+        package_model(source, card, self._text_encoder(card, source), self.output)
         size = sum(file.stat().st_size for file in self.output.iterdir()) / 1e6
         print(f"wrote {self.output} ({size:.1f} MB)")
+
+    def _text_encoder(self, card: ModelCard, source: Path) -> WriteTextEncoder | None:
+        if card.task != "text" and self.text_encoder:
+            raise InputError(f"a model of task {card.task} reads no sentences; omit --text-encoder")
+        if card.task != "text":
+            return None
+        if self.text_encoder is None:
+            folder = encoder_folder(card, source)
+            return copied(folder) if folder else partial(_export, find_encoder(card, source))
+        if self.text_encoder.partition(":")[0] in KINDS:
+            return partial(_export, text_encoder_named(self.text_encoder))
+        return copied(find_model(self.text_encoder))
+
+
+def _export(encoder: TextEncoder, folder: Path) -> None:
+    if not isinstance(encoder, PretrainedTextEncoder):
+        raise InputError(f"the text encoder {encoder.name} cannot be exported")
+    export_pretrained(encoder, folder)

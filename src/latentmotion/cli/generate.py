@@ -1,4 +1,4 @@
-"""`latentmotion generate`: sentences in, files out."""
+"""`latentmotion generate`: prompts in, files out."""
 
 from __future__ import annotations
 
@@ -10,28 +10,32 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
+from latentmotion.cli.loading import Engine, load_generator, load_prior
+from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.files import check_writable
-from latentmotion.generator import MotionGenerator
+from latentmotion.model_card import ModelCard, read_card
+from latentmotion.models import find_model
 from latentmotion.motion import Motion
-from latentmotion.runtime.session import Runtime
+from latentmotion.runtime.conditions import labels_of
 
 
 @dataclass(frozen=True)
 class Generate:
-    """Turn sentences into motion files.
+    """Turn sentences, action labels or nothing into motion files.
 
     Example: latentmotion generate "a person walks forward and kicks" -o walk.bvh walk.html
     """
 
-    captions: Positional[tuple[str, ...]] = ()
-    """What the person does; several sentences make several motions."""
+    prompts: Positional[tuple[str, ...]] = ()
+    """What the person does: a sentence, or a label for a model of actions; several make several
+    motions. A model that was trained on motion alone takes none."""
     file: Annotated[Path | None, arg(aliases=["-f"])] = None
-    """Text file with one sentence per line, in place of sentences."""
+    """Text file with one prompt per line, in place of prompts."""
     seconds: float = 4.0
     """Length of each motion."""
     count: int = 1
-    """Motions per sentence."""
+    """Motions per prompt."""
     seed: int = 0
     """The first motion's seed; the next ones count up. The same seed gives the same motion."""
     output: Annotated[tuple[Path, ...], arg(aliases=["-o"])] = ()
@@ -39,14 +43,24 @@ class Generate:
     Without it a page, motion.html, is written."""
     model: str = "starter"
     """Name or folder of the model."""
+    prior: bool = False
+    """Decode random latents of the model's VAE alone, without prompt and diffusion."""
     steps: int | None = None
     """Sampling steps; by default the model's own."""
     guidance: float | None = None
-    """How strongly the sentence steers; by default the model's own."""
-    runtime: Runtime = "auto"
-    """Engine of the networks; auto takes OpenVINO where it is installed."""
+    """How strongly the prompt steers; by default the model's own."""
+    sampler: SamplerName | None = None
+    """ddim, or ddpm, which adds fresh noise at every step; by default the model's own."""
+    runtime: Engine = "auto"
+    """Engine of the networks; auto takes OpenVINO where it is installed, and PyTorch for a model
+    that was not exported."""
     threads: int | None = None
     """Most threads the engine may use; by default all cores."""
+    text_encoder: str | None = None
+    """For a model that was not exported and has no text encoder: a folder, name of a model,
+    or clip:FOLDER and the like."""
+    device: str = "cpu"
+    """Where PyTorch computes: cpu, cuda or cuda:N."""
     json: bool = False
     """Print one JSON object for programs instead of text."""
 
@@ -54,41 +68,59 @@ class Generate:
         """Generates and writes.
 
         Raises:
-            InputError: A sentence, a number, an ending or a folder cannot be used.
+            InputError: A prompt, a number, an ending or a folder cannot be used.
+            ModelError: The model cannot be loaded.
         """
-        captions = self._sentences()
+        prompts = self._given()
         outputs = self.output or (_free_name(Path("motion.html")),)
         for path in outputs:
             formats.check_ending(path)
             check_writable(path)
-        motions = self._motions(captions)
+        motions = self._from_prior(prompts) if self.prior else self._motions(prompts)
         written = [file for path in outputs for file in formats.save(path, motions)]
         print(json.dumps(_report(motions, written)) if self.json else _text(written))
 
-    def _sentences(self) -> list[str]:
-        if self.file is not None and self.captions:
-            raise InputError("give either sentences or --file, not both")
-        sentences = list(self.captions) if self.file is None else _lines(self.file)
-        if not sentences:
-            raise InputError('no sentence given; try: latentmotion generate "a person walks"')
+    def _given(self) -> list[str]:
+        if self.file is not None and self.prompts:
+            raise InputError("give either prompts or --file, not both")
         if self.count < 1:
             raise InputError(f"--count {self.count}: expected 1 or more")
-        return [sentence for sentence in sentences for _ in range(self.count)]
+        return list(self.prompts) if self.file is None else _lines(self.file)
 
-    def _motions(self, captions: list[str]) -> list[Motion]:
-        generator = MotionGenerator.load(self.model, self.runtime, self.threads)
-        seeds = range(self.seed, self.seed + len(captions))
-        return generator.batch(captions, self.seconds, seeds, self.steps, self.guidance)
+    def _from_prior(self, prompts: list[str]) -> list[Motion]:
+        if prompts:
+            raise InputError(f"--prior takes no prompt; leave {prompts[0]!r} out")
+        prior = load_prior(self.model, self.runtime, self.threads, self.device)
+        return prior.batch(self.seconds, range(self.seed, self.seed + self.count))
+
+    def _motions(self, given: list[str]) -> list[Motion]:
+        card = read_card(find_model(self.model))
+        each = [prompt for prompt in _needed(card, given) for _ in range(self.count)]
+        generator = load_generator(
+            self.model, self.runtime, self.threads, self.text_encoder, self.device
+        )
+        seeds = range(self.seed, self.seed + len(each))
+        return generator.batch(each, self.seconds, seeds, self.steps, self.guidance, self.sampler)
+
+
+def _needed(card: ModelCard, given: list[str]) -> list[str]:
+    """Returns the prompts, of which an unconditional model needs an empty one."""
+    if given or card.task == "unconditional":
+        return given or [""]
+    if card.task == "text":
+        raise InputError('no sentence given; try: latentmotion generate "a person walks"')
+    known = ", ".join(labels_of(card))
+    raise InputError(f"no action given; model {card.name!r} knows {known}")
 
 
 def _lines(path: Path) -> list[str]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read sentences from {path}: {error}") from error
+        raise InputError(f"cannot read prompts from {path}: {error}") from error
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if not lines:
-        raise InputError(f"{path} holds no sentence; expected one per line")
+        raise InputError(f"{path} holds no prompt; expected one per line")
     return lines
 
 

@@ -104,10 +104,10 @@ def text_encoder_named(name: str) -> TextEncoder:
         ModelError: There is none, or it cannot be loaded.
     """
     from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
-    from latentmotion.condition.text.student import StudentTextEncoder
+    from latentmotion.condition.text.student import load_text_encoder
     from latentmotion.models import find_model
 
     kind, _, source = name.partition(":")
     if kind in KINDS:
         return PretrainedTextEncoder.load(kind, source or None)
-    return StudentTextEncoder.load(find_model(name))
+    return load_text_encoder(find_model(name))

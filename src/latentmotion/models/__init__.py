@@ -15,7 +15,7 @@ def shipped_models() -> tuple[str, ...]:
 
 
 def find_model(model: str | Path) -> Path:
-    """Returns the folder of a model, given a name such as `starter` or a folder.
+    """Returns the folder of a model, given a name such as `starter`, a folder or a run folder.
 
     Raises:
         ModelError: There is no such model; the message names the nearest.
@@ -23,7 +23,8 @@ def find_model(model: str | Path) -> Path:
     if str(model) in shipped_models():
         return Path(__file__).parent / str(model)
     if Path(model).is_dir():
-        return Path(model)
+        inside = Path(model) / "model"  # where a training run puts it
+        return inside if (inside / CARD_FILE).is_file() else Path(model)
     near = difflib.get_close_matches(str(model), shipped_models(), n=1)
     hint = f"did you mean {near[0]!r}?" if near else f"shipped are {', '.join(shipped_models())}"
     raise ModelError(f"no model {str(model)!r}, neither by name nor as a folder; {hint}")

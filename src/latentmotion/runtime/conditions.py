@@ -8,7 +8,7 @@ from pathlib import Path
 from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.interface import Condition, TextEncoder
 from latentmotion.condition.sentence import SentenceCondition, SentenceReading
-from latentmotion.condition.text.student import StudentTextEncoder
+from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.condition.unconditional import Unconditional
 from latentmotion.configuration import from_json
 from latentmotion.model_card import ModelCard
@@ -20,7 +20,7 @@ def condition_of(card: ModelCard, folder: Path) -> Condition:
     Raises:
         ModelError: The text encoder is missing or damaged.
     """
-    return build_condition(card, lambda: StudentTextEncoder.load(folder))
+    return build_condition(card, lambda: load_text_encoder(folder))
 
 
 def build_condition(card: ModelCard, encoder: Callable[[], TextEncoder]) -> Condition:

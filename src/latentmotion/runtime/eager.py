@@ -17,8 +17,9 @@ from torch import Tensor, nn
 from latentmotion import generator
 from latentmotion.checkpoint import TrainedModel, load_model
 from latentmotion.condition.interface import Conditioning, TextEncoder
+from latentmotion.condition.text.graph import GRAPH_FILE
 from latentmotion.condition.text.pretrained import local_encoder
-from latentmotion.condition.text.student import GRAPH_FILE, StudentTextEncoder
+from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.generator import MotionGenerator
@@ -101,20 +102,26 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
     Raises:
         ModelError: It is not at hand.
     """
-    if (folder / GRAPH_FILE).is_file():
-        return StudentTextEncoder.load(folder)
-    name = str(card.condition.get("encoder", ""))
-    shipped = (StudentTextEncoder.load(find_model(model)) for model in shipped_models())
-    found = next((encoder for encoder in shipped if encoder.name == name), None)
-    if found is not None:
-        return found
+    place = encoder_folder(card, folder)
+    if place is not None:
+        return load_text_encoder(place)
+    name = str(card.condition.get("encoder", "none"))
     try:
         return local_encoder(name)
     except LatentMotionError as error:
         raise ModelError(
             f"model {card.name!r} reads sentences with the text encoder {name!r}, which is not at "
-            f"hand ({error}); pass it: --text-encoder clip:FOLDER or another folder"
+            f"hand ({error}); pass it: --text-encoder FOLDER, or clip:FOLDER"
         ) from error
+
+
+def encoder_folder(card: ModelCard, folder: Path) -> Path | None:
+    """Returns the model's folder or a shipped one, whichever holds the encoder that it reads."""
+    if (folder / GRAPH_FILE).is_file():
+        return folder
+    shipped = (find_model(model) for model in shipped_models())
+    name = card.condition.get("encoder")
+    return next((place for place in shipped if load_text_encoder(place).name == name), None)
 
 
 def _decoder(model: TrainedModel, device: str) -> Session:

@@ -6,6 +6,7 @@ Weights are kept in 16 bits and the graphs are made from the rounded ones, so bo
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,70 +15,107 @@ from safetensors.torch import load_file, save_file
 
 from latentmotion.checkpoint import WEIGHTS_FILE, TrainedModel, load_model
 from latentmotion.condition.interface import Conditioning
+from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
+from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.errors import ModelError
 from latentmotion.files import atomic_folder
 from latentmotion.model_card import CARD_FILE, ModelCard
 from latentmotion.runtime.export import export_decoder, export_denoiser
-from latentmotion.runtime.session import open_session
+from latentmotion.runtime.session import has_decoder, open_session
 from latentmotion.vae.interface import MotionVAE
 
-TEXT_ENCODER_FILES = ("text_encoder.onnx", "tokenizer.json")
 TOLERANCE = 1e-4
 """Largest difference between a graph and the network that it was made from."""
 
 
-def package_model(source: Path, card: ModelCard, text_encoder: Path, output: Path) -> None:
+WriteTextEncoder = Callable[[Path], None]
+"""Writes the files of a text encoder into a folder."""
+
+
+def package_model(
+    source: Path, card: ModelCard, text_encoder: WriteTextEncoder | None, output: Path
+) -> None:
     """Writes a folder from which `MotionGenerator.load` generates.
 
     Args:
-        source: Folder that training wrote, with the weights of both networks.
+        source: Folder that training wrote, with the weights of all networks.
         card: The card to write, as read from `source` or changed.
-        text_encoder: Folder with `text_encoder.onnx` and `tokenizer.json`.
+        text_encoder: Writes the text encoder; None for models of actions and unconditional ones.
         output: Folder to write, replaced as a whole.
 
     Raises:
         ModelError: A file or network is missing, or a graph does not repeat its network.
     """
-    _check_text_encoder(text_encoder)
+    if not card.denoiser:
+        raise ModelError(f"model {card.name!r} lacks a denoiser; train both stages first")
+    if card.task == "text" and text_encoder is None:
+        raise ModelError(f"model {card.name!r} reads sentences; pass its text encoder")
     with atomic_folder(output, CARD_FILE) as folder:
         card.write(folder)
         weights = load_file(source / WEIGHTS_FILE)
-        save_file({key: value.half() for key, value in weights.items()}, folder / WEIGHTS_FILE)
-        for name in TEXT_ENCODER_FILES:
-            shutil.copyfile(text_encoder / name, folder / name)
+        save_file({key: _halved(value) for key, value in weights.items()}, folder / WEIGHTS_FILE)
+        if text_encoder is not None:
+            text_encoder(folder)
+            _check_width(card, folder)
         _write_graphs(load_model(folder), folder)
 
 
-def _check_text_encoder(folder: Path) -> None:
-    missing = [name for name in TEXT_ENCODER_FILES if not (folder / name).is_file()]
+def copied(folder: Path) -> WriteTextEncoder:
+    """Returns what copies a text encoder from another folder.
+
+    Raises:
+        ModelError: It is not there.
+    """
+    names = GRAPH_FILE, TOKENIZER_FILE
+    missing = [name for name in names if not (folder / name).is_file()]
     if missing:
         raise ModelError(
             f"{folder} lacks {', '.join(missing)}; make them: latentmotion train text-encoder"
         )
 
+    def write(target: Path) -> None:
+        for name in names:
+            shutil.copyfile(folder / name, target / name)
+
+    return write
+
+
+def _halved(weights: torch.Tensor) -> torch.Tensor:
+    return weights.half() if weights.is_floating_point() else weights
+
+
+def _check_width(card: ModelCard, folder: Path) -> None:
+    found, expected = load_text_encoder(folder).width, int(card.denoiser["condition_width"])
+    if found != expected:
+        raise ModelError(
+            f"the text encoder has {found} numbers per vector, model {card.name!r} reads "
+            f"{expected}; it was trained with {card.condition.get('encoder', 'another')!r}"
+        )
+
 
 def _write_graphs(model: TrainedModel, folder: Path) -> None:
-    if model.vae is None or model.denoiser is None:
-        raise ModelError("the model lacks a VAE or a denoiser; train both stages first")
-    card = model.card
-    words = int(card.denoiser["condition_width"])
-    export_decoder(model.vae, card.latents.frames_per_token, folder / "decoder.onnx")
-    export_denoiser(model.denoiser, card.latents.width, words, folder / "denoiser.onnx")
-    tokens = card.latents.tokens_of(card.frames[0])
-    _check_denoiser(model.denoiser, folder, (3, tokens, card.latents.width), words)
-    _check_decoder(model.vae, folder, (3, tokens, card.latents.width), card.frames[0])
+    card, denoiser = model.card, model.denoiser
+    assert denoiser is not None  # the card has one
+    width = int(card.denoiser["condition_width"])
+    export_denoiser(denoiser, card.latents.width, width, folder / "denoiser.onnx")
+    shape = (3, card.latents.tokens_of(card.frames[0]), card.latents.width)
+    words = 0 if card.task == "unconditional" else 1
+    _check_denoiser(denoiser, folder, shape, (3, words, width))
+    if model.vae is not None and has_decoder(card):
+        export_decoder(model.vae, card.latents.frames_per_token, folder / "decoder.onnx")
+        _check_decoder(model.vae, folder, shape, card.frames[0])
 
 
 def _check_denoiser(
-    denoiser: Denoiser, folder: Path, shape: tuple[int, int, int], width: int
+    denoiser: Denoiser, folder: Path, shape: tuple[int, int, int], seen: tuple[int, int, int]
 ) -> None:
-    z, words = torch.randn(shape), torch.randn(shape[0], 1, width)
-    t, seen = torch.full(shape[:1], 0.5), torch.ones(shape[0], 1, dtype=torch.bool)
+    z, words = torch.randn(shape), torch.randn(seen)
+    t, real = torch.full(shape[:1], 0.5), torch.ones(seen[:2], dtype=torch.bool)
     mask = torch.ones(shape[:2], dtype=torch.bool)
     with torch.no_grad():
-        expected = denoiser(z, t, Conditioning(words, seen), mask)
-    inputs = {"z": z, "t": t, "words": words, "words_mask": seen, "mask": mask}
+        expected = denoiser(z, t, Conditioning(words, real), mask)
+    inputs = {"z": z, "t": t, "words": words, "words_mask": real, "mask": mask}
     _compare(folder / "denoiser.onnx", inputs, expected)
 
 

@@ -54,9 +54,14 @@ def open_decoder(
         MissingExtraError: OpenVINO was asked for and is not installed.
         ModelError: The file is missing or damaged.
     """
-    if not card.vae:
+    if not has_decoder(card):
         return raw_frames
     return open_session(folder / "decoder.onnx", runtime, threads)
+
+
+def has_decoder(card: ModelCard) -> bool:
+    """Returns whether there is a VAE with weights, or the diffusion is on raw frames."""
+    return card.vae.get("kind", "none") not in ("none", "IdentityVAEConfig")
 
 
 def raw_frames(latents: np.ndarray, mask: np.ndarray) -> np.ndarray:

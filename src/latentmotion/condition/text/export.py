@@ -15,9 +15,9 @@ from tokenizers import Tokenizer
 from torch import nn
 from torch.export import Dim
 
+from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.network import NetworkShape, StudentNetwork
 from latentmotion.condition.text.packing import packed
-from latentmotion.condition.text.student import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.files import atomic_file
 
 WEIGHTS_FILE = "text_encoder.safetensors"
@@ -43,7 +43,7 @@ def export_student(
         save_file(state, temporary, metadata=shape)
     with atomic_file(folder / TOKENIZER_FILE) as temporary:
         tokenizer.save(str(temporary), pretty=False)
-    _write_graph(small, card, folder / GRAPH_FILE)
+    write_graph(small, card, folder / GRAPH_FILE)
     return small
 
 
@@ -58,7 +58,8 @@ def load_student(path: Path) -> nn.Module:
     return network
 
 
-def _write_graph(network: nn.Module, card: dict[str, str], path: Path) -> None:
+def write_graph(network: nn.Module, card: dict[str, str], path: Path) -> None:
+    """Writes a network's graph, tokens and mask → pooled and words, with what its card says."""
     tokens, mask = torch.zeros(2, 7, dtype=torch.long), torch.ones(2, 7, dtype=torch.bool)
     axes = {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
     with warnings.catch_warnings():

@@ -1,27 +1,19 @@
-"""The small text encoder that ships with a model: ONNX Runtime and a tokenizer, no PyTorch.
-
-Sentences go through the graph one at a time: padding would only cost time, and so an embedding
-does not depend on the company its sentence is in, not even in the last bit.
-"""
+"""The small text encoder that ships with a model; it knows which words it has learned."""
 
 from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tokenizers import Tokenizer
 
-from latentmotion.condition.interface import TextEmbedding, stack
+from latentmotion.condition.interface import TextEmbedding
+from latentmotion.condition.text.graph import GraphTextEncoder, open_encoder, width_of
 from latentmotion.condition.text.vocabulary import split_words
-from latentmotion.errors import InputError, ModelError
-
-GRAPH_FILE = "text_encoder.onnx"
-TOKENIZER_FILE = "tokenizer.json"
 
 
 class UnknownWordsWarning(UserWarning):
@@ -29,17 +21,9 @@ class UnknownWordsWarning(UserWarning):
 
 
 @dataclass(frozen=True)
-class StudentTextEncoder:
-    """A distilled encoder, ready to use. Immutable, so that one serves many threads."""
+class StudentTextEncoder(GraphTextEncoder):
+    """A distilled encoder, ready to use; its tokenizer is WordPiece, nothing is padded."""
 
-    name: str
-    """Name and digest of the weights."""
-    width: int
-    """Numbers per vector."""
-    session: Any
-    """ONNX Runtime's session: tokens, mask → pooled, words."""
-    tokenizer: Tokenizer
-    """WordPiece, nothing padded."""
     known_words: frozenset[str]
     """Words of several pieces that occurred in training."""
 
@@ -54,30 +38,7 @@ class StudentTextEncoder:
         Raises:
             ModelError: A file is missing or damaged.
         """
-        graph, tokenizer = Path(folder) / GRAPH_FILE, Path(folder) / TOKENIZER_FILE
-        for path in (graph, tokenizer):
-            if not path.is_file():
-                raise ModelError(
-                    f"{path} is missing; a text encoder needs {GRAPH_FILE} and {TOKENIZER_FILE}: "
-                    "copy the model's folder again or run latentmotion train text-encoder"
-                )
-        try:
-            return cls._open(graph, Tokenizer.from_file(str(tokenizer)), threads)
-        except Exception as error:  # onnxruntime and tokenizers have error classes of their own
-            raise ModelError(f"{folder}: the text encoder cannot be loaded: {error}") from error
-
-    @classmethod
-    def _open(cls, graph: Path, tokenizer: Tokenizer, threads: int) -> StudentTextEncoder:
-        import onnxruntime
-
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.inter_op_num_threads = 1
-        session = onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
-        card = session.get_modelmeta().custom_metadata_map
-        width = int(session.get_outputs()[0].shape[-1])
-        known = frozenset(json.loads(card["known_words"]))
-        return cls(card["name"], width, session, tokenizer, known)
+        return open_encoder(Path(folder), threads, _student)
 
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns pooled embeddings of unit length and the states of the word pieces.
@@ -88,21 +49,13 @@ class StudentTextEncoder:
         Raises:
             InputError: There is no sentence.
         """
-        if not sentences:
-            raise InputError("no sentence to encode; give at least one")
         self._warn_of_unknown(sentences)
-        return stack([self._encode(sentence) for sentence in sentences])
+        return super().__call__(sentences)
 
     def unknown_words(self, sentence: str) -> list[str]:
         """Returns the words of a sentence that the encoder can only guess from their pieces."""
         split = split_words(self.tokenizer, sentence)
         return [word for word in split if word not in self.known_words]
-
-    def _encode(self, sentence: str) -> TextEmbedding:
-        tokens = np.array([self.tokenizer.encode(sentence).ids], np.int64)
-        mask = np.ones(tokens.shape, dtype=bool)
-        pooled, words = self.session.run(None, {"tokens": tokens, "mask": mask})
-        return TextEmbedding(pooled, words, mask)
 
     def _warn_of_unknown(self, sentences: Sequence[str]) -> None:
         words = dict.fromkeys(word for text in sentences for word in self.unknown_words(text))
@@ -114,3 +67,27 @@ class StudentTextEncoder:
                 UnknownWordsWarning,
                 stacklevel=3,
             )
+
+
+def load_text_encoder(folder: str | Path, threads: int = 1) -> GraphTextEncoder:
+    """Loads the text encoder of a folder, whichever it is: the student's, or an exported CLIP.
+
+    Args:
+        folder: Folder with `text_encoder.onnx` and `tokenizer.json`.
+        threads: Threads of ONNX Runtime.
+
+    Raises:
+        ModelError: A file is missing or damaged.
+    """
+    return open_encoder(Path(folder), threads, _any)
+
+
+def _student(session: Any, tokenizer: Tokenizer, card: Mapping[str, str]) -> StudentTextEncoder:
+    known = frozenset(json.loads(card["known_words"]))
+    return StudentTextEncoder(card["name"], width_of(session), session, tokenizer, known)
+
+
+def _any(session: Any, tokenizer: Tokenizer, card: Mapping[str, str]) -> GraphTextEncoder:
+    if "known_words" in card:
+        return _student(session, tokenizer, card)
+    return GraphTextEncoder(card["name"], width_of(session), session, tokenizer)

@@ -1,0 +1,86 @@
+"""Models for the command line: exported ones without PyTorch, all others with it."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Literal
+
+from latentmotion.errors import MissingExtraError, ModelError
+from latentmotion.generator import MotionGenerator
+from latentmotion.model_card import read_card
+from latentmotion.models import find_model
+from latentmotion.prior import MotionPrior
+from latentmotion.runtime.session import open_decoder
+
+Engine = Literal["auto", "onnxruntime", "openvino", "pytorch"]
+"""What runs the networks; `auto` takes graphs where a folder has them, else PyTorch."""
+
+
+def load_generator(
+    model: str | Path,
+    engine: Engine = "auto",
+    threads: int | None = None,
+    text_encoder: str | None = None,
+    device: str = "cpu",
+) -> MotionGenerator:
+    """Loads a model, exported or not.
+
+    Args:
+        model: Name or folder.
+        engine: What runs the networks.
+        threads: Most threads of the graphs' engine.
+        text_encoder: Where the folder has none: as for `latentmotion train denoiser`.
+        device: PyTorch's.
+
+    Raises:
+        ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
+    """
+    folder = find_model(model)
+    card = read_card(folder)
+    if not card.denoiser:
+        raise ModelError(
+            f"{model} has a VAE but no denoiser: sample its prior by --prior, or train the "
+            "diffusion: latentmotion train denoiser"
+        )
+    if engine != "pytorch" and (folder / "denoiser.onnx").is_file() and text_encoder is None:
+        return MotionGenerator.load(folder, engine, threads)
+    eager = _pytorch(folder, engine)
+    return eager.eager_generator(folder, text_encoder and _encoder(text_encoder), device)
+
+
+def load_prior(
+    model: str | Path, engine: Engine = "auto", threads: int | None = None, device: str = "cpu"
+) -> MotionPrior:
+    """Loads a model's VAE, exported or not, to sample its prior.
+
+    Raises:
+        ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
+    """
+    folder = find_model(model)
+    if engine != "pytorch" and (folder / "decoder.onnx").is_file():
+        card = read_card(folder)
+        return MotionPrior(card, open_decoder(card, folder, engine, threads))
+    return _pytorch(folder, engine).eager_prior(folder, device)
+
+
+def _pytorch(folder: Path, engine: Engine) -> ModuleType:
+    if find_spec("torch") is None and engine == "pytorch":
+        raise MissingExtraError("the runtime pytorch", "PyTorch", "train")
+    if find_spec("torch") is None:
+        raise ModelError(
+            f"{folder} was not exported, and PyTorch, which could run it as it is, is not "
+            "installed; run on the machine that trained it: latentmotion export, or here: "
+            'pip install "latentmotion[train]"'
+        )
+    if engine != "pytorch":
+        print(f"{folder} has no graphs (latentmotion export); PyTorch runs it", file=sys.stderr)
+    # Looked up only here, so that exported models run without PyTorch.
+    return import_module("latentmotion.runtime.eager")
+
+
+def _encoder(name: str) -> object:
+    return import_module("latentmotion.cli.train").text_encoder_named(name)
