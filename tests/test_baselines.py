@@ -166,6 +166,11 @@ def test_mdm_is_trained_and_generates_alone_as_in_a_batch(
         np.testing.assert_allclose(alone[0], part, atol=1e-3)
 
 
+def test_mld_without_vae_has_the_size_of_the_authors() -> None:
+    network = preset_named("mld_no_vae").denoiser.build()
+    assert sum(parameter.numel() for parameter in network.parameters()) == 30_223_111
+
+
 def test_mdm_has_no_first_stage_to_train(figures: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--vae none"):
         train_vae(quick(mdm()), figures, tmp_path / "run", PLACE)

@@ -62,7 +62,7 @@ class TrainDenoiser:
     minilm, clip, clip_hidden, distilbert or t5, from the hub or after a colon from a folder
     (clip:my/clip)."""
     preset: str = "starter"
-    """Experiment to start from: starter, mld_humanml3d, mdm or mdm_50."""
+    """Experiment to start from: starter, mld_humanml3d, mdm, mdm_50 or mld_no_vae."""
     set: Changes = ()
     """Change one value of it, e.g. denoiser_training.steps=1000 or task=action; may be given
     several times."""

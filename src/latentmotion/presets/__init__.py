@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
-from latentmotion.presets.baselines import actor, vposer_t
+from latentmotion.presets.baselines import actor, mld_no_vae, vposer_t
 from latentmotion.presets.mdm import mdm, mdm_50
 from latentmotion.presets.mld_actions import mld_humanact12, mld_uestc
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
@@ -20,6 +20,7 @@ PRESETS: dict[str, Callable[[], Experiment]] = {
     "mld_uestc": mld_uestc,
     "actor": actor,
     "vposer_t": vposer_t,
+    "mld_no_vae": mld_no_vae,
     "mdm": mdm,
     "mdm_50": mdm_50,
 }

@@ -1,4 +1,4 @@
-"""What the paper compares its VAE with (table 4), trained as the paper's own is."""
+"""What the paper compares its VAE with (table 4): others, and none; trained as its own is."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from dataclasses import replace
 
 from latentmotion.baselines.actor import actor_vae
 from latentmotion.baselines.vposer_t import VPoserTConfig
-from latentmotion.experiment import Experiment
+from latentmotion.diffusion.loss import DenoiserObjective
+from latentmotion.diffusion.schedule import ScaledLinear
+from latentmotion.experiment import Experiment, Sampling
+from latentmotion.nn.transformer import TransformerConfig
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
+from latentmotion.vae.identity import IdentityVAEConfig
 
 
 def actor() -> Experiment:
@@ -18,3 +22,26 @@ def actor() -> Experiment:
 def vposer_t() -> Experiment:
     """VPoser over time."""
     return replace(mld_humanml3d(), name="vposer_t", vae=VPoserTConfig())
+
+
+def mld_no_vae() -> Experiment:
+    """MLD on raw frames, a plain decoder that looks at time and sentence (`--vae none`)."""
+    experiment = mld_humanml3d()
+    transformer = TransformerConfig(width=512, skips=False)
+    denoiser = replace(
+        experiment.denoiser,
+        latent_width=263,
+        transformer=transformer,
+        project_latents=True,
+        attention="cross",
+        places="separate",
+    )
+    return replace(
+        experiment,
+        name="mld_no_vae",
+        vae=IdentityVAEConfig(),
+        latents=replace(experiment.latents, sampled=False),
+        denoiser=denoiser,
+        denoiser_objective=DenoiserObjective(schedule=ScaledLinear(offset=0, ends_clean=True)),
+        sampling=Sampling(steps=1000, guidance=7.5, sampler="ddpm"),
+    )
