@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,11 +11,8 @@ import torch
 from latentmotion.data.dataset import Dataset
 from latentmotion.evaluation.extractors.networks import TextMotionConfig
 from latentmotion.evaluation.extractors.recipe import EvaluatorExperiment
-from latentmotion.evaluation.extractors.text_motion import (
-    TextMotionCard,
-    TextMotionEvaluator,
-    save_text_motion,
-)
+from latentmotion.evaluation.extractors.text_motion import TextMotionCard, TextMotionEvaluator
+from latentmotion.evaluation.extractors.text_motion_folder import save_text_motion
 from latentmotion.evaluation.extractors.word_vectors import GloveWords, WordVectors
 from latentmotion.training.devices import Place
 from latentmotion.training.evaluator_stage import EvaluatorStage
@@ -67,16 +65,7 @@ def train_evaluator(
     stage = EvaluatorStage(fitted.build(), vectors, dataset, experiment, place)
     networks, seconds = train(stage, settings, folder, place)
     if place.leads:
-        figures = {f"val_{k}": round(v, 4) for k, v in stage.validate(networks).items()}
-        card = TextMotionCard(
-            name=experiment.name,
-            representation=dataset.representation.name,
-            networks=fitted,
-            words=vectors.name,
-            vocabulary=vectors.words if isinstance(vectors, GloveWords) else (),
-            provenance=provenance_of(dataset, seconds),
-            figures=figures,
-        )
+        card = _card(experiment, dataset, vectors, seconds, stage.validate(networks))
         evaluator = TextMotionEvaluator(card, networks.cpu(), dataset.normalizer, vectors)
         save_text_motion(folder / MODEL, evaluator, encoder)
     return folder / MODEL
@@ -90,4 +79,22 @@ def fit_to(config: TextMotionConfig, dataset: Dataset, vectors: WordVectors) -> 
         features=dataset.representation.width,
         left_out=contacts.stop - contacts.start,
         word_width=vectors.width,
+    )
+
+
+def _card(
+    experiment: EvaluatorExperiment,
+    dataset: Dataset,
+    vectors: WordVectors,
+    seconds: float,
+    figures: Mapping[str, float],
+) -> TextMotionCard:
+    return TextMotionCard(
+        name=experiment.name,
+        representation=dataset.representation.name,
+        networks=experiment.networks,
+        words=vectors.name,
+        vocabulary=vectors.words if isinstance(vectors, GloveWords) else (),
+        provenance=provenance_of(dataset, seconds),
+        figures={f"val_{name}": round(value, 4) for name, value in figures.items()},
     )

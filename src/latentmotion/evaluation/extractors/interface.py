@@ -27,7 +27,7 @@ WEIGHTS_FILE = "weights.safetensors"
 _ROOM = "latentmotion.evaluation.extractors"
 
 LOADERS = {
-    "text_motion": f"{_ROOM}.text_motion:load_text_motion",
+    "text_motion": f"{_ROOM}.text_motion_folder:load_text_motion",
     "action": f"{_ROOM}.action_classifier:load_action_classifier",
 }
 """`module:function` that reads a folder of each kind."""

@@ -1,40 +1,28 @@
-"""The T2M evaluator as metrics use it: motions in their own units and captions to vectors.
-
-A folder holds it: `evaluator.json` (what it is), `weights.safetensors` (networks, the evaluator's
-own statistics, word vectors) and, where it reads words through a small text encoder, its files.
-"""
+"""The T2M evaluator as metrics use it: motions in their own units and captions to vectors."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import torch
 from jaxtyping import Float
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from latentmotion.checkpoint import load_weights
-from latentmotion.condition.text.student import GRAPH_FILE, TOKENIZER_FILE, StudentTextEncoder
-from latentmotion.configuration import read_json, to_json, write_json
+from latentmotion.configuration import to_json
 from latentmotion.data.clip import Caption
-from latentmotion.errors import InputError, ModelError
-from latentmotion.evaluation.extractors.interface import EVALUATOR_FILE, WEIGHTS_FILE
+from latentmotion.errors import InputError
 from latentmotion.evaluation.extractors.networks import (
     FRAMES,
     TextMotionConfig,
     TextMotionNetworks,
 )
-from latentmotion.evaluation.extractors.word_vectors import EncodedWords, GloveWords, WordVectors
-from latentmotion.files import atomic_folder
+from latentmotion.evaluation.extractors.word_vectors import GloveWords, WordVectors
 from latentmotion.model_card import Provenance
 from latentmotion.representation.normalizer import Normalizer
 
@@ -44,7 +32,8 @@ FORMAT = 1
 AT_ONCE = 64
 """Motions or captions that go through a network together."""
 
-_MEAN, _STD, _WORDS = "normalizer.mean", "normalizer.std", "words.vectors"
+MEAN, STD, WORDS = "normalizer.mean", "normalizer.std", "words.vectors"
+"""Names of what is not a network's in the weights file."""
 
 
 @dataclass(frozen=True)
@@ -152,94 +141,12 @@ class TextMotionEvaluator:
 
 def tensors_of(evaluator: TextMotionEvaluator) -> dict[str, Tensor]:
     """Returns all numbers of an evaluator, by the names of its file."""
-    statistics = {_MEAN: evaluator.normalizer.mean, _STD: evaluator.normalizer.std}
+    statistics = {MEAN: evaluator.normalizer.mean, STD: evaluator.normalizer.std}
     arrays = {name: np.asarray(values, np.float32) for name, values in statistics.items()}
     if isinstance(evaluator.vectors, GloveWords):
-        arrays[_WORDS] = np.asarray(evaluator.vectors.vectors, np.float32)
+        arrays[WORDS] = np.asarray(evaluator.vectors.vectors, np.float32)
     own = {name: torch.from_numpy(values.copy()) for name, values in arrays.items()}
     return {**own, **evaluator.networks.state_dict()}
-
-
-def save_text_motion(
-    folder: str | Path, evaluator: TextMotionEvaluator, encoder: Path | None = None
-) -> None:
-    """Writes an evaluator folder in place of what is there, or nothing at all.
-
-    Args:
-        folder: Where to.
-        evaluator: What to write.
-        encoder: Folder of the small text encoder that it reads words through, which is copied.
-
-    Raises:
-        InputError: The folder cannot be written.
-    """
-    tensors = {name: t.detach().cpu().contiguous() for name, t in tensors_of(evaluator).items()}
-    with atomic_folder(folder, EVALUATOR_FILE) as temporary:
-        write_json(temporary / EVALUATOR_FILE, evaluator.card)
-        save_file(tensors, temporary / WEIGHTS_FILE)
-        for name in (GRAPH_FILE, TOKENIZER_FILE) if encoder else ():
-            shutil.copyfile(Path(encoder or "") / name, temporary / name)
-
-
-def load_text_motion(folder: Path) -> TextMotionEvaluator:
-    """Reads an evaluator folder; the networks are in `eval()` mode, on the CPU.
-
-    Raises:
-        ModelError: Something is missing, damaged, or does not fit the rest.
-    """
-    card = _read_card(folder / EVALUATOR_FILE)
-    tensors = _read_tensors(folder / WEIGHTS_FILE)
-    try:
-        mean, std = (tensors.pop(name).numpy() for name in (_MEAN, _STD))
-        normalizer = Normalizer(mean, std)
-        vectors = _word_vectors(card, folder, tensors)
-    except (KeyError, InputError) as error:
-        raise ModelError(f"{folder / WEIGHTS_FILE} does not fit: {error}") from error
-    networks = card.networks.build()
-    load_weights(networks, tensors, str(folder / WEIGHTS_FILE))
-    return TextMotionEvaluator(card, networks, normalizer, vectors)
-
-
-def _word_vectors(card: TextMotionCard, folder: Path, tensors: dict[str, Tensor]) -> WordVectors:
-    if card.vocabulary:
-        return GloveWords(card.vocabulary, tensors.pop(_WORDS).numpy())
-    encoder = _text_encoder(card.words, folder)
-    if encoder.name != card.words:
-        raise ModelError(
-            f"{folder} reads words through {card.words!r}, found {encoder.name!r}; "
-            "put that text encoder there, or train the evaluator again"
-        )
-    return EncodedWords(encoder)
-
-
-def _text_encoder(name: str, folder: Path) -> Any:
-    if (folder / GRAPH_FILE).is_file():
-        return StudentTextEncoder.load(folder)
-    from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
-
-    kind, _, place = name.partition(":")
-    if kind in KINDS:
-        return PretrainedTextEncoder.load(kind, place)
-    raise ModelError(f"{folder} lacks its text encoder {name!r}: {GRAPH_FILE}; copy it again")
-
-
-def _read_card(path: Path) -> TextMotionCard:
-    try:
-        card = read_json(TextMotionCard, path)
-    except InputError as error:
-        raise ModelError(str(error)) from error
-    if card.format != FORMAT:
-        raise ModelError(f"{path}: format {card.format}, expected {FORMAT}; update latentmotion")
-    return card
-
-
-def _read_tensors(path: Path) -> dict[str, Tensor]:
-    try:
-        return dict(load_file(path))
-    except (OSError, SafetensorError) as error:
-        raise ModelError(
-            f"{path} cannot be read, it is missing or damaged: {error}; copy the folder again"
-        ) from error
 
 
 def _parts(places: Sequence[int]) -> list[list[int]]:
