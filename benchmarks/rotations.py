@@ -61,7 +61,7 @@ def main() -> None:
     parser.add_argument("data", help="prepared folder")
     dataset = Dataset.load(parser.parse_args().data)
     fps = dataset.representation.fps
-    sets = {"real": _clips(dataset), "starter": [m.joints for m in starter_motions(dataset)]}
+    sets = {"real": _clips(dataset), "starter": starter_motions(dataset)}
     print(
         "| motions | solution | > 5 rad/s | > 10 rad/s | > half a turn / 0.1 s | fastest, rad/s |"
     )
@@ -118,7 +118,7 @@ def turns(joints: Joints, bones: Rotations, fps: float) -> Turns:
 
 
 def _near(joint: int) -> list[int]:
-    """Returns the bones, by their lower joints, of the bones within two bones of the upper end of one."""
+    """Returns the bones, by their lower joints, within two bones of a bone's upper end."""
     reached = {PARENTS[joint]}
     for _ in range(2):
         reached |= {j for j, p in enumerate(PARENTS) if p in reached} | {

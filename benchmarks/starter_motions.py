@@ -5,7 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from latentmotion import Motion, MotionGenerator
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion import MotionGenerator
 from latentmotion.data.dataset import Dataset
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
@@ -13,13 +16,20 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 from starter_sheet import PROMPTS
 
 
-def starter_motions(dataset: Dataset, captions: int = 40) -> list[Motion]:
-    """Returns motions of the starter model, four seconds each.
+def starter_motions(dataset: Dataset, captions: int = 40) -> list[Float[np.ndarray, "_ joints 3"]]:
+    """Returns the joints of motions of the starter model, four seconds each.
 
     Args:
         dataset: Whose test split has the captions.
         captions: How many of them.
     """
+    return [dataset.representation.decode(f) for f in starter_features(dataset, captions)]
+
+
+def starter_features(dataset: Dataset, captions: int = 40) -> list[Float[np.ndarray, "_ features"]]:
+    """Returns the features of these motions, in their own units."""
     generate = MotionGenerator.load("starter", threads=1)
     test = [clip.captions[0].text for clip in dataset.clips("test") if clip.captions]
-    return generate.batch([*PROMPTS, *test[:captions]], seconds=4)
+    prompts = [*PROMPTS, *test[:captions]]
+    frames = round(4 * dataset.representation.fps)
+    return generate.features(prompts, [frames] * len(prompts), range(len(prompts)))

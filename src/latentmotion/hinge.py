@@ -40,6 +40,9 @@ _PRIOR, _CONTINUITY = 0.1, 5.0
 _ROUNDS = 8
 """How often λ_t is raised at most."""
 
+_SHARE = 0.5
+"""Of a raised λ_t that the steps before and after get, so that the turn spreads to them."""
+
 _TOLERANCE = 1.1
 """Share of the pace that is fast enough to be slowed down."""
 
@@ -86,6 +89,8 @@ def _spread(
             break
         raised = np.maximum(resistance, stiffness) * np.minimum(excess, 4) ** 2
         resistance = np.where(excess > 1, raised, resistance)
+        before, after = np.append(resistance[1:], 0), np.append(0, resistance[:-1])
+        resistance = np.maximum(resistance, _SHARE * np.maximum(before, after))
         found = _solve_chain(weight, resistance, (weight * angle)[:, None])[:, 0]
     return found
 

@@ -1,8 +1,8 @@
 """Foot locks: feet that stand stay where they are, and the legs follow.
 
-`foot_shift.py` says where each foot goes. Where a leg is too short for that, the pelvis comes down a
-little; hip and knee bend (`two_bone.py`). The foot keeps its shape and its slope; every bone keeps
-its length.
+`foot_shift.py` says where each foot goes. Where a leg is too short for that, the pelvis comes down
+a little; hip and knee bend (`two_bone.py`). The foot keeps its shape and its slope; every bone
+keeps its length.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def lock_feet(
     contacts: Bool[np.ndarray, "frames feet"],
     fps: float,
     skeleton: Skeleton,
-    settings: FootLock = FootLock(),
+    settings: FootLock,
 ) -> Joints:
     """Returns the joints with feet that stand still while they have contact.
 

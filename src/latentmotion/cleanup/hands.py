@@ -1,4 +1,4 @@
-"""Hands that reach through the floor are put onto it: shoulder and elbow bend for them."""
+"""Hands that reach through the floor are put onto it: shoulder and elbow bend for them, outward."""
 
 from __future__ import annotations
 
@@ -24,13 +24,16 @@ def lift_hands(
     joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
 ) -> Float[np.ndarray, "frames joints 3"]:
     """Returns the joints with no wrist below the floor at height 0."""
-    moved = joints.copy()
-    for arm in find_arms(skeleton):
+    moved, arms = joints.copy(), find_arms(skeleton)
+    if not arms:
+        return moved
+    between = np.mean([joints[:, arm[0]] for arm in arms], axis=0)
+    for arm in arms:
         shoulder, elbow, wrist = (joints[:, joint] for joint in arm)
         up = upper_envelope(np.maximum(0, -wrist[:, 1]), max(1, round(0.1 * fps)))
         goal = wrist + up[:, None] * (0, 1, 0)
-        bend = elbow - (shoulder + wrist) / 2
-        new = reach(shoulder, elbow, wrist, goal, bend)
+        outward = elbow - (shoulder + wrist) / 2 + 0.1 * (shoulder - between)
+        new = reach(shoulder, elbow, wrist, goal, outward)
         touched = (up > 0)[:, None]
         for joint, old, position in zip(arm[1:], (elbow, wrist), new, strict=True):
             moved[:, joint] = np.where(touched, position, old)

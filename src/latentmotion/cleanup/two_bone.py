@@ -37,6 +37,7 @@ def reach(
     turned = quaternion_rotate(quaternion_between(before, axis), bend)
     more = np.maximum(radius - _norm(bend), 0)
     side = turned + 2 * more * _unit(ahead - axis * _dot(axis, ahead))
+    side = side + 1e-6 * np.cross(axis, np.roll(axis, 1, axis=-1) * (1, -1, 1))
     side = _unit(side - axis * _dot(axis, side))
     return hip + axis * along + side * radius, hip + axis * distance
 

@@ -1,0 +1,141 @@
+"""What each step of the clean-up does to generated motions and to real clips.
+
+    python benchmarks/cleanup.py PREPARED_FOLDER         # the second table in docs/cleanup.md
+
+Sliding is measured three ways, none of which uses the clean-up's own contacts:
+
+    sliding    height-weighted speed of foot joints (metrics/foot_sliding.py), mm/s
+    skating    share of steps with a foot below 5 cm that moves faster than 0.5 m/s
+    by model   speed of a foot where the contact features of the motion, the model's own, say that
+               it stands, mm/s: of the slower of its joints in contact, since feet roll
+
+`body` and `legs` are how far joints are moved on average: legs are knees, ankles and toes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from statistics import fmean
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from latentmotion.cleanup import CleanUp, clean
+from latentmotion.data.dataset import Dataset
+from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
+from latentmotion.evaluation.metrics.jitter import jitter
+from latentmotion.evaluation.metrics.penetration import penetration
+from latentmotion.inverse_kinematics import solve
+from latentmotion.motion import Motion
+from latentmotion.representation.interface import Representation
+from starter_motions import starter_features
+
+LEGS = (4, 5, 7, 8, 10, 11)
+_NONE = partial(CleanUp, smooth=False, bones=False, floor=False, feet=False)
+STEPS = {
+    "before": _NONE(),
+    "smoothing": _NONE(smooth=True),
+    "bones": _NONE(bones=True),
+    "floor": _NONE(floor=True),
+    "feet": _NONE(feet=True),
+    "all": CleanUp(),
+}
+
+Joints = Float[np.ndarray, "frames joints 3"]
+
+
+@dataclass(frozen=True)
+class Take:
+    """A motion and what its features say of its feet."""
+
+    motion: Motion
+    """The joints."""
+    contacts: Bool[np.ndarray, "frames feet"]
+    """Whether each foot joint stands."""
+
+    @classmethod
+    def of(cls, representation: Representation, features: Float[np.ndarray, "frames n"]) -> Take:
+        """Decodes features."""
+        joints = representation.decode(features)
+        contacts = features[:, representation.blocks["contacts"]] > 0.5
+        return cls(Motion(joints, representation.fps, representation.skeleton), contacts)
+
+    def slides(self, joints: Joints) -> float:
+        """Returns the mean horizontal speed of feet in contact, mm/s."""
+        skeleton = self.motion.skeleton
+        feet = joints[:, [*skeleton.left_foot, *skeleton.right_foot]]
+        speed = np.linalg.norm(np.diff(feet[..., ::2], axis=0), axis=-1) * self.motion.fps
+        stands = self.contacts[1:] & self.contacts[:-1]
+        slowest = np.where(stands, speed, np.inf).reshape(len(speed), 2, -1).min(axis=-1)
+        slides = slowest[np.isfinite(slowest)]
+        return 1000 * float(slides.mean()) if len(slides) else 0.0
+
+
+def main() -> None:
+    """Prints the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", help="prepared folder")
+    dataset = Dataset.load(parser.parse_args().data)
+    representation = dataset.representation
+    real = [clip for split in ("train", "val", "test") for clip in dataset.clips(split)]
+    sets = {
+        "starter": [Take.of(representation, f) for f in starter_features(dataset)],
+        "real": [Take.of(representation, dataset.features(clip)) for clip in real],
+    }
+    for name, takes in sets.items():
+        print(f"\n{len(takes)} motions, {name}\n")
+        print("| step | sliding | skating | by model | jitter | below floor | body | legs |")
+        print("|---|---|---|---|---|---|---|---|")
+        for step, settings in STEPS.items():
+            print(_row(step, takes, settings))
+        print(f"\n{_cost(takes)}")
+
+
+def _row(step: str, takes: Sequence[Take], settings: CleanUp) -> str:
+    cleaned = [_cleaned(take, settings) for take in takes]
+    moved = [
+        np.linalg.norm(joints - take.motion.joints, axis=-1).mean(axis=0)
+        for joints, take in zip(cleaned, takes, strict=True)
+    ]
+    fps = takes[0].motion.fps
+    body = [joint for joint in range(len(moved[0])) if joint not in LEGS]
+    cells = (
+        f"{1000 * fmean(foot_sliding(joints, fps) for joints in cleaned):.2f}",
+        f"{100 * fmean(skating_ratio(joints, fps) for joints in cleaned):.1f} %",
+        f"{fmean(t.slides(j) for t, j in zip(takes, cleaned, strict=True)):.0f}",
+        f"{fmean(jitter(joints, fps) for joints in cleaned):.1f}",
+        f"{1000 * fmean(penetration(joints) for joints in cleaned):.2f} mm",
+        f"{1000 * fmean(m[body].mean() for m in moved):.1f} mm",
+        f"{1000 * fmean(m[list(LEGS)].mean() for m in moved):.1f} mm",
+    )
+    return f"| {step} | {' | '.join(cells)} |"
+
+
+def _cleaned(take: Take, settings: CleanUp) -> Joints:
+    return np.asarray(clean(take.motion, settings).joints, dtype=np.float64)
+
+
+def _cost(takes: Sequence[Take]) -> str:
+    """Says how long cleaning takes, and how well rotations reach the joints before and after."""
+    start = time.process_time()
+    cleaned = [clean(take.motion) for take in takes]
+    seconds = (time.process_time() - start) / sum(len(motion) for motion in cleaned)
+    before, after = _misses([take.motion for take in takes]), _misses(cleaned)
+    return (
+        f"{196e3 * seconds:.0f} ms of one core for 196 frames; forward kinematics of the "
+        f"rotations off by {before} before, {after} after"
+    )
+
+
+def _misses(motions: Sequence[Motion]) -> str:
+    errors = [np.linalg.norm(solve(m.joints, m.fps).joints() - m.joints, axis=-1) for m in motions]
+    mean = fmean(float(error.mean()) for error in errors)
+    return f"{1000 * mean:.2f} mm (at most {1000 * max(e.max() for e in errors):.1f} mm)"
+
+
+if __name__ == "__main__":
+    main()

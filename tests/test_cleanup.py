@@ -1,0 +1,326 @@
+"""Clean-up: feet stand still, legs bend softly and forward, all else stays where it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from latentmotion.cleanup import CleanUp, CleanUpWarning, clean
+from latentmotion.cleanup.bones import constant_bones
+from latentmotion.cleanup.contacts import foot_contacts, spans
+from latentmotion.cleanup.floor import Floor, align_floor
+from latentmotion.cleanup.foot_lock import lock_feet
+from latentmotion.cleanup.foot_shift import FootLock
+from latentmotion.cleanup.hands import lift_hands
+from latentmotion.cleanup.legs import find_legs
+from latentmotion.cleanup.root import ground_path, in_place
+from latentmotion.cleanup.smoothing import smooth, upper_envelope
+from latentmotion.cleanup.two_bone import reach
+from latentmotion.errors import InputError
+from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
+from latentmotion.evaluation.metrics.jitter import jitter
+from latentmotion.evaluation.metrics.penetration import penetration
+from latentmotion.motion import Motion
+from latentmotion.skeleton import HUMANML3D, KIT, Skeleton
+
+NAMES = HUMANML3D.names
+FPS = 20.0
+FEET = [*HUMANML3D.left_foot, *HUMANML3D.right_foot]
+LEGS = [NAMES.index(f"{s}_{n}") for s in ("left", "right") for n in ("knee", "ankle", "foot")]
+NO_STEPS = CleanUp(smooth=False, bones=False, floor=False, feet=False)
+
+
+def standing(frames: int = 80) -> np.ndarray:
+    """A person who stands with the knees a little bent, toes on the floor."""
+    joints = HUMANML3D.rest_joints()
+    joints[:, 1] -= joints[FEET, 1].min()
+    for leg in find_legs(HUMANML3D):
+        hip, knee, ankle = (joints[j].copy() for j in (leg.hip, leg.knee, leg.ankle))
+        goal = ankle + np.array([0, 0.03, 0])
+        ahead = np.array([[0.0, 0, 1]])
+        found = reach(*(x[None] for x in (hip, knee, ankle, goal)), ahead)
+        joints[leg.knee], joints[leg.ankle] = found[0][0], found[1][0]
+        joints[list(leg.below)] += goal - ankle
+    joints[:, 1] -= 0.03
+    return np.repeat(joints[None], frames, axis=0)
+
+
+def slider(speed: float = 0.2, frames: int = 80) -> np.ndarray:
+    """The same person, carried forward by a conveyor belt that sways."""
+    joints = standing(frames)
+    time = np.arange(frames) / FPS
+    joints[:, FEET, 2] += 0.05 * np.sin(2 * np.pi * 0.5 * time)[:, None] * speed / 0.16
+    legs = find_legs(HUMANML3D)
+    for leg in legs:
+        parts = [joints[:, j] for j in (leg.hip, leg.knee, leg.ankle)]
+        knee = standing(frames)[:, leg.knee]
+        ankle = standing(frames)[:, leg.ankle]
+        ahead = np.tile((0.0, 0, 1), (frames, 1))
+        joints[:, leg.knee], joints[:, leg.ankle] = reach(parts[0], knee, ankle, parts[2], ahead)
+    return joints
+
+
+def bone_lengths(joints: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(joints[:, 1:] - joints[:, list(HUMANML3D.parents[1:])], axis=-1)
+
+
+def test_smoothing_keeps_ends_and_cubics_and_takes_out_shaking():
+    time = np.linspace(-1, 1, 60)[:, None]
+    cubic = np.concatenate([time**3 - time, time**2, 0 * time + 2], axis=1)
+    smoothed = smooth(cubic, FPS, 5.0)
+    np.testing.assert_allclose(smoothed[[0, -1]], cubic[[0, -1]], atol=1e-12)
+    np.testing.assert_allclose(smoothed[12:-12], cubic[12:-12], atol=1e-3)
+    shaking = (-1.0) ** np.arange(60)[:, None]
+    assert np.abs(smooth(shaking, FPS, 5.0)[5:-5]).max() < 0.25
+
+
+def test_smoothing_has_the_cutoff_that_it_says():
+    wave = np.sin(2 * np.pi * 5.0 * np.arange(4001) / 200)[:, None]
+    assert np.abs(smooth(wave, 200.0, 5.0)[1000:3000]).max() == pytest.approx(0.75, abs=0.01)
+
+
+def test_upper_envelope_is_nowhere_below():
+    values = np.random.default_rng(0).normal(size=50)
+    assert (upper_envelope(values, 3) >= values - 1e-12).all()
+    np.testing.assert_allclose(upper_envelope(np.full(9, 2.0), 2), 2.0)
+
+
+def test_bones_get_one_length_and_joints_stay_near():
+    generator = np.random.default_rng(0)
+    joints = standing() + generator.normal(scale=0.01, size=(80, len(NAMES), 3))
+    fixed = constant_bones(joints, FPS, HUMANML3D)
+    assert np.ptp(bone_lengths(fixed), axis=0).max() < 1e-9
+    assert np.linalg.norm(fixed - joints, axis=-1).mean() < 0.015
+    np.testing.assert_allclose(constant_bones(fixed, FPS, HUMANML3D), fixed, atol=1e-9)
+
+
+def test_a_collapsed_bone_points_where_it_did_before_and_after():
+    joints = standing()
+    elbow, wrist = NAMES.index("left_elbow"), NAMES.index("left_wrist")
+    joints[40, wrist] = joints[40, elbow] + (0, 1e-5, 0)
+    fixed = constant_bones(joints, FPS, HUMANML3D)
+    bones = fixed[:, wrist] - fixed[:, elbow]
+    assert np.linalg.norm(bones[40] - bones[30]) < 0.03
+
+
+def test_contacts_of_one_who_stands_then_jumps():
+    joints = standing()
+    joints[30:50, :, 1] += 0.4 * np.sin(np.linspace(0, np.pi, 20))[:, None]
+    found = foot_contacts(joints, FPS, HUMANML3D)
+    assert found[:28].all() and found[52:].all()
+    assert not found[34:46].any()
+
+
+def test_contacts_have_hysteresis_and_forget_blinks():
+    joints = standing()
+    joints[40, FEET, 1] += 0.2
+    assert foot_contacts(joints, FPS, HUMANML3D)[30].all()
+    high = standing()
+    high[..., 1] += 0.3
+    high[40, FEET, 1] -= 0.3
+    assert not foot_contacts(high, FPS, HUMANML3D)[:, 1::2].any()
+
+
+def test_spans():
+    assert list(spans(np.array([True, False, True, True]))) == [(0, 1), (2, 4)]
+    assert list(spans(np.zeros(3, dtype=bool))) == []
+
+
+def test_two_bones_reach_their_goal_and_keep_their_lengths():
+    generator = np.random.default_rng(1)
+    hip, knee, ankle = generator.normal(size=(3, 50, 3))
+    goal = ankle + 0.05 * generator.normal(size=(50, 3))
+    ahead = generator.normal(size=(50, 3))
+    new_knee, new_ankle = reach(hip, knee, ankle, goal, ahead)
+    thigh, shank = (np.linalg.norm(x, axis=-1) for x in (knee - hip, ankle - knee))
+    np.testing.assert_allclose(np.linalg.norm(new_knee - hip, axis=-1), thigh, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(new_ankle - new_knee, axis=-1), shank, atol=1e-9)
+    possible = np.linalg.norm(goal - hip, axis=-1)
+    possible = (possible < thigh + shank) & (possible > np.abs(thigh - shank))
+    np.testing.assert_allclose(new_ankle[possible], goal[possible], atol=1e-9)
+    same = reach(hip, knee, ankle, ankle, ahead)
+    np.testing.assert_allclose(same[0], knee, atol=1e-5)
+
+
+def test_a_straight_leg_bends_forward_even_if_it_was_bent_back_a_little():
+    hip, ankle = np.array([[0.0, 0.9, 0]]), np.array([[0.0, 0, 0]])
+    for back in (0.0, -0.005):
+        knee = np.array([[0.0, 0.45, back]])
+        goal = np.array([[0.0, 0.05, 0]])
+        bent, _ = reach(hip, knee, ankle, goal, np.array([[0.0, 0, 1]]))
+        assert bent[0, 2] > 0.1
+
+
+def test_feet_that_slide_stand_still_and_the_rest_hardly_moves():
+    joints = slider()
+    before = foot_sliding(joints, FPS)
+    motion = clean(Motion(joints), replace(NO_STEPS, feet=True))
+    assert before > 0.05
+    assert foot_sliding(motion.joints, FPS) < 0.02 * before
+    rest = [j for j in range(len(NAMES)) if j not in LEGS]
+    assert np.linalg.norm(motion.joints - joints, axis=-1)[:, rest].mean() < 0.02
+    np.testing.assert_allclose(bone_lengths(motion.joints), bone_lengths(joints), atol=1e-5)
+
+
+def steps_forward() -> np.ndarray:
+    """The left foot stands sliding, swings forward for half a second, stands sliding."""
+    joints = standing(90)
+    swing = np.clip((np.arange(90) - 40) / 10, 0, 1)
+    ahead = 0.25 * swing**2 * (3 - 2 * swing) + 0.1 * np.arange(90) / FPS * (swing == 0)
+    ahead = np.where(swing > 0, ahead + 0.1 * 40 / FPS, ahead) - 0.2
+    up = 0.1 * np.sin(np.pi * swing)
+    leg = find_legs(HUMANML3D)[0]
+    goal = joints[:, leg.ankle] + np.stack([0 * up, up, ahead], axis=-1)
+    knee = reach(
+        joints[:, leg.hip],
+        joints[:, leg.knee],
+        joints[:, leg.ankle],
+        goal,
+        np.tile((0.0, 0, 1), (90, 1)),
+    )
+    foot = joints[:, list(leg.below)] - joints[:, [leg.ankle]]
+    joints[:, leg.knee], joints[:, leg.ankle] = knee
+    joints[:, list(leg.below)] = joints[:, [leg.ankle]] + foot
+    return joints
+
+
+def test_blends_are_soft_and_knees_stay_in_front():
+    joints = steps_forward()
+    contacts = foot_contacts(joints, FPS, HUMANML3D)
+    locked = lock_feet(joints, contacts, FPS, HUMANML3D, FootLock())
+    assert foot_sliding(locked, FPS) < 0.2 * foot_sliding(joints, FPS)
+
+    def most(values: np.ndarray) -> float:
+        acceleration = np.diff(values[:, LEGS], n=2, axis=0) * FPS**2
+        return float(np.linalg.norm(acceleration, axis=-1).max())
+
+    assert most(locked) < 1.5 * most(joints)
+    for leg in find_legs(HUMANML3D):
+        middle = (locked[:, leg.hip] + locked[:, leg.ankle]) / 2
+        assert ((locked[:, leg.knee] - middle)[:, 2] > 0).all()
+
+
+def test_a_foot_that_slides_far_takes_steps():
+    joints = standing(120)
+    joints[:, :, 2] += 0.3 * np.arange(120)[:, None] / FPS
+    locked = clean(Motion(joints), replace(NO_STEPS, feet=True)).joints
+    assert foot_sliding(locked, FPS) < 0.1 * foot_sliding(joints, FPS)
+    assert locked[:, FEET, 1].max() > 0.04
+    shift = np.linalg.norm(locked - joints, axis=-1)[:, FEET]
+    assert shift.max() < 0.3
+
+
+def test_a_pelvis_comes_down_where_a_leg_is_too_short():
+    joints = standing()
+    contacts = np.ones((80, 4), dtype=bool)
+    away = 0.25 * np.sin(2 * np.pi * np.arange(80) / 80)[:, None] * (0, 0, 1)
+    rest = [j for j in range(len(NAMES)) if j not in LEGS]
+    joints[:, rest] += away[:, None]
+    for leg in find_legs(HUMANML3D):
+        joints[:, [leg.knee, leg.ankle, *leg.below]] += away[:, None]
+    locked = lock_feet(joints, contacts, FPS, HUMANML3D, FootLock(slip=1.0))
+    drop = joints[:, 0, 1] - locked[:, 0, 1]
+    assert 0 < drop.max() <= FootLock().lower + 1e-9
+    np.testing.assert_allclose(bone_lengths(locked), bone_lengths(joints), atol=1e-9)
+
+
+def test_floor_under_feet_far_above_or_below_is_moved_and_jumps_are_kept():
+    joints = standing()
+    joints[30:50, :, 1] += 0.4 * np.sin(np.linspace(0, np.pi, 20))[:, None]
+    np.testing.assert_allclose(align_floor(joints, FPS, HUMANML3D), joints, atol=1e-9)
+    for off in (-0.1, 0.1):
+        aligned = align_floor(joints + np.array([0, off, 0]), FPS, HUMANML3D)
+        height = aligned[:20, FEET, 1].min()
+        assert abs(height) <= Floor().tolerance + 1e-9
+        leap = aligned[40, 0, 1] - aligned[10, 0, 1]
+        assert leap == pytest.approx(joints[40, 0, 1] - joints[10, 0, 1], abs=1e-6)
+
+
+@pytest.mark.parametrize(("height", "lowest"), [(0.5, 0.1), (-0.3, 0.0)])
+def test_a_lying_body_neither_hovers_nor_sinks(height: float, lowest: float):
+    lying = standing(100)[..., [0, 2, 1]] * (1, 1, -1)
+    lying = lying - (0, lying[..., 1].min(), 0) + (0, min(height, 0.2), 0)
+    aligned = align_floor(lying, FPS, HUMANML3D)
+    assert aligned[..., 1].min() == pytest.approx(lowest, abs=0.02)
+
+
+def test_hands_below_the_floor_are_put_onto_it():
+    joints = standing()
+    wrist, elbow = NAMES.index("left_wrist"), NAMES.index("left_elbow")
+    joints[..., 1] -= joints[0, elbow, 1] - 0.1
+    joints[30:40, wrist] = joints[30:40, elbow] + (0, -0.2699, 0)
+    lifted = lift_hands(joints, FPS, HUMANML3D)
+    assert lifted[:, wrist, 1].min() > -1e-9
+    np.testing.assert_allclose(bone_lengths(lifted), bone_lengths(joints), atol=1e-9)
+
+
+def test_in_place_takes_the_path_away():
+    joints = standing()
+    joints[..., 2] += np.arange(80)[:, None] / FPS
+    np.testing.assert_allclose(in_place(joints, FPS), standing(), atol=1e-9)
+    np.testing.assert_allclose(ground_path(joints, FPS)[:, 2], joints[:, 0, 2], atol=1e-9)
+    assert np.abs(clean(Motion(joints), CleanUp(in_place=True)).joints[:, 0, [0, 2]]).max() < 1e-3
+
+
+def test_everything_together_on_one_who_shakes_and_slides():
+    generator = np.random.default_rng(0)
+    joints = slider() + generator.normal(scale=0.004, size=(80, len(NAMES), 3))
+    motion = Motion(joints, FPS, caption="x", metadata={"seed": 1})
+    cleaned = motion.cleaned()
+    assert (cleaned.caption, cleaned.metadata, len(cleaned)) == ("x", {"seed": 1}, 80)
+    assert foot_sliding(cleaned.joints, FPS) < 0.2 * foot_sliding(joints, FPS)
+    assert skating_ratio(cleaned.joints, FPS) <= skating_ratio(joints, FPS)
+    assert jitter(cleaned.joints, FPS) < jitter(joints, FPS)
+    assert penetration(cleaned.joints) < 1e-4
+    assert np.ptp(bone_lengths(cleaned.joints), axis=0).max() < 1e-5
+
+
+def test_one_who_stands_still_is_left_alone():
+    joints = standing()
+    np.testing.assert_allclose(clean(Motion(joints)).joints, joints, atol=1e-4)
+
+
+def test_a_turned_figure_is_cleaned_alike():
+    turn = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0.0]])
+    straight = clean(Motion(slider())).joints
+    turned = clean(Motion(slider() @ turn.T)).joints
+    np.testing.assert_allclose(turned, straight @ turn.T, atol=1e-4)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 5])
+def test_very_short_motions(frames: int):
+    cleaned = clean(Motion(slider(frames=frames)))
+    assert cleaned.joints.shape == (frames, len(NAMES), 3)
+    assert np.isfinite(cleaned.joints).all()
+
+
+def test_another_skeleton_and_frame_rate():
+    joints = np.repeat(KIT.rest_joints()[None], 30, axis=0)
+    joints[..., 1] -= joints[..., 1].min()
+    joints[..., 0] += 0.005 * np.arange(30)[:, None]
+    cleaned = clean(Motion(joints, 12.5, KIT))
+    feet = [*KIT.left_foot, *KIT.right_foot]
+    assert np.abs(np.diff(cleaned.joints[5:15, feet, 0], axis=0)).max() < 0.0005
+
+
+def test_a_skeleton_without_feet_is_cleaned_otherwise_and_warned_of():
+    worm = Skeleton("worm", ("root", "tip"), (-1, 0), np.array([[0, 0, 0], [0, 0.3, 0.0]]))
+    joints = np.repeat(worm.rest_joints()[None], 10, axis=0)
+    joints += np.random.default_rng(0).normal(scale=0.01, size=joints.shape)
+    with pytest.warns(CleanUpWarning, match="'worm' names no feet"):
+        cleaned = clean(Motion(joints, 20.0, worm))
+    assert jitter(cleaned.joints, 20.0) < jitter(joints, 20.0)
+    clean(Motion(joints, 20.0, worm), CleanUp(feet=False))
+
+
+def test_bad_input_is_refused():
+    joints = standing()
+    joints[7, 3, 1] = np.nan
+    with pytest.raises(InputError, match="first in frame 7"):
+        Motion(joints)
+    with pytest.raises(InputError, match="frames"):
+        Motion(joints[:0])
+    with pytest.raises(InputError, match="cutoff"):
+        CleanUp(cutoff=float("nan"))
