@@ -119,7 +119,7 @@ class OwnMotions:
         if not self.labelled:
             return _Known(sentences)
         above = path.relative_to(self.folder).parts[:-1]
-        split = next((split for split in SPLITS if above[:1] == (split,)), None)
+        split: Split | None = next((s for s in SPLITS if above[:1] == (s,)), None)
         folders = above[1:] if split else above
         if not folders:
             raise DataError("lies in no folder whose name is its action")

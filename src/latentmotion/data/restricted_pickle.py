@@ -50,7 +50,12 @@ def _reconstructor(cls: type, base: type, state: Any) -> Any:
 
 _PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
 
-_NUMPY = ("numpy.core", "numpy._core")
+_REBUILDERS = {
+    "multiarray._reconstruct": np.zeros(1).__reduce__()[0],
+    "multiarray.scalar": np.float64(1).__reduce__()[0],
+    "numeric._frombuffer": np.zeros(1).__reduce_ex__(5)[0],
+}
+"""What NumPy's own pickles call, by the names that they have in all its versions."""
 
 ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): np.ndarray,
@@ -65,13 +70,9 @@ ALLOWED: dict[tuple[str, str], Any] = {
     ("builtins", "object"): object,
     ("copyreg", "_reconstructor"): _reconstructor,
     **{
-        (f"{package}.{module}", name): getattr(getattr(np._core, module), name)
-        for package in _NUMPY
-        for module, name in (
-            ("multiarray", "_reconstruct"),
-            ("multiarray", "scalar"),
-            ("numeric", "_frombuffer"),
-        )
+        (f"{package}.{name.partition('.')[0]}", name.partition(".")[2]): function
+        for package in ("numpy.core", "numpy._core")
+        for name, function in _REBUILDERS.items()
     },
     **{
         (module, "csc_matrix"): _SparseColumns

@@ -89,7 +89,8 @@ def accuracy(recognizer: Recognizer, dataset: Dataset, split: str, frames: int) 
     clips = labelled(dataset, split, recognizer.labels, mirrored=True)
     if not clips:
         return None
-    motions = [_middle(dataset.features(clip), frames) for clip in clips]
+    restart = dataset.representation.restart
+    motions = [restart(_middle(dataset.features(clip), frames)) for clip in clips]
     found = recognizer(motions).logits.argmax(axis=1)
     hits = [recognizer.labels[row] == clip.action for row, clip in zip(found, clips, strict=True)]
     return sum(hits) / len(hits)

@@ -31,6 +31,7 @@ from latentmotion.evaluation.extractors.temporal import TemporalClassifierConfig
 from latentmotion.files import atomic_folder, sha256
 from latentmotion.representation.known import representation_named
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.smpl import SmplRepresentation
 
 ROTATION_CHANNELS = 6
 """Numbers per joint of the representation "smpl", whose index is channel · 25 + joint."""
@@ -120,7 +121,9 @@ def _preparation(about: ActionClassifier) -> Preparation:
     if isinstance(about.network, GraphNetworkConfig):
         return rotations_of
     if isinstance(about.network, MotionGRUConfig):
-        return representation_named(about.representation).decode
+        part = representation_named(about.representation)
+        # HumanAct12's classifier looks at joints in the axes of its data, not at upright ones.
+        return part.camera_joints if isinstance(part, SmplRepresentation) else part.decode
     mean, std = (np.array(values, np.float32) for values in (about.mean, about.std))
     return Normalizer(mean, std).normalize
 
