@@ -83,11 +83,6 @@ def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> TextMotionCa
     return card
 
 
-def holds_evaluator(content: Any) -> bool:
-    """Returns whether what a file holds has one of the three networks."""
-    return isinstance(content, Mapping) and any(_parts(content).values())
-
-
 def evaluator_weights(path: Path) -> dict[str, Tensor]:
     """Returns the weights of the three networks, by our names.
 
