@@ -20,13 +20,13 @@ from latentmotion.evaluation.feature_scores import Scores, feature_scores, truth
 from latentmotion.evaluation.observation import Extractor, Observer, View
 from latentmotion.evaluation.origin import official, provenance_of
 from latentmotion.evaluation.position_scores import PositionScores
-from latentmotion.evaluation.published import departures, published_truth
+from latentmotion.evaluation.published import PublishedTruth, departures, published_truth
 from latentmotion.evaluation.remarks import remarks
 from latentmotion.evaluation.repeats import asked_for, repeated_multimodality
 from latentmotion.evaluation.report import TRUTH, UNITS, Figure, Report
 from latentmotion.evaluation.settings import CLEAN, PAPER, PROTOCOLS, Protocol, Repeats
 from latentmotion.evaluation.subject import Generated, Motions, Prior, Reconstructed, Subject
-from latentmotion.evaluation.trials import HELD, Lengths, Needs, TestItem, Trial, ask, items_of
+from latentmotion.evaluation.trials import HELD, Lengths, Needs, Plan, Trial
 
 __all__ = [
     "CLEAN",
@@ -44,6 +44,7 @@ __all__ = [
     "Subject",
     "compare",
     "evaluate",
+    "plan_of",
 ]
 
 
@@ -79,14 +80,29 @@ def compare(
         InputError: As for `evaluate`, or the rows do not differ in name or are asked differently.
         ModelError: As for `evaluate`.
     """
-    _check(subjects, dataset)
-    needs = _needs(subjects, dataset, extractor, protocol)
-    lengths = _lengths(subjects, dataset, needs, protocol)
-    items = items_of(dataset, protocol.split, needs, lengths)
+    plan = plan_of(subjects, dataset, extractor, protocol)
     measured = _Measured(tuple(subjects), dataset, extractor, protocol)
     for replication in range(protocol.replications):
-        measured.replicate(ask(dataset, items, lengths, protocol, replication))
-    return _report(measured, items, remarks(dataset, items, lengths, needs, protocol, extractor))
+        measured.replicate(plan.trial(replication))
+    return _report(measured, plan, remarks(plan, extractor))
+
+
+def plan_of(
+    subjects: Sequence[Subject],
+    dataset: Dataset,
+    extractor: Extractor | None,
+    protocol: Protocol = CLEAN,
+) -> Plan:
+    """Returns what subjects will be asked.
+
+    Raises:
+        DataError: As for `evaluate`.
+        InputError: As for `compare`.
+        ModelError: As for `evaluate`.
+    """
+    _check(subjects, dataset)
+    needs = _needs(subjects, dataset, extractor, protocol)
+    return Plan(dataset, protocol, needs, _lengths(subjects, dataset, needs, protocol))
 
 
 @dataclass(eq=False)
@@ -168,7 +184,7 @@ class _Measured:
             self.values.setdefault(row, {}).setdefault(name, []).append(value)
 
 
-def _report(measured: _Measured, items: Sequence[TestItem], notes: Sequence[str]) -> Report:
+def _report(measured: _Measured, plan: Plan, notes: Sequence[str]) -> Report:
     protocol, dataset = measured.protocol, measured.dataset
     population = protocol.quirks.population_deviation
     rows = {
@@ -178,18 +194,25 @@ def _report(measured: _Measured, items: Sequence[TestItem], notes: Sequence[str]
     sources = [source.name for source in dataset.sources]
     published = published_truth(sources, official(measured.extractor))
     wrong = departures(rows[TRUTH], published) if published else []
-    for line in wrong:
-        warnings.warn(line, stacklevel=3)
-    held = f"the ground truth is held against {published.paper}" if published else _NONE_PUBLISHED
+    if wrong:
+        warnings.warn("\n".join(wrong), stacklevel=3)
     made = provenance_of(measured.subjects, dataset, measured.extractor)
-    counts = dict.fromkeys(rows, len(items))
-    return Report(rows, counts, protocol, made, (*notes, held), tuple(wrong))
+    counts = dict.fromkeys(rows, len(plan.items))
+    return Report(
+        rows, counts, protocol, made, (*notes, *_held(measured.extractor, published)), tuple(wrong)
+    )
 
 
-_NONE_PUBLISHED = (
-    "no published interval is known for this data set with this evaluator: the ground truth is "
-    "held against nothing, and no figure that an evaluator gives compares with those of papers"
-)
+def _held(extractor: Extractor | None, published: PublishedTruth | None) -> list[str]:
+    """Says what the ground truth is held against."""
+    if published is not None:
+        return [f"the ground truth is held against {published.paper}"]
+    if extractor is None:
+        return []
+    return [
+        "no published interval is known for this data set with this evaluator: the ground truth "
+        "is held against nothing, and no figure that an evaluator gives compares with papers'"
+    ]
 
 
 def _check(subjects: Sequence[Subject], dataset: Dataset) -> None:

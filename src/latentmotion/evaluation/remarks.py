@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from latentmotion.data.dataset import Dataset
 from latentmotion.evaluation.extractors.interface import TextMotionExtractor
 from latentmotion.evaluation.observation import Extractor
 from latentmotion.evaluation.settings import Protocol
-from latentmotion.evaluation.trials import Lengths, Needs, TestItem
+from latentmotion.evaluation.trials import ASKED, Plan
 
 
-def remarks(
-    dataset: Dataset,
-    items: Sequence[TestItem],
-    lengths: Lengths,
-    needs: Needs,
-    protocol: Protocol,
-    extractor: Extractor | None,
-) -> list[str]:
+def remarks(plan: Plan, extractor: Extractor | None) -> list[str]:
     """Returns the notes of a report, a sentence each."""
-    clips = len(dataset.clips(protocol.split))
-    asked = {"text": "with captions", "action": "with a label"}.get(needs, "of any kind")
+    protocol, lengths, items = plan.protocol, plan.lengths, plan.items
+    clips = len(plan.dataset.clips(protocol.split))
     notes = [
-        f"{len(items)} items {asked} of {lengths.shortest} to {lengths.longest} frames, from "
-        f"{clips} clips of the {protocol.split} split"
+        f"{len(items)} items {ASKED[plan.needs]} of {lengths.shortest} to {lengths.longest} "
+        f"frames, from {clips} clips of the {protocol.split} split"
     ]
     if extractor is None:
         notes.append("no evaluator, so metrics of positions alone")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion.configuration import to_json
+from latentmotion.evaluation.cost import Cost
 from latentmotion.evaluation.settings import Protocol
 from latentmotion.files import atomic_folder
 
@@ -121,7 +122,7 @@ class Report:
     """What a reader must know to compare these figures."""
     warnings: tuple[str, ...] = ()
     """What is wrong with them."""
-    cost: Mapping[str, Any] = field(default_factory=dict)
+    cost: Cost | None = None
     """Parameters, FLOPs and seconds, where they were asked for."""
 
     def __getitem__(self, row: str) -> Mapping[str, Figure]:
@@ -155,7 +156,7 @@ class Report:
             "motions: " + ", ".join(f"{row} {count}" for row, count in self.items.items()),
             f"data {made.data} {made.data_hash}",
             f"evaluator {made.evaluator or 'none'}",
-            *(f"{row}: {self._model(row)}" for row in made.models),
+            *self._models(),
             "versions: " + ", ".join(f"{name} {v}" for name, v in made.versions.items()),
         ]
         parts = [
@@ -163,7 +164,7 @@ class Report:
             "\n".join(f"> **Warning.** {line}" for line in self.warnings),
             self.table(),
             "± is a 95 % interval over replications; ↓ less is better, ↑ more, → near the truth.",
-            _costs(self.cost),
+            "\n".join(f"* {line}" for line in (self.cost.lines() if self.cost else ())),
             "\n".join(f"* {line}" for line in self.notes),
             "## Made from\n\n" + "\n".join(f"* {line}" for line in about),
         ]
@@ -180,12 +181,15 @@ class Report:
             (temporary / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
             (temporary / PAGE_FILE).write_text(self.markdown(), encoding="utf-8")
 
-    def _model(self, row: str) -> str:
-        made = self.provenance
-        return (
-            f"{made.models[row]}, weights {made.weights[row] or 'not from a folder'}, "
-            f"statistics {made.statistics[row]}{made.sampling[row]}"
-        )
+    def _models(self) -> list[str]:
+        """Says of each model which rows are its own."""
+        made, rows = self.provenance, dict[str, list[str]]()
+        for row, name in made.models.items():
+            weights, statistics = made.weights[row] or "not from a folder", made.statistics[row]
+            rows.setdefault(f"{name}: weights {weights}, statistics {statistics}", []).append(
+                row + made.sampling[row]
+            )
+        return [f"{model} ({'; '.join(own)})" for model, own in rows.items()]
 
 
 def _rounded(value: float, digits: int) -> str:
@@ -195,7 +199,3 @@ def _rounded(value: float, digits: int) -> str:
 
 def _line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
-
-
-def _costs(cost: Mapping[str, Any]) -> str:
-    return "\n".join(f"* {name}: {value}" for name, value in cost.items())

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 from zlib import crc32
 
 import numpy as np
 
 from latentmotion.errors import InputError
 from latentmotion.evaluation.quirks import AUTHORS, Quirks
+
+ProtocolName = Literal["clean", "paper"]
+"""The protocols that are known by name."""
 
 
 @dataclass(frozen=True)
@@ -79,5 +83,5 @@ PAPER = Protocol(
 )
 """The authors' evaluation, for figures to stand beside those of papers."""
 
-PROTOCOLS = {protocol.name: protocol for protocol in (CLEAN, PAPER)}
+PROTOCOLS: dict[ProtocolName, Protocol] = {"clean": CLEAN, "paper": PAPER}
 """Each by its name."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -16,6 +16,13 @@ from latentmotion.evaluation.settings import Protocol
 
 Needs = Literal["text", "action", "unconditional"]
 """What clips must have to be asked for: sentences, a label, or nothing."""
+
+ASKED: dict[Needs, str] = {
+    "text": "with captions",
+    "action": "with a label",
+    "unconditional": "of any kind",
+}
+"""The same in words."""
 
 HELD = ("smpl",)
 """Representations of poses, whose last frame can be repeated where a clip is too short."""
@@ -92,36 +99,45 @@ class Trial:
         return [question.frames for question in self.questions]
 
 
-def items_of(dataset: Dataset, split: str, needs: Needs, lengths: Lengths) -> list[TestItem]:
-    """Returns what a split can be asked for.
+@dataclass(frozen=True)
+class Plan:
+    """What a split is asked for in every replication."""
 
-    Raises:
-        DataError: It has none.
-    """
-    clips = dataset.clips(split)
-    items = [item for clip in clips for item in _ITEMS[needs](clip)]
-    kept = [item for item in items if lengths.of(item) >= max(lengths.shortest, 1)]
-    if len(kept) < 2:
-        wanted = {"text": "captioned clips", "action": "clips with a label"}.get(needs, "clips")
-        raise DataError(
-            f"{dataset.folder} has {len(kept)} {wanted} of {lengths.shortest} frames or more in "
-            f"its {split} split, expected at least 2; take another split or data set"
+    dataset: Dataset
+    """Where questions and real motions come from."""
+    protocol: Protocol
+    """How they are chosen."""
+    needs: Needs
+    """What clips must have."""
+    lengths: Lengths
+    """Which lengths are asked for."""
+
+    @cached_property
+    def items(self) -> list[TestItem]:
+        """What can be asked for.
+
+        Raises:
+            DataError: There are fewer than two.
+        """
+        split, shortest = self.protocol.split, self.lengths.shortest
+        items = [item for clip in self.dataset.clips(split) for item in _ITEMS[self.needs](clip)]
+        kept = [item for item in items if self.lengths.of(item) >= max(shortest, 1)]
+        if len(kept) < 2:
+            raise DataError(
+                f"{self.dataset.folder} has {len(kept)} clips {ASKED[self.needs]} of {shortest} "
+                f"frames or more in its {split} split, expected at least 2; take another split or "
+                "data set"
+            )
+        return kept
+
+    def trial(self, replication: int) -> Trial:
+        """Returns the questions of a replication and their real answers."""
+        questions = tuple(
+            _question(item, number, self.lengths, self.protocol, replication)
+            for number, item in enumerate(self.items)
         )
-    return kept
-
-
-def ask(
-    dataset: Dataset,
-    items: Sequence[TestItem],
-    lengths: Lengths,
-    protocol: Protocol,
-    replication: int,
-) -> Trial:
-    """Returns the questions of a replication."""
-    questions = tuple(
-        _question(item, number, lengths, protocol, replication) for number, item in enumerate(items)
-    )
-    return Trial(replication, questions, [_crop(dataset, question) for question in questions])
+        features = [_crop(self.dataset, question) for question in questions]
+        return Trial(replication, questions, features)
 
 
 def _question(
@@ -142,7 +158,8 @@ def _question(
 
 def _crop(dataset: Dataset, question: Question) -> Float[np.ndarray, "frames features"]:
     rows = question.start + np.arange(question.frames)
-    return dataset.features(question.item.clip)[np.minimum(rows, question.item.end - 1)]
+    part = dataset.features(question.item.clip)[np.minimum(rows, question.item.end - 1)]
+    return dataset.representation.restart(part)
 
 
 def _captioned(clip: Clip) -> list[TestItem]:

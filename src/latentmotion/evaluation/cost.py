@@ -1,0 +1,110 @@
+"""What one motion costs: parameters, FLOPs, seconds.
+
+Steps are all alike, so that their FLOPs are counted of one and of two:
+
+    FLOPs(n) = FLOPs(1) + (n − 1) (FLOPs(2) − FLOPs(1))
+
+A text encoder is counted where it runs on PyTorch; a graph of ONNX Runtime is not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from torch import nn
+
+from latentmotion.checkpoint import load_model
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.evaluation.metrics.aits import WARM_UP, aits
+from latentmotion.evaluation.metrics.flops import flops
+from latentmotion.evaluation.metrics.parameters import parameters
+from latentmotion.evaluation.subject import Generated
+from latentmotion.evaluation.trials import Question, Trial
+from latentmotion.runtime.eager import eager_generator
+
+TIMED = 20
+"""Motions that are timed; fewer where a split has fewer."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a model costs."""
+
+    parameters: dict[str, int]
+    """Learned numbers of each network."""
+    gflops: float | None = None
+    """Of one motion, with guidance and decoder, two for each multiply-add; null without a
+    denoiser."""
+    gflops_frames: int | None = None
+    """Length of that motion."""
+    aits: float | None = None
+    """Average seconds per motion, one at a time."""
+    timed: int = 0
+    """Motions that were timed, after some that were not."""
+    engine: str = ""
+    """What ran the timed networks."""
+
+    def lines(self) -> list[str]:
+        """Says it in words."""
+        counts = ", ".join(f"{name} {count:,}" for name, count in self.parameters.items())
+        found = [f"parameters: {counts}"]
+        if self.gflops is not None:
+            found.append(f"FLOPs: {self.gflops:.2f} G for {self.gflops_frames} frames")
+        if self.aits is not None:
+            about = f"{self.timed} motions one at a time, {self.engine}"
+            found.append(f"AITS: {self.aits:.4f} s ({about})")
+        return found
+
+
+def cost_of(
+    folder: Path, subject: Generated | None, trial: Trial, encoder: TextEncoder | None = None
+) -> Cost:
+    """Measures a model.
+
+    Args:
+        folder: Its folder.
+        subject: It, ready to generate; none for a VAE alone.
+        trial: What it is asked while it is timed; FLOPs are those of its longest motion.
+        encoder: Text encoder, where it is not in the folder.
+    """
+    counts = parameter_counts(folder)
+    if subject is None:
+        return Cost(counts)
+    questions = _spread(trial.questions, TIMED)
+    longest = max(trial.questions, key=lambda question: question.frames)
+    eager = replace(subject, generator=eager_generator(folder, encoder))
+    return Cost(
+        counts,
+        generation_flops(eager, longest) / 1e9,
+        longest.frames,
+        aits([_action(subject, question) for question in questions]),
+        len(questions),
+        f"after {min(WARM_UP, len(questions))} that warm up",
+    )
+
+
+def parameter_counts(folder: Path) -> dict[str, int]:
+    """Returns the learned numbers of each network of a model folder."""
+    model = load_model(folder)
+    networks: dict[str, nn.Module | None] = {"vae": model.vae, "denoiser": model.denoiser}
+    counts = {name: parameters(part) for name, part in networks.items() if part is not None}
+    return counts | {"together": sum(counts.values())}
+
+
+def generation_flops(subject: Generated, question: Question) -> int:
+    """Returns the floating-point operations of one motion, of a subject on PyTorch."""
+    steps = subject.steps or subject.card.steps
+    first, second = (flops(_action(replace(subject, steps=n), question)) for n in (1, 2))
+    return first + (steps - 1) * (second - first)
+
+
+def _action(subject: Generated, question: Question) -> Callable[[], object]:
+    return lambda: subject.answer([question], [0])
+
+
+def _spread(questions: tuple[Question, ...], count: int) -> list[Question]:
+    """Returns some questions from all over."""
+    stride = max(len(questions) // count, 1)
+    return list(questions[::stride][:count])
