@@ -41,7 +41,7 @@ def page_html(motions: Sequence[Motion], title: str | None = None) -> str:
         raise InputError("no motion to show; give at least one")
     fields = {
         "title": html.escape(title or motions[0].caption or "Latent Motion"),
-        "motions": _json_in_html(_payload(motions)),
+        "motions": json_in_html(payload(motions)),
         "script": _resource("viewer.js"),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
@@ -68,7 +68,8 @@ def notebook_html(motions: Motion | Sequence[Motion], height: int = 520) -> str:
     )
 
 
-def _payload(motions: Sequence[Motion]) -> dict[str, Any]:
+def payload(motions: Sequence[Motion]) -> dict[str, Any]:
+    """Returns motions as the page's script reads them; those of one skeleton share a body."""
     first = {motion.skeleton.name: motion for motion in reversed(motions)}
     return {
         "skeletons": {name: _skeleton_entry(motion) for name, motion in first.items()},
@@ -106,8 +107,8 @@ def _base64(array: np.ndarray) -> str:
     return base64.b64encode(array.tobytes()).decode("ascii")
 
 
-def _json_in_html(payload: dict[str, Any]) -> str:
-    """JSON in which no caption can end the script element around it."""
+def json_in_html(payload: dict[str, Any]) -> str:
+    """Returns JSON in which no caption can end the script element around it."""
     text = json.dumps(payload, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 

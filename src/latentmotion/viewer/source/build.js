@@ -1,12 +1,11 @@
-// Bundles main.js with the parts of three.js that it uses into ../viewer.js.
+// Bundles each page's script with the parts of three.js that it uses: ../viewer.js, and the user
+// study's ../../study/study.js.
 import { readFileSync } from "node:fs";
 import { build } from "esbuild";
 
 const license = readFileSync("node_modules/three/LICENSE", "utf8").trim();
 
-await build({
-  entryPoints: ["main.js"],
-  outfile: "../viewer.js",
+const options = {
   bundle: true,
   minify: true,
   format: "iife",
@@ -17,4 +16,7 @@ await build({
     js: `/*! Built from viewer/source by "npm install && npm run build"; do not edit.\n` +
       `Latent Motion's viewer (MIT), with parts of three.js:\n\n${license}\n*/`,
   },
-});
+};
+
+await build({ ...options, entryPoints: ["main.js"], outfile: "../viewer.js" });
+await build({ ...options, entryPoints: ["study/main.js"], outfile: "../../study/study.js" });

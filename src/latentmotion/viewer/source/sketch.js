@@ -44,6 +44,10 @@ export class Sketch {
     this.stale = true;
   }
 
+  lookAs({ angle, scale }) {
+    Object.assign(this, { angle, scale, stale: true });
+  }
+
   zoom(factor) {
     this.scale = Math.min(Math.max(this.scale / factor, 0.2), 8);
     this.stale = true;
@@ -67,6 +71,8 @@ export class Sketch {
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.stale = true;
   }
+
+  dispose() {}
 
   draw() {
     if (!this.stale || !this.free) return;

@@ -11,6 +11,8 @@ const HEIGHT = 0.96; // of what it looks at, meters
 const SHADOW_PIXELS = 640; // along each side of the map
 const FIELD_OF_VIEW = 30; // degrees, vertical
 
+const geometries = new WeakMap(); // the resting skin of each skeleton, for all stages of a page
+
 export class Stage {
   constructor(canvas, motions, colors) {
     this.name = "webgl";
@@ -41,7 +43,6 @@ export class Stage {
   }
 
   #figures(motions, colors) {
-    const geometries = new Map();
     return motions.map((motion, i) => {
       const { skeleton } = motion;
       if (!geometries.has(skeleton)) geometries.set(skeleton, bodyGeometry(skeleton));
@@ -136,6 +137,13 @@ export class Stage {
     this.stale = true;
   }
 
+  /** Looks from where another stage's camera looks. */
+  lookAs(other) {
+    const arm = other.camera.position.clone().sub(other.controls.target);
+    this.camera.position.copy(this.controls.target).add(arm);
+    this.stale = true;
+  }
+
   zoom(factor) {
     const arm = this.camera.position.clone().sub(this.controls.target);
     this.camera.position.copy(this.controls.target).addScaledVector(arm, factor);
@@ -166,6 +174,13 @@ export class Stage {
   setDark(dark) {
     this.floor.setDark(dark);
     this.stale = true;
+  }
+
+  /** Gives back what the graphics card holds; the canvas can't be used again. */
+  dispose() {
+    this.controls.dispose();
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
   }
 
   /** Draws, if anything changed since the last time. */

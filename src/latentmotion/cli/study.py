@@ -1,0 +1,98 @@
+"""`latentmotion study make` and `latentmotion study report`: people judge, blind."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from latentmotion.configuration import to_json, write_json
+from latentmotion.errors import InputError
+from latentmotion.files import check_writable
+
+
+@dataclass(frozen=True)
+class MakeStudy:
+    """Make one page on which people compare two models, without knowing which is which.
+
+    A and B are models by name or folder, or folders of .npz motions whose captions are the prompts.
+    The page is a single file to send to raters; the key beside it stays with you.
+    """
+
+    a: Positional[str]
+    """Model A."""
+    b: Positional[str]
+    """Model B."""
+    prompts: Path
+    """Text file with one sentence per line."""
+    output: Annotated[Path, arg(aliases=["-o"])] = Path("study.html")
+    """The page; its key is written beside it with the ending .key.json."""
+    seconds: float = 4.0
+    """Length of generated motions."""
+    seeds: tuple[int, ...] = (0,)
+    """Seeds of generated motions, or so many takes of saved ones: a pair per prompt and seed."""
+    order_seed: int | None = None
+    """Seed of order and sides; drawn and recorded in the key if not given."""
+
+    def run(self) -> None:
+        """Makes the page and the key."""
+        from latentmotion.cli.loading import load_generator
+        from latentmotion.study.design import Pair, design
+        from latentmotion.study.page import write_study_page
+        from latentmotion.study.sources import (
+            Wanted,
+            check_lengths,
+            describe,
+            motions_of,
+            read_prompts,
+        )
+
+        if self.output.suffix != ".html":
+            raise InputError(f"{self.output}: expected a name that ends with .html")
+        check_writable(self.output)
+        wanted = Wanted(read_prompts(self.prompts), self.seeds, self.seconds)
+        a, b = (motions_of(source, wanted, load_generator) for source in (self.a, self.b))
+        both = list(zip(a, b, strict=True))
+        for warning in check_lengths(both):
+            print(f"warning: {warning}", file=sys.stderr)
+        rows = zip(wanted.rows(), both, strict=True)
+        pairs = [Pair(prompt, seed, a, b) for (prompt, seed), (a, b) in rows]
+        seed = secrets.randbits(32) if self.order_seed is None else self.order_seed
+        study = design(pairs, describe(self.a), describe(self.b), seed)
+        write_study_page(self.output, study)
+        write_json(self.output.with_suffix(".key.json"), study.key)
+        print(f"wrote {self.output} ({len(pairs)} pairs), for raters")
+        print(f"wrote {self.output.with_suffix('.key.json')}, for you alone")
+
+
+@dataclass(frozen=True)
+class ReportStudy:
+    """Say what raters prefer, from the files that their browsers downloaded."""
+
+    answers: Positional[tuple[Path, ...]]
+    """The files; of several by one rater the latest counts."""
+    key: Path
+    """The key that was written with the page."""
+    json: bool = False
+    """Print one JSON object for programs instead of text."""
+
+    def run(self) -> None:
+        """Reports.
+
+        Raises:
+            InputError: There is no file.
+        """
+        from latentmotion.study.answers import read_answers, read_key, votes_of
+        from latentmotion.study.report import report
+
+        if not self.answers:
+            raise InputError("no answers given; pass the files that raters sent, e.g. *.json")
+        key = read_key(self.key)
+        others = [path for path in self.answers if path.resolve() != self.key.resolve()]
+        found = report(votes_of(read_answers(others, key), key), key)
+        print(json.dumps(to_json(found), indent=1) if self.json else found.markdown())
