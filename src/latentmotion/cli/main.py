@@ -51,6 +51,9 @@ VERBS = {
     "experiment list": Verb(
         f"{_CLI}.experiment:ListExperiments", "Say which tables of the paper can be run."
     ),
+    "experiment document": Verb(
+        f"{_CLI}.experiment:FillDocument", "Put tables that were run into a document."
+    ),
     "experiment run": Verb(
         f"{_CLI}.experiment:RunExperiment", "Train and measure the rows of a table."
     ),
