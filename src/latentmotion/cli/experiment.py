@@ -45,6 +45,29 @@ class ListExperiments:
 
 
 @dataclass(frozen=True)
+class FillDocument:
+    """Put tables that were run into a document, between lines such as <!-- table vae -->.
+
+    Example: latentmotion experiment document docs/results.md --results results
+    """
+
+    document: Positional[Path]
+    """Markdown; plots and JSON go into a folder beside it."""
+    results: Path
+    """Output folder of latentmotion experiment run."""
+
+    def run(self) -> None:
+        """Rewrites the document.
+
+        Raises:
+            InputError: It has no part that names a table.
+        """
+        from latentmotion.experiments.document import fill
+
+        print(f"{self.document}: {', '.join(fill(self.document, self.results)) or 'none run yet'}")
+
+
+@dataclass(frozen=True)
 class RunExperiment:
     """Train and measure the rows of a table; the same command again goes on where it was.
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,7 @@ class Measurement:
             items=report.items[subject.row],
             replications=protocol.replications,
             versions=dict(report.provenance.versions),
+            notes=report.notes,
             warnings=(*report.warnings, *self._warnings(report)),
             **_made(folder),
         )
@@ -143,4 +145,8 @@ def _made(folder: Path) -> dict[str, Any]:
 
 
 def _plain(figures: Mapping[str, Figure]) -> dict[str, list[float | None]]:
-    return {name: [figure.mean, figure.interval] for name, figure in figures.items()}
+    """JSON knows no NaN, which some metrics of too few motions are."""
+    return {
+        name: [value if value is not None and isfinite(value) else None for value in pair]
+        for name, pair in ((name, (f.mean, f.interval)) for name, f in figures.items())
+    }

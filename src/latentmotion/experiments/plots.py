@@ -33,7 +33,7 @@ def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> N
     for panel, (part, label) in zip(panels, labels.items(), strict=True):
         for name, run in curves.items():
             panel.plot(*zip(*run[part], strict=True), label=name)
-        panel.set(xlabel="Optimizer step", ylabel=label, yscale="log")
+        panel.set(xlabel="Optimizer step", ylabel=label)
         _finish(panel)
     _save(figure, path)
 
@@ -51,7 +51,8 @@ def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float,
         panel.plot([p[1] for p in ordered], [p[2] for p in ordered], "o-", label=name)
         for label, x, y in ordered:
             panel.annotate(label, (x, y), xytext=(5, 5), textcoords="offset points", fontsize=8)
-    panel.set(xlabel="Time per motion, s (batch 1)", ylabel="FID", xscale="log", yscale="log")
+    panel.set(xlabel="Time per motion, s (one at a time)", ylabel="FID", xscale="log")
+    panel.margins(x=0.15, y=0.12)
     _finish(panel)
     _save(figure, path)
 

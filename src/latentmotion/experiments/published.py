@@ -13,13 +13,17 @@ Units: joint errors in mm, acceleration in mm per frame², FLOPs in 10⁹ as the
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isnan, nan
 
 Figures = Mapping[str, float]
 
 
-def _text(r1: float, r2: float, r3: float, fid: float, distance: float, div: float) -> Figures:
-    names = ("R@1", "R@2", "R@3", "FID", "MM-Dist", "Diversity")
-    return dict(zip(names, (r1, r2, r3, fid, distance, div), strict=True))
+def _text(
+    r1: float, r2: float, r3: float, fid: float, distance: float, div: float, various: float = nan
+) -> Figures:
+    names = ("R@1", "R@2", "R@3", "FID", "MM-Dist", "Diversity", "MultiModality")
+    values = zip(names, (r1, r2, r3, fid, distance, div, various), strict=True)
+    return {name: value for name, value in values if not isnan(value)}
 
 
 def _rebuilt(mpjpe: float, pa_mpjpe: float, accl: float, fid: float, div: float) -> Figures:
@@ -29,12 +33,12 @@ def _rebuilt(mpjpe: float, pa_mpjpe: float, accl: float, fid: float, div: float)
 
 HUMANML3D: dict[str, Figures] = {
     "real": _text(0.511, 0.703, 0.797, 0.002, 2.974, 9.503),  # [S]
-    "mdm": _text(0.320, 0.498, 0.611, 0.544, 5.566, 9.559) | {"MultiModality": 2.799},  # [H]
-    "mld": _text(0.481, 0.673, 0.772, 0.473, 3.196, 9.724) | {"MultiModality": 2.413},  # [S] [H]
+    "mdm": _text(0.320, 0.498, 0.611, 0.544, 5.566, 9.559, 2.799),  # [H]
+    "mld": _text(0.481, 0.673, 0.772, 0.473, 3.196, 9.724, 2.413),  # [S] [H]
 }
 KIT: dict[str, Figures] = {
-    "mdm": _text(0.164, 0.291, 0.396, 0.497, 9.191, 10.85) | {"MultiModality": 1.907},  # [H]
-    "mld": _text(0.390, 0.609, 0.734, 0.404, 3.204, 10.80) | {"MultiModality": 2.192},  # [S] [H]
+    "mdm": _text(0.164, 0.291, 0.396, 0.497, 9.191, 10.85, 1.907),  # [H]
+    "mld": _text(0.390, 0.609, 0.734, 0.404, 3.204, 10.80, 2.192),  # [S] [H]
 }
 HUMANACT12: dict[str, Figures] = {
     "mld": {"FID": 0.077, "Accuracy": 0.964, "Diversity": 6.831, "MultiModality": 2.824},  # [S]

@@ -41,8 +41,10 @@ class RowResult:
     """Hours of training, both stages."""
     versions: dict[str, str] = field(default_factory=dict)
     """Of this package, its commit and what computes."""
+    notes: tuple[str, ...] = ()
+    """What a reader must know to compare the figures."""
     warnings: tuple[str, ...] = ()
-    """What a reader should know."""
+    """What is wrong with them."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +129,9 @@ def _row_line(row: Row, found: RowResult | None, columns: Sequence[_Column]) -> 
 def _notes(table: Table, result: TableResult) -> list[str]:
     notes = [f"The paper finds: {table.expects}"] if table.expects else []
     notes += [f"{row.title}: not run, {row.missing}." for row in table.rows if row.missing]
-    for name, texts in _by_text(result.rows).items():
-        notes.append(f"{texts}: {name}")
+    texts = dict.fromkeys(note for row in result.rows for note in row.notes)
+    notes += [f"{text[0].upper()}{text[1:]}." for text in texts]
+    notes += [f"{names}: {text}" for text, names in _by_text(result.rows).items()]
     return [line for note in notes for line in ("", note)]
 
 

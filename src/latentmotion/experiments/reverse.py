@@ -42,10 +42,10 @@ class Recorder:
     states: list[tuple[float, np.ndarray]] = field(default_factory=list)
     """Time and latents of every call."""
 
-    def __call__(self, z: np.ndarray, t: np.ndarray, *rest: object) -> np.ndarray:
+    def __call__(self, z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
         """Remembers and answers."""
         self.states.append((float(t[0]), z.reshape(len(z), -1)))
-        return self.denoiser(z, t, *rest)  # type: ignore[arg-type]
+        return self.denoiser(z, t, condition, mask)
 
 
 def draw_latents(generator: MotionGenerator, path: Path) -> dict[str, Figure]:

@@ -29,6 +29,7 @@ from latentmotion.models import find_model
 from latentmotion.training.devices import Place
 from latentmotion.training.run_folder import MODEL, NAME, Run
 from latentmotion.training.stages import train_denoiser, train_vae
+from latentmotion.training.steering import fitted, steering_of
 
 SECOND_STAGE = (
     *FIRST_STAGE,
@@ -97,7 +98,8 @@ class Workplace:
         encoder = self.encoder_of(model)
         width = encoder.width if encoder else None
         features = self.dataset.representation.width
-        experiment = second_stage_of(model, first, self.budget, features, width)
+        built = second_stage_of(model, first, self.budget, features, width)
+        experiment = fitted(built, steering_of(built, self.dataset, encoder))
         folder = self.folder / name / "denoiser"
         if not self._is_done(folder, experiment, SECOND_STAGE):
             steps = experiment.denoiser_training.steps
