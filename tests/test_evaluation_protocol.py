@@ -13,6 +13,8 @@ import pytest
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError, InputError, ModelError
+from latentmotion.evaluation.extractors.action_network import Recognizer
+from latentmotion.evaluation.extractors.gru import MotionGRUConfig
 from latentmotion.evaluation.extractors.interface import Recognition
 from latentmotion.evaluation.feature_scores import groups
 from latentmotion.evaluation.protocol import (
@@ -240,6 +242,20 @@ def test_a_label_that_the_classifier_does_not_know_is_named(actions: Dataset) ->
     labels = Signs(labels=("up", "down"))
     with pytest.raises(InputError, match=r"does not know the label '(back|forth)'"):
         evaluate(subject, actions, labels, SMALL)
+
+
+def test_the_random_state_of_a_recurrent_classifier_is_a_quirk(actions: Dataset) -> None:
+    def positions(features: np.ndarray) -> np.ndarray:
+        return features[:, 4:67].reshape(-1, 21, 3)
+
+    network = MotionGRUConfig(joints=21, labels=2, hidden=8).build().eval()
+    classifier = Recognizer(("back", "forth"), "gru", network, positions, 263)
+    same = Reconstructed(IdentityVAEConfig().build().eval(), card())
+    quirk = replace(SMALL, quirks=replace(SMALL.quirks, random_state=True))
+    clean, drawn = (evaluate(same, actions, classifier, p) for p in (SMALL, quirk))
+    assert values(clean, TRUTH, "Diversity") == values(clean, "reconstruction", "Diversity")
+    assert len(set(values(clean, TRUTH, "Diversity"))) == 1
+    assert len(set(values(drawn, TRUTH, "Diversity"))) == 3
 
 
 def test_unconditional_models_match_nothing(dataset: Dataset) -> None:
