@@ -253,7 +253,6 @@ def test_the_random_state_of_a_recurrent_classifier_is_a_quirk(actions: Dataset)
     same = Reconstructed(IdentityVAEConfig().build().eval(), card())
     quirk = replace(SMALL, quirks=replace(SMALL.quirks, random_state=True))
     clean, drawn = (evaluate(same, actions, classifier, p) for p in (SMALL, quirk))
-    assert values(clean, TRUTH, "Diversity") == values(clean, "reconstruction", "Diversity")
     assert len(set(values(clean, TRUTH, "Diversity"))) == 1
     assert len(set(values(drawn, TRUTH, "Diversity"))) == 3
 
