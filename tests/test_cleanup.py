@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from latentmotion.cleanup.legs import find_legs
 from latentmotion.cleanup.root import ground_path, in_place
 from latentmotion.cleanup.smoothing import smooth, upper_envelope
 from latentmotion.cleanup.two_bone import reach
+from latentmotion.cli.main import main
 from latentmotion.errors import InputError
 from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
 from latentmotion.evaluation.metrics.jitter import jitter
@@ -324,3 +326,42 @@ def test_bad_input_is_refused():
         Motion(joints[:0])
     with pytest.raises(InputError, match="cutoff"):
         CleanUp(cutoff=float("nan"))
+
+
+def test_the_command_cleans_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    Motion(slider(frames=30)).save(tmp_path / "in.npz")
+    outputs = [str(tmp_path / name) for name in ("out.npz", "out.bvh")]
+    main(["clean", str(tmp_path / "in.npz"), "-o", *outputs, "--no-smooth"])
+    assert capsys.readouterr().out.count("wrote") == 2
+    cleaned = Motion.load(tmp_path / "out.npz")
+    assert foot_sliding(cleaned.joints, FPS) < 0.2 * foot_sliding(slider(frames=30), FPS)
+    again = Motion.load(tmp_path / "out.bvh")
+    np.testing.assert_allclose(again.joints, cleaned.joints, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["in.npz", "-o", "out.foo"], "ending '.foo'"),
+        (["none.npz", "-o", "out.npz"], "there is no file"),
+        (["in.npz", "-o", "out.npz", "--cutoff", "0"], "cutoff 0.0"),
+        (["broken.npz", "-o", "out.npz"], "broken.npz"),
+        (["nan.npy", "-o", "out.npz"], "NaN"),
+    ],
+)
+def test_the_command_refuses_and_writes_nothing(
+    words: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.chdir(tmp_path)
+    Motion(slider(frames=10)).save("in.npz")
+    Path("broken.npz").write_bytes(b"no motion")
+    np.save("nan.npy", np.full((4, 22, 3), np.nan, dtype=np.float32))
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(SystemExit, match="2"):
+        main(["clean", *words])
+    assert said in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == before

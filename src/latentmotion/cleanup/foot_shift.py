@@ -64,21 +64,26 @@ def _with_steps(
     fps: float,
     settings: FootLock,
 ) -> Bool[np.ndarray, "frames pivots"]:
-    """Breaks contacts in which the foot slides too far, in the middle of their way."""
+    """Breaks contacts in which the foot slides too far, where it slides fastest."""
     standing, pause = standing.copy(), max(1, round(settings.blend * fps * 0.75))
     open_periods = list(spans(_on(standing)))
     while open_periods:
         start, end = open_periods.pop()
         path = _path(_slides(pivots, standing)[start : end - 1])
         far = np.linalg.norm(path - path.mean(axis=0), axis=-1).max()
-        if far > settings.slip and end - start > 4 * pause:
-            halfway = np.linalg.norm(path - (path[0] + path[-1]) / 2, axis=-1)
-            inner = slice(pause, len(path) - pause)
-            middle = start + pause + int(halfway[inner].argmin())
-            first, last = middle - pause // 2, middle + pause - pause // 2
-            standing[first:last] = False
-            open_periods += [(start, first), (last, end)]
+        if far > settings.slip and end - start > 3 * pause:
+            first = start + _fastest(path, pause)
+            standing[first : first + pause] = False
+            open_periods += [(start, first), (first + pause, end)]
     return standing
+
+
+def _fastest(path: Float[np.ndarray, "frames 3"], pause: int) -> int:
+    """Returns the start of the stretch in which most way is made, of equal ones the middle one."""
+    way = np.linalg.norm(path[pause:] - path[:-pause], axis=-1)
+    middle = np.abs(np.linspace(-1, 1, len(way)))
+    inner = slice(pause, len(way) - pause)
+    return pause + int((way * (1 - 0.2 * middle))[inner].argmax())
 
 
 def _path(slides: Float[np.ndarray, "steps 3"]) -> Float[np.ndarray, "frames 3"]:
