@@ -55,6 +55,9 @@ def test_fid_needs_two_finite_motions(bad: np.ndarray) -> None:
 def test_kid_has_no_bias_and_a_closed_form(random: np.random.Generator) -> None:
     draws = [kid(*random.standard_normal((2, 30, 4))) for _ in range(300)]
     assert abs(np.mean(draws)) < 4 * np.std(draws) / np.sqrt(300)
+    same = random.standard_normal((300, 30, 4))
+    paired = [kid(x, x + 0.01, paired=True) for x in same]
+    assert abs(np.mean(paired)) < 0.01 < -np.mean([kid(x, x + 0.01) for x in same])
     x, y = np.array([[0.0], [1.0], [2.0]]), np.array([[1.0], [3.0]])
     within_x = 2 * ((0 + 1) ** 3 + (0 + 1) ** 3 + (2 + 1) ** 3) / 6
     within_y = (3 + 1) ** 3

@@ -33,7 +33,7 @@ def feature_scores(
         replication: Its number.
     """
     scores = _spread(view, protocol, replication, real=False) | _apart(
-        view, truth, protocol, replication
+        view, truth, protocol, replication, paired=True
     )
     return scores | _matches(view, protocol, replication, False) if prompted else scores
 
@@ -46,7 +46,7 @@ def truth_scores(truth: View, protocol: Protocol, replication: int) -> Scores:
     one, other = (order, slice(None)) if whole else (order[:half], order[half:])
     first, second = View(truth.features[one]), View(truth.features[other])
     return {
-        **_apart(first, second, protocol, replication),
+        **_apart(first, second, protocol, replication, paired=False),
         **_spread(truth, protocol, replication, real=True),
         **_matches(truth, protocol, replication, real=True),
     }
@@ -72,13 +72,13 @@ def groups(
         yield np.concatenate([rest, order[: size - len(rest)]]), len(rest)
 
 
-def _apart(view: View, truth: View, protocol: Protocol, replication: int) -> Scores:
+def _apart(view: View, truth: View, protocol: Protocol, replication: int, paired: bool) -> Scores:
     """FID and KID."""
     pairs, single = protocol.quirks.drawn_pairs, protocol.quirks.float32_means
     seen, real = view.features, truth.features
     distance = frechet_distance(Gaussian.of(seen, single), Gaussian.of(real, single))
     if pairs is None:
-        return {"FID": distance, "KID": kid(seen, real)}
+        return {"FID": distance, "KID": kid(seen, real, paired)}
     generator = protocol.generator("kid", replication)
     drawn = drawn_kid(seen, real, pairs.kid_subsets, pairs.kid_size, generator)
     return {"FID": distance, "KID": drawn}

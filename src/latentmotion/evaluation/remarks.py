@@ -20,6 +20,11 @@ def remarks(plan: Plan, extractor: Extractor | None) -> list[str]:
         notes.append("no evaluator, so metrics of positions alone")
     elif isinstance(extractor, TextMotionExtractor):
         notes += _of_text(len(items), extractor.width, protocol)
+    if extractor is not None and not protocol.quirks.permuted_truth:
+        notes.append(
+            f"FID and KID of the ground truth are between random halves of {len(items) // 2} "
+            "motions: the noise of so few, not what a model should reach"
+        )
     if protocol.nearest_clip:
         notes.append("the nearest training clip is looked for in the first replication alone")
     return notes

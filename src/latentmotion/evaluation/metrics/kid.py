@@ -16,9 +16,17 @@ from latentmotion.errors import InputError
 
 
 def kid(
-    generated: Float[np.ndarray, "items width"], real: Float[np.ndarray, "others width"]
+    generated: Float[np.ndarray, "items width"],
+    real: Float[np.ndarray, "others width"],
+    paired: bool = False,
 ) -> float:
     """Returns the unbiased estimate from all pairs.
+
+    Args:
+        generated: One row per generated motion.
+        real: One row per real motion.
+        paired: Whether row k of both answers the same question. Such rows are near each other for
+            that reason alone, and are not compared (Gretton et al. 2012, eq. 4).
 
     Raises:
         InputError: One of the sets has fewer than two motions.
@@ -26,7 +34,8 @@ def kid(
     if min(len(generated), len(real)) < 2:
         raise InputError(f"KID needs two motions or more: {len(generated)} and {len(real)}")
     x, y = np.asarray(generated, np.float64), np.asarray(real, np.float64)
-    return _within(x) + _within(y) - 2 * float(_kernel(x, y).mean())
+    across = _off_diagonal(_kernel(x, y)) if paired else float(_kernel(x, y).mean())
+    return _within(x) + _within(y) - 2 * across
 
 
 def drawn_kid(
@@ -54,8 +63,11 @@ def drawn_kid(
 
 
 def _within(features: Float[np.ndarray, "items width"]) -> float:
-    kernel, items = _kernel(features, features), len(features)
-    return float(kernel.sum() - np.trace(kernel)) / (items * (items - 1))
+    return _off_diagonal(_kernel(features, features))
+
+
+def _off_diagonal(kernel: Float[np.ndarray, "items items"]) -> float:
+    return float(kernel.sum() - np.trace(kernel)) / (len(kernel) * (len(kernel) - 1))
 
 
 def _kernel(
