@@ -29,7 +29,7 @@ class LearnedPosition(nn.Module):
         self.table = nn.Parameter(torch.rand(length, width))
 
     def forward(
-        self, x: Float[Tensor, "batch tokens width"], start: int = 0
+        self, x: Float[Tensor, "batch tokens width"], start: int | torch.SymInt = 0
     ) -> Float[Tensor, "batch tokens width"]:
         """Adds the positions start, start + 1, ..."""
         return x + self.table[start : start + x.shape[1]]
@@ -46,7 +46,7 @@ class SinePosition(nn.Module):
         self.dropout = Dropout(dropout)
 
     def forward(
-        self, x: Float[Tensor, "batch tokens width"], start: int = 0
+        self, x: Float[Tensor, "batch tokens width"], start: int | torch.SymInt = 0
     ) -> Float[Tensor, "batch tokens width"]:
         """Adds the positions start, start + 1, ..."""
         return self.dropout(x + self.table[start : start + x.shape[1]])
