@@ -174,7 +174,7 @@ def test_a_guidance_sweep_and_training_curves_are_drawn(dataset: Dataset, tmp_pa
         assert (tmp_path / f"{name}.png").stat().st_size > 5000
         assert f"({name}.png)" in (tmp_path / f"{name}.md").read_text(encoding="utf-8")
     assert sum("training a denoiser" in line for line in told) == 1
-    assert "10⁹ a motion" in (tmp_path / "steps.md").read_text(encoding="utf-8")
+    assert "AITS s ↓" in (tmp_path / "steps.md").read_text(encoding="utf-8")
 
 
 def test_actions_and_their_latents(dataset: Dataset, tmp_path: Path) -> None:

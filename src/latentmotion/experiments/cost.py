@@ -1,20 +1,17 @@
-"""What one motion costs: parameters, FLOPs and seconds, batch 1, the text encoder's FLOPs left out.
+"""What one motion costs by sampling steps: learned numbers, FLOPs and seconds, one at a time.
 
-    FLOPs(steps) = FLOPs(1) + (steps - 1) (FLOPs(2) - FLOPs(1))
-
-A multiply-add is two FLOPs; attention is counted, as THOP, which the paper uses, does not.
+Where a split takes `evaluation/cost.py` many motions, a sweep over steps makes a few of one length,
+so that a row of 1000 steps on raw frames can be timed too.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
-from torch.utils.flop_counter import FlopCounterMode
-
-from latentmotion.checkpoint import load_model
+from latentmotion.evaluation.cost import parameter_counts
+from latentmotion.evaluation.metrics.aits import aits
+from latentmotion.evaluation.metrics.flops import flops
 from latentmotion.evaluation.report import Figure
 from latentmotion.evaluation.subject import Generated
 
@@ -32,43 +29,19 @@ def cost_of(subject: Generated, folder: Path, longest: int | None) -> dict[str, 
         folder: Its model folder.
         longest: Length of the motion in frames; by default the model's longest.
     """
-    frames = min(longest or subject.card.frames[1], subject.card.frames[1])
-    prompt = {"text": SENTENCE, "action": subject.card.condition.get("labels", [""])[0]}
+    card = subject.card
+    frames = min(longest or card.frames[1], card.frames[1])
+    prompts = {"text": SENTENCE, "action": card.condition.get("labels", [""])[0]}
 
-    def one(chosen: Generated) -> Callable[[], object]:
-        words = prompt.get(chosen.card.task, "")
-        options = chosen.steps, chosen.guidance, chosen.sampler
-        return lambda: chosen.generator.features([words], [frames], [0], *options)
+    def one(steps: int) -> Callable[[], object]:
+        words, generator = prompts.get(card.task, ""), subject.generator
+        options = steps, subject.guidance, subject.sampler
+        return lambda: generator.features([words], [frames], [0], *options)
 
-    steps = subject.steps or subject.card.steps
-    first, second = (flops(one(replace(subject, steps=n))) for n in (1, 2))
+    steps = subject.steps or card.steps
+    first, second = flops(one(1)), flops(one(2))
     return {
-        "Seconds": Figure(seconds(one(subject))),
+        "AITS": Figure(aits([one(steps)] * TIMES, warm_up=1)),
         "GFLOPs": Figure((first + (steps - 1) * (second - first)) / 1e9),
-        "Parameters": Figure(parameters(folder) / 1e6),
+        "Parameters": Figure(parameter_counts(folder)["together"] / 1e6),
     }
-
-
-def seconds(action: Callable[[], object]) -> float:
-    """Returns the median time of an action that is warm."""
-    action()
-    taken = []
-    for _ in range(TIMES):
-        start = time.perf_counter()
-        action()
-        taken.append(time.perf_counter() - start)
-    return sorted(taken)[TIMES // 2]
-
-
-def flops(action: Callable[[], object]) -> int:
-    """Returns the floating-point operations of an action's networks."""
-    with FlopCounterMode(display=False) as counter:
-        action()
-    return counter.get_total_flops()
-
-
-def parameters(folder: Path) -> int:
-    """Returns the numbers that were learned, of both stages."""
-    model = load_model(folder)
-    networks = [network for network in (model.vae, model.denoiser) if network is not None]
-    return sum(weight.numel() for network in networks for weight in network.parameters())

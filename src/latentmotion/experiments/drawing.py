@@ -42,9 +42,9 @@ def _time(measurement: Measurement, result: TableResult, path: Path) -> bool:
     series: dict[str, list[tuple[str, float, float]]] = {}
     for row in measurement.table.rows:
         figures = _found(result, row.name)
-        if "Seconds" in figures and "FID" in figures:
+        if "AITS" in figures and "FID" in figures:
             method, _, label = row.title.partition(", ")
-            point = (label, figures["Seconds"], figures["FID"])
+            point = (label, figures["AITS"], figures["FID"])
             series.setdefault(f"{method} ({label.split()[0]})", []).append(point)
     if series:
         time_against_fid(path, series)

@@ -90,7 +90,7 @@ class Measurement:
         subject = self._subject(row, folder)
         report = evaluate(subject, self.work.dataset, self.extractor, protocol)
         figures = dict(report[subject.row])
-        if isinstance(subject, Generated) and {"Seconds", "GFLOPs"} & set(self.table.metrics):
+        if isinstance(subject, Generated) and {"AITS", "GFLOPs"} & set(self.table.metrics):
             figures |= cost_of(subject, folder, self.work.budget.max_frames)
         return RowResult(
             row=row.name,

@@ -10,8 +10,8 @@ from latentmotion.experiments.table import Row, Table
 
 UNITS = {
     **REPORTED,
-    "Seconds": "s a motion ↓",
-    "GFLOPs": "10⁹ a motion ↓",
+    "AITS": "s ↓",
+    "GFLOPs": "↓",
     "Parameters": "10⁶ ↓",
     "Silhouette of noise": "",
     "Silhouette of latents": "↑",
@@ -98,7 +98,9 @@ def cell(figure: Sequence[float | None]) -> str:
     mean, interval = figure
     if mean is None:
         return "–"
-    return number(mean) if not interval else f"{number(mean)} ± {number(interval)}"
+    if not interval or not float(number(interval)):
+        return number(mean)
+    return f"{number(mean)} ± {number(interval)}"
 
 
 _Column = tuple[str, str, bool]

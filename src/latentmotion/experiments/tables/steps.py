@@ -19,7 +19,7 @@ STEPS = Table(
     name="steps",
     title="Time, cost and FID by sampling steps",
     where="tables 7 and 10",
-    metrics=("FID", "R@3", "Seconds", "GFLOPs", "Parameters"),
+    metrics=("FID", "R@3", "AITS", "GFLOPs", "Parameters"),
     figure="time",
     expects="MLD's FID hardly moves between 50 and 1000 steps; MDM needs them all, and costs "
     "tens of times as much per step.",
