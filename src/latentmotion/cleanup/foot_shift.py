@@ -27,7 +27,7 @@ class FootLock:
 
     blend: float = 0.3
     """Seconds in which a foot returns to its own path where no other contact follows soon."""
-    slip: float = 0.12
+    slip: float = 0.1
     """Meters that a foot is held against; where it slid farther, it takes a small step."""
     clearance: float = 0.03
     """Height, meters, at which a foot joint that swings passes over the floor at least."""

@@ -61,6 +61,8 @@ class Generate:
     or clip:FOLDER and the like."""
     device: str = "cpu"
     """Where PyTorch computes: cpu, cuda or cuda:N."""
+    clean: bool = True
+    """Hold feet that stand, put the figure on the floor, take out shaking (docs/cleanup.md)."""
     json: bool = False
     """Print one JSON object for programs instead of text."""
 
@@ -77,6 +79,8 @@ class Generate:
             formats.check_ending(path)
             check_writable(path)
         motions = self._from_prior(prompts) if self.prior else self._motions(prompts)
+        if self.clean:
+            motions = [motion.cleaned() for motion in motions]
         written = [file for path in outputs for file in formats.save(path, motions)]
         print(json.dumps(_report(motions, written)) if self.json else _text(written))
 
