@@ -109,6 +109,21 @@ def test_only_the_paper_way_draws_the_first_state() -> None:
     assert not np.allclose(drawn[0], drawn[2]) and not np.allclose(drawn[0], clean)
 
 
+def test_the_gru_sees_joints_in_the_axes_of_the_camera(tmp_path: Path) -> None:
+    config = MotionGRUConfig(labels=2)
+    about = ActionClassifier(("a", "b"), "smpl", config)
+    save_action_classifier(tmp_path / "gru", about, config.build().state_dict())
+    found = load_extractor(tmp_path / "gru")
+    features = np.zeros((5, 6, 25), np.float32)
+    features[:, 0] = features[:, 4] = 1  # no joint turns
+    features[:, :3, 24] = np.arange(5)[:, None]  # the way of the root
+    assert isinstance(found, Recognizer)
+    joints = found.prepare(features.reshape(5, 150))
+    assert joints.shape == (5, 24, 3)
+    assert np.allclose(joints[:, 0], np.arange(5)[:, None])
+    assert found([features.reshape(5, 150)]).logits.shape == (1, 2)
+
+
 # ACTOR's graph network
 
 
