@@ -128,7 +128,6 @@ def _card(
         denoiser=describe(denoiser),
         condition=_condition(denoiser, origin),
         steps=50 if vae else 1000,
-        sampler="ddim" if vae else "ddpm",
         guidance=7.5,
         sampler="ddim" if vae else "ddpm",
         frames=_FRAMES["action" if _is_action(denoiser) else "text"],
