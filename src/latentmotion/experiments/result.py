@@ -78,7 +78,11 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
         "",
         _line(["", *(heading for heading, _, _ in columns)]),
         _line(["---"] * (len(columns) + 1)),
-        *(_row_line(row, measured.get(row.name), columns) for row in table.rows),
+        *(
+            _row_line(row, measured.get(row.name), columns)
+            for row in table.rows
+            if row.paper or row.name in measured
+        ),
         "",
         f"Paper: {table.where}. Data: {result.data}. Protocol: {result.protocol}. "
         f"Budget `{result.budget}`: {says}.",
