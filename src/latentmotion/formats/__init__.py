@@ -16,6 +16,7 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".npz": "latentmotion.formats.npz:write",
         ".bvh": "latentmotion.formats.takes:write_bvh_files",
         ".glb": "latentmotion.formats.gltf:write",
+        ".gltf": "latentmotion.formats.gltf:write",
         ".html": "latentmotion.viewer.page:write_page",
         ".gif": "latentmotion.formats.video:write",
         ".mp4": "latentmotion.formats.video:write",
@@ -29,6 +30,8 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".npz": "latentmotion.formats.npz:read",
         ".npy": "latentmotion.formats.npz:read_joints",
         ".bvh": "latentmotion.formats.takes:read_bvh_file",
+        ".glb": "latentmotion.formats.gltf_reader:read_takes",
+        ".gltf": "latentmotion.formats.gltf_reader:read_takes",
     }
 )
 """Each ending that can be read, and the `module:function` that reads it."""

@@ -1,8 +1,4 @@
-"""glTF 2.0 binary (`.glb`): a skinned mannequin, one node per joint, one animation per take.
-
-    header      magic "glTF", version 2, length
-    JSON chunk  nodes, skin, mesh, material, animations, accessors
-    BIN chunk   arrays, each aligned to 4 bytes
+"""glTF 2.0 (`.glb`, `.gltf`): a skinned mannequin, one node per joint, one animation per take.
 
 Units are meters and y is up, as glTF has it. Rotations are quaternions (x, y, z, w).
 Source: Khronos glTF 2.0 specification, https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
@@ -10,8 +6,6 @@ Source: Khronos glTF 2.0 specification, https://registry.khronos.org/glTF/specs/
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,15 +15,12 @@ from jaxtyping import Float
 
 from latentmotion.animation import Animation
 from latentmotion.errors import InputError
-from latentmotion.files import atomic_file
+from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.formats.mannequin import Mannequin, make_mannequin
 from latentmotion.motion import Motion
 from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.skeleton import Skeleton
 
-_FLOAT, _UBYTE, _UINT = 5126, 5121, 5125
-_COMPONENTS = {np.dtype("f4"): _FLOAT, np.dtype("u1"): _UBYTE, np.dtype("u4"): _UINT}
-_VERTICES, _INDICES = 34962, 34963
 _COLOR = (0.10, 0.215, 0.552, 1.0)
 """Linear RGB of the mannequin."""
 
@@ -45,65 +36,25 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     """
     if any(motion.skeleton.names != motions[0].skeleton.names for motion in motions):
         raise InputError("the takes of one .glb file must share a skeleton; write several files")
-    content = _glb(motions)
-    with atomic_file(path) as temporary:
-        temporary.write_bytes(content)
+    make_document(motions).write(path)
     return [Path(path)]
 
 
-def _glb(motions: Sequence[Motion]) -> bytes:
+def make_document(motions: Sequence[Motion]) -> Document:
+    """Returns the figure with all motions, not written yet."""
     animations = [motion.animation() for motion in motions]
     skeleton = animations[0].skeleton
-    arrays = _Arrays()
-    document = {
-        "asset": {"version": "2.0", "generator": "latentmotion"},
-        "scene": 0,
+    document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
+    document.json |= {
         "scenes": [{"nodes": [0, len(skeleton)]}],
         "nodes": [*_joint_nodes(skeleton), {"name": "mannequin", "mesh": 0, "skin": 0}],
-        **_figure(make_mannequin(skeleton), arrays),
+        **_figure(make_mannequin(skeleton), document),
         "animations": [
-            _animation(motion, animation, skeleton, number, arrays)
+            _animation(motion, animation, skeleton, number, document)
             for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1)
         ],
     }
-    document |= {
-        "accessors": arrays.accessors,
-        "bufferViews": arrays.views,
-        "buffers": [{"byteLength": len(arrays.content)}],
-    }
-    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(arrays.content), b"BIN\0") + bytes(arrays.content)
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
-class _Arrays:
-    """The binary part: each array gets an accessor, whose index is returned."""
-
-    def __init__(self) -> None:
-        self.content = bytearray()
-        self.views: list[dict[str, Any]] = []
-        self.accessors: list[dict[str, Any]] = []
-
-    def add(
-        self, array: np.ndarray, kind: str, target: int | None = None, bounds: bool = False
-    ) -> int:
-        data = np.ascontiguousarray(array)
-        view = {"buffer": 0, "byteOffset": len(self.content), "byteLength": data.nbytes}
-        self.views.append(view | ({"target": target} if target else {}))
-        self.content += data.tobytes() + bytes(-data.nbytes % 4)
-        accessor = {
-            "bufferView": len(self.views) - 1,
-            "componentType": _COMPONENTS[data.dtype],
-            "count": len(data),
-            "type": kind,
-        }
-        if bounds:
-            columns = data.reshape(len(data), -1)
-            accessor |= {"min": columns.min(0).tolist(), "max": columns.max(0).tolist()}
-        self.accessors.append(accessor)
-        return len(self.accessors) - 1
+    return document
 
 
 def _joint_nodes(skeleton: Skeleton) -> list[dict[str, Any]]:
@@ -118,23 +69,23 @@ def _joint_nodes(skeleton: Skeleton) -> list[dict[str, Any]]:
     return nodes
 
 
-def _figure(mannequin: Mannequin, arrays: _Arrays) -> dict[str, Any]:
+def _figure(mannequin: Mannequin, document: Document) -> dict[str, Any]:
     weights = np.where(mannequin.weights > 0.005, mannequin.weights, 0)
     weights = weights / weights.sum(-1, keepdims=True)
     joints = np.where(weights > 0, mannequin.joints, 0)
     triangles = mannequin.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1)
     vertices, normals = mannequin.vertices.astype("f4"), mannequin.normals.astype("f4")
     attributes = {
-        "POSITION": arrays.add(vertices, "VEC3", _VERTICES, bounds=True),
-        "NORMAL": arrays.add(normals, "VEC3", _VERTICES),
-        "JOINTS_0": arrays.add(joints.astype("u1"), "VEC4", _VERTICES),
-        "WEIGHTS_0": arrays.add(weights.astype("f4"), "VEC4", _VERTICES),
+        "POSITION": document.add_array(vertices, VERTICES, bounds=True),
+        "NORMAL": document.add_array(normals, VERTICES),
+        "JOINTS_0": document.add_array(joints.astype("u1"), VERTICES),
+        "WEIGHTS_0": document.add_array(weights.astype("f4"), VERTICES),
     }
-    indices = arrays.add(triangles.astype("u4"), "SCALAR", _INDICES)
+    indices = document.add_array(triangles.astype("u4"), INDICES)
     skeleton = mannequin.skeleton
     surface = {"baseColorFactor": _COLOR, "metallicFactor": 0.0, "roughnessFactor": 0.7}
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
-    binding = arrays.add(_inverse_bind_matrices(skeleton), "MAT4")
+    binding = document.add_array(_inverse_bind_matrices(skeleton))
     skin = {"name": skeleton.name, "joints": [*range(len(skeleton))], "skeleton": 0}
     return {
         "materials": [{"name": "mannequin", "pbrMetallicRoughness": surface}],
@@ -144,14 +95,14 @@ def _figure(mannequin: Mannequin, arrays: _Arrays) -> dict[str, Any]:
 
 
 def _inverse_bind_matrices(skeleton: Skeleton) -> Float[np.ndarray, "joints 4 4"]:
-    """Returns, column by column as glTF has them, the moves of each joint to the origin."""
+    """Returns the moves of each joint to the origin."""
     matrices = np.tile(np.eye(4, dtype="f4"), (len(skeleton), 1, 1))
-    matrices[:, 3, :3] = -skeleton.rest_joints()
+    matrices[:, :3, 3] = -skeleton.rest_joints()
     return matrices
 
 
 def _animation(
-    motion: Motion, animation: Animation, skeleton: Skeleton, number: int, arrays: _Arrays
+    motion: Motion, animation: Animation, skeleton: Skeleton, number: int, document: Document
 ) -> dict[str, Any]:
     times = (np.arange(len(animation)) / animation.fps).astype("f4")
     clocks: dict[int, int] = {}
@@ -160,10 +111,9 @@ def _animation(
     channels, samplers = [], []
 
     def add(joint: int, path: str, values: np.ndarray) -> None:
-        kind = "VEC4" if path == "rotation" else "VEC3"
         if len(values) not in clocks:
-            clocks[len(values)] = arrays.add(times[: len(values)], "SCALAR", bounds=True)
-        output = arrays.add(values.astype("f4"), kind)
+            clocks[len(values)] = document.add_array(times[: len(values)], bounds=True)
+        output = document.add_array(values.astype("f4"))
         samplers.append({"input": clocks[len(values)], "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": joint, "path": path}})
 

@@ -1,13 +1,18 @@
-"""BVH files hold one take on any skeleton: several motions become several numbered files."""
+"""Takes: files that hold one each are numbered; figures of foreign programs become motions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from latentmotion.animation import Animation
 from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.joint_map import to_humanml3d
 from latentmotion.motion import Motion
+from latentmotion.skeleton import BODY, HUMANML3D, KIT
+
+_OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
 
 
 def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -24,14 +29,35 @@ def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
 
 
 def read_bvh_file(path: str | Path) -> list[Motion]:
-    """Reads a BVH file as a motion of HumanML3D's 22 joints.
+    """Reads a BVH file as a motion; see `motion_of`.
 
     Raises:
         FileFormatError: The file is damaged.
-        InputError: No joint map fits the skeleton.
+        DataError: No joint map fits the skeleton.
     """
-    animation = read_bvh(path)
-    return [Motion(to_humanml3d(animation), fps=animation.fps)]
+    return [motion_of(read_bvh(path))]
+
+
+def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> Motion:
+    """Returns an animation as a motion of our own skeleton of those names, else of HumanML3D's.
+
+    Args:
+        animation: As a file holds it.
+        notes: What the file says about it: `caption`, and whatever else.
+
+    Raises:
+        DataError: No joint map fits the skeleton.
+    """
+    about = {key: value for key, value in (notes or {}).items() if key not in ("caption", "fps")}
+    caption = str((notes or {}).get("caption", ""))
+    tips = animation.skeleton.end_sites
+    names = tuple(n for j, n in enumerate(animation.skeleton.names) if j not in tips)
+    known = _OURS.get(names)
+    if known is None:
+        joints, known = to_humanml3d(animation), HUMANML3D
+    else:
+        joints = animation.joints()[:, [j for j in range(len(animation.skeleton)) if j not in tips]]
+    return Motion(joints.astype("f4"), animation.fps, known, caption, about)
 
 
 def numbered(path: Path, count: int) -> list[Path]:

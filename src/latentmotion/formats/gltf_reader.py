@@ -1,0 +1,243 @@
+"""glTF in: the bones of any skinned `.glb` or `.gltf` file and how its animations move them.
+
+Nodes have rest rotations and scales; an `Animation`'s rest pose has none. With W the rotation of
+a node in the world and W₀ the same at rest, its turn in the world's axes is D = W W₀ᵀ, and
+
+    rotation  R = D_parentᵀ D        offset  o = p₀ − p₀_parent        p = p_parent + D_parent o
+
+where positions p take all scales and all nodes above the bones into account.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.animation import Animation
+from latentmotion.errors import FileFormatError
+from latentmotion.formats.gltf_document import Document
+from latentmotion.formats.gltf_tracks import Track, clock, read_tracks
+from latentmotion.motion import Motion
+from latentmotion.rotations import matrix_from_quaternion, quaternion_from_matrix
+from latentmotion.skeleton import Skeleton
+
+_STILL = 1e-5
+"""Meters up to which a joint counts as staying where its parent carries it."""
+
+
+def read_animations(path: str | Path) -> list[Animation]:
+    """Reads all animations of a file, sampled at the rate of their keys, 30 fps where uneven.
+
+    The skeleton is that of the skin with the most joints, or all animated nodes where there is
+    no skin. A file without animations gives its rest pose as one frame.
+
+    Raises:
+        FileFormatError: The file is damaged, or holds neither a skin nor an animation.
+    """
+    return animations_of(Document.read(path))
+
+
+def animations_of(document: Document) -> list[Animation]:
+    """Returns the animations of a document that was read; see `read_animations`."""
+    path = document.path or Path("glTF")
+    try:
+        scene = _Scene(document, path)
+        takes = [read_tracks(document, take) for take in document.json.get("animations", [])]
+        return [scene.animation(tracks) for tracks in takes if tracks] or [scene.animation([])]
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+        raise FileFormatError(path, f"damaged glTF: {error!r}") from error
+
+
+def read_takes(path: str | Path) -> list[Motion]:
+    """Reads all animations as motions, with the captions of those that we wrote.
+
+    Raises:
+        FileFormatError: The file is damaged.
+        DataError: No joint map fits the skeleton.
+    """
+    from latentmotion.formats.takes import motion_of
+
+    document = Document.read(path)
+    notes = [take.get("extras") for take in document.json.get("animations", [])]
+    animations = animations_of(document)
+    notes = notes if len(notes) == len(animations) else [None] * len(animations)
+    return [
+        motion_of(animation, note if isinstance(note, dict) else {})
+        for animation, note in zip(animations, notes, strict=True)
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A node's place relative to its parent, over time or at rest."""
+
+    translation: Float[np.ndarray, "... 3"]
+    rotation: Float[np.ndarray, "... 3 3"]
+    scale: Float[np.ndarray, "... 3"]
+
+
+class _Scene:
+    """The nodes of a document, and which of them are bones."""
+
+    def __init__(self, document: Document, path: Path) -> None:
+        self.nodes: list[dict[str, Any]] = document.json.get("nodes", [])
+        self.parents = _parents(self.nodes, path)
+        self.places = [_place(node) for node in self.nodes]
+        self.bones = self._bones(document, path)
+        rank = {node: number for number, node in enumerate(self.bones)}
+        self.bone_parents = tuple(rank[self.parents[b]] if n else -1 for n, b in enumerate(rank))
+        self.rest, self.rest_turns = self._world(self.places)
+        offsets = self.rest - self.rest[[max(parent, 0) for parent in self.bone_parents]]
+        names = _distinct([self.nodes[b].get("name") or f"node_{b}" for b in self.bones])
+        self.skeleton = Skeleton(path.stem, names, self.bone_parents, offsets)
+
+    def animation(self, tracks: Sequence[Track]) -> Animation:
+        """Returns how one animation moves the bones."""
+        fps, times = clock(tracks)
+        positions, turns = self._world(self._moved(tracks, times))
+        turns = np.broadcast_to(turns, (len(times), *turns.shape[-3:]))
+        positions = np.broadcast_to(positions, (len(times), *positions.shape[-2:]))
+        world = turns @ np.swapaxes(self.rest_turns, -1, -2)
+        inner = list(self.bone_parents[1:])
+        rotations, places = world.copy(), np.zeros_like(positions)
+        rotations[:, 1:] = np.swapaxes(world[:, inner], -1, -2) @ world[:, 1:]
+        steps = positions[:, 1:] - positions[:, inner]
+        places[:, 1:] = np.einsum("tjab,tja->tjb", world[:, inner], steps)
+        moves = np.abs(places - self.skeleton.offsets).max() > _STILL
+        track = places if moves else None
+        return Animation(self.skeleton, rotations, positions[:, 0].copy(), fps, track)
+
+    def _moved(self, tracks: Sequence[Track], times: Float[np.ndarray, " frames"]) -> list[_Place]:
+        values = {(track.node, track.path): track.sample(times) for track in tracks}
+        places = []
+        for node, rest in enumerate(self.places):
+            turns = values.get((node, "rotation"))
+            places.append(
+                _Place(
+                    values.get((node, "translation"), rest.translation),
+                    rest.rotation if turns is None else _matrix(turns),
+                    values.get((node, "scale"), rest.scale),
+                )
+            )
+        return places
+
+    def _world(
+        self, places: Sequence[_Place]
+    ) -> tuple[Float[np.ndarray, "... bones 3"], Float[np.ndarray, "... bones 3 3"]]:
+        """Returns positions and rotations of the bones in the world."""
+        known: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {
+            -1: (np.zeros(3), np.eye(3), np.eye(3))
+        }
+        for node in self._above(self.bones):
+            place = places[node]
+            start, turn, linear = known[self.parents[node]]
+            known[node] = (
+                start + np.einsum("...ab,...b->...a", linear, place.translation),
+                turn @ place.rotation,
+                linear @ (place.rotation * place.scale[..., None, :]),
+            )
+        bones = [known[bone] for bone in self.bones]
+        return _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
+
+    def _above(self, nodes: Sequence[int]) -> list[int]:
+        """Returns the nodes and all above them, parents first."""
+        needed = {ancestor for node in nodes for ancestor in self._line(node)}
+        return sorted(needed, key=lambda node: len(self._line(node)))
+
+    def _line(self, node: int) -> list[int]:
+        """Returns a node and those above it, upward."""
+        line = []
+        while node >= 0:
+            line.append(node)
+            node = self.parents[node]
+        return line
+
+    def _bones(self, document: Document, path: Path) -> list[int]:
+        """Returns the nodes that are bones, the root first and parents before children."""
+        groups = [list(skin["joints"]) for skin in document.json.get("skins", [])]
+        groups = groups or [_animated(document)]
+        main = max(groups, key=len)
+        if not main:
+            raise FileFormatError(path, "has neither a skin nor an animation; expected a figure")
+        root = self._root(main, path)
+        listed = dict.fromkeys(node for group in (main, *groups) for node in group)
+        below = {node: self._line(node) for node in listed if root in self._line(node)}
+        lines = [line[: line.index(root) + 1] for line in below.values()]
+        needed = dict.fromkeys([*below, *(node for line in lines for node in line)])
+        order = [root, *(node for node in needed if node != root)]
+        rank = {node: number for number, node in enumerate(order)}
+        if all(rank[self.parents[node]] < rank[node] for node in order[1:]):
+            return order
+        return sorted(order, key=lambda node: len(self._line(node)))
+
+    def _root(self, bones: Sequence[int], path: Path) -> int:
+        """Returns the lowest node that all these are, or hang below."""
+        shared = set(self._line(bones[0]))
+        for bone in bones[1:]:
+            shared &= set(self._line(bone))
+        if not shared:
+            raise FileFormatError(path, "the joints of its skin hang on no common node")
+        return max(shared, key=lambda node: len(self._line(node)))
+
+
+def _animated(document: Document) -> list[int]:
+    channels = [c for take in document.json.get("animations", []) for c in take["channels"]]
+    return sorted({c["target"]["node"] for c in channels if "node" in c["target"]})
+
+
+def _parents(nodes: Sequence[Mapping[str, Any]], path: Path) -> list[int]:
+    parents = [-1] * len(nodes)
+    for number, node in enumerate(nodes):
+        for child in node.get("children", []):
+            if parents[child] != -1:
+                raise FileFormatError(path, f"node {child} has two parents, expected a tree")
+            parents[child] = number
+    for node in range(len(nodes)):
+        above, steps = node, 0
+        while above >= 0:
+            above, steps = parents[above], steps + 1
+            if steps > len(nodes):
+                raise FileFormatError(path, f"node {node} is its own ancestor, expected a tree")
+    return parents
+
+
+def _place(node: Mapping[str, Any]) -> _Place:
+    if "matrix" in node:
+        matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+        scale = np.linalg.norm(matrix[:3, :3], axis=0)
+        scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
+        turn = matrix[:3, :3] / np.where(scale == 0, 1, scale)
+        return _Place(matrix[:3, 3], matrix_from_quaternion(quaternion_from_matrix(turn)), scale)
+    return _Place(
+        np.array(node.get("translation", (0, 0, 0)), dtype=np.float64),
+        _matrix(np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)),
+        np.array(node.get("scale", (1, 1, 1)), dtype=np.float64),
+    )
+
+
+def _matrix(quaternions: Float[np.ndarray, "*frames 4"]) -> Float[np.ndarray, "*frames 3 3"]:
+    """Turns glTF's quaternions (x, y, z, w) into matrices."""
+    length = np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    return matrix_from_quaternion((quaternions / length)[..., [3, 0, 1, 2]])
+
+
+def _stacked(arrays: Sequence[np.ndarray], dimensions: int) -> np.ndarray:
+    """Stacks what the bones have, still or over time, with the bones before the last axes."""
+    lead = np.broadcast_shapes(*(array.shape[:-dimensions] for array in arrays))
+    whole = [np.broadcast_to(array, (*lead, *array.shape[-dimensions:])) for array in arrays]
+    return np.stack(whole, axis=-dimensions - 1)
+
+
+def _distinct(names: Sequence[str]) -> tuple[str, ...]:
+    """Numbers names that come up again."""
+    seen: dict[str, int] = {}
+    distinct = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        distinct.append(name if seen[name] == 1 else f"{name}_{seen[name]}")
+    return tuple(distinct)
