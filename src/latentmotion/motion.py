@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,9 +61,21 @@ class Motion:
 
     def animation(self) -> Animation:
         """Returns the local rotations whose forward kinematics are these joints."""
-        from latentmotion.inverse_kinematics import solve
+        return self._solved
 
-        return solve(self.joints, self.fps, self.skeleton)
+    def resampled(self, fps: float) -> Motion:
+        """Returns the motion at another frame rate, bones as long as before; see `Animation`.
+
+        Raises:
+            InputError: `fps` is not a positive number, or far too large.
+        """
+        if fps == self.fps:
+            return self
+        animation = self.animation().resampled(fps)
+        motion = replace(self, joints=animation.joints().astype(np.float32), fps=animation.fps)
+        # Its rotations are known: writers need not solve for them again.
+        motion.__dict__["_solved"] = animation
+        return motion
 
     def cleaned(self, steps: CleanUp | None = None) -> Motion:
         """Returns the motion with still feet, constant bones and less shaking.
@@ -74,8 +87,12 @@ class Motion:
 
         return clean(self, CleanUp() if steps is None else steps)
 
-    def save(self, path: str | Path) -> list[Path]:
+    def save(self, path: str | Path, fps: float | None = None) -> list[Path]:
         """Writes a file whose format is chosen by the ending of `path`; returns what was written.
+
+        Args:
+            path: Where to.
+            fps: Frames per second of the file; by default the motion's own.
 
         Raises:
             InputError: The ending is unknown or the folder cannot be written.
@@ -83,7 +100,7 @@ class Motion:
         """
         from latentmotion import formats
 
-        return formats.save(path, [self])
+        return formats.save(path, [self], fps)
 
     @classmethod
     def load(cls, path: str | Path) -> Motion:
@@ -96,6 +113,12 @@ class Motion:
         from latentmotion import formats
 
         return formats.load(path)[0]
+
+    @cached_property
+    def _solved(self) -> Animation:
+        from latentmotion.inverse_kinematics import solve
+
+        return solve(self.joints, self.fps, self.skeleton)
 
     def _repr_html_(self) -> str:
         """Shows the page with the moving figure in a notebook."""

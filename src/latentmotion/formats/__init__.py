@@ -37,19 +37,21 @@ READABLE: Mapping[str, str] = MappingProxyType(
 """Each ending that can be read, and the `module:function` that reads it."""
 
 
-def save(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) -> list[Path]:
     """Writes motions as the takes of one file; a format of single takes gets one file each.
 
     Args:
         path: Where to; its ending chooses the format. BVH holds one take, so several motions
             become `out-1.bvh`, `out-2.bvh` and so on.
         motions: The takes, at least one.
+        fps: Frames per second to resample them to; by default each keeps its own.
 
     Returns:
         The files written.
 
     Raises:
-        InputError: No motions, an unknown ending, or a folder that cannot be written.
+        InputError: No motions, an unknown ending, a rate that is none, or a folder that cannot be
+            written.
         MissingExtraError: The format needs a package that is not installed.
     """
     target = Path(path)
@@ -58,7 +60,8 @@ def save(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     writer = _function(target, ENDINGS, "written")
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")
-    return writer(target, motions) or [target]
+    takes = motions if fps is None else [motion.resampled(fps) for motion in motions]
+    return writer(target, takes) or [target]
 
 
 def load(path: str | Path) -> list[Motion]:
