@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.checkpoint import WEIGHTS_FILE, load_model
+from latentmotion.condition.interface import TextEncoder
 from latentmotion.configuration import read_json, to_json, write_json
 from latentmotion.errors import InputError
+from latentmotion.evaluation.cost import cost_of, longest_of
 from latentmotion.evaluation.extractors.interface import ActionExtractor, TextMotionExtractor
-from latentmotion.evaluation.protocol import evaluate
+from latentmotion.evaluation.protocol import evaluate, plan_of
 from latentmotion.evaluation.report import TRUTH, Figure, Report
 from latentmotion.evaluation.settings import Protocol
 from latentmotion.evaluation.subject import Generated, Prior, Reconstructed, Subject
-from latentmotion.experiments.cost import cost_of
 from latentmotion.experiments.result import RowResult
 from latentmotion.experiments.reverse import draw_latents
 from latentmotion.experiments.table import Row, Table
@@ -30,6 +31,9 @@ from latentmotion.runtime.eager import eager_generator, eager_prior
 
 SLOW = 1000
 """Sampling steps from which a row is repeated less often."""
+
+TIMED = 3
+"""Motions of a row that are timed."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Measurement:
         key = self._key(row, folder, protocol)
         if path.is_file():
             found = read_json(RowResult, path)
-            if found.key == key:
+            if (found.key, found.made) == (key, self.made):
                 return found
         self.work.tell(f"{self.table.name}/{row.name}: measuring {folder}")
         result = self._measured(row, folder, protocol, key)
@@ -63,11 +67,23 @@ class Measurement:
         write_json(path, result)
         return result
 
+    @property
+    def made(self) -> dict[str, str]:
+        """What all rows of a page have in common."""
+        return {
+            "data": self.work.dataset.fingerprint,
+            "evaluator": self.extractor.fingerprint if self.extractor else "",
+            "protocol": self.protocol.name,
+            "budget": self.work.budget.says,
+        }
+
     def generator(self, row: Row) -> MotionGenerator:
         """Returns the trained model of a row, ready to generate."""
+        return eager_generator(self._model(row), self._encoder(row))
+
+    def _encoder(self, row: Row) -> TextEncoder | None:
         model = self.work.model(row.model)
-        encoder = None if model.base == "starter" else self.work.encoder_of(model)
-        return eager_generator(self._model(row), encoder)
+        return None if model.base == "starter" else self.work.encoder_of(model)
 
     def _model(self, row: Row) -> Path:
         if row.kind in ("reconstructed", "prior"):
@@ -91,7 +107,7 @@ class Measurement:
         report = evaluate(subject, self.work.dataset, self.extractor, protocol)
         figures = dict(report[subject.row])
         if isinstance(subject, Generated) and {"AITS", "GFLOPs"} & set(self.table.metrics):
-            figures |= cost_of(subject, folder, self.work.budget.max_frames)
+            figures |= self._cost(row, subject, folder, protocol)
         return RowResult(
             row=row.name,
             key=key,
@@ -102,13 +118,29 @@ class Measurement:
             versions=dict(report.provenance.versions),
             notes=report.notes,
             warnings=(*report.warnings, *self._warnings(report)),
-            **_made(folder),
+            made=self.made,
+            **_model(folder),
         )
+
+    def _cost(
+        self, row: Row, subject: Generated, folder: Path, protocol: Protocol
+    ) -> dict[str, Figure]:
+        """Times few motions of one length, so that rows of 1000 steps can be timed too."""
+        trial = plan_of([subject], self.work.dataset, self.extractor, protocol).trial(0)
+        asked = [longest_of(trial.questions)] * TIMED
+        cost = cost_of(folder, subject, asked, self._encoder(row))
+        assert cost.aits is not None and cost.gflops is not None
+        return {
+            "AITS": Figure(cost.aits),
+            "GFLOPs": Figure(cost.gflops),
+            "Parameters": Figure(cost.parameters["together"] / 1e6),
+        }
 
     def _drawn(self, row: Row, folder: Path, key: str) -> RowResult:
         path = self.work.folder / f"{self.table.name}.png"
         figures = draw_latents(self.generator(row), path)
-        return RowResult(row.name, key, _plain(figures), replications=1, **_made(folder))
+        about = {"made": self.made, **_model(folder)}
+        return RowResult(row.name, key, _plain(figures), replications=1, **about)
 
     def _subject(self, row: Row, folder: Path) -> Subject:
         if row.kind == "prior":
@@ -138,7 +170,7 @@ class Measurement:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _made(folder: Path) -> dict[str, Any]:
+def _model(folder: Path) -> dict[str, Any]:
     """What a row says of its model."""
     hours = read_card(folder).provenance.hours
     return {"weights": sha256(folder / WEIGHTS_FILE), "hours": hours}

@@ -35,6 +35,8 @@ class RowResult:
     """Motions of a repetition."""
     replications: int = 0
     """Repetitions."""
+    made: dict[str, str] = field(default_factory=dict)
+    """Data, evaluator, protocol and budget: a page has only rows that agree in these."""
     weights: str = ""
     """Hash of the model's weights."""
     hours: float = 0.0

@@ -47,7 +47,8 @@ def collected(measurement: Measurement) -> TableResult:
     table, work, protocol = measurement.table, measurement.work, measurement.protocol
     folder = work.folder / table.name
     paths = {row.name: folder / f"{row.name}.json" for row in table.rows}
-    found = {name: read_json(RowResult, path) for name, path in paths.items() if path.is_file()}
+    kept = {name: read_json(RowResult, path) for name, path in paths.items() if path.is_file()}
+    found = {name: row for name, row in kept.items() if row.made == measurement.made}
     evaluator = measurement.extractor.fingerprint[:12] if measurement.extractor else "none"
     return TableResult(
         table=table.name,
