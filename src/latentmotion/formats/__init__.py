@@ -17,6 +17,7 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".bvh": "latentmotion.formats.takes:write_bvh_files",
         ".glb": "latentmotion.formats.gltf:write",
         ".gltf": "latentmotion.formats.gltf:write",
+        **dict.fromkeys((".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd:write"),
         ".html": "latentmotion.viewer.page:write_page",
         ".gif": "latentmotion.formats.video:write",
         ".mp4": "latentmotion.formats.video:write",
@@ -32,6 +33,9 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".bvh": "latentmotion.formats.takes:read_bvh_file",
         ".glb": "latentmotion.formats.gltf_reader:read_takes",
         ".gltf": "latentmotion.formats.gltf_reader:read_takes",
+        **dict.fromkeys(
+            (".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd_reader:read_takes"
+        ),
     }
 )
 """Each ending that can be read, and the `module:function` that reads it."""

@@ -1,11 +1,7 @@
 """glTF in: the bones of any skinned `.glb` or `.gltf` file and how its animations move them.
 
-Nodes have rest rotations and scales; an `Animation`'s rest pose has none. With W the rotation of
-a node in the world and W₀ the same at rest, its turn in the world's axes is D = W W₀ᵀ, and
-
-    rotation  R = D_parentᵀ D        offset  o = p₀ − p₀_parent        p = p_parent + D_parent o
-
-where positions p take all scales and all nodes above the bones into account.
+Positions take all scales and all nodes above the bones into account; `bones.py` makes plain
+bones of them, whose rests have neither rotation nor scale.
 """
 
 from __future__ import annotations
@@ -20,14 +16,11 @@ from jaxtyping import Float
 
 from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError
+from latentmotion.formats.bones import Pose, plain_animation, plain_skeleton
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_tracks import Track, clock, read_tracks
 from latentmotion.motion import Motion
 from latentmotion.rotations import matrix_from_quaternion, quaternion_from_matrix
-from latentmotion.skeleton import Skeleton
-
-_STILL = 1e-5
-"""Meters up to which a joint counts as staying where its parent carries it."""
 
 
 def read_animations(path: str | Path) -> list[Animation]:
@@ -91,26 +84,19 @@ class _Scene:
         self.bones = self._bones(document, path)
         rank = {node: number for number, node in enumerate(self.bones)}
         self.bone_parents = tuple(rank[self.parents[b]] if n else -1 for n, b in enumerate(rank))
-        self.rest, self.rest_turns = self._world(self.places)
-        offsets = self.rest - self.rest[[max(parent, 0) for parent in self.bone_parents]]
-        names = _distinct([self.nodes[b].get("name") or f"node_{b}" for b in self.bones])
-        self.skeleton = Skeleton(path.stem, names, self.bone_parents, offsets)
+        self.rest = self._world(self.places)
+        names = [self.nodes[bone].get("name") or f"node_{bone}" for bone in self.bones]
+        self.skeleton = plain_skeleton(path.stem, names, self.bone_parents, self.rest)
 
     def animation(self, tracks: Sequence[Track]) -> Animation:
         """Returns how one animation moves the bones."""
         fps, times = clock(tracks)
-        positions, turns = self._world(self._moved(tracks, times))
-        turns = np.broadcast_to(turns, (len(times), *turns.shape[-3:]))
-        positions = np.broadcast_to(positions, (len(times), *positions.shape[-2:]))
-        world = turns @ np.swapaxes(self.rest_turns, -1, -2)
-        inner = list(self.bone_parents[1:])
-        rotations, places = world.copy(), np.zeros_like(positions)
-        rotations[:, 1:] = np.swapaxes(world[:, inner], -1, -2) @ world[:, 1:]
-        steps = positions[:, 1:] - positions[:, inner]
-        places[:, 1:] = np.einsum("tjab,tja->tjb", world[:, inner], steps)
-        moves = np.abs(places - self.skeleton.offsets).max() > _STILL
-        track = places if moves else None
-        return Animation(self.skeleton, rotations, positions[:, 0].copy(), fps, track)
+        pose = self._world(self._moved(tracks, times))
+        moved = Pose(
+            np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
+            np.broadcast_to(pose.turns, (len(times), *pose.turns.shape[-3:])),
+        )
+        return plain_animation(self.skeleton, self.rest, moved, fps)
 
     def _moved(self, tracks: Sequence[Track], times: Float[np.ndarray, " frames"]) -> list[_Place]:
         values = {(track.node, track.path): track.sample(times) for track in tracks}
@@ -126,9 +112,7 @@ class _Scene:
             )
         return places
 
-    def _world(
-        self, places: Sequence[_Place]
-    ) -> tuple[Float[np.ndarray, "... bones 3"], Float[np.ndarray, "... bones 3 3"]]:
+    def _world(self, places: Sequence[_Place]) -> Pose:
         """Returns positions and rotations of the bones in the world."""
         known: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {
             -1: (np.zeros(3), np.eye(3), np.eye(3))
@@ -142,7 +126,9 @@ class _Scene:
                 linear @ (place.rotation * place.scale[..., None, :]),
             )
         bones = [known[bone] for bone in self.bones]
-        return _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
+        return Pose(
+            _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
+        )
 
     def _above(self, nodes: Sequence[int]) -> list[int]:
         """Returns the nodes and all above them, parents first."""
@@ -231,13 +217,3 @@ def _stacked(arrays: Sequence[np.ndarray], dimensions: int) -> np.ndarray:
     lead = np.broadcast_shapes(*(array.shape[:-dimensions] for array in arrays))
     whole = [np.broadcast_to(array, (*lead, *array.shape[-dimensions:])) for array in arrays]
     return np.stack(whole, axis=-dimensions - 1)
-
-
-def _distinct(names: Sequence[str]) -> tuple[str, ...]:
-    """Numbers names that come up again."""
-    seen: dict[str, int] = {}
-    distinct = []
-    for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        distinct.append(name if seen[name] == 1 else f"{name}_{seen[name]}")
-    return tuple(distinct)

@@ -13,13 +13,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.formats.bones import even_rate
 from latentmotion.formats.gltf_document import Document
 from latentmotion.rotations import slerp
 
-UNEVEN_FPS = 30.0
-"""Rate at which animations are sampled whose keys lie unevenly."""
-
-_LEAST_FPS, _MOST_FPS = 8.0, 250.0
 _PATHS = ("translation", "rotation", "scale")
 
 
@@ -83,12 +80,8 @@ def read_tracks(document: Document, animation: Mapping[str, Any]) -> list[Track]
 
 def clock(tracks: Sequence[Track]) -> tuple[float, Float[np.ndarray, " frames"]]:
     """Returns the rate at which all keys fall on frames, and the time of each frame."""
-    if not tracks:
-        return UNEVEN_FPS, np.zeros(1)
-    keys = np.unique(np.concatenate([track.times for track in tracks]))
-    fps = _rate(keys)
-    count = round(float(keys[-1] - keys[0]) * fps) + 1
-    return fps, keys[0] + np.arange(count) / fps
+    times = [track.times for track in tracks]
+    return even_rate(np.unique(np.concatenate(times)) if times else np.zeros(0))
 
 
 def _track(node: int, path: str, times: np.ndarray, values: np.ndarray, kind: str) -> Track:
@@ -99,18 +92,3 @@ def _track(node: int, path: str, times: np.ndarray, values: np.ndarray, kind: st
     if not (np.isfinite(times).all() and np.isfinite(values).all() and (np.diff(times) > 0).all()):
         raise ValueError(f"{path} of node {node} has NaN, or times that do not rise")
     return Track(node, path, times, values, kind)
-
-
-def _rate(keys: Float[np.ndarray, " keys"]) -> float:
-    """Returns the frames per second of evenly laid keys, a whole number where it is near one."""
-    steps = np.diff(keys)
-    steps = steps[steps > 0.5 / _MOST_FPS]
-    if not len(steps):
-        return UNEVEN_FPS
-    frames = round(float(keys[-1] - keys[0]) / float(np.median(steps)))
-    fps = max(frames, 1) / float(keys[-1] - keys[0])
-    whole = float(round(fps))
-    fps = whole if whole and abs(fps - whole) < 2e-4 * fps else fps
-    places = (keys - keys[0]) * fps
-    even = np.abs(places - np.round(places)).max() < 0.02
-    return fps if even and _LEAST_FPS <= fps <= _MOST_FPS else UNEVEN_FPS

@@ -1,0 +1,199 @@
+"""USD (`.usda` text, `.usdc` and `.usd` binary, `.usdz` package): a skinned mannequin by UsdSkel.
+
+    /Figure             SkelRoot, the default prim
+      /Skeleton         joints as paths (`pelvis/left_hip`), bind and rest pose; plays take 1
+      /Mannequin        the mesh, bound to it
+      /Material         its color
+      /take_1, take_2   one SkelAnimation a take, caption and metadata in its custom data
+
+Meters, y up, `timeCodesPerSecond` is the frame rate. Programs play the animation that the skeleton
+names (`skel:animationSource`); to see another take, point it there.
+Source: OpenUSD's UsdSkel schemas, https://openusd.org/release/api/usd_skel_page_front.html
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.animation import Animation
+from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.files import atomic_file
+from latentmotion.formats.mannequin import Mannequin, make_mannequin
+from latentmotion.motion import Motion
+from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.skeleton import Skeleton
+
+try:
+    from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel, UsdUtils, Vt
+except ImportError as error:
+    raise MissingExtraError("USD", "usd-core", "usd") from error
+
+FIGURE = "/Figure"
+NOTES = "latentmotion"
+"""Key of the custom data."""
+
+_COLOR = (0.10, 0.215, 0.552)
+"""Linear RGB of the mannequin."""
+
+
+def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+    """Writes one figure; each motion is an animation of it, the first is the one that plays.
+
+    Raises:
+        InputError: The motions differ in skeleton, or the folder cannot be written.
+    """
+    if any(motion.skeleton.names != motions[0].skeleton.names for motion in motions):
+        raise InputError("the takes of one USD file must share a skeleton; write several files")
+    stage = make_stage(motions)
+    with atomic_file(path) as temporary:
+        if temporary.suffix.lower() == ".usdz":
+            _package(stage, temporary, Path(path).stem)
+        elif not stage.GetRootLayer().Export(str(temporary)):
+            raise InputError(f"cannot write {path}: USD refused")
+    return [Path(path)]
+
+
+def make_stage(motions: Sequence[Motion]) -> Any:
+    """Returns the figure with all motions as a stage in memory."""
+    animations = [motion.animation() for motion in motions]
+    skeleton = animations[0].skeleton
+    stage = _new_stage(motions)
+    root = UsdSkel.Root.Define(stage, FIGURE)
+    stage.SetDefaultPrim(root.GetPrim())
+    paths = joint_paths(skeleton)
+    floor = np.array([0, -skeleton.rest_joints()[:, 1].min(), 0])
+    bones = _add_skeleton(stage, skeleton, paths, floor)
+    _add_mannequin(stage, make_mannequin(skeleton), floor)
+    for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1):
+        prim = _add_take(stage, number, motion, animation, paths)
+        if number == 1:
+            UsdSkel.BindingAPI.Apply(bones).CreateAnimationSourceRel().SetTargets([prim.GetPath()])
+    _add_extent(root, [animation.joints() for animation in animations])
+    return stage
+
+
+def joint_paths(skeleton: Skeleton) -> list[str]:
+    """Returns each joint's name behind those of all above it, as UsdSkel tells who is whose child.
+
+    What is no letter, digit or underscore becomes an underscore, as USD demands.
+    """
+    paths: list[str] = []
+    for name, parent in zip(skeleton.names, skeleton.parents, strict=True):
+        own = Tf.MakeValidIdentifier(name)
+        paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
+    return paths
+
+
+def _new_stage(motions: Sequence[Motion]) -> Any:
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(motions[0].fps)
+    stage.SetFramesPerSecond(motions[0].fps)
+    stage.SetStartTimeCode(0)
+    lengths = [(len(motion) - 1) / motion.fps for motion in motions]
+    stage.SetEndTimeCode(max(lengths) * motions[0].fps)
+    return stage
+
+
+def _add_skeleton(
+    stage: Any, skeleton: Skeleton, paths: Sequence[str], floor: Float[np.ndarray, " 3"]
+) -> Any:
+    """Adds the bones in rest pose, standing on the floor."""
+    bones = UsdSkel.Skeleton.Define(stage, f"{FIGURE}/Skeleton")
+    places = np.array(skeleton.offsets, dtype=np.float64)
+    places[0] = floor
+    bones.CreateJointsAttr(Vt.TokenArray(paths))
+    bones.CreateJointNamesAttr(Vt.TokenArray(list(skeleton.names)))
+    bones.CreateRestTransformsAttr(_moves(places))
+    bones.CreateBindTransformsAttr(_moves(skeleton.rest_joints() + floor))
+    return bones.GetPrim()
+
+
+def _moves(places: Float[np.ndarray, "joints 3"]) -> Any:
+    return Vt.Matrix4dArray([Gf.Matrix4d(1).SetTranslate(place) for place in places.tolist()])
+
+
+def _add_mannequin(stage: Any, mannequin: Mannequin, floor: Float[np.ndarray, " 3"]) -> None:
+    mesh = UsdGeom.Mesh.Define(stage, f"{FIGURE}/Mannequin")
+    vertices = (mannequin.vertices + floor).astype("f4")
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(vertices))
+    mesh.CreateExtentAttr([Gf.Vec3f(*corner.tolist()) for corner in _corners(vertices)])
+    mesh.CreateFaceVertexCountsAttr([4] * len(mannequin.quads))
+    mesh.CreateFaceVertexIndicesAttr(mannequin.quads.reshape(-1).tolist())
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(mannequin.normals.astype("f4")))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateDisplayColorAttr([Gf.Vec3f(*_COLOR)])
+    skin = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+    skin.CreateSkeletonRel().SetTargets([Sdf.Path(f"{FIGURE}/Skeleton")])
+    skin.CreateJointIndicesPrimvar(False, 4).Set(mannequin.joints.reshape(-1).tolist())
+    weights = mannequin.weights.astype("f4").reshape(-1)
+    skin.CreateJointWeightsPrimvar(False, 4).Set(Vt.FloatArray.FromNumpy(weights))
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(_add_material(stage))
+
+
+def _add_material(stage: Any) -> Any:
+    material = UsdShade.Material.Define(stage, f"{FIGURE}/Material")
+    surface = UsdShade.Shader.Define(stage, f"{FIGURE}/Material/Surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*_COLOR))
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.7)
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    return material
+
+
+def _add_take(
+    stage: Any, number: int, motion: Motion, animation: Animation, paths: Sequence[str]
+) -> Any:
+    take = UsdSkel.Animation.Define(stage, f"{FIGURE}/take_{number}")
+    take.CreateJointsAttr(Vt.TokenArray(paths))
+    take.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1)] * len(paths)))
+    turns, moves = take.CreateRotationsAttr(), take.CreateTranslationsAttr()
+    quaternions = continuous_quaternions(quaternion_from_matrix(animation.rotations))
+    # UsdSkel's quaternions lie in memory as x, y, z, w.
+    quaternions = quaternions[..., [1, 2, 3, 0]].astype("f4")
+    places = _places(animation).astype("f4")
+    codes = np.arange(len(animation)) * (stage.GetTimeCodesPerSecond() / animation.fps)
+    for code, turn, place in zip(codes.tolist(), quaternions, places, strict=True):
+        turns.Set(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(turn)), code)
+        moves.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(place)), code)
+    notes = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
+    take.GetPrim().SetCustomDataByKey(NOTES, json.dumps(notes, ensure_ascii=False))
+    take.GetPrim().SetDisplayName(motion.caption or f"take {number}")
+    return take.GetPrim()
+
+
+def _places(animation: Animation) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns all joints relative to their parents."""
+    places = animation.translations
+    if places is None:
+        places = np.tile(animation.skeleton.offsets, (len(animation), 1, 1))
+    return np.concatenate([animation.root_positions[:, None], places[:, 1:]], axis=1)
+
+
+def _add_extent(root: Any, joints: Sequence[Float[np.ndarray, "_ joints 3"]]) -> None:
+    """Says where the figure ever is, so that viewers need not skin it to know."""
+    low, high = _corners(np.concatenate([take.reshape(-1, 3) for take in joints]))
+    corners = [Gf.Vec3f(*corner.tolist()) for corner in (low - 0.25, high + 0.25)]
+    UsdGeom.Boundable(root).CreateExtentAttr(corners)
+
+
+def _corners(points: Float[np.ndarray, "points 3"]) -> tuple[np.ndarray, np.ndarray]:
+    return points.min(0), points.max(0)
+
+
+def _package(stage: Any, path: Path, name: str) -> None:
+    """Writes a `.usdz`: the stage as `.usdc` in an archive without compression."""
+    with tempfile.TemporaryDirectory() as folder:
+        inside = Path(folder) / f"{name}.usdc"
+        stage.GetRootLayer().Export(str(inside))
+        if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(inside)), str(path)):
+            raise InputError(f"cannot write {path}: USD refused to make a package")
