@@ -9,7 +9,7 @@ A text encoder is counted where it runs on PyTorch; a graph of ONNX Runtime is n
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from latentmotion.evaluation.metrics.aits import WARM_UP, aits
 from latentmotion.evaluation.metrics.flops import flops
 from latentmotion.evaluation.metrics.parameters import parameters
 from latentmotion.evaluation.subject import Generated
-from latentmotion.evaluation.trials import Question, Trial
+from latentmotion.evaluation.trials import Question
 from latentmotion.runtime.eager import eager_generator
 
 TIMED = 20
@@ -59,21 +59,24 @@ class Cost:
 
 
 def cost_of(
-    folder: Path, subject: Generated | None, trial: Trial, encoder: TextEncoder | None = None
+    folder: Path,
+    subject: Generated | None,
+    questions: Sequence[Question],
+    encoder: TextEncoder | None = None,
 ) -> Cost:
     """Measures a model.
 
     Args:
         folder: Its folder.
         subject: It, ready to generate; none for a VAE alone.
-        trial: What it is asked while it is timed; FLOPs are those of its longest motion.
+        questions: What it is asked while it is timed, one at a time; FLOPs are those of the
+            longest.
         encoder: Text encoder, where it is not in the folder.
     """
     counts = parameter_counts(folder)
     if subject is None:
         return Cost(counts)
-    questions = _spread(trial.questions, TIMED)
-    longest = max(trial.questions, key=lambda question: question.frames)
+    longest = longest_of(questions)
     eager = replace(subject, generator=eager_generator(folder, encoder))
     return Cost(
         counts,
@@ -104,7 +107,12 @@ def _action(subject: Generated, question: Question) -> Callable[[], object]:
     return lambda: subject.answer([question], [0])
 
 
-def _spread(questions: tuple[Question, ...], count: int) -> list[Question]:
-    """Returns some questions from all over."""
-    stride = max(len(questions) // count, 1)
-    return list(questions[::stride][:count])
+def longest_of(questions: Sequence[Question]) -> Question:
+    """Returns the question for the longest motion."""
+    return max(questions, key=lambda question: question.frames)
+
+
+def some_of(questions: Sequence[Question]) -> list[Question]:
+    """Returns the longest question and others from all over, so many as are timed."""
+    stride = max(len(questions) // TIMED, 1)
+    return [longest_of(questions), *questions[::stride][: TIMED - 1]]
