@@ -24,6 +24,7 @@ from latentmotion.models import find_model
 from latentmotion.motion import Motion
 from latentmotion.order import Order, batches, check_frames, check_prompts, frames_of
 from latentmotion.representation.interface import Representation
+from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.runtime.conditions import condition_of
 from latentmotion.runtime.session import Runtime, Session, open_decoder, open_session
 
@@ -45,6 +46,8 @@ class MotionGenerator:
     """Network: latents → normalized features."""
     at_once: int = MOST_AT_ONCE
     """Motions that go through the networks together."""
+    body: SmplRepresentation | None = None
+    """Whose joints motions have, in place of the skeleton's that ships."""
 
     @classmethod
     def load(
@@ -72,7 +75,7 @@ class MotionGenerator:
     def __call__(
         self,
         prompt: str = "",
-        seconds: float = 4.0,
+        seconds: float | None = None,
         seed: int = 0,
         steps: int | None = None,
         guidance: float | None = None,
@@ -83,7 +86,7 @@ class MotionGenerator:
         Args:
             prompt: What the person does, e.g. `a person walks forward and kicks`; for a model of
                 actions one of its labels; for an unconditional model nothing.
-            seconds: Length of the motion.
+            seconds: Length of the motion; by default 4, or the nearest that the model makes.
             seed: Another number, another motion; the same number, the same motion.
             steps: Sampling steps; more is slower and finer. By default the model's own.
             guidance: How strongly the prompt steers (paper eq. 6). By default the model's own.
@@ -97,7 +100,7 @@ class MotionGenerator:
     def batch(
         self,
         prompts: Sequence[str],
-        seconds: float | Sequence[float] = 4.0,
+        seconds: float | Sequence[float] | None = None,
         seeds: Sequence[int] | None = None,
         steps: int | None = None,
         guidance: float | None = None,
@@ -107,7 +110,7 @@ class MotionGenerator:
 
         Args:
             prompts: One per motion.
-            seconds: Length of all motions, or of each.
+            seconds: Length of all motions, or of each; by default as for one motion.
             seeds: One seed per motion; by default 0, 1, 2, ….
             steps: As for one motion.
             guidance: As for one motion.
@@ -116,7 +119,7 @@ class MotionGenerator:
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
-        frames = frames_of(seconds, len(prompts), self.representation.fps)
+        frames = frames_of(self.card, seconds, len(prompts), self.representation.fps)
         seeds = range(len(prompts)) if seeds is None else seeds
         order = self._order(prompts, frames, seeds, steps, guidance, sampler)
         return [
@@ -188,7 +191,7 @@ class MotionGenerator:
 
     @cached_property
     def _features(self) -> FeatureDecoder:
-        return FeatureDecoder(self.card, self.decoder)
+        return FeatureDecoder(self.card, self.decoder, self.body)
 
     def _each(self, order: Order) -> list[Float[np.ndarray, "_ features"]]:
         found: dict[int, np.ndarray] = {}

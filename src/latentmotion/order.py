@@ -64,12 +64,21 @@ def batches(frames: Sequence[int], most: int, mixed: bool = True) -> list[list[i
     return [run[start : start + most] for run in runs for start in range(0, len(run), most)]
 
 
-def frames_of(seconds: float | Sequence[float], count: int, fps: float) -> list[int]:
-    """Returns the lengths of `count` motions in frames.
+USUAL_SECONDS = 4.0
+"""Length of a motion, where nothing is said and the model makes such."""
+
+
+def frames_of(
+    card: ModelCard, seconds: float | Sequence[float] | None, count: int, fps: float
+) -> list[int]:
+    """Returns the lengths of `count` motions in frames; the usual one where nothing is said.
 
     Raises:
         InputError: One is no finite number, or there are not as many as motions.
     """
+    if seconds is None:
+        shortest, longest = card.frames
+        return [min(max(round(USUAL_SECONDS * fps), shortest), longest)] * count
     each = [seconds] * count if isinstance(seconds, int | float) else list(seconds)
     if not np.isfinite(each).all():
         raise InputError(f"{seconds} seconds: expected a number")

@@ -18,6 +18,7 @@ from latentmotion.feature_decoder import FeatureDecoder
 from latentmotion.model_card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.order import batches, check_frames, check_seeds, frames_of
+from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.runtime.session import Session
 
 
@@ -35,19 +36,21 @@ class MotionPrior:
     """Network: latents → normalized features."""
     at_once: int = 32
     """Motions that go through the network together."""
+    body: SmplRepresentation | None = None
+    """Whose joints motions have, in place of the skeleton's that ships."""
 
     def __post_init__(self) -> None:
         if not self.card.vae:
             raise ModelError(f"model {self.card.name!r} has no VAE, so there is no prior to sample")
 
-    def batch(self, seconds: float | Sequence[float], seeds: Sequence[int]) -> list[Motion]:
-        """Returns a motion for each seed.
+    def batch(self, seconds: float | Sequence[float] | None, seeds: Sequence[int]) -> list[Motion]:
+        """Returns a motion for each seed; without `seconds` of 4, or the nearest it makes.
 
         Raises:
             InputError: A number is out of range.
         """
         fps = self._features.representation.fps
-        frames = frames_of(seconds, len(seeds), fps)
+        frames = frames_of(self.card, seconds, len(seeds), fps)
         about = {"model": self.card.name, "license": self.card.provenance.license}
         return [
             self._features.motion(features, "", {**about, "seed": seed})
@@ -81,4 +84,4 @@ class MotionPrior:
 
     @cached_property
     def _features(self) -> FeatureDecoder:
-        return FeatureDecoder(self.card, self.decoder)
+        return FeatureDecoder(self.card, self.decoder, self.body)

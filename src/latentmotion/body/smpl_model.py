@@ -60,7 +60,7 @@ class SmplModel:
     @property
     def representation(self) -> SmplRepresentation:
         """The features `smpl`, whose joints are those of this model."""
-        return replace(SMPL_FEATURES, skeleton=self.skeleton)
+        return replace(SMPL_FEATURES, skeleton=self.skeleton, body=self.fingerprint)
 
 
 def load_smpl(path: str | Path) -> SmplModel:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from latentmotion.body.smpl_model import load_smpl
 from latentmotion.checkpoint import TrainedModel, load_model
 from latentmotion.cli.train import text_encoder_named
 from latentmotion.condition.interface import TextEncoder
@@ -16,8 +17,9 @@ from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import ModelError
+from latentmotion.evaluation.bodies import seen_on
 from latentmotion.evaluation.card import card_figures
-from latentmotion.evaluation.cost import Cost, cost_of
+from latentmotion.evaluation.cost import Cost, cost_of, some_of
 from latentmotion.evaluation.extractors.interface import load_extractor
 from latentmotion.evaluation.origin import weights_hash
 from latentmotion.evaluation.protocol import (
@@ -78,6 +80,9 @@ class Evaluate:
     """Rule of a sampling step; by default the model's own."""
     prior: bool = False
     """Measure motions drawn from the VAE's prior, in place of the denoiser's."""
+    body: Path | None = None
+    """SMPL model file (.npz, or .pkl of plain arrays) on whose joints HumanAct12 and UESTC are
+    seen, as published figures are; without it, the skeleton that ships."""
     text_encoder: str | None = None
     """Text encoder of a model that was not exported, e.g. clip:FOLDER; by default what its folder
     or card names."""
@@ -98,6 +103,8 @@ class Evaluate:
             check_replaceable(self.output, REPORT_FILE)
         folder, dataset = find_model(self.model), Dataset.load(self.data)
         extractor = load_extractor(self.evaluator) if self.evaluator else None
+        if self.body is not None:
+            dataset, extractor = seen_on(load_smpl(self.body), dataset, extractor)
         subjects = self._subjects(folder)
         protocol = self._protocol()
         report = compare(subjects, dataset, extractor, protocol)
@@ -153,7 +160,7 @@ class Evaluate:
 
     def _cost(self, folder: Path, subject: Subject, trial: Trial) -> Cost:
         generated = subject if isinstance(subject, Generated) else None
-        return cost_of(folder, generated, trial, self._encoder())
+        return cost_of(folder, generated, some_of(trial.questions), self._encoder())
 
     def _encoder(self) -> TextEncoder | None:
         return text_encoder_named(self.text_encoder) if self.text_encoder else None

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
+from latentmotion.animation import check_fps
+from latentmotion.body.smpl_model import load_smpl
 from latentmotion.cli.loading import Engine, load_generator, load_prior
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
@@ -17,7 +19,13 @@ from latentmotion.files import check_writable
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model
 from latentmotion.motion import Motion
+from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.runtime.conditions import labels_of
+
+_OUTPUT = (
+    f"Files to write, the ending picks the format: {' '.join(formats.ENDINGS)}. "
+    "Without it a page, motion.html, is written."
+)
 
 
 @dataclass(frozen=True)
@@ -32,15 +40,13 @@ class Generate:
     motions. A model that was trained on motion alone takes none."""
     file: Annotated[Path | None, arg(aliases=["-f"])] = None
     """Text file with one prompt per line, in place of prompts."""
-    seconds: float = 4.0
-    """Length of each motion."""
+    seconds: float | None = None
+    """Length of each motion; by default 4, or the nearest that the model makes."""
     count: int = 1
     """Motions per prompt."""
     seed: int = 0
     """The first motion's seed; the next ones count up. The same seed gives the same motion."""
-    output: Annotated[tuple[Path, ...], arg(aliases=["-o"])] = ()
-    """Files to write, the ending picks the format: .bvh .glb .npz .html .gif .mp4 .png.
-    Without it a page, motion.html, is written."""
+    output: Annotated[tuple[Path, ...], arg(aliases=["-o"], help=_OUTPUT)] = ()
     model: str = "starter"
     """Name or folder of the model."""
     prior: bool = False
@@ -61,8 +67,13 @@ class Generate:
     or clip:FOLDER and the like."""
     device: str = "cpu"
     """Where PyTorch computes: cpu, cuda or cuda:N."""
+    body: Path | None = None
+    """SMPL model file (.npz, or .pkl of plain arrays) whose joints a model of SMPL's poses moves,
+    in place of the skeleton that ships."""
     clean: bool = True
     """Hold feet that stand, put the figure on the floor, take out shaking (docs/cleanup.md)."""
+    fps: float | None = None
+    """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
     json: bool = False
     """Print one JSON object for programs instead of text."""
 
@@ -74,6 +85,8 @@ class Generate:
             ModelError: The model cannot be loaded.
         """
         prompts = self._given()
+        if self.fps is not None:
+            check_fps(self.fps)
         outputs = self.output or (_free_name(Path("motion.html")),)
         for path in outputs:
             formats.check_ending(path)
@@ -81,6 +94,8 @@ class Generate:
         motions = self._from_prior(prompts) if self.prior else self._motions(prompts)
         if self.clean:
             motions = [motion.cleaned() for motion in motions]
+        if self.fps is not None:
+            motions = [motion.resampled(self.fps) for motion in motions]
         written = [file for path in outputs for file in formats.save(path, motions)]
         print(json.dumps(_report(motions, written)) if self.json else _text(written))
 
@@ -95,7 +110,9 @@ class Generate:
         if prompts:
             raise InputError(f"--prior takes no prompt; leave {prompts[0]!r} out")
         prior = load_prior(self.model, self.runtime, self.threads, self.device)
-        return prior.batch(self.seconds, range(self.seed, self.seed + self.count))
+        return replace(prior, body=self._body()).batch(
+            self.seconds, range(self.seed, self.seed + self.count)
+        )
 
     def _motions(self, given: list[str]) -> list[Motion]:
         card = read_card(find_model(self.model))
@@ -104,7 +121,11 @@ class Generate:
             self.model, self.runtime, self.threads, self.text_encoder, self.device
         )
         seeds = range(self.seed, self.seed + len(each))
+        generator = replace(generator, body=self._body())
         return generator.batch(each, self.seconds, seeds, self.steps, self.guidance, self.sampler)
+
+    def _body(self) -> SmplRepresentation | None:
+        return load_smpl(self.body).representation if self.body else None
 
 
 def _needed(card: ModelCard, given: list[str]) -> list[str]:

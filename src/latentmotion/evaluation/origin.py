@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.data.dataset import Dataset
+from latentmotion.evaluation.bodies import body_of
 from latentmotion.evaluation.extractors.action_network import Recognizer
 from latentmotion.evaluation.extractors.gru import MotionGRU
 from latentmotion.evaluation.extractors.stgcn import GraphNetwork
@@ -36,6 +37,7 @@ def provenance_of(
         models={subject.row: subject.card.name for subject in subjects},
         sampling={subject.row: _sampling(subject) for subject in subjects},
         evaluator="" if extractor is None else extractor.fingerprint,
+        body=body_of(dataset),
         versions=_versions(),
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
+from latentmotion.evaluation.bodies import on_stand_in
 from latentmotion.evaluation.extractors.interface import TextMotionExtractor
 from latentmotion.evaluation.feature_scores import Scores, feature_scores, truth_scores
 from latentmotion.evaluation.observation import Extractor, Observer, View
@@ -185,21 +186,22 @@ class _Measured:
 
 
 def _report(measured: _Measured, plan: Plan, notes: Sequence[str]) -> Report:
-    protocol, dataset = measured.protocol, measured.dataset
+    protocol, dataset, extractor = measured.protocol, measured.dataset, measured.extractor
     population = protocol.quirks.population_deviation
     rows = {
         row: {name: Figure.of(values, population) for name, values in figures.items()}
         for row, figures in measured.values.items()
     }
     sources = [source.name for source in dataset.sources]
-    published = published_truth(sources, official(measured.extractor))
+    comparable = official(extractor) and not on_stand_in(dataset, extractor)
+    published = published_truth(sources, comparable)
     wrong = departures(rows[TRUTH], published) if published else []
     if wrong:
         warnings.warn("\n".join(wrong), stacklevel=3)
-    made = provenance_of(measured.subjects, dataset, measured.extractor)
+    made = provenance_of(measured.subjects, dataset, extractor)
     counts = dict.fromkeys(rows, len(plan.items))
     return Report(
-        rows, counts, protocol, made, (*notes, *_held(measured.extractor, published)), tuple(wrong)
+        rows, counts, protocol, made, (*notes, *_held(extractor, published)), tuple(wrong)
     )
 
 

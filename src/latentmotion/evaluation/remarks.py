@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from latentmotion.evaluation.bodies import remarks_on_body
 from latentmotion.evaluation.extractors.interface import TextMotionExtractor
 from latentmotion.evaluation.observation import Extractor
 from latentmotion.evaluation.settings import Protocol
@@ -20,6 +21,7 @@ def remarks(plan: Plan, extractor: Extractor | None) -> list[str]:
         notes.append("no evaluator, so metrics of positions alone")
     elif isinstance(extractor, TextMotionExtractor):
         notes += _of_text(len(items), extractor.width, protocol)
+    notes += remarks_on_body(plan.dataset, extractor)
     if extractor is not None and not protocol.quirks.permuted_truth:
         notes.append(
             f"FID and KID of the ground truth are between random halves of {len(items) // 2} "

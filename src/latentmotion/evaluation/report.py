@@ -102,6 +102,8 @@ class Provenance:
     """How it was sampled, by row."""
     evaluator: str
     """Fingerprint of the evaluator; empty without one."""
+    body: str
+    """SHA-256 of the SMPL model file whose joints were looked at; empty without one."""
     versions: Mapping[str, str]
     """Of this package, its commit and what computes."""
 
@@ -156,6 +158,7 @@ class Report:
             "motions: " + ", ".join(f"{row} {count}" for row, count in self.items.items()),
             f"data {made.data} {made.data_hash}",
             f"evaluator {made.evaluator or 'none'}",
+            *([f"body {made.body}"] if made.body else ()),
             *self._models(),
             "versions: " + ", ".join(f"{name} {v}" for name, v in made.versions.items()),
         ]

@@ -52,6 +52,8 @@ class SmplRepresentation:
     """Frames per second."""
     leg: tuple[int, ...] = (4, 7)
     """Joints whose bones make up the length of a leg."""
+    body: str = ""
+    """Hash of the SMPL model file whose bones these are; empty for the skeleton that ships."""
 
     @property
     def width(self) -> int:

@@ -6,8 +6,8 @@
 The authors draw the GRU's first state at random in every call, so their figures differ from run to
 run. Here it is zero; `drawing_states` brings their way back for the protocol `paper`.
 
-Their joints are those of SMPL's neutral body. Without its file a free skeleton stands in; who has
-it can pass `prepare=load_smpl(file).representation.camera_joints` to `replace(recognizer, ...)`.
+Their joints are those of SMPL's neutral body. Without its file a free skeleton stands in; see
+`evaluation/bodies.py`.
 """
 
 from __future__ import annotations
