@@ -38,7 +38,8 @@ def posed(file, take: int) -> np.ndarray:
     frames = max(file.accessors[s.input].count for s in animation.samplers)
     joints = file.skins[0].joints
     places = np.array([file.nodes[j].translation for j in joints])[None].repeat(frames, 0)
-    turns = np.tile(np.eye(3), (frames, len(joints), 1, 1))
+    rests = np.array([file.nodes[j].rotation for j in joints])
+    turns = matrix_from_quaternion(rests[:, [3, 0, 1, 2]])[None].repeat(frames, 0)
     for channel in animation.channels:
         values = array(file, animation.samplers[channel.sampler].output).astype(float)
         if channel.target.path == "rotation":
@@ -95,8 +96,30 @@ def test_the_mesh_is_closed_and_moved_by_its_joints(path: Path):
     assert 0.04 < volume / 6 < 0.12
     assert 1.5 < np.ptp(points[:, 1]) < 2
     np.testing.assert_allclose(array(file, primitive.attributes.WEIGHTS_0).sum(1), 1, atol=1e-6)
-    binding = array(file, file.skins[0].inverseBindMatrices).reshape(-1, 4, 4)
-    np.testing.assert_allclose(binding[0], np.eye(4), atol=1e-6)
+    assert abs(points[:, 1].min()) < 1e-6
+
+
+def test_bones_point_to_the_next_joint_and_bind_the_standing_figure(path: Path):
+    file = pygltflib.GLTF2().load(str(path))
+    matrices = array(file, file.skins[0].inverseBindMatrices).reshape(-1, 4, 4).swapaxes(1, 2)
+    world = np.linalg.inv(matrices.astype(float))
+    names = [file.nodes[joint].name for joint in file.skins[0].joints]
+    for joint, name in enumerate(names):
+        node = file.nodes[joint]
+        for child in node.children or []:
+            np.testing.assert_allclose(
+                world[joint] @ [*file.nodes[child].translation, 1], world[child, :, 3], atol=1e-5
+            )
+        if len(node.children or []) == 1:
+            along = world[node.children[0], :3, 3] - world[joint, :3, 3]
+            np.testing.assert_allclose(
+                world[joint, :3, 1], along / np.linalg.norm(along), atol=1e-4, err_msg=name
+            )
+    assert world[:, 1, 3].min() == pytest.approx(0, abs=1e-6)
+    # Knees and elbows bend about x.
+    hinges = {"left_knee": (-1, 0, 0), "left_elbow": (0, -1, 0), "right_elbow": (0, 1, 0)}
+    for name, hinge in hinges.items():
+        assert world[names.index(name), :3, 0] @ hinge > 0.98
 
 
 def test_joints_that_slide_are_animated(tmp_path: Path):

@@ -43,7 +43,7 @@ _SHADOW_REDUCTION = 4
 _SUN = (-0.3, 1.0, -0.35)
 """Where the light comes from as the camera sees it: right, up, ahead."""
 _SHADOW_WIDTHS = {"head": 0.09, "neck": 0.07, "wrist": 0.035, "elbow": 0.045, "foot": 0.045}
-_SOLE = 0.02
+_SOLE = 0.01
 """The skin reaches this far below the lowest joint, meters."""
 
 

@@ -1,6 +1,7 @@
 """glTF 2.0 (`.glb`, `.gltf`): a skinned mannequin, one node per joint, one animation per take.
 
-Units are meters and y is up, as glTF has it. Rotations are quaternions (x, y, z, w).
+The mannequin stands on the floor in rest pose; the y of each joint runs along its bone. Units are
+meters and y is up, as glTF has it. Rotations are quaternions (x, y, z, w).
 Source: Khronos glTF 2.0 specification, https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
 
@@ -15,6 +16,7 @@ from jaxtyping import Float
 
 from latentmotion.animation import Animation
 from latentmotion.errors import InputError
+from latentmotion.formats.bone_axes import BoneAxes, bone_axes
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.formats.mannequin import Mannequin, make_mannequin
 from latentmotion.motion import Motion
@@ -44,37 +46,52 @@ def make_document(motions: Sequence[Motion]) -> Document:
     """Returns the figure with all motions, not written yet."""
     animations = [motion.animation() for motion in motions]
     skeleton = animations[0].skeleton
+    axes = bone_axes(skeleton)
     document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
     document.json |= {
         "scenes": [{"nodes": [0, len(skeleton)]}],
-        "nodes": [*_joint_nodes(skeleton), {"name": "mannequin", "mesh": 0, "skin": 0}],
-        **_figure(make_mannequin(skeleton), document),
+        "nodes": [*_joint_nodes(axes), {"name": "mannequin", "mesh": 0, "skin": 0}],
+        **_figure(make_mannequin(skeleton), axes, document),
         "animations": [
-            _animation(motion, animation, skeleton, number, document)
+            _animation(motion, animation, axes, number, document)
             for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1)
         ],
     }
     return document
 
 
-def _joint_nodes(skeleton: Skeleton) -> list[dict[str, Any]]:
-    """Returns the joints in rest pose, standing on the floor."""
-    offsets = np.array(skeleton.offsets, dtype=np.float64)
-    offsets[0, 1] = -skeleton.rest_joints()[:, 1].min()
+def _standing(skeleton: Skeleton) -> Float[np.ndarray, " 3"]:
+    """Returns the place of the root from which the rest pose stands on the floor."""
+    return np.array([0, -skeleton.rest_joints()[:, 1].min(), 0])
+
+
+def _joint_nodes(axes: BoneAxes) -> list[dict[str, Any]]:
+    """Returns the joints in rest pose."""
+    skeleton = axes.skeleton
+    places = axes.offsets(np.array(skeleton.offsets, dtype=np.float64))
+    places[0] = _standing(skeleton)
+    turns = _quaternions(axes.rotations(np.tile(np.eye(3), (len(skeleton), 1, 1))))
     nodes: list[dict[str, Any]] = []
     for joint, name in enumerate(skeleton.names):
-        node = {"name": name, "translation": offsets[joint].tolist()}
+        place = {"translation": places[joint].tolist(), "rotation": turns[joint].tolist()}
+        node = {"name": name, **place}
         children = list(skeleton.children(joint))
         nodes.append(node | ({"children": children} if children else {}))
     return nodes
 
 
-def _figure(mannequin: Mannequin, document: Document) -> dict[str, Any]:
+def _quaternions(rotations: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 4"]:
+    """Returns quaternions in glTF's order."""
+    return quaternion_from_matrix(rotations)[..., [1, 2, 3, 0]]
+
+
+def _figure(mannequin: Mannequin, axes: BoneAxes, document: Document) -> dict[str, Any]:
     weights = np.where(mannequin.weights > 0.005, mannequin.weights, 0)
     weights = weights / weights.sum(-1, keepdims=True)
     joints = np.where(weights > 0, mannequin.joints, 0)
     triangles = mannequin.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1)
-    vertices, normals = mannequin.vertices.astype("f4"), mannequin.normals.astype("f4")
+    vertices = (mannequin.vertices + _standing(mannequin.skeleton)).astype("f4")
+    normals = mannequin.normals.astype("f4")
     attributes = {
         "POSITION": document.add_array(vertices, VERTICES, bounds=True),
         "NORMAL": document.add_array(normals, VERTICES),
@@ -85,7 +102,7 @@ def _figure(mannequin: Mannequin, document: Document) -> dict[str, Any]:
     skeleton = mannequin.skeleton
     surface = {"baseColorFactor": _COLOR, "metallicFactor": 0.0, "roughnessFactor": 0.7}
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
-    binding = document.add_array(_inverse_bind_matrices(skeleton))
+    binding = document.add_array(_inverse_bind_matrices(axes))
     skin = {"name": skeleton.name, "joints": [*range(len(skeleton))], "skeleton": 0}
     return {
         "materials": [{"name": "mannequin", "pbrMetallicRoughness": surface}],
@@ -94,21 +111,22 @@ def _figure(mannequin: Mannequin, document: Document) -> dict[str, Any]:
     }
 
 
-def _inverse_bind_matrices(skeleton: Skeleton) -> Float[np.ndarray, "joints 4 4"]:
-    """Returns the moves of each joint to the origin."""
-    matrices = np.tile(np.eye(4, dtype="f4"), (len(skeleton), 1, 1))
-    matrices[:, :3, 3] = -skeleton.rest_joints()
-    return matrices
+def _inverse_bind_matrices(axes: BoneAxes) -> Float[np.ndarray, "joints 4 4"]:
+    """Returns the moves of each joint's axes to the world's."""
+    places = axes.skeleton.rest_joints() + _standing(axes.skeleton)
+    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    matrices[:, :3, :3] = np.swapaxes(axes.world, -1, -2)
+    matrices[:, :3, 3] = -np.einsum("jba,jb->ja", axes.world, places)
+    return matrices.astype("f4")
 
 
 def _animation(
-    motion: Motion, animation: Animation, skeleton: Skeleton, number: int, document: Document
+    motion: Motion, animation: Animation, axes: BoneAxes, number: int, document: Document
 ) -> dict[str, Any]:
     times = (np.arange(len(animation)) / animation.fps).astype("f4")
     clocks: dict[int, int] = {}
-    quaternions = continuous_quaternions(quaternion_from_matrix(animation.rotations))
-    quaternions = quaternions[..., [1, 2, 3, 0]].astype("f4")
-    channels, samplers = [], []
+    quaternions = continuous_quaternions(_quaternions(axes.rotations(animation.rotations)))
+    skeleton, channels, samplers = axes.skeleton, [], []
 
     def add(joint: int, path: str, values: np.ndarray) -> None:
         if len(values) not in clocks:
@@ -122,7 +140,7 @@ def _animation(
             add(joint, "rotation", quaternions[:, joint])
         moves = _moves(animation, skeleton, joint)
         if moves is not None:
-            add(joint, "translation", moves)
+            add(joint, "translation", moves @ axes.above[joint])
     extras = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
     name = f"{number}: {motion.caption}" if motion.caption else f"take {number}"
     return {"name": name, "channels": channels, "samplers": samplers, "extras": extras}

@@ -149,7 +149,7 @@ class _Body:
         self.radii = self.scale * np.array([piece.radii for piece in pieces])
         self.squash = np.array([piece.squash for piece in pieces])
         self.blend = _BLEND * self.scale
-        self.sole = float(rest[:, 1].min()) - 0.012 * self.scale
+        self.sole = float(rest[:, 1].min())
 
     def distances(
         self, points: Float[np.ndarray, "*batch 3"], parts: slice = slice(None)
