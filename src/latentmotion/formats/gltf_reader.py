@@ -22,6 +22,9 @@ from latentmotion.formats.gltf_tracks import Track, clock, read_tracks
 from latentmotion.motion import Motion
 from latentmotion.rotations import matrix_from_quaternion, quaternion_from_matrix
 
+Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Where a node is in the world: its position, its rotation, and its matrix with all scales."""
+
 
 def read_animations(path: str | Path) -> list[Animation]:
     """Reads all animations of a file, sampled at the rate of their keys, 30 fps where uneven.
@@ -39,7 +42,7 @@ def animations_of(document: Document) -> list[Animation]:
     """Returns the animations of a document that was read; see `read_animations`."""
     path = document.path or Path("glTF")
     try:
-        scene = _Scene(document, path)
+        scene = Scene(document, path)
         takes = [read_tracks(document, take) for take in document.json.get("animations", [])]
         return [scene.animation(tracks) for tracks in takes if tracks] or [scene.animation([])]
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
@@ -74,8 +77,13 @@ class _Place:
     scale: Float[np.ndarray, "... 3"]
 
 
-class _Scene:
-    """The nodes of a document, and which of them are bones."""
+class Scene:
+    """The nodes of a document, and which of them are bones.
+
+    Args:
+        document: The file.
+        path: Its name, for errors.
+    """
 
     def __init__(self, document: Document, path: Path) -> None:
         self.nodes: list[dict[str, Any]] = document.json.get("nodes", [])
@@ -114,10 +122,20 @@ class _Scene:
 
     def _world(self, places: Sequence[_Place]) -> Pose:
         """Returns positions and rotations of the bones in the world."""
-        known: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {
-            -1: (np.zeros(3), np.eye(3), np.eye(3))
-        }
-        for node in self._above(self.bones):
+        known = self._frames(places, self.bones)
+        bones = [known[bone] for bone in self.bones]
+        return Pose(
+            _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
+        )
+
+    def rest_frame(self, node: int) -> Frame:
+        """Returns where a node is in rest pose; -1 is the world itself."""
+        return self._frames(self.places, [node])[node]
+
+    def _frames(self, places: Sequence[_Place], nodes: Sequence[int]) -> dict[int, Frame]:
+        """Returns where nodes are, and all above them."""
+        known: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
+        for node in self._above(nodes):
             place = places[node]
             start, turn, linear = known[self.parents[node]]
             known[node] = (
@@ -125,10 +143,7 @@ class _Scene:
                 turn @ place.rotation,
                 linear @ (place.rotation * place.scale[..., None, :]),
             )
-        bones = [known[bone] for bone in self.bones]
-        return Pose(
-            _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
-        )
+        return known
 
     def _above(self, nodes: Sequence[int]) -> list[int]:
         """Returns the nodes and all above them, parents first."""
