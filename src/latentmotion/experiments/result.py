@@ -85,18 +85,25 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
             for row in table.rows
             if row.paper or row.name in measured
         ),
+        *([f"\nThe paper finds: {table.expects}"] if table.expects else []),
         "",
-        f"Paper: {table.where}. Data: {result.data}. Protocol: {result.protocol}. "
-        f"Budget `{result.budget}`: {says}.",
-        *_notes(table, result),
+        f"<details><summary>Paper: {table.where}. Here: {result.data}, budget "
+        f"{result.budget}.</summary>",
+        "",
+        f"* Protocol {result.protocol}.",
+        f"* Budget {result.budget}: {says}.",
+        *(f"* {note}" for note in _notes(table, result)),
+        "",
+        "</details>",
     ]
     return "\n".join(lines) + "\n"
 
 
-def number(value: float) -> str:
-    """Prints three or four significant digits, without an exponent."""
-    digits = next((n for limit, n in ((100, 0), (10, 1), (1, 2)) if abs(value) >= limit), 3)
-    return f"{value:.{digits}f}"
+def number(value: float, like: float | None = None) -> str:
+    """Prints three significant digits of a value, or as many places as another one has so."""
+    scale = abs(value if like is None else like)
+    places = next((n for limit, n in ((100, 0), (10, 1), (1, 2)) if scale >= limit), 3)
+    return f"{value:.{places}f}"
 
 
 def cell(figure: Sequence[float | None]) -> str:
@@ -104,9 +111,8 @@ def cell(figure: Sequence[float | None]) -> str:
     mean, interval = figure
     if mean is None:
         return "–"
-    if not interval or not float(number(interval)):
-        return number(mean)
-    return f"{number(mean)} ± {number(interval)}"
+    around = number(interval or 0.0, like=mean)
+    return f"{number(mean)} ± {around}" if float(around) else number(mean)
 
 
 _Column = tuple[str, str, bool]
@@ -135,12 +141,11 @@ def _row_line(row: Row, found: RowResult | None, columns: Sequence[_Column]) -> 
 
 
 def _notes(table: Table, result: TableResult) -> list[str]:
-    notes = [f"The paper finds: {table.expects}"] if table.expects else []
-    notes += [f"{row.title}: not run, {row.missing}." for row in table.rows if row.missing]
+    notes = [f"{row.title}: not run, {row.missing}." for row in table.rows if row.missing]
     texts = dict.fromkeys(note for row in result.rows for note in row.notes)
     notes += [f"{text[0].upper()}{text[1:]}." for text in texts]
     notes += [f"{names}: {text}" for text, names in _by_text(result.rows).items()]
-    return [line for note in notes for line in ("", note)]
+    return notes
 
 
 def _by_text(rows: Iterable[RowResult]) -> dict[str, str]:

@@ -6,7 +6,7 @@ from latentmotion.experiments import published
 from latentmotion.experiments.table import Row, Table
 
 METRICS = ("FID", "Accuracy", "Diversity", "MultiModality")
-EXPECTS = "MLD is recognized nearly as well as real motions, at a low FID."
+EXPECTS = "Generated actions are recognized in more than 95 of 100 cases."
 
 HUMANACT12 = Table(
     name="action_humanact12",

@@ -13,7 +13,7 @@ DENOISER = Table(
     title="Denoiser by attention, skips and layers",
     where="table 5",
     metrics=METRICS[:6],
-    expects="Condition and latents in one sequence, with long skips, lead; five layers are best.",
+    expects="Five layers have the best FID.",
     rows=(
         Row("real", "Real", "real"),
         Row("cross_no_skip", "Cross-attention, no skips", model="cross_no_skip"),

@@ -27,7 +27,6 @@ GUIDANCE = Table(
     where="appendix",
     metrics=METRICS[:6],
     figure="guidance",
-    expects="R-precision rises with the scale and levels off; FID is lowest in between.",
     rows=(
         Row("real", "Real", "real"),
         *map(_scale, (1.0, 1.5, 2.5, 3.5, 5.5, 7.5, 9.5)),

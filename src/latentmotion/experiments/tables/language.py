@@ -12,7 +12,6 @@ LANGUAGE = Table(
     where="appendix",
     metrics=METRICS[:6],
     data="any text-motion data set; encoders from the hub, or from folders with --text-encoders",
-    expects="CLIP's pooled sentence leads words of CLIP or BERT.",
     rows=(
         Row("real", "Real", "real"),
         Row("clip", "CLIP, pooled", model="clip_pooled", paper=published.HUMANML3D["mld"]),

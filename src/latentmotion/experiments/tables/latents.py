@@ -11,6 +11,5 @@ LATENTS = Table(
     metrics=("Silhouette of noise", "Silhouette of latents"),
     data="labelled clips, e.g. HDM05-11 split by actor",
     figure="tsne",
-    expects="Noise at first, then groups by action.",
     rows=(Row("mld", "MLD", "latents", "action_mld"),),
 )

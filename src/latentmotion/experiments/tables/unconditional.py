@@ -18,7 +18,7 @@ UNCONDITIONAL = Table(
     title="Unconditional motion",
     where="table 6",
     metrics=("FID", "KID", "Diversity"),
-    expects="One token generates best, seven tokens far worse; diffusion beats the VAE's prior.",
+    expects="One token generates far better than seven.",
     rows=(
         Row("real", "Real", "real"),
         Row("prior_actor", "ACTOR, its prior", "prior", "actor"),

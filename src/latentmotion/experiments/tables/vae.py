@@ -40,7 +40,6 @@ LAYERS = Table(
     title="VAE by layers and skips",
     where="appendix",
     metrics=METRICS,
-    expects="Long skips help; nine layers suffice.",
     rows=(
         Row("real", "Real", "real"),
         rebuilt("mld_1_no_skip", "9 layers, no skips"),
