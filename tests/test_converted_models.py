@@ -23,7 +23,7 @@ from latentmotion.model_card import LatentSpace, ModelCard
 from latentmotion.nn.transformer import TransformerConfig
 from latentmotion.runtime.eager import eager_generator
 from latentmotion.vae.transformer import TransformerVAEConfig
-from test_text_pretrained import clip
+from test_text_pretrained import clip, write_dense, write_t5
 from tiny_text import CAPTIONS, teacher_tokenizer
 
 SMALL = TransformerConfig(width=16, layers=3, heads=2, hidden=24)
@@ -86,9 +86,14 @@ def write_raw_model(folder: Path) -> None:
     save_model(folder, untrained(about, None, denoiser))
 
 
-@pytest.mark.parametrize("kind", ["clip", "clip_hidden"])
-def test_clip_reads_the_same_as_a_graph(kind: str, clip_folder: Path, tmp_path: Path) -> None:
-    encoder = PretrainedTextEncoder.load(kind, str(clip_folder))
+@pytest.mark.parametrize("kind", ["clip", "clip_hidden", "sentence_t5"])
+def test_encoders_read_the_same_as_graphs(kind: str, clip_folder: Path, tmp_path: Path) -> None:
+    source = clip_folder if kind != "sentence_t5" else tmp_path / "t5"
+    if kind == "sentence_t5":
+        source.mkdir()
+        write_t5(source)
+        write_dense(source)
+    encoder = PretrainedTextEncoder.load(kind, str(source))
     export_pretrained(encoder, tmp_path)
     graph = load_text_encoder(tmp_path)
     assert (graph.name, graph.width) == (encoder.name, encoder.width)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
 from transformers import (
     BertConfig,
     BertModel,
@@ -63,7 +65,33 @@ def t5() -> T5EncoderModel:
     )
 
 
-MODELS = {"minilm": bert, "clip": clip, "clip_hidden": clip, "distilbert": distilbert, "t5": t5}
+MODELS = {
+    "minilm": bert, "clip": clip, "clip_hidden": clip, "distilbert": distilbert,
+    "sentence_t5": t5, "t5": t5,
+}  # fmt: skip
+
+
+def write_dense(folder: Path, kind: str = "safetensors", **settings: str) -> torch.Tensor:
+    """The layer that sentence-transformers keeps beside T5."""
+    place = folder / "2_Dense"
+    place.mkdir()
+    weight = torch.randn(12, WIDTH) / 4
+    about = {"in_features": WIDTH, "out_features": 12, "bias": False}
+    about |= {"activation_function": "torch.nn.modules.linear.Identity", **settings}
+    (place / "config.json").write_text(json.dumps(about))
+    if kind == "safetensors":
+        save_file({"linear.weight": weight}, place / "model.safetensors")
+    else:
+        torch.save({"linear.weight": weight}, place / "pytorch_model.bin")
+    return weight
+
+
+def write_t5(folder: Path) -> None:
+    torch.manual_seed(0)
+    t5().save_pretrained(folder)
+    PreTrainedTokenizerFast(
+        tokenizer_object=teacher_tokenizer(), pad_token="[PAD]", eos_token="[SEP]"
+    ).save_pretrained(folder)
 
 
 @pytest.fixture(scope="module", params=MODELS)
@@ -73,6 +101,8 @@ def encoder(
     folder = tmp_path_factory.mktemp(request.param)
     torch.manual_seed(0)
     MODELS[request.param]().save_pretrained(folder)
+    if request.param == "sentence_t5":
+        write_dense(folder)
     PreTrainedTokenizerFast(
         tokenizer_object=teacher_tokenizer(), pad_token="[PAD]", eos_token="[SEP]"
     ).save_pretrained(folder)
@@ -107,6 +137,35 @@ def test_clip_is_read_as_mld_reads_it(encoder: PretrainedTextEncoder) -> None:
     np.testing.assert_allclose(found.words, text.last_hidden_state[:, :real].detach(), atol=1e-5)
     assert real == (77 if encoder.name.startswith("clip_hidden") else 5)
     assert found.mask.all()
+
+
+@pytest.mark.parametrize("kind", ["safetensors", "bin"])
+def test_sentence_t5_is_read_as_sentence_transformers_does(kind: str, tmp_path: Path) -> None:
+    write_t5(tmp_path)
+    weight = write_dense(tmp_path, kind)
+    encoder = PretrainedTextEncoder.load("sentence_t5", str(tmp_path))
+    plain = PretrainedTextEncoder.load("t5", str(tmp_path))
+    found, means = encoder(CAPTIONS), torch.from_numpy(plain(CAPTIONS).pooled)
+    assert encoder.width == 12 and found.words.shape[2] == 12
+    expected = torch.nn.functional.normalize(means @ weight.T, dim=1)
+    np.testing.assert_allclose(found.pooled, expected, atol=1e-6)
+
+
+def test_sentence_t5_without_its_layer_is_told(tmp_path: Path) -> None:
+    write_t5(tmp_path)
+    with pytest.raises(ModelError, match=r"lacks 2_Dense/config\.json"):
+        PretrainedTextEncoder.load("sentence_t5", str(tmp_path))
+    write_dense(tmp_path, activation_function="torch.nn.modules.activation.Tanh")
+    with pytest.raises(ModelError, match="expected identity"):
+        PretrainedTextEncoder.load("sentence_t5", str(tmp_path))
+    (tmp_path / "2_Dense" / "model.safetensors").write_bytes(b"cut")
+    with pytest.raises(ModelError, match="damaged"):
+        PretrainedTextEncoder.load("sentence_t5", str(tmp_path))
+
+
+def test_the_name_in_motionlcms_card_means_the_kind_with_the_layer() -> None:
+    found = next(kind for kind, about in KINDS.items() if "sentence-t5" in about.hub_name)
+    assert found == "sentence_t5"
 
 
 def test_wrong_sources_are_told(tmp_path: Path) -> None:

@@ -59,8 +59,8 @@ class TrainDenoiser:
     """Run folder; one that exists is gone on with."""
     text_encoder: str = "starter"
     """Where the task is text: folder of a text encoder, name of a model whose encoder is used, or
-    minilm, clip, clip_hidden, distilbert or t5, from the hub or after a colon from a folder
-    (clip:my/clip)."""
+    minilm, clip, clip_hidden, distilbert, sentence_t5 or t5, from the hub or after a colon from a
+    folder (clip:my/clip)."""
     preset: str = "starter"
     """Experiment to start from: starter, mld_humanml3d, mdm, mdm_50 or mld_no_vae."""
     set: Changes = ()

@@ -33,7 +33,7 @@ class TrainEvaluator:
     """Folder of the T2M code's our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl."""
     text_encoder: str | None = None
     """Folder of a text encoder, name of a model whose encoder is used, or minilm, clip_hidden,
-    distilbert or t5; starter where nothing is said."""
+    distilbert, sentence_t5 or t5; starter where nothing is said."""
     preset: str = "t2m"
     """Sizes to start from: t2m (the official ones) or small (for some hundred clips)."""
     set: tyro.conf.UseAppendAction[tuple[str, ...]] = ()

