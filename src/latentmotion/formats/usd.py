@@ -25,6 +25,7 @@ from jaxtyping import Float
 from latentmotion.animation import Animation
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.files import atomic_file
+from latentmotion.formats.bone_axes import BoneAxes, bone_axes
 from latentmotion.formats.mannequin import Mannequin, make_mannequin
 from latentmotion.motion import Motion
 from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
@@ -67,12 +68,12 @@ def make_stage(motions: Sequence[Motion]) -> Any:
     stage = _new_stage(motions)
     root = UsdSkel.Root.Define(stage, FIGURE)
     stage.SetDefaultPrim(root.GetPrim())
-    paths = joint_paths(skeleton)
+    paths, axes = joint_paths(skeleton), bone_axes(skeleton)
     floor = np.array([0, -skeleton.rest_joints()[:, 1].min(), 0])
-    bones = _add_skeleton(stage, skeleton, paths, floor)
+    bones = _add_skeleton(stage, axes, paths, floor)
     _add_mannequin(stage, make_mannequin(skeleton), floor)
     for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1):
-        prim = _add_take(stage, number, motion, animation, paths)
+        prim = _add_take(stage, number, motion, animation, paths, axes)
         if number == 1:
             UsdSkel.BindingAPI.Apply(bones).CreateAnimationSourceRel().SetTargets([prim.GetPath()])
     _add_extent(root, [animation.joints() for animation in animations])
@@ -104,21 +105,26 @@ def _new_stage(motions: Sequence[Motion]) -> Any:
 
 
 def _add_skeleton(
-    stage: Any, skeleton: Skeleton, paths: Sequence[str], floor: Float[np.ndarray, " 3"]
+    stage: Any, axes: BoneAxes, paths: Sequence[str], floor: Float[np.ndarray, " 3"]
 ) -> Any:
-    """Adds the bones in rest pose, standing on the floor."""
+    """Adds the bones in rest pose, standing on the floor; the y of each runs along it."""
+    skeleton = axes.skeleton
     bones = UsdSkel.Skeleton.Define(stage, f"{FIGURE}/Skeleton")
-    places = np.array(skeleton.offsets, dtype=np.float64)
+    places = axes.offsets(np.array(skeleton.offsets, dtype=np.float64))
     places[0] = floor
+    turns = axes.rotations(np.tile(np.eye(3), (len(skeleton), 1, 1)))
     bones.CreateJointsAttr(Vt.TokenArray(paths))
     bones.CreateJointNamesAttr(Vt.TokenArray(list(skeleton.names)))
-    bones.CreateRestTransformsAttr(_moves(places))
-    bones.CreateBindTransformsAttr(_moves(skeleton.rest_joints() + floor))
+    bones.CreateRestTransformsAttr(_moves(turns, places))
+    bones.CreateBindTransformsAttr(_moves(axes.world, skeleton.rest_joints() + floor))
     return bones.GetPrim()
 
 
-def _moves(places: Float[np.ndarray, "joints 3"]) -> Any:
-    return Vt.Matrix4dArray([Gf.Matrix4d(1).SetTranslate(place) for place in places.tolist()])
+def _moves(turns: Float[np.ndarray, "joints 3 3"], places: Float[np.ndarray, "joints 3"]) -> Any:
+    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    # USD multiplies rows from the left.
+    matrices[:, :3, :3], matrices[:, 3, :3] = np.swapaxes(turns, -1, -2), places
+    return Vt.Matrix4dArray([Gf.Matrix4d(matrix) for matrix in matrices.tolist()])
 
 
 def _add_mannequin(stage: Any, mannequin: Mannequin, floor: Float[np.ndarray, " 3"]) -> None:
@@ -151,16 +157,23 @@ def _add_material(stage: Any) -> Any:
 
 
 def _add_take(
-    stage: Any, number: int, motion: Motion, animation: Animation, paths: Sequence[str]
+    stage: Any,
+    number: int,
+    motion: Motion,
+    animation: Animation,
+    paths: Sequence[str],
+    axes: BoneAxes,
 ) -> Any:
     take = UsdSkel.Animation.Define(stage, f"{FIGURE}/take_{number}")
     take.CreateJointsAttr(Vt.TokenArray(paths))
     take.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1)] * len(paths)))
     turns, moves = take.CreateRotationsAttr(), take.CreateTranslationsAttr()
-    quaternions = continuous_quaternions(quaternion_from_matrix(animation.rotations))
+    quaternions = continuous_quaternions(
+        quaternion_from_matrix(axes.rotations(animation.rotations))
+    )
     # UsdSkel's quaternions lie in memory as x, y, z, w.
     quaternions = quaternions[..., [1, 2, 3, 0]].astype("f4")
-    places = _places(animation).astype("f4")
+    places = axes.offsets(_places(animation)).astype("f4")
     codes = np.arange(len(animation)) * (stage.GetTimeCodesPerSecond() / animation.fps)
     for code, turn, place in zip(codes.tolist(), quaternions, places, strict=True):
         turns.Set(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(turn)), code)
