@@ -14,6 +14,10 @@ from latentmotion.motion import Motion
 ENDINGS: Mapping[str, str] = MappingProxyType(
     {
         ".npz": "latentmotion.formats.npz:write",
+        ".amass.npz": "latentmotion.formats.smpl_npz:write_amass",
+        ".smplx.npz": "latentmotion.formats.smpl_npz:write_smplx",
+        ".smpl.npz": "latentmotion.formats.smpl_npz:write_smpl",
+        ".csv": "latentmotion.formats.csv_joints:write",
         ".bvh": "latentmotion.formats.takes:write_bvh_files",
         ".glb": "latentmotion.formats.gltf:write",
         ".gltf": "latentmotion.formats.gltf:write",
@@ -24,12 +28,13 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".png": "latentmotion.formats.strip:write",
     }
 )
-"""Each ending that can be written, and the `module:function` that writes it."""
+"""Each ending that can be written, some of two parts, and the `module:function` that writes it."""
 
 READABLE: Mapping[str, str] = MappingProxyType(
     {
         ".npz": "latentmotion.formats.npz:read",
         ".npy": "latentmotion.formats.npz:read_joints",
+        ".csv": "latentmotion.formats.csv_joints:read",
         ".bvh": "latentmotion.formats.takes:read_bvh_file",
         ".glb": "latentmotion.formats.gltf_reader:read_takes",
         ".gltf": "latentmotion.formats.gltf_reader:read_takes",
@@ -94,8 +99,9 @@ def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:
 
 def _ending(path: Path, endings: Mapping[str, str], verb: str) -> str:
     ending = path.suffix.lower()
-    if ending in endings:
-        return ending
+    longer = "".join(path.suffixes[-2:]).lower()
+    if longer in endings or ending in endings:
+        return longer if longer in endings else ending
     near = difflib.get_close_matches(ending, endings, n=1)
     hint = f"did you mean {near[0]}? " if near else ""
     raise InputError(

@@ -54,14 +54,20 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
 
 
 def read(path: str | Path) -> list[Motion]:
-    """Reads the takes that `write` wrote.
+    """Reads the takes that `write` wrote, or SMPL's poses, which show by their keys.
 
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
+    from latentmotion.formats import smpl_npz
+
     try:
         with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            if smpl_npz.is_smpl(file.files):
+                return [smpl_npz.read_arrays(path, file)]
             return _takes({name: file[name] for name in file.files})
+    except FileFormatError:
+        raise
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise FileFormatError(path, f"not a motion file of Latent Motion ({error})") from error
     except LatentMotionError as error:

@@ -12,7 +12,11 @@ from latentmotion.joint_map import to_humanml3d
 from latentmotion.motion import Motion
 from latentmotion.skeleton import BODY, HUMANML3D, KIT
 
-_OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
+OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
+"""Our own skeletons by the names of their joints."""
+
+_LAYOUTS = (".amass", ".smplx", ".smpl")
+"""What may stand before the ending and says more about it."""
 
 
 def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -52,7 +56,7 @@ def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> M
     caption = str((notes or {}).get("caption", ""))
     tips = animation.skeleton.end_sites
     names = tuple(n for j, n in enumerate(animation.skeleton.names) if j not in tips)
-    known = _OURS.get(names)
+    known = OURS.get(names)
     if known is None:
         joints, known = to_humanml3d(animation), HUMANML3D
     else:
@@ -64,4 +68,8 @@ def numbered(path: Path, count: int) -> list[Path]:
     """Returns the names of `count` files: the path itself, or `-1`, `-2` before its ending."""
     if count == 1:
         return [path]
-    return [path.with_stem(f"{path.stem}-{i}") for i in range(1, count + 1)]
+    stem, layout = path.stem, Path(path.stem).suffix
+    if layout.lower() in _LAYOUTS:
+        stem = path.stem.removesuffix(layout)
+    ending = path.name.removeprefix(stem)
+    return [path.with_name(f"{stem}-{number}{ending}") for number in range(1, count + 1)]

@@ -1,0 +1,106 @@
+"""CSV: one row a frame, for spreadsheets, statistics and languages that read nothing else.
+
+    time,pelvis_x,pelvis_y,pelvis_z,left_hip_x,…
+    0.000000,0.012300,0.921000,-0.004100,0.071200,…
+
+Seconds and meters, y up, to a micrometer; one take a file.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.errors import FileFormatError
+from latentmotion.files import atomic_file
+from latentmotion.formats.lines import numbers, read_lines
+from latentmotion.formats.takes import OURS, numbered
+from latentmotion.motion import Motion
+from latentmotion.skeleton import Skeleton
+
+_TIME = "time"
+_SINGLE_FPS = 20.0
+"""Rate of a file whose single row does not tell."""
+
+
+def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+    """Writes a file for each motion.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    paths = numbered(Path(path), len(motions))
+    for target, motion in zip(paths, motions, strict=True):
+        times = np.arange(len(motion)) / motion.fps
+        rows = np.column_stack([times, motion.joints.reshape(len(motion), -1)])
+        lines = [",".join([_TIME, *_columns(motion.skeleton.names)])]
+        # Adding zero turns the -0 that rounding leaves into 0.
+        rows = np.round(rows.astype(np.float64), 6) + 0.0
+        lines += [",".join([f"{value:.6f}" for value in row]) for row in rows.tolist()]
+        with atomic_file(target) as temporary:
+            temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return paths
+
+
+def read(path: str | Path) -> list[Motion]:
+    """Reads joints of one of our skeletons; columns may come in any order, others are left out.
+
+    Raises:
+        FileFormatError: A number is missing or not finite, times are uneven, or joints unknown.
+    """
+    lines = read_lines(path)
+    rows = list(csv.reader(lines))
+    header = [name.strip() for name in rows[0]]
+    skeleton = _skeleton(path, header)
+    wanted = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
+    values = [
+        numbers(path, line, [row[column].strip() for column in wanted], len(wanted))
+        for line, row in enumerate(rows[1:], 2)
+        if row and _complete(path, line, row, header)
+    ]
+    if not values:
+        raise FileFormatError(path, "has a header and no frame; it is truncated", 1)
+    table = np.stack(values)
+    joints = table[:, 1:].reshape(len(table), len(skeleton), 3).astype("f4")
+    return [Motion(joints, _rate(path, table[:, 0]), skeleton)]
+
+
+def _columns(names: Sequence[str]) -> list[str]:
+    return [f"{name}_{axis}" for name in names for axis in "xyz"]
+
+
+def _skeleton(path: str | Path, header: Sequence[str]) -> Skeleton:
+    """Returns the largest of our skeletons whose columns are all there."""
+    known = sorted(OURS.values(), key=len, reverse=True)
+    for skeleton in known:
+        if {_TIME, *_columns(skeleton.names)} <= set(header):
+            return skeleton
+    missing = [name for name in (_TIME, *_columns(known[-1].names)) if name not in header]
+    shown = ", ".join(missing[:4]) + (" …" if len(missing) > 4 else "")
+    raise FileFormatError(
+        path,
+        f"lacks the columns {shown}; expected time and x, y, z of every joint of "
+        f"{', '.join(skeleton.name for skeleton in known)}",
+        1,
+    )
+
+
+def _complete(path: str | Path, line: int, row: Sequence[str], header: Sequence[str]) -> bool:
+    if len(row) != len(header):
+        problem = f"found {len(row)} values, expected {len(header)} as in the header"
+        raise FileFormatError(path, problem, line)
+    return True
+
+
+def _rate(path: str | Path, times: Float[np.ndarray, " frames"]) -> float:
+    if len(times) == 1:
+        return _SINGLE_FPS
+    fps = (len(times) - 1) / float(times[-1] - times[0]) if times[-1] > times[0] else 0.0
+    uneven = np.abs(np.diff(times) * fps - 1).max()
+    if uneven > 0.01:
+        raise FileFormatError(path, "the times of the frames are not evenly apart; resample them")
+    return float(round(fps)) if abs(fps - round(fps)) < 5e-4 * fps else fps
