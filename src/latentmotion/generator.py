@@ -90,7 +90,8 @@ class MotionGenerator:
             seed: Another number, another motion; the same number, the same motion.
             steps: Sampling steps; more is slower and finer. By default the model's own.
             guidance: How strongly the prompt steers (paper eq. 6). By default the model's own.
-            sampler: `ddim`, or `ddpm` for fresh noise at every step. By default the model's own.
+            sampler: `ddim` (the same as `euler`), `heun`, `dpm++`, or `ddpm` for fresh noise at
+                every step. By default the model's own.
 
         Raises:
             InputError: The prompt is not of the model's kind or a number is out of range.

@@ -56,7 +56,8 @@ class Generate:
     guidance: float | None = None
     """How strongly the prompt steers; by default the model's own."""
     sampler: SamplerName | None = None
-    """ddim, or ddpm, which adds fresh noise at every step; by default the model's own."""
+    """ddim (which is euler), heun (two passes a step), dpm++, or ddpm, which adds fresh noise at
+    every step; by default the model's own."""
     runtime: Engine = "auto"
     """Engine of the networks; auto takes OpenVINO where it is installed, and PyTorch for a model
     that was not exported."""

@@ -13,6 +13,9 @@ from latentmotion.condition.interface import Conditioning
 Noise = Callable[[tuple[int, ...]], np.ndarray]
 """Draws standard normal numbers of a shape, float32, always on the CPU and in NumPy."""
 
+Answer = Callable[[Any, float], Any]
+"""A denoiser's output for a batch of latents at one time, its condition and mask being settled."""
+
 
 @runtime_checkable
 class Denoiser(Protocol):

@@ -1,11 +1,13 @@
-"""From noise to latents: one loop, and how one step goes from time t to an earlier time s.
+"""From noise to latents: how a sampler walks from time t to an earlier time s, again and again.
 
 A sampler knows the schedule and what the network's output means, but never of guidance, which is a
-denoiser around a denoiser.
+denoiser around a denoiser. These ask once a step and remember nothing; `second_order` has others.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -14,36 +16,60 @@ from array_api_compat import array_namespace, device
 from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.interface import Denoiser, Noise
+from latentmotion.diffusion.interface import Answer, Denoiser, Noise
 from latentmotion.diffusion.prediction import Prediction
 from latentmotion.diffusion.schedule import ScaledLinear, Schedule
+from latentmotion.diffusion.second_order import DPMSolver, Heun
 from latentmotion.errors import InputError
 
 Latents = Float[Any, "batch tokens width"]
 
-SamplerName = Literal["ddim", "ddpm"]
-"""Samplers that cards and the command line name."""
+SamplerName = Literal["ddim", "euler", "ddpm", "heun", "dpm++"]
+"""Samplers that cards and the command line name; `euler` is `ddim`, see there."""
 
 
 @runtime_checkable
 class Sampler(Protocol):
-    """A rule for one step."""
+    """A rule for the way from noise to latents."""
 
     @property
     def schedule(self) -> Schedule:
         """The noise schedule that it walks along."""
         ...
 
-    def step(self, output: Latents, z: Latents, t: float, s: float, noise: Noise) -> Latents:
-        """Returns z_s from z_t and the denoiser's output there, s < t; mutates nothing."""
+    def walk(self, answer: Answer, z: Latents, times: Sequence[float], noise: Noise) -> Latents:
+        """Returns the latents at the last of the descending `times`; mutates nothing.
+
+        Args:
+            answer: The denoiser's output, given latents and one time for all of them.
+            z: Latents at the first of the times.
+            times: Where it stops over.
+            noise: Draws further noise, where it wants any.
+        """
         ...
 
 
+class StepByStep(ABC):
+    """A sampler whose steps ask once each and know nothing of each other."""
+
+    @abstractmethod
+    def step(self, output: Latents, z: Latents, t: float, s: float, noise: Noise) -> Latents:
+        """Returns z_s from z_t and the denoiser's output there, s < t; mutates nothing."""
+
+    def walk(self, answer: Answer, z: Latents, times: Sequence[float], noise: Noise) -> Latents:
+        """Returns the latents at the last of the times."""
+        for t, s in pairwise(times):
+            z = self.step(answer(z, t), z, t, s, noise)
+        return z
+
+
 @dataclass(frozen=True)
-class DDIM:
+class DDIM(StepByStep):
     """Song et al. 2021, eq. 12: keep the estimated noise, or with `eta` replace a part of it.
 
-    On `LinearPath` with eta 0 it is Euler's method for the flow dz/dt.
+    With eta 0 it is Euler's method on every schedule: the flow is dz = z_0 dα + epsilon dσ, and
+    z_t + (α_s - α_t) z_0 + (σ_s - σ_t) epsilon = α_s z_0 + σ_s epsilon, as z_t = α_t z_0 + σ_t
+    epsilon.
     """
 
     schedule: Schedule
@@ -62,7 +88,7 @@ class DDIM:
 
 
 @dataclass(frozen=True)
-class DDPM:
+class DDPM(StepByStep):
     """Ho et al. 2020, eq. 6-7: draw from q(z_s | z_t, z_0), with its own variance (fixed small)."""
 
     schedule: Schedule
@@ -82,13 +108,11 @@ def sampler_named(name: SamplerName, schedule: Schedule, prediction: Prediction)
     Raises:
         InputError: There is none of that name.
     """
-    if name == "ddim":
-        return DDIM(schedule, prediction)
-    if name != "ddpm":
-        raise InputError(f"unknown sampler {name!r}; known are ddim, ddpm")
-    if isinstance(schedule, ScaledLinear):
+    if name not in _SAMPLERS:
+        raise InputError(f"unknown sampler {name!r}; known are {', '.join(_SAMPLERS)}")
+    if name == "ddpm" and isinstance(schedule, ScaledLinear):
         schedule = replace(schedule, offset=0, ends_clean=True)
-    return DDPM(schedule, prediction)
+    return _SAMPLERS[name](schedule, prediction)
 
 
 def sample(
@@ -108,14 +132,25 @@ def sample(
         z: Standard normal noise.
         condition: What steers the motion.
         mask: True on real tokens.
-        steps: Number of steps, each one pass of the denoiser.
+        steps: Number of steps.
         noise: Draws further noise, where the sampler wants any.
     """
     xp = array_namespace(z)
-    for t, s in pairwise(sampler.schedule.times(steps).tolist()):
+
+    def answer(z: Latents, t: float) -> Latents:
         times = xp.full((z.shape[0],), t, dtype=z.dtype, device=device(z))
-        z = sampler.step(denoiser(z, times, condition, mask), z, t, s, noise)
-    return z
+        return denoiser(z, times, condition, mask)
+
+    return sampler.walk(answer, z, sampler.schedule.times(steps).tolist(), noise)
+
+
+_SAMPLERS: dict[str, Callable[[Schedule, Prediction], Sampler]] = {
+    "ddim": DDIM,
+    "euler": DDIM,
+    "ddpm": DDPM,
+    "heun": Heun,
+    "dpm++": DPMSolver,
+}
 
 
 def _posterior(schedule: Schedule, t: float, s: float) -> tuple[float, float, float]:
