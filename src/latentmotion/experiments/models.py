@@ -5,7 +5,6 @@ from __future__ import annotations
 from latentmotion.experiments.table import Base, Model
 
 NO_SKIPS = "vae.transformer.skips=false"
-LINEAR = 'vae.distribution="linear"'
 ACTOR = (
     "vae.transformer.layers=6",
     NO_SKIPS,
@@ -44,7 +43,6 @@ EVERY = (
     _vae("actor", *ACTOR),
     Model("vposer_t", changes=('vae={"kind": "VPoserTConfig"}',)),
     _vae("mld_1_no_skip", NO_SKIPS),
-    *(_vae(f"mld_{n}_linear", f"vae.tokens={n}", LINEAR) for n in (1, 7)),
     *(_vae(f"mld_1_{n}_layers", f"vae.transformer.layers={n}") for n in (7, 11)),
     # Denoisers (table 5).
     _on_mld_1("cross", 'denoiser.attention="cross"'),

@@ -35,8 +35,6 @@ HUMANML3D = Table(
         Row("mld_5", "MLD (5 tokens)", model="mld_5"),
         Row("mld_7", "MLD (7 tokens)", model="mld_7", paper=published.GENERATED_7),
         Row("mld_10", "MLD (10 tokens)", model="mld_10"),
-        # The authors' MLP_DIST, which their configurations leave off.
-        Row("mld_1_linear", "MLD (1 token, linear posterior)", model="mld_1_linear"),
         Row("starter", "Our shipped starter (not the paper's)", model="starter"),
     ),
 )  # fmt: skip

@@ -30,8 +30,6 @@ VAE = Table(
         rebuilt("actor", "ACTOR"),
         *map(_tokens, (1, 2, 5, 7, 10)),
         rebuilt("mld_1_no_skip", "MLD-1 without skips"),
-        # The authors' MLP_DIST, which their configurations leave off.
-        *(rebuilt(f"mld_{n}_linear", f"MLD-{n}, linear posterior") for n in (1, 7)),
     ),
 )
 
