@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from latentmotion.experiments.models import MODELS
 from latentmotion.experiments.table import Row, Table
 
-MINUTES = {"vae": 11, "denoiser": 5, "raw": 10}
+MINUTES = {"vae": 11, "denoiser": 2, "raw": 5}
 """Minutes of one core that training takes in the small budget: measured on an AMD EPYC."""
 
 
