@@ -45,3 +45,7 @@ class MissingExtraError(LatentMotionError):
             f"{feature} needs {package}, which is not installed; "
             f'run: pip install "latentmotion[{extra}]"'
         )
+
+
+class MissingProgramError(LatentMotionError):
+    """A feature that runs another program, which was not found."""

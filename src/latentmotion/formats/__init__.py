@@ -22,6 +22,7 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".glb": "latentmotion.formats.gltf:write",
         ".gltf": "latentmotion.formats.gltf:write",
         **dict.fromkeys((".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd:write"),
+        ".fbx": "latentmotion.formats.fbx:write",
         ".html": "latentmotion.viewer.page:write_page",
         ".gif": "latentmotion.formats.video:write",
         ".mp4": "latentmotion.formats.video:write",
@@ -62,6 +63,7 @@ def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) 
         InputError: No motions, an unknown ending, a rate that is none, or a folder that cannot be
             written.
         MissingExtraError: The format needs a package that is not installed.
+        MissingProgramError: The format needs Blender, and there is none.
     """
     target = Path(path)
     if not motions:
