@@ -77,6 +77,17 @@ def test_nodes_move_as_the_joints_do(takes: list[Motion], path: Path):
         np.testing.assert_allclose(times, np.arange(len(take)) / 20)
 
 
+def test_what_one_take_moves_all_takes_place(path: Path):
+    """Blender leaves a bone where the last take had it, unless the next one says where it is."""
+    file = pygltflib.GLTF2().load(str(path))
+    moved = [
+        {(c.target.node, c.target.path) for c in animation.channels}
+        for animation in file.animations
+    ]
+    assert moved[0] == moved[1]
+    assert (1, "translation") in moved[0]
+
+
 def test_takes_are_named_by_their_captions(path: Path):
     file = pygltflib.GLTF2().load(str(path))
     assert [animation.name for animation in file.animations] == ["1: a person walks", "take 2"]

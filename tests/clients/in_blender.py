@@ -51,16 +51,18 @@ def open_file(file: dict) -> dict:
     IMPORTERS[Path(file["path"]).suffix](file["path"], file["fps"])
     armature = next(thing for thing in bpy.data.objects if thing.type == "ARMATURE")
     skins = [thing for thing in bpy.data.objects if thing.type == "MESH" and is_skin(thing)]
-    takes = []
-    for number, action in enumerate(actions_of(armature)):
+    takes = {}
+    actions = list(enumerate(actions_of(armature)))
+    # The first again at the end: what other takes did must not remain.
+    for number, action in [*actions, *actions[:1]]:
         armature.animation_data.action = action
         armature.animation_data.action_slot = action.slots[0]
-        takes.append(play(armature, skins, action, file["frames"][number], file["fps"]))
+        takes[number] = play(armature, skins, action, file["frames"][number], file["fps"])
         for take, frame, picture in file["pictures"]:
             if take == number:
-                show(takes[-1]["first"] + frame * rate(scene) / file["fps"])
+                show(takes[number]["first"] + frame * rate(scene) / file["fps"])
                 render(armature, skins, picture)
-    return {"takes": takes, "rest": rest(armature), "scene_fps": rate(scene)}
+    return {"takes": [*takes.values()], "rest": rest(armature), "scene_fps": rate(scene)}
 
 
 def actions_of(armature: bpy.types.Object) -> list:

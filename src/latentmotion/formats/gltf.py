@@ -46,14 +46,14 @@ def make_document(motions: Sequence[Motion]) -> Document:
     """Returns the figure with all motions, not written yet."""
     animations = [motion.animation() for motion in motions]
     skeleton = animations[0].skeleton
-    axes = bone_axes(skeleton)
+    axes, moving = bone_axes(skeleton), _moving(animations)
     document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
     document.json |= {
         "scenes": [{"nodes": [0, len(skeleton)]}],
         "nodes": [*_joint_nodes(axes), {"name": "mannequin", "mesh": 0, "skin": 0}],
         **_figure(make_mannequin(skeleton), axes, document),
         "animations": [
-            _animation(motion, animation, axes, number, document)
+            _animation(motion, animation, axes, moving, number, document)
             for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1)
         ],
     }
@@ -121,12 +121,17 @@ def _inverse_bind_matrices(axes: BoneAxes) -> Float[np.ndarray, "joints 4 4"]:
 
 
 def _animation(
-    motion: Motion, animation: Animation, axes: BoneAxes, number: int, document: Document
+    motion: Motion,
+    animation: Animation,
+    axes: BoneAxes,
+    moving: Sequence[int],
+    number: int,
+    document: Document,
 ) -> dict[str, Any]:
     times = (np.arange(len(animation)) / animation.fps).astype("f4")
     clocks: dict[int, int] = {}
     quaternions = continuous_quaternions(_quaternions(axes.rotations(animation.rotations)))
-    skeleton, channels, samplers = axes.skeleton, [], []
+    channels, samplers = [], []
 
     def add(joint: int, path: str, values: np.ndarray) -> None:
         if len(values) not in clocks:
@@ -135,28 +140,37 @@ def _animation(
         samplers.append({"input": clocks[len(values)], "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": joint, "path": path}})
 
-    for joint in range(len(skeleton)):
-        if skeleton.children(joint):
+    for joint in range(len(axes.skeleton)):
+        if axes.skeleton.children(joint):
             add(joint, "rotation", quaternions[:, joint])
-        moves = _moves(animation, skeleton, joint)
-        if moves is not None:
-            add(joint, "translation", moves @ axes.above[joint])
+        if joint in moving:
+            add(joint, "translation", _places(animation, joint) @ axes.above[joint])
     extras = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
     name = f"{number}: {motion.caption}" if motion.caption else f"take {number}"
     return {"name": name, "channels": channels, "samplers": samplers, "extras": extras}
 
 
-def _moves(animation: Animation, skeleton: Skeleton, joint: int) -> np.ndarray | None:
-    """Returns a joint's place relative to its parent in all frames, in one, or not at all.
+def _moving(animations: Sequence[Animation]) -> list[int]:
+    """Returns the joints that any take has elsewhere than the figure at rest.
 
-    One frame is enough where this take's bones are as long all along, but not as in rest pose.
+    All takes tell their places then: a program that goes from one take to another leaves what
+    the second does not move where the first has left it.
     """
+    rest = animations[0].skeleton.offsets
+    return [
+        joint
+        for joint in range(len(rest))
+        if joint == 0
+        or any(np.abs(_places(a, joint) - rest[joint]).max() > _SAME for a in animations)
+    ]
+
+
+def _places(animation: Animation, joint: int) -> Float[np.ndarray, "_ 3"]:
+    """Returns a joint's place relative to its parent in all frames, or in one if it stays there."""
     if joint == 0:
         return animation.root_positions
     if animation.translations is not None:
         places = animation.translations[:, joint]
         if np.ptp(places, axis=0).max() > _SAME:
             return places
-    place = animation.skeleton.offsets[joint]
-    differs = np.abs(place - skeleton.offsets[joint]).max() > _SAME
-    return place[None] if differs else None
+    return animation.skeleton.offsets[joint][None]
