@@ -45,7 +45,7 @@ def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 12
     figure = read_asf(find_asf(path) if asf is None else asf)
     degrees, start = _read_preamble(path, lines, figure.degrees)
     values = _read_frames(path, lines, start, figure)
-    skeleton = _skeleton(path.stem, figure)
+    skeleton = figure_skeleton(path.stem, figure)
     rotations = _rotations(skeleton, figure, values, degrees)
     return Animation(skeleton, rotations, _root_positions(figure, values), float(fps))
 
@@ -156,7 +156,8 @@ def _first_problem(
     return FileFormatError(path, "ends inside a frame: the file is truncated", len(lines))
 
 
-def _skeleton(name: str, figure: Figure) -> Skeleton:
+def figure_skeleton(name: str, figure: Figure) -> Skeleton:
+    """Returns the bones of an ASF file as joints; see the top of this file."""
     names, parents = list(figure.bones), figure.parents
     tips = [bone for bone in names if bone not in parents.values()]
     starts = [*(parents[bone] for bone in names[1:]), *tips]

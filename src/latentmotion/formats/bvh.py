@@ -164,7 +164,8 @@ def _depth_first(skeleton: Skeleton, joint: int = 0) -> list[int]:
 def _rows(
     animation: Animation, joints: Sequence[int], moving: set[int]
 ) -> Float[np.ndarray, "frames columns"]:
-    angles = _continuous_euler(np.asarray(animation.rotations[:, joints], np.float64))
+    turns = np.asarray(animation.rotations[:, joints], np.float64)
+    angles = continuous_euler(turns, WRITTEN_ORDER)
     blocks = []
     for number, joint in enumerate(joints):
         if joint in moving:
@@ -180,16 +181,20 @@ def _positions(animation: Animation, joint: int) -> Float[np.ndarray, "frames 3"
     return np.asarray(animation.translations[:, joint], np.float64)
 
 
-def _continuous_euler(
-    rotations: Float[np.ndarray, "frames joints 3 3"],
+def continuous_euler(
+    rotations: Float[np.ndarray, "frames joints 3 3"], order: str
 ) -> Float[np.ndarray, "frames joints 3"]:
-    """Returns ZXY angles in radians, each frame the nearest to the one before.
+    """Returns angles about the axes of `order` in radians, each frame the nearest to the last.
 
-    Every rotation has two triples, (z, x, y) and (z + π, π - x, y + π). Going from one to the
-    other keeps distances, so whether to change sides depends on two frames only, and the side is
-    the parity of the changes so far.
+    Every rotation has two triples, for ZXY (z, x, y) and (z + π, π - x, y + π). Going from one to
+    the other keeps distances, so whether to change sides depends on two frames only, and the side
+    is the parity of the changes so far.
+
+    Args:
+        rotations: Local rotations.
+        order: A permutation of XYZ.
     """
-    direct = euler_from_matrix(rotations, WRITTEN_ORDER)
+    direct = euler_from_matrix(rotations, order)
     flipped = direct * np.array([1, -1, 1]) + np.pi
     change = _distance(direct[:-1], flipped[1:]) < _distance(direct[:-1], direct[1:])
     changed = np.cumsum(change, axis=0) % 2 == 1

@@ -1,0 +1,75 @@
+"""Actor: the body whose motion is carried over, and how its joints are turned in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.animation import Animation
+from latentmotion.motion import Motion
+from latentmotion.retarget.body import SIDES, Body, find_body
+from latentmotion.retarget.rig import Stance
+
+Turns = Float[np.ndarray, "frames 3 3"]
+
+_HIGHEST = {"foot": 0.08, "ankle": 0.2}
+"""Of a leg's length: how high a joint that stands is at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Actor:
+    """A body that moves, seen as if its rest pose stood upright facing +z."""
+
+    body: Body
+    """Its joints; its skeleton's rest pose is turned to face +z."""
+    joints: Float[np.ndarray, "frames joints 3"]
+    """Positions, meters, y up, the floor at height 0."""
+    world: Float[np.ndarray, "frames joints 3 3"]
+    """Turns away from the rest pose."""
+    fps: float
+    """Frames per second."""
+    leg: float
+    """Length of thigh and shank, meters."""
+
+    @classmethod
+    def of(cls, source: Motion | Animation, body: Body | None = None) -> Actor:
+        """Sees who moves in a motion; which joint is which is found by the names."""
+        animation = source.animation() if isinstance(source, Motion) else source
+        body = body or find_body(animation.skeleton)
+        stance = Stance.of(body)
+        world = _world(animation) @ stance.axes
+        return cls(body, animation.joints(), world, animation.fps, stance.leg)
+
+    def turn(self, name: str) -> Turns | None:
+        """Returns how a joint of ours is turned; none where the body lacks it."""
+        return self.world[:, self.body.joints[name]] if name in self.body.joints else None
+
+    def place(self, name: str) -> Float[np.ndarray, "frames 3"]:
+        """Returns where a joint of ours is."""
+        return self.joints[:, self.body.joints[name]]
+
+    def standing_height(self, joint: str) -> float:
+        """Returns how high `ankle` or `foot` are above the floor while they stand, meters."""
+        tip = "foot" if f"{SIDES[0]}_foot" in self.body.joints else "ankle"
+        heights = np.stack([self.place(f"{side}_{tip}")[:, 1] for side in SIDES])
+        low = float(np.percentile(heights.min(0), 5))
+        lowest = float(np.clip(low, 0, _HIGHEST[tip] * self.leg))
+        rest = [
+            self.rest()[self.body.joints[f"{side}_{name}"], 1]
+            for name in (joint, tip)
+            for side in SIDES
+        ]
+        return lowest + (sum(rest[:2]) - sum(rest[2:])) / 2
+
+    def rest(self) -> Float[np.ndarray, "joints 3"]:
+        """Returns the rest pose, facing +z."""
+        return self.body.skeleton.rest_joints() @ Stance.of(self.body).axes
+
+
+def _world(animation: Animation) -> Float[np.ndarray, "frames joints 3 3"]:
+    world = np.array(animation.rotations, dtype=np.float64)
+    for joint, parent in list(enumerate(animation.skeleton.parents))[1:]:
+        world[:, joint] = world[:, parent] @ animation.rotations[:, joint]
+    return world

@@ -1,0 +1,247 @@
+"""Rigs for tests, built by code: T-pose in centimeters, A-pose with z along bones, child of VRM.
+
+Each is written as a `.glb` whose skin is one box a bone, so that pictures show how bones turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
+from latentmotion.rotations import quaternion_between, quaternion_from_matrix
+
+Tree = Mapping[str, tuple[str | None, tuple[float, float, float]]]
+"""Joint → its parent and its place in rest pose, meters, y up, facing +z."""
+
+
+@dataclass(frozen=True)
+class RigShape:
+    """A character to be written."""
+
+    tree: Tree
+    along: tuple[float, float, float] | None = None
+    """The local axis that runs along bones; none where bones have the world's axes."""
+    unit: float = 1.0
+    """Meters per unit of the file's nodes."""
+    above: dict = field(default_factory=dict)
+    """What the node above all bones has: rotation, scale."""
+    extensions: dict = field(default_factory=dict)
+
+
+def _mirrored(middle: Tree, left: Tree, marks: tuple[str, str]) -> Tree:
+    tree = dict(middle)
+    for side, sign in zip(marks, (1, -1), strict=True):
+        for name, (parent, (x, y, z)) in left.items():
+            above = None if parent is None else parent.replace("@", side)
+            tree[name.replace("@", side)] = (above, (sign * x, y, z))
+    return tree
+
+
+MIXAMO = RigShape(
+    _mirrored(
+        {
+            "mixamorig:Hips": (None, (0, 1.0, 0)),
+            "mixamorig:Spine": ("mixamorig:Hips", (0, 1.1, -0.01)),
+            "mixamorig:Spine1": ("mixamorig:Spine", (0, 1.22, -0.02)),
+            "mixamorig:Spine2": ("mixamorig:Spine1", (0, 1.35, -0.02)),
+            "mixamorig:Neck": ("mixamorig:Spine2", (0, 1.5, -0.02)),
+            "mixamorig:Head": ("mixamorig:Neck", (0, 1.58, 0.0)),
+            "mixamorig:HeadTop_End": ("mixamorig:Head", (0, 1.78, 0.03)),
+        },
+        {
+            "mixamorig:@Shoulder": ("mixamorig:Spine2", (0.06, 1.45, -0.02)),
+            "mixamorig:@Arm": ("mixamorig:@Shoulder", (0.18, 1.44, -0.04)),
+            "mixamorig:@ForeArm": ("mixamorig:@Arm", (0.46, 1.44, -0.04)),
+            "mixamorig:@Hand": ("mixamorig:@ForeArm", (0.73, 1.44, -0.04)),
+            "mixamorig:@HandIndex1": ("mixamorig:@Hand", (0.82, 1.44, -0.02)),
+            "mixamorig:@HandIndex2": ("mixamorig:@HandIndex1", (0.86, 1.44, -0.02)),
+            "mixamorig:@HandThumb1": ("mixamorig:@Hand", (0.76, 1.42, 0.0)),
+            "mixamorig:@UpLeg": ("mixamorig:Hips", (0.09, 0.95, 0)),
+            "mixamorig:@Leg": ("mixamorig:@UpLeg", (0.09, 0.52, 0.0)),
+            "mixamorig:@Foot": ("mixamorig:@Leg", (0.09, 0.1, -0.03)),
+            "mixamorig:@ToeBase": ("mixamorig:@Foot", (0.1, 0.02, 0.1)),
+            "mixamorig:@Toe_End": ("mixamorig:@ToeBase", (0.1, 0.02, 0.17)),
+        },
+        ("Left", "Right"),
+    ),
+    along=(0, 1, 0),
+    unit=0.01,
+    above={"scale": [0.01, 0.01, 0.01]},
+)
+"""A T-pose in centimeters below a node that scales them, y along the bones."""
+
+UNREAL = RigShape(
+    _mirrored(
+        {
+            "root": (None, (0, 0, 0)),
+            "pelvis": ("root", (0, 0.97, 0.0)),
+            "spine_01": ("pelvis", (0, 1.04, 0.01)),
+            "spine_02": ("spine_01", (0, 1.12, 0.02)),
+            "spine_03": ("spine_02", (0, 1.2, 0.01)),
+            "spine_04": ("spine_03", (0, 1.29, -0.01)),
+            "spine_05": ("spine_04", (0, 1.38, -0.02)),
+            "neck_01": ("spine_05", (0, 1.52, -0.03)),
+            "neck_02": ("neck_01", (0, 1.57, -0.01)),
+            "head": ("neck_02", (0, 1.63, 0.0)),
+            "ik_foot_root": ("root", (0, 0, 0)),
+        },
+        {
+            "clavicle_@": ("spine_05", (0.01, 1.48, 0.0)),
+            "upperarm_@": ("clavicle_@", (0.17, 1.45, -0.04)),
+            "upperarm_twist_01_@": ("upperarm_@", (0.27, 1.35, -0.045)),
+            "lowerarm_@": ("upperarm_@", (0.37, 1.24, -0.05)),
+            "hand_@": ("lowerarm_@", (0.56, 1.06, 0.02)),
+            "middle_01_@": ("hand_@", (0.62, 0.99, 0.05)),
+            "thigh_@": ("pelvis", (0.1, 0.95, 0.0)),
+            "thigh_twist_01_@": ("thigh_@", (0.12, 0.75, 0.01)),
+            "calf_@": ("thigh_@", (0.14, 0.52, 0.02)),
+            "foot_@": ("calf_@", (0.18, 0.08, -0.02)),
+            "ball_@": ("foot_@", (0.22, 0.015, 0.12)),
+            "ik_foot_@": ("ik_foot_root", (0.18, 0.08, -0.02)),
+        },
+        ("l", "r"),
+    ),
+    along=(0, 0, 1),
+    above={"rotation": [0, 0.7071067811865476, 0, 0.7071067811865476]},
+)
+"""An A-pose facing +x, z along the bones, five spine bones below a root on the floor."""
+
+CHILD = RigShape(
+    _mirrored(
+        {
+            "J_Bip_C_Hips": (None, (0, 0.5, 0)),
+            "J_Bip_C_Spine": ("J_Bip_C_Hips", (0, 0.56, 0.0)),
+            "J_Bip_C_Chest": ("J_Bip_C_Spine", (0, 0.68, -0.01)),
+            "J_Bip_C_Neck": ("J_Bip_C_Chest", (0, 0.84, -0.02)),
+            "J_Bip_C_Head": ("J_Bip_C_Neck", (0, 0.89, 0.0)),
+            "HairTip": ("J_Bip_C_Head", (0, 1.15, 0.0)),
+        },
+        {
+            "J_Bip_@_Shoulder": ("J_Bip_C_Chest", (0.02, 0.81, -0.01)),
+            "J_Bip_@_UpperArm": ("J_Bip_@_Shoulder", (0.09, 0.8, -0.02)),
+            "J_Bip_@_LowerArm": ("J_Bip_@_UpperArm", (0.24, 0.8, -0.02)),
+            "J_Bip_@_Hand": ("J_Bip_@_LowerArm", (0.38, 0.8, -0.02)),
+            "J_Bip_@_Index1": ("J_Bip_@_Hand", (0.44, 0.8, -0.01)),
+            "J_Bip_@_UpperLeg": ("J_Bip_C_Hips", (0.07, 0.47, 0)),
+            "J_Bip_@_LowerLeg": ("J_Bip_@_UpperLeg", (0.06, 0.27, 0.0)),
+            "J_Bip_@_Foot": ("J_Bip_@_LowerLeg", (0.06, 0.07, -0.02)),
+            "J_Bip_@_ToeBase": ("J_Bip_@_Foot", (0.07, 0.015, 0.09)),
+        },
+        ("L", "R"),
+    )
+)
+"""Child proportions with the world's axes at all bones, as VRoid exports them."""
+
+RIGS = {"mixamo": MIXAMO, "unreal": UNREAL, "child": CHILD}
+
+
+def write_rig(path: Path, shape: RigShape) -> Path:
+    """Writes a rig as `.glb` or `.gltf`."""
+    names = list(shape.tree)
+    places = np.array([shape.tree[name][1] for name in names], float) / shape.unit
+    parents = [-1 if (p := shape.tree[n][0]) is None else names.index(p) for n in names]
+    turns = np.stack([_axes(shape, places, parents, joint) for joint in range(len(names))])
+    nodes = [{"name": "Armature", "children": [1], **shape.above}]
+    for joint, name in enumerate(names):
+        above = turns[parents[joint]] if parents[joint] >= 0 else np.eye(3)
+        start = places[parents[joint]] if parents[joint] >= 0 else np.zeros(3)
+        quaternion = quaternion_from_matrix(above.T @ turns[joint])
+        node = {"name": name, "translation": (above.T @ (places[joint] - start)).tolist()}
+        node["rotation"] = quaternion[[1, 2, 3, 0]].tolist()
+        below = [child + 1 for child, parent in enumerate(parents) if parent == joint]
+        nodes.append(node | ({"children": below} if below else {}))
+    document = Document()
+    mesh = _boxes(document, places, parents)
+    inverse = np.tile(np.eye(4, dtype="f4"), (len(names), 1, 1))
+    inverse[:, :3, :3] = np.swapaxes(turns, 1, 2)
+    inverse[:, :3, 3] = -np.einsum("jba,jb->ja", turns, places)
+    skin = {"joints": list(range(1, len(names) + 1)), "skeleton": 1}
+    surface = {"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.5, 0.3, 1]}, "name": "clay"}
+    document.json |= {
+        "scene": 0,
+        "scenes": [{"nodes": [0, len(nodes)]}],
+        "nodes": [*nodes, {"name": "Body", "mesh": 0, "skin": 0}],
+        "materials": [surface],
+        "meshes": [{"name": "Body", "primitives": [mesh]}],
+        "skins": [skin | {"inverseBindMatrices": document.add_array(inverse)}],
+        **shape.extensions,
+    }
+    document.write(path)
+    return path
+
+
+def _axes(shape: RigShape, places: np.ndarray, parents: list[int], joint: int) -> np.ndarray:
+    """Returns a bone's axes in rest pose, with its own axis along it."""
+    if shape.along is None:
+        return np.eye(3)
+    ends = [child for child, parent in enumerate(parents) if parent == joint]
+    end = places[ends[0]] - places[joint] if ends else places[joint] - places[parents[joint]]
+    if np.linalg.norm(end) < 1e-9:
+        return np.eye(3)
+    from latentmotion.rotations import matrix_from_quaternion
+
+    return matrix_from_quaternion(quaternion_between(np.array(shape.along, float), end))
+
+
+def _boxes(document: Document, places: np.ndarray, parents: list[int]) -> dict:
+    """Adds a box along every bone, flat ones for feet and hands so that twists are seen."""
+    vertices, normals, joints, triangles = [], [], [], []
+    size = np.ptp(places[:, 1])
+    for joint in range(len(places)):
+        ends = [child for child, parent in enumerate(parents) if parent == joint]
+        start = places[joint]
+        end = places[ends[0]] if ends else start + 0.5 * (start - places[parents[joint]])
+        if parents[joint] < 0 and start[1] < 0.01 * size:
+            continue
+        corners, facing = _box(start, end, size)
+        triangles.append(np.arange(36) + 36 * len(vertices))
+        vertices.append(corners)
+        normals.append(facing)
+        joints.append(np.full(36, joint))
+    weights = np.zeros((36 * len(vertices), 4), "f4")
+    weights[:, 0] = 1
+    owners = np.zeros((len(weights), 4), "u2")
+    owners[:, 0] = np.concatenate(joints)
+    attributes = {
+        "POSITION": document.add_array(
+            np.concatenate(vertices).astype("f4"), VERTICES, bounds=True
+        ),
+        "NORMAL": document.add_array(np.concatenate(normals).astype("f4"), VERTICES),
+        "JOINTS_0": document.add_array(owners, VERTICES),
+        "WEIGHTS_0": document.add_array(weights, VERTICES),
+    }
+    indices = document.add_array(np.concatenate(triangles).astype("u4"), INDICES)
+    return {"attributes": attributes, "indices": indices, "material": 0}
+
+
+def _box(start: np.ndarray, end: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    along = end - start
+    length = max(float(np.linalg.norm(along)), 1e-3 * size)
+    along = along / length if np.linalg.norm(along) > 0 else np.array([0.0, 1, 0])
+    side = np.cross(along, (0, 0, 1) if abs(along[2]) < 0.8 else (0, 1, 0))
+    side /= np.linalg.norm(side)
+    other = np.cross(along, side)
+    width = np.array([0.03, 0.018]) * size
+    if start[1] < 0.08 * size:
+        width = np.array([0.03, 0.008]) * size
+    faces = []
+    for axis in range(3):
+        for sign in (-1, 1):
+            quad = [(-1, -1), (1, -1), (1, 1), (-1, 1)][::sign]
+            faces.append([np.insert(np.array(p, float), axis, sign) for p in quad])
+    units = np.array(faces)
+    scaled = units * (0.5 * length, width[0], width[1]) + (0.5 * length, 0, 0)
+    frame = np.stack([along, side, other])
+    corners = start + scaled @ frame
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    normals = np.cross(b - a, c - b)
+    outward = (normals * (a - corners.mean((0, 1)))).sum(-1)
+    corners = np.where(outward[:, None, None] < 0, corners[:, ::-1], corners)
+    normals = normals * np.sign(outward)[:, None]
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+    order = [0, 1, 2, 0, 2, 3]
+    return corners[:, order].reshape(36, 3), np.repeat(normals, 6, axis=0)
