@@ -110,6 +110,12 @@ def test_vposer_t_is_trained_and_goes_on_where_it_was_killed(
     assert int(model.vae.state_dict()["encoder.0.num_batches_tracked"]) == 6
 
 
+def test_one_motion_at_once_is_refused_before_training(figures: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="a batch of one motion"):
+        train_vae(vposer_t(**{"vae_training.batch_size": 1}), figures, tmp_path / "run", PLACE)
+    assert not (tmp_path / "run").exists()
+
+
 def test_crops_longer_than_vposer_t_knows_are_refused_before_training(
     figures: Path, tmp_path: Path
 ) -> None:

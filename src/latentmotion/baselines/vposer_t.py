@@ -52,6 +52,14 @@ class VPoserTConfig:
                 " or train one with a greater vae.frames"
             )
 
+    def check_batch(self, motions: int) -> None:
+        """Raises InputError for a batch of training that cannot be normalized."""
+        if motions < 2:
+            raise InputError(
+                "a batch of one motion: in VPoser-t's training the motions of a batch normalize "
+                "each other; train on two or more at once (--set vae_training.batch_size=2)"
+            )
+
 
 class VPoserT(MotionVAE):
     """Layers from the flattened motion to one latent token, and back."""
@@ -92,9 +100,11 @@ class VPoserT(MotionVAE):
         """Returns the distribution of the one latent token.
 
         Raises:
-            InputError: The motions are longer than the one length.
+            InputError: The motions are longer than the one length, or one alone is trained on.
         """
         self.config.check(mask.shape[1])
+        if self.training:
+            self.config.check_batch(len(mask))
         h = self.encoder(_to_length(features, mask, self.config.frames).flatten(1))[:, None]
         deviation = self.deviation(h).float().clamp(min=LEAST_DEVIATION)
         return Posterior(self.mean(h), 2 * deviation.log())

@@ -14,9 +14,10 @@ import tyro
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.experiment import Experiment, with_changes
-from latentmotion.presets import preset_named
+from latentmotion.presets import PRESETS, preset_named
 
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Preset = Annotated[str, tyro.conf.arg(help=f"Experiment to start from: {', '.join(PRESETS)}.")]
 Changes = tyro.conf.UseAppendAction[tuple[str, ...]]
 
 
@@ -28,8 +29,7 @@ class TrainVAE:
     """Folder that `latentmotion data prepare` made."""
     output: Output
     """Run folder; one that exists is gone on with."""
-    preset: str = "starter"
-    """Experiment to start from: starter, mld_humanml3d, actor or vposer_t."""
+    preset: Preset = "starter"
     set: Changes = ()
     """Change one value of it, e.g. vae_training.steps=1000; may be given several times."""
     body: Path | None = None
@@ -61,8 +61,7 @@ class TrainDenoiser:
     """Where the task is text: folder of a text encoder, name of a model whose encoder is used, or
     minilm, clip, clip_hidden, distilbert, sentence_t5 or t5, from the hub or after a colon from a
     folder (clip:my/clip)."""
-    preset: str = "starter"
-    """Experiment to start from: starter, mld_humanml3d, mdm, mdm_50 or mld_no_vae."""
+    preset: Preset = "starter"
     set: Changes = ()
     """Change one value of it, e.g. denoiser_training.steps=1000 or task=action; may be given
     several times."""

@@ -10,7 +10,7 @@ import math
 from typing import Literal
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from latentmotion.nn.dropout import Dropout
@@ -36,20 +36,25 @@ class LearnedPosition(nn.Module):
 
 
 class SinePosition(nn.Module):
-    """A fixed table of sines, with dropout on the sum as in ACTOR (Petrovich et al. 2021)."""
+    """Fixed sines, with dropout on the sum as in ACTOR (Petrovich et al. 2021).
 
-    table: Tensor
+    They are computed for the places that are asked for, so that no table limits the length or
+    fills an exported graph.
+    """
 
-    def __init__(self, width: int, dropout: float, length: int = 5000) -> None:
+    rate: Tensor
+
+    def __init__(self, width: int, dropout: float) -> None:
         super().__init__()
-        self.register_buffer("table", sine_table(length, width), persistent=False)
+        self.register_buffer("rate", sine_rate(width), persistent=False)
         self.dropout = Dropout(dropout)
 
     def forward(
         self, x: Float[Tensor, "batch tokens width"], start: int | torch.SymInt = 0
     ) -> Float[Tensor, "batch tokens width"]:
         """Adds the positions start, start + 1, ..."""
-        return self.dropout(x + self.table[start : start + x.shape[1]])
+        places = torch.arange(x.shape[1], device=x.device) + start
+        return self.dropout(x + sines(places, self.rate))
 
 
 def build_position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
@@ -57,8 +62,14 @@ def build_position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
     return LearnedPosition(width) if kind == "learned" else SinePosition(width, dropout)
 
 
-def sine_table(length: int, width: int) -> Float[Tensor, "length width"]:
-    """Returns the sine positions 0 .. length - 1."""
-    index = torch.arange(length)[:, None]
-    rate = torch.exp(torch.arange(0, width, 2) * (-math.log(10_000.0) / width))
-    return torch.stack([torch.sin(index * rate), torch.cos(index * rate)], dim=-1).flatten(1)
+def sines(
+    places: Int[Tensor, " tokens"], rate: Float[Tensor, " half"]
+) -> Float[Tensor, "tokens width"]:
+    """Returns what the places add."""
+    angles = places[:, None] * rate
+    return torch.stack([torch.sin(angles), torch.cos(angles)], dim=-1).flatten(1)
+
+
+def sine_rate(width: int) -> Float[Tensor, " half"]:
+    """Returns 10000^(-2k/width)."""
+    return torch.exp(torch.arange(0, width, 2) * (-math.log(10_000.0) / width))

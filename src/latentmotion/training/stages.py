@@ -141,8 +141,9 @@ def check_body(experiment: Experiment, dataset: Dataset, body: Path | None) -> S
 
 
 def check_length(experiment: Experiment) -> None:
-    """Raises InputError where the VAE knows shorter motions alone than it will be shown."""
+    """Raises InputError where the VAE cannot learn from motions so long, or so few at once."""
     croppings = experiment.vae_cropping, experiment.latents.cropping
     longest = max(cropping.max_frames for cropping in croppings)
     if isinstance(experiment.vae, VPoserTConfig):
         experiment.vae.check(longest)
+        experiment.vae.check_batch(experiment.vae_training.batch_size)

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from latentmotion.errors import ModelError
-from latentmotion.nn.position import LEARNED_LENGTH, sine_table
+from latentmotion.nn.position import LEARNED_LENGTH, sine_rate, sines
 
 Weights = dict[str, Tensor]
 Rules = tuple[tuple[str, str], ...]
@@ -129,6 +129,10 @@ def _without_sine_tables(weights: Weights) -> Weights:
     for name, tensor in weights.items():
         if not name.endswith(".table") or tensor.shape[0] <= LEARNED_LENGTH:
             kept[name] = tensor
-        elif not torch.allclose(tensor, sine_table(*tensor.shape), atol=1e-3):
+        elif not torch.allclose(tensor, _sine_table(*tensor.shape), atol=1e-3):
             raise ModelError(f"the fixed positions {name!r} are not the sine table of ACTOR")
     return kept
+
+
+def _sine_table(length: int, width: int) -> Tensor:
+    return sines(torch.arange(length), sine_rate(width))
