@@ -28,6 +28,11 @@ _CLI = "latentmotion.cli"
 VERBS = {
     "generate": Verb(f"{_CLI}.generate:Generate", "Turn sentences or labels into motion files."),
     "clean": Verb(f"{_CLI}.clean:Clean", "Hold the feet of a motion and steady it."),
+    "render": Verb(f"{_CLI}.render:Render", "Draw motion files as video, GIF or picture."),
+    "blender-addon": Verb(
+        f"{_CLI}.blender_addon:BlenderAddon", "Write the add-on for Blender, ready to install."
+    ),
+    "retarget": Verb(f"{_CLI}.retarget:Retarget", "Carry motions to a character of your own."),
     "data prepare": Verb(f"{_CLI}.data:Prepare", "Make a training set from mocap and captions."),
     "data merge": Verb(f"{_CLI}.data:Merge", "Join prepared folders into one training set."),
     "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.errors import MissingExtraError
+from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.formats.camera import Camera, unit
 from latentmotion.formats.mannequin import make_mannequin
 from latentmotion.motion import Motion
@@ -95,9 +95,14 @@ def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float
     return Bodies(vertices, normals, mannequin.quads, joints, skeleton.parents, skeleton.names)
 
 
+def oversampled(size: tuple[int, int]) -> tuple[int, int]:
+    """Returns the size at which a picture of final size is drawn."""
+    return size[0] * OVERSAMPLING, size[1] * OVERSAMPLING
+
+
 def new_picture(size: tuple[int, int]) -> Picture:
     """Returns an empty picture, oversampled."""
-    return Image.new("RGB", (size[0] * OVERSAMPLING, size[1] * OVERSAMPLING), BACKGROUND)
+    return Image.new("RGB", oversampled(size), BACKGROUND)
 
 
 def paint_floor(
@@ -243,7 +248,14 @@ def paint_text(
 
 
 def facing(joints: Float[np.ndarray, "frames joints 3"], names: Sequence[str]) -> float:
-    """Returns where the first frame faces: the angle about the vertical from +z towards +x."""
+    """Returns where the first frame faces: the angle about the vertical from +z towards +x.
+
+    Raises:
+        InputError: The joints are not named as a body's.
+    """
+    if not {"left_hip", "right_hip"} <= {*names}:
+        found = ", ".join(names[:4])
+        raise InputError(f"cannot draw joints {found}, …; expected a body with left_hip, right_hip")
     across = joints[0, names.index("left_hip")] - joints[0, names.index("right_hip")]
     return float(np.arctan2(-across[2], across[0]))
 

@@ -13,6 +13,7 @@ from latentmotion.errors import InputError
 from latentmotion.files import atomic_file
 from latentmotion.formats import figure
 from latentmotion.formats.camera import Camera, camera_around
+from latentmotion.formats.framing import camera_of_all, half_front
 from latentmotion.motion import Motion
 
 if TYPE_CHECKING:
@@ -20,14 +21,22 @@ if TYPE_CHECKING:
 
 Style = Literal["row", "path"]
 
-_ROW = (1280, 268)
-_PATH = (1280, 560)
-_BAND = 34
-"""Height of the line with the caption, pixels."""
+WIDTH = 1280
+"""Pixels from left to right, if nothing else is said."""
+
+WIDTHS = (200, 8000)
+"""The narrowest and the widest strip."""
+
+_ROW, _PATH, _BAND = 268 / 1280, 560 / 1280, 34 / 1280
+"""Heights of a row, of a path and of the line with the caption, in widths."""
 
 
 def write(
-    path: str | Path, motions: Sequence[Motion], style: Style = "row", figures: int = 9
+    path: str | Path,
+    motions: Sequence[Motion],
+    style: Style = "row",
+    figures: int = 9,
+    width: int = WIDTH,
 ) -> list[Path]:
     """Writes a PNG with one strip for each motion, under each other.
 
@@ -37,9 +46,11 @@ def write(
         style: `row`: figures at even distances from left to right, without their travel;
             `path`: figures where they are, the earlier the paler.
         figures: How many frames of each motion.
+        width: Pixels from left to right.
 
     Raises:
-        InputError: Unknown style, no figures, or a folder that cannot be written.
+        InputError: Unknown style, no figures, a width that makes no picture, or a folder that
+            cannot be written.
         MissingExtraError: Pillow is not installed.
     """
     painters = {"row": _row, "path": _path}
@@ -47,7 +58,9 @@ def write(
         raise InputError(f"strip style {style!r}; expected one of {', '.join(painters)}")
     if figures < 1:
         raise InputError(f"{figures} figures in a strip; expected at least 1")
-    strips = [_captioned(painters[style](m, figures), m.caption) for m in motions]
+    if not WIDTHS[0] <= width <= WIDTHS[1]:
+        raise InputError(f"a strip {width} pixels wide; expected {WIDTHS[0]} to {WIDTHS[1]}")
+    strips = [_captioned(painters[style](m, figures, width), m.caption) for m in motions]
     sheet = figure.Image.new("RGB", (strips[0].width, sum(strip.height for strip in strips)))
     for number, strip in enumerate(strips):
         sheet.paste(strip, (0, number * strip.height))
@@ -56,32 +69,35 @@ def write(
     return [Path(path)]
 
 
-def _row(motion: Motion, figures: int) -> Picture:
+def _row(motion: Motion, figures: int, across: int) -> Picture:
     frames = np.unique(np.linspace(0, len(motion) - 1, figures).round().astype(int)).tolist()
     bodies = figure.make_bodies(motion, frames)
     floor = bodies.floor
     height = max(1.7, float(bodies.vertices[..., 1].max()) - floor) + 0.36
-    width = height * _ROW[0] / _ROW[1]
+    size = across, round(_ROW * across)
+    width = height * size[0] / size[1]
     target = np.array([0.0, floor + height / 2 - 0.26, 0.0])
-    camera = camera_around(target, _front(motion), np.radians(9), 40, _oversampled(_ROW), height)
+    pixels = figure.oversampled(size)
+    camera = camera_around(target, half_front(motion), np.radians(9), 40, pixels, height)
     places = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
     steps = places[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
     moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
-    picture = _painted(_ROW, camera, moved, [figure.COLORS[0]] * len(moved), floor, 0.62 * width)
+    picture = _painted(size, camera, moved, [figure.COLORS[0]] * len(moved), floor, 0.62 * width)
     for frame, place in zip(frames, places, strict=True):
-        spot = (_ROW[0] * (0.5 + place / width), _ROW[1] - 11)
-        figure.paint_text(picture, f"{frame / motion.fps:.1f} s", spot, 13, "mm")
+        spot = (size[0] * (0.5 + place / width), size[1] - across * 11 / WIDTH)
+        figure.paint_text(picture, f"{frame / motion.fps:.1f} s", spot, _text(13, across), "mm")
     return picture
 
 
-def _path(motion: Motion, figures: int) -> Picture:
+def _path(motion: Motion, figures: int, across: int) -> Picture:
     bodies = figure.make_bodies(motion, _along_path(motion, figures), cell=0.017)
     count = len(bodies.joints)
-    camera, height = _camera_of_all(motion, bodies)
+    size = across, round(_PATH * across)
+    camera, height = camera_of_all(motion, bodies, figure.oversampled(size))
     moved = [bodies.moved(number, np.zeros(3)) for number in range(count)]
     colors = [figure.faded(figure.COLORS[0], s) for s in np.linspace(0.35, 1, count).tolist()]
     trail = motion.joints[:, 0].astype(np.float64)
-    return _painted(_PATH, camera, moved, colors, bodies.floor, 1.6 * height, trail)
+    return _painted(size, camera, moved, colors, bodies.floor, 1.6 * height, trail)
 
 
 def _painted(
@@ -110,40 +126,15 @@ def _along_path(motion: Motion, figures: int) -> list[int]:
     return np.unique(np.searchsorted(way, wanted).clip(0, len(motion) - 1)).tolist()
 
 
-def _camera_of_all(motion: Motion, bodies: figure.Bodies) -> tuple[Camera, float]:
-    """Looks across the path, from as far as it takes to see all figures."""
-    center = (bodies.vertices.min((0, 1)) + bodies.vertices.max((0, 1))) / 2
-    azimuth, size, height = _across(motion), _oversampled(_PATH), 2.2
-    for _ in range(12):
-        camera = camera_around(center, azimuth, np.radians(16), 9, size, height)
-        pixels, _ = camera.project(bodies.vertices)
-        height *= float(np.abs(pixels / np.array(size) - 0.5).max()) / 0.46
-    return camera, height
-
-
-def _across(motion: Motion) -> float:
-    """Returns the side from which the path is seen at length and the person not from behind."""
-    spread = motion.joints[:, 0][:, [0, 2]].astype(np.float64)
-    spread = spread - spread.mean(0)
-    front = _front(motion)
-    if np.linalg.norm(np.ptp(spread, axis=0)) < 0.8:
-        return front
-    x, z = np.linalg.svd(spread, full_matrices=False)[2][0]
-    side = float(np.arctan2(z, -x))
-    return side if np.cos(side - front) > 0 else side + np.pi
-
-
-def _front(motion: Motion) -> float:
-    """Returns the azimuth from which the person is seen half from the front at the start."""
-    return figure.facing(motion.joints, motion.skeleton.names) - np.radians(38)
-
-
-def _oversampled(size: tuple[int, int]) -> tuple[int, int]:
-    return size[0] * figure.OVERSAMPLING, size[1] * figure.OVERSAMPLING
+def _text(size: int, across: int) -> int:
+    """Returns the size of letters that are `size` pixels high on a strip of usual width."""
+    return max(10, round(size * across / WIDTH))
 
 
 def _captioned(strip: Picture, caption: str) -> Picture:
-    whole = figure.Image.new("RGB", (strip.width, strip.height + _BAND), figure.BACKGROUND)
-    whole.paste(strip, (0, _BAND))
-    figure.paint_text(whole, caption, (18, _BAND / 2 + 3), 18, "lm", room=strip.width - 36)
+    band, letters = round(_BAND * strip.width), _text(18, strip.width)
+    whole = figure.Image.new("RGB", (strip.width, strip.height + band), figure.BACKGROUND)
+    whole.paste(strip, (0, band))
+    spot, room = (letters, 0.6 * band), strip.width - 2 * letters
+    figure.paint_text(whole, caption, spot, letters, "lm", room)
     return whole

@@ -1,4 +1,4 @@
-"""Videos and GIFs of a mannequin with volume, drawn without a GPU; the camera follows the person.
+"""Videos and GIFs of a mannequin with volume, drawn without a GPU; the camera follows or stays.
 
 Takes stand side by side, each in its own panel. `.mp4` is H.264 through PyAV, `.gif` is Pillow's.
 """
@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -16,14 +17,23 @@ from jaxtyping import Float
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.files import atomic_file
 from latentmotion.formats import figure
-from latentmotion.formats.camera import camera_around
+from latentmotion.formats.camera import Camera, camera_around
+from latentmotion.formats.framing import camera_of_all, half_front
 from latentmotion.motion import Motion
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
 
+View = Literal["follow", "still"]
+
 MOST_TAKES = 6
 """Panels that fit beside each other."""
+
+SIZES = (96, 4096)
+"""The smallest and the largest height of a video, pixels."""
+
+_GIF_FPS = 50
+"""Programs slow down GIFs of more frames per second."""
 
 _CAPTION = 44
 """Height of the line with the caption, pixels."""
@@ -37,33 +47,44 @@ _CELL = 0.025
 _X264 = {"crf": "18", "preset": "veryfast"}
 
 
-def write(path: str | Path, motions: Sequence[Motion], size: int = 512) -> list[Path]:
+def write(
+    path: str | Path, motions: Sequence[Motion], size: int = 512, view: View = "follow"
+) -> list[Path]:
     """Writes a `.gif` or `.mp4` of one or more takes side by side.
 
     Args:
         path: Where to; the ending says which.
         motions: What to show, with one frame rate; the shorter ones wait at their end.
         size: Height of the picture, pixels; an even number.
+        view: Whether each take's camera follows its person, or stays where it sees all.
 
     Raises:
-        InputError: Too many takes, different frame rates, or a folder that cannot be written.
+        InputError: Too many takes, different frame rates, a size that makes no video, or a folder
+            that cannot be written.
         MissingExtraError: Pillow or PyAV is not installed.
     """
     if len(motions) > MOST_TAKES:
         raise InputError(f"{len(motions)} takes in one video; expected at most {MOST_TAKES}")
     if len({motion.fps for motion in motions}) > 1:
         raise InputError("the takes of one video must share a frame rate; write several files")
-    encode = _write_gif if Path(path).suffix.lower() == ".gif" else _write_mp4
+    if size % 2 or not SIZES[0] <= size <= SIZES[1]:
+        raise InputError(
+            f"a video of size {size}; expected an even number {SIZES[0]} to {SIZES[1]}"
+        )
+    encode = _write_mp4
+    if Path(path).suffix.lower() == ".gif":
+        encode, rate = _write_gif, min(motions[0].fps, _GIF_FPS)
+        motions = [motion.resampled(rate) for motion in motions]
     with atomic_file(path) as temporary:
-        encode(temporary, frames(motions, size), motions[0].fps)
+        encode(temporary, frames(motions, size, view), motions[0].fps)
     return [Path(path)]
 
 
-def frames(motions: Sequence[Motion], size: int = 512) -> Iterator[Picture]:
+def frames(motions: Sequence[Motion], size: int = 512, view: View = "follow") -> Iterator[Picture]:
     """Yields the pictures of a video, drawn as they are asked for."""
     width = size if len(motions) == 1 else size * 3 // 8 * 2
     panels = [
-        _Panel(motion, (width, size - _CAPTION), figure.COLORS[number % len(figure.COLORS)])
+        _Panel(motion, (width, size - _CAPTION), figure.COLORS[number % len(figure.COLORS)], view)
         for number, motion in enumerate(motions)
     ]
     for frame in range(max(len(motion) for motion in motions)):
@@ -77,25 +98,32 @@ def frames(motions: Sequence[Motion], size: int = 512) -> Iterator[Picture]:
 class _Panel:
     """One take with its camera."""
 
-    def __init__(self, motion: Motion, size: tuple[int, int], color: tuple[int, int, int]) -> None:
+    def __init__(
+        self, motion: Motion, size: tuple[int, int], color: tuple[int, int, int], view: View
+    ) -> None:
         self.size, self.color = size, color
         self.bodies = figure.make_bodies(motion, cell=_CELL)
         self.way = _smooth(self.bodies.joints[:, 0] * (1, 0, 1), _FOLLOWING * motion.fps)
-        self.azimuth = figure.facing(motion.joints, motion.skeleton.names) - np.radians(38)
+        self.azimuth = half_front(motion)
         above = self.bodies.vertices[..., 1].max() - self.bodies.floor
         self.height = max(1.75, float(above)) + 0.35
+        self.still: Camera | None = None
+        if view == "still":
+            self.still, self.height = camera_of_all(motion, self.bodies, figure.oversampled(size))
 
     def draw(self, frame: int) -> Picture:
         frame = min(frame, len(self.way) - 1)
-        floor = self.bodies.floor
-        target = self.way[frame] + (0, floor + self.height / 2 - 0.17, 0)
-        pixels = self.size[0] * figure.OVERSAMPLING, self.size[1] * figure.OVERSAMPLING
-        camera = camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
+        floor, camera = self.bodies.floor, self.still or self._following(frame)
         picture = figure.new_picture(self.size)
-        figure.paint_floor(picture, camera, floor, reach=3.2)
+        figure.paint_floor(picture, camera, floor, reach=max(3.2, 1.3 * self.height))
         figure.paint_shadow(picture, camera, [self.bodies], frame, floor)
         figure.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
         return figure.reduced(picture)
+
+    def _following(self, frame: int) -> Camera:
+        target = self.way[frame] + (0, self.bodies.floor + self.height / 2 - 0.17, 0)
+        pixels = figure.oversampled(self.size)
+        return camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
 
 
 def _write_captions(whole: Picture, motions: Sequence[Motion], height: float) -> None:
@@ -122,9 +150,10 @@ def _write_gif(path: Path, pictures: Iterator[Picture], fps: float) -> None:
     first = next(pictures).quantize(128)
     plain = figure.Image.Dither.NONE
     rest = [picture.quantize(palette=first, dither=plain) for picture in pictures]
-    # GIF counts in hundredths of a second.
-    duration = max(20, round(100 / fps) * 10)
-    first.save(path, format="GIF", save_all=True, append_images=rest, duration=duration, loop=0)
+    # GIF counts in hundredths of a second: frames differ by one, so that the whole keeps its speed.
+    ends = [round(100 * frame / fps) * 10 for frame in range(len(rest) + 2)]
+    each = [end - start for start, end in pairwise(ends)]
+    first.save(path, format="GIF", save_all=True, append_images=rest, duration=each, loop=0)
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], fps: float) -> None:

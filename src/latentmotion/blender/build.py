@@ -1,0 +1,51 @@
+"""The add-on as a zip: an extension of Blender 4.2 and later, and an add-on of the older kind."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+from latentmotion.files import atomic_file
+
+SOURCE = Path(__file__).parent / "latentmotion_blender"
+"""What is packed."""
+
+COMMAND = "command.txt"
+"""File in the zip that holds the path of the command that made it: the add-on tries it first."""
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+_ENDINGS = (".py", ".toml")
+
+
+def build_zip(path: str | Path, command: str | None = None) -> Path:
+    """Writes the zip; the same add-on makes the same bytes.
+
+    Args:
+        path: Where to.
+        command: The `latentmotion` command to remember; by default the add-on looks for it.
+
+    Raises:
+        InputError: The folder does not exist or cannot be written.
+    """
+    texts = {
+        file.name: file.read_text(encoding="utf-8") for file in SOURCE.iterdir() if _is_ours(file)
+    }
+    if command is not None:
+        texts[COMMAND] = command + "\n"
+    with atomic_file(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, text in sorted(texts.items()):
+            entry = zipfile.ZipInfo(f"{SOURCE.name}/{name}", _EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, text)
+    return Path(path)
+
+
+def own_command() -> str | None:
+    """Returns the path of the `latentmotion` command of this Python, if there is one."""
+    return shutil.which("latentmotion", path=str(Path(sys.executable).parent))
+
+
+def _is_ours(file: Path) -> bool:
+    return file.suffix in _ENDINGS

@@ -1,0 +1,245 @@
+"""Generate: the command runs beside Blender; what it makes becomes Actions.
+
+On a selected armature that has the motion's joints by name it is put by name; on any other through
+`latentmotion retarget`. With no armature selected, our mannequin is imported to carry it.
+"""
+
+import shutil
+import tempfile
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+
+from .actions import make_action
+from .bones import Body
+from .bvh import Take, read_take
+from .command import Job
+from .settings import MISSING, command_of
+
+_SECONDS_BETWEEN_LOOKS = 0.1
+_LINE = 44
+"""Letters of an error in one line of the panel."""
+
+
+class Task:
+    """One press of the button: what was asked for, and the job that makes it.
+
+    Raises:
+        ValueError: The command was not found.
+    """
+
+    running: "Task | None" = None
+    error = ""
+    """What went wrong last, if it did."""
+
+    def __init__(self, context: bpy.types.Context) -> None:
+        self.command = command_of(context)
+        if self.command is None:
+            raise ValueError(MISSING)
+        scene = context.scene
+        self.settings = {name: getattr(scene.latentmotion, name) for name in _ASKED}
+        self.fps = scene.render.fps / scene.render.fps_base
+        target = target_of(context)
+        self.target = target.name if target else None
+        self.bones: dict[str, str] | None = None
+        """The bone of each joint of a retargeted motion; by name if None."""
+        self.folder = Path(tempfile.mkdtemp(prefix="latentmotion-"))
+        self.job = Job(self._calls(), self.folder)
+
+    def _calls(self) -> Iterator[list[str]]:
+        """Yields the calls of the command; the later ones depend on what the first has made."""
+        asked, prompts = self.settings, self.folder / "prompt.txt"
+        prompts.write_text(asked["prompt"] + "\n", encoding="utf-8")
+        call = [self.command, "generate", "--json", "--model", asked["model"]]
+        call += ["--file", str(prompts)] if asked["prompt"].strip() else []
+        call += ["--seconds", f"{asked['seconds']:.6g}", "--fps", f"{self.fps:.9g}"]
+        call += ["--count", str(asked["takes"]), "--seed", str(asked["seed"])]
+        yield [*call, "-o", str(self.folder / "made.bvh"), str(self.folder / "made.glb")]
+        armature = self._armature()
+        if armature is None:
+            return
+        body = Body(armature)
+        if body.has(read_take(self._takes("made")[0]).names):
+            return
+        rest = self.folder / "rest.bvh"
+        self.bones = body.write_rest(rest)
+        made = [str(file) for file in self._takes("made")]
+        fitted = str(self.folder / "fitted.bvh")
+        yield [self.command, "retarget", *made, "--to", str(rest), "-o", fitted]
+
+    def finish(self, context: bpy.types.Context) -> list[bpy.types.Action]:
+        """Puts what was made on the armature, or on a new mannequin; returns the Actions.
+
+        Raises:
+            ValueError: The armature is gone, or has no bones.
+        """
+        armature = self._armature() or self._mannequin(context)
+        files = self._takes("made" if self.bones is None else "fitted")
+        takes = [read_take(file) for file in files]
+        start = context.scene.frame_start
+        name = self.settings["prompt"].strip() or self.settings["model"]
+        actions = [
+            self._action(armature, take, f"{name} {number}" if number > 1 else name, start)
+            for number, take in enumerate(takes, 1)
+        ]
+        armature.animation_data.action = actions[0]
+        longest = max(len(take.turns) for take in takes)
+        context.scene.frame_end = max(context.scene.frame_end, start + longest - 1)
+        return actions
+
+    def clear(self) -> None:
+        """Ends whatever runs and deletes the files."""
+        self.job.cancel()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _action(
+        self, armature: bpy.types.Object, take: Take, name: str, start: int
+    ) -> bpy.types.Action:
+        body = Body(armature)
+        bones = {joint: joint for joint in body.names} if self.bones is None else self.bones
+        return make_action(armature, name, body.carry(take, bones), start)
+
+    def _armature(self) -> bpy.types.Object | None:
+        """Returns the armature that was selected when the button was pressed."""
+        if self.target is None:
+            return None
+        armature = bpy.data.objects.get(self.target)
+        if armature is None:
+            raise ValueError(f"the armature {self.target} is gone; select another")
+        return armature
+
+    def _mannequin(self, context: bpy.types.Context) -> bpy.types.Object:
+        """Imports the figure alone: its Actions are made as for any armature."""
+        objects, actions = {*bpy.data.objects}, {*bpy.data.actions}
+        bpy.ops.import_scene.gltf(filepath=str(self.folder / "made.glb"), **_importing())
+        new = [each for each in bpy.data.objects if each not in objects]
+        armature = next(each for each in new if each.type == "ARMATURE")
+        armature.animation_data_clear()
+        for action in [each for each in bpy.data.actions if each not in actions]:
+            bpy.data.actions.remove(action)
+        for bone in armature.pose.bones:
+            bone.matrix_basis.identity()
+        armature.location = context.scene.cursor.location
+        armature.name = "Latent Motion"
+        return armature
+
+    def _takes(self, stem: str) -> list[Path]:
+        """Returns the files of all takes: one, or numbered from 1 on."""
+        numbered = self.folder.glob(f"{stem}*.bvh")
+        return sorted(numbered, key=lambda path: (len(path.name), path.name))
+
+
+_ASKED = ("prompt", "seconds", "seed", "takes", "model")
+
+
+def _importing() -> dict[str, bool]:
+    """Returns the importer's options that this Blender knows and that we want."""
+    known = bpy.ops.import_scene.gltf.get_rna_type().properties.keys()
+    return {name: True for name in ("disable_bone_shape",) if name in known}
+
+
+def target_of(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Returns the selected armature, or the one that the selected mesh hangs on."""
+    active = context.view_layer.objects.active
+    if active is None or not active.select_get():
+        return None
+    armature = active if active.type == "ARMATURE" else active.find_armature()
+    return armature if armature is not None and len(armature.data.bones) else None
+
+
+def last_error() -> list[str]:
+    """Returns the lines of what went wrong last."""
+    return textwrap.wrap(Task.error, _LINE)
+
+
+def is_running() -> bool:
+    """Says whether a job is on its way."""
+    return Task.running is not None
+
+
+def stop() -> None:
+    """Ends the job that runs, if any."""
+    if Task.running is not None:
+        Task.running.clear()
+        Task.running = None
+
+
+class Generate(bpy.types.Operator):
+    """Make the motion and put it on the selected armature, or on a new mannequin."""
+
+    bl_idname = "latentmotion.generate"
+    bl_label = "Generate"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 (Blender wants a set)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Says whether the button can be pressed: one job at a time."""
+        return not is_running() and context.mode in {"OBJECT", "POSE"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Starts the job; without a window, as in scripts, comes back when it is done."""
+        Task.error = ""
+        try:
+            Task.running = Task(context)
+            if bpy.app.background or context.window is None:
+                Task.running.job.wait()
+                return self._finished(context)
+        except (OSError, ValueError) as error:
+            return self._failed(str(error))
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(_SECONDS_BETWEEN_LOOKS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Looks after the job; all other events go to Blender."""
+        if Task.running is None:
+            return self._over(context, {"CANCELLED"})
+        if event.type == "ESC":
+            stop()
+            return self._over(context, {"CANCELLED"})
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            done = Task.running.job.is_done()
+            return self._over(context, self._finished(context)) if done else {"PASS_THROUGH"}
+        except (OSError, ValueError) as error:
+            return self._over(context, self._failed(str(error)))
+
+    def _finished(self, context: bpy.types.Context) -> set[str]:
+        task = Task.running
+        if task.job.error:
+            return self._failed(task.job.error)
+        actions = task.finish(context)
+        stop()
+        self.report({"INFO"}, f"made {', '.join(action.name for action in actions)}")
+        return {"FINISHED"}
+
+    def _failed(self, message: str) -> set[str]:
+        stop()
+        Task.error = message
+        self.report({"ERROR"}, message)
+        return {"CANCELLED"}
+
+    def _over(self, context: bpy.types.Context, result: set[str]) -> set[str]:
+        context.window_manager.event_timer_remove(self._timer)
+        for area in context.screen.areas:
+            area.tag_redraw()
+        return result
+
+
+class Cancel(bpy.types.Operator):
+    """End the job that runs (or press Esc)."""
+
+    bl_idname = "latentmotion.cancel"
+    bl_label = "Cancel"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Ends it."""
+        stop()
+        return {"FINISHED"}
+
+
+CLASSES = (Generate, Cancel)
