@@ -74,13 +74,15 @@ def check_writable(path: str | Path) -> None:
     """Checks early that a file could be written at `path`.
 
     Raises:
-        InputError: The folder does not exist or cannot be written.
+        InputError: The folder does not exist or cannot be written, or the file is read-only.
     """
     folder = Path(path).absolute().parent
     if not folder.is_dir():
         raise InputError(f"cannot write {path}: the folder {folder} does not exist; create it")
     if not os.access(folder, os.W_OK):
         raise InputError(f"cannot write {path}: no permission to write in {folder}")
+    if Path(path).exists() and not os.access(path, os.W_OK):
+        raise InputError(f"cannot write {path}: it is read-only; allow writing or choose another")
 
 
 def sha256(path: str | Path) -> str:

@@ -1,9 +1,10 @@
 """Bones of constant length: a network draws joints one by one, so that bones breathe.
 
 Each bone gets its median length, and the joints move as little as possible: in turns every bone
-pulls its two ends to the right distance (position-based dynamics, Müller et al. 2007); at last the
-tree is walked from the root, so that lengths are exact. A bone that has shrunk says little about
-its direction, which is then the mean over the frames around, weighted by length.
+pulls its two ends to the right distance (position-based dynamics, Müller et al. 2007), ends in the
+limbs rather than in the trunk; at last the tree is walked from the root, so that lengths are exact.
+A bone that has shrunk says little about its direction, which is then the mean over the frames
+around, weighted by length.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.cleanup.knees import keep_ahead
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.skeleton import Skeleton
 
@@ -21,6 +23,9 @@ _SHRUNK = 0.7
 _MEMORY = 0.1
 """Deviation of the Gaussian over these neighbors, seconds."""
 
+_TRUNK = 0.1
+"""How easily joints of the trunk give way, compared to those of limbs."""
+
 
 def constant_bones(
     joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
@@ -29,17 +34,33 @@ def constant_bones(
     parents = list(skeleton.parents[1:])
     bones = joints[:, 1:] - joints[:, parents]
     lengths = np.median(np.linalg.norm(bones, axis=-1), axis=0)
+    ease = _ease(skeleton)
     moved = joints.copy()
     for _ in range(_ROUNDS):
         for joint, (parent, length) in enumerate(zip(parents, lengths, strict=True), start=1):
             bone = moved[:, joint] - moved[:, parent]
-            pull = bone * (0.5 - 0.5 * length / np.maximum(_norm(bone), 1e-6))
-            moved[:, joint] -= pull
-            moved[:, parent] += pull
+            pull = bone * (1 - length / np.maximum(_norm(bone), 1e-6))
+            share = ease[joint] / (ease[joint] + ease[parent])
+            moved[:, joint] -= share * pull
+            moved[:, parent] += (1 - share) * pull
     directions = _directions(moved[:, 1:] - moved[:, parents], bones, lengths, fps)
     for joint, (parent, length) in enumerate(zip(parents, lengths, strict=True), start=1):
         moved[:, joint] = moved[:, parent] + length * directions[:, joint - 1]
-    return moved
+    return keep_ahead(moved, joints, skeleton)
+
+
+def _ease(skeleton: Skeleton) -> list[float]:
+    """Returns how easily each joint gives way: limbs do, the trunk hardly.
+
+    The trunk are joints where bones branch, those they hang on, and the first of each limb: where
+    short bones between heavy parts turned by a little, the whole body would seem to turn.
+    """
+    branch = [len(skeleton.children(joint)) > 1 for joint in range(len(skeleton))]
+    for joint in reversed(range(1, len(skeleton))):
+        branch[skeleton.parents[joint]] |= branch[joint]
+    return [
+        _TRUNK if branch[j] or branch[max(p, 0)] else 1.0 for j, p in enumerate(skeleton.parents)
+    ]
 
 
 def _directions(

@@ -21,7 +21,11 @@ from latentmotion.motion import Motion
 
 
 class CleanUpWarning(UserWarning):
-    """A step was left out because the motion does not allow it."""
+    """A step was left out, or had to move joints far."""
+
+
+_FAR = 0.25
+"""Meters that a joint may be moved for its bones without a warning."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +65,14 @@ def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
 
     Warns:
         CleanUpWarning: The skeleton has no feet that could be held; all other steps are taken.
+            Or bones were so wrong that joints had to be moved far.
     """
     fps, skeleton = motion.fps, motion.skeleton
     joints = motion.joints.astype(np.float64)
     if steps.smooth:
         joints = smooth(joints, fps, steps.cutoff)
     if steps.bones:
-        joints = constant_bones(joints, fps, skeleton)
+        joints = _keep_bones(joints, motion)
     if steps.floor:
         joints = align_floor(joints, fps, skeleton, steps.ground)
     if steps.feet:
@@ -75,6 +80,22 @@ def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
     if steps.in_place:
         joints = in_place(joints, fps)
     return replace(motion, joints=joints.astype(np.float32))
+
+
+def _keep_bones(
+    joints: Float[np.ndarray, "frames joints 3"], motion: Motion
+) -> Float[np.ndarray, "frames joints 3"]:
+    moved = constant_bones(joints, motion.fps, motion.skeleton)
+    ways = np.linalg.norm(moved - joints, axis=-1)
+    frame, joint = np.unravel_index(ways.argmax(), ways.shape)
+    if ways.max() > _FAR:
+        warnings.warn(
+            f"bones were drawn so long or short that {motion.skeleton.names[joint]} was moved by "
+            f"{100 * ways.max():.0f} cm at {frame / motion.fps:.1f} s to give them one length",
+            CleanUpWarning,
+            stacklevel=3,
+        )
+    return moved
 
 
 def _hold_feet(
