@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import warnings
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -105,7 +106,10 @@ def motions() -> list[Motion]:
     from latentmotion.generator import MotionGenerator
 
     made = MotionGenerator.load("starter").batch(PROMPTS, SECONDS, range(len(PROMPTS)))
-    return [motion.cleaned() for motion in made]
+    with warnings.catch_warnings():
+        # What clean-up thinks of a motion is no matter of formats.
+        warnings.simplefilter("ignore")
+        return [motion.cleaned() for motion in made]
 
 
 @pytest.fixture(scope="session")
