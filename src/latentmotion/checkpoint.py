@@ -80,7 +80,7 @@ def load_model(folder: str | Path) -> TrainedModel:
     card = read_card(Path(folder))
     networks = read_networks(card)
     path = Path(folder) / WEIGHTS_FILE
-    weights = _read_weights(path)
+    weights = read_weights(path)
     vae = networks.vae.build() if networks.vae else None
     denoiser = networks.denoiser.build() if networks.denoiser else None
     parts = {"vae": vae, "denoiser": denoiser}
@@ -110,7 +110,7 @@ def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> 
     """Copies the weights into `module` and puts it in `eval()` mode.
 
     Raises:
-        ModelError: A key is missing or unknown, or a shape differs.
+        ModelError: A key is missing or unknown, a shape differs, or a number is not finite.
     """
     expected = module.state_dict()
     check_keys(weights, expected, source)
@@ -118,6 +118,8 @@ def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> 
         if tensor.shape != expected[key].shape:
             found, wanted = tuple(tensor.shape), tuple(expected[key].shape)
             raise ModelError(f"{source}: {key} has shape {found}, expected {wanted}")
+        if not tensor.isfinite().all():
+            raise ModelError(f"{source}: {key} holds numbers that are not finite; make it again")
     module.load_state_dict(weights)
     module.eval()
 
@@ -137,7 +139,12 @@ def check_keys(found: Iterable[str], expected: Iterable[str], source: str) -> No
         raise ModelError(f"{source}: {len(missing)} weights missing, first {missing[0]!r}")
 
 
-def _read_weights(path: Path) -> dict[str, Tensor]:
+def read_weights(path: Path) -> dict[str, Tensor]:
+    """Reads a file of tensors.
+
+    Raises:
+        ModelError: It is missing or damaged.
+    """
     try:
         return load_file(path)
     except (OSError, SafetensorError) as error:

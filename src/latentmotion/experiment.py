@@ -58,6 +58,11 @@ class TrainingSettings:
     sample_every: int = 1000
     """Steps between picture strips of samples; 0 for none."""
 
+    def __post_init__(self) -> None:
+        for name in ("steps", "batch_size", "report_every", "validate_every", "snapshot_every"):
+            if getattr(self, name) < 1:
+                raise InputError(f"training with {name} {getattr(self, name)}: expected 1 or more")
+
     def rate(self, step: int) -> float:
         """The learning rate of step number `step`, from 0."""
         rise = min(1.0, (step + 1) / max(self.warm_up, 1))

@@ -55,6 +55,8 @@ class MakeStudy:
         if self.output.suffix != ".html":
             raise InputError(f"{self.output}: expected a name that ends with .html")
         check_writable(self.output)
+        if self.order_seed is not None and self.order_seed < 0:
+            raise InputError(f"--order-seed {self.order_seed}: expected a number from 0 up")
         wanted = Wanted(read_prompts(self.prompts), self.seeds, self.seconds)
         a, b = (motions_of(source, wanted, load_generator) for source in (self.a, self.b))
         both = list(zip(a, b, strict=True))

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
+from latentmotion.errors import InputError
 from latentmotion.representation.smpl import smpl_features
 from latentmotion.rotations import matrix_from_axis_angle
 
@@ -30,7 +31,12 @@ class PosedRecording:
 
         Args:
             hold: Frames up to which a shorter motion keeps still in its last one; 0 for none.
+
+        Raises:
+            InputError: `hold` is negative.
         """
+        if hold < 0:
+            raise InputError(f"--hold {hold}: expected a number of frames, or 0 for none")
         finite = np.isfinite(self.pose).all() and np.isfinite(self.way).all()
         if not len(self.pose) or not finite:
             reason = "numbers that are not finite" if len(self.pose) else "no frame"

@@ -105,11 +105,14 @@ def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dro
     names, frames, actions = (_lines(folder / name) for name in (NAMES, FRAMES, ACTIONS))
     poses = _poses(folder, len(names))
     shifts = _known_shifts(folder, len(names))
-    if len(frames) != len(names):
-        raise DataError(f"{folder}: {len(names)} names, {len(frames)} counts of frames")
+    if len(frames) != len(names) or not all(count.strip().isdigit() for count in frames):
+        raise DataError(
+            f"{folder / FRAMES}: expected {len(names)} lines as {NAMES} has, a number in each"
+        )
     for number, name in enumerate(names):
         video = _video(folder, name, len(actions))
-        pose, joints, camera = (poses[key][number] for key in _KEYS)
+        pose, joints, camera = (np.asarray(poses[key][number]) for key in _KEYS)
+        _check_shapes(folder, name, pose, joints, camera)
         shift = depth_shifts(camera) if shifts is None else shifts[number]
         label = _label(name, video, actions[video.action])
         count = min(int(frames[number]), len(pose))
@@ -170,7 +173,10 @@ def _lines(path: Path) -> list[str]:
             f"no file {path}; the folder should hold {NAMES}, {FRAMES}, {ACTIONS} and "
             f"{POSES}, from {UESTC.url}"
         )
-    return path.read_text(encoding="utf-8").splitlines()
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path} cannot be read as text: {error}; download it again") from error
 
 
 def _poses(folder: Path, videos: int) -> Mapping[str, Sequence[np.ndarray]]:
@@ -191,6 +197,15 @@ def _known_shifts(folder: Path, videos: int) -> Sequence[np.ndarray] | None:
     shifts = restricted_pickle.load(path)
     _check_count(path, "shifts", shifts, videos)
     return shifts
+
+
+def _check_shapes(folder: Path, name: str, *arrays: np.ndarray) -> None:
+    frames = len(arrays[0]) if arrays[0].ndim else 0
+    found, expected = [a.shape for a in arrays], [(frames, 72), (frames, 49, 3), (frames, 4)]
+    if found != expected:
+        raise FileFormatError(
+            folder / POSES, f"{name}: {', '.join(_KEYS)} of the shapes {found}, expected {expected}"
+        )
 
 
 def _check_count(path: Path, what: str, values: Any, videos: int) -> None:

@@ -59,6 +59,11 @@ class Protocol:
     def __post_init__(self) -> None:
         if self.replications < 1:
             raise InputError(f"{self.replications} replications: expected 1 or more")
+        if self.seed < 0 or self.repeats.texts < 0:
+            raise InputError(
+                f"seed {self.seed}, {self.repeats.texts} captions of many motions: expected 0 or "
+                "more"
+            )
         if self.group < 2 or self.unit < 1:
             raise InputError(f"group {self.group}, unit {self.unit}: expected 2, 1 or more")
 

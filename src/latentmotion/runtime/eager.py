@@ -27,6 +27,7 @@ from latentmotion.model_card import ModelCard
 from latentmotion.models import find_model, shipped_models
 from latentmotion.prior import MotionPrior
 from latentmotion.runtime.conditions import build_condition
+from latentmotion.runtime.device import device_named
 from latentmotion.runtime.session import Session, raw_frames
 from latentmotion.vae.interface import MotionVAE
 
@@ -129,7 +130,7 @@ def _decoder(model: TrainedModel, device: str) -> Session:
 
 
 def _session(network: nn.Module, forward: Callable[..., Tensor], device: str) -> Session:
-    place = torch.device(device)
+    place = device_named(device)
     network.eval().requires_grad_(False).to(place)
 
     @torch.no_grad()

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 
-from latentmotion.checkpoint import WEIGHTS_FILE, TrainedModel, load_model
+from latentmotion.checkpoint import WEIGHTS_FILE, TrainedModel, load_model, read_weights
 from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.student import load_text_encoder
@@ -53,7 +53,7 @@ def package_model(
         raise ModelError(f"model {card.name!r} reads sentences; pass its text encoder")
     with atomic_folder(output, CARD_FILE) as folder:
         card.write(folder)
-        weights = load_file(source / WEIGHTS_FILE)
+        weights = read_weights(source / WEIGHTS_FILE)
         save_file({key: _halved(value) for key, value in weights.items()}, folder / WEIGHTS_FILE)
         if text_encoder is not None:
             text_encoder(folder)

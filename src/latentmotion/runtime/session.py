@@ -29,11 +29,14 @@ def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = No
         threads: Most threads it may use; by default the cores this process may run on.
 
     Raises:
+        InputError: A number of threads below 1.
         MissingExtraError: OpenVINO was asked for and is not installed.
         ModelError: The file is missing or damaged.
     """
     if not path.is_file():
         raise ModelError(f"{path} is missing; a model folder needs it: export or download it again")
+    if threads is not None and threads < 1:
+        raise InputError(f"{threads} threads: expected 1 or more")
     limit = threads or _available_cores()
     try:
         return _ENGINES[_chosen(runtime)](path, limit)

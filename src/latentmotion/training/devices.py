@@ -11,6 +11,7 @@ import torch
 import torch.distributed
 
 from latentmotion.errors import InputError
+from latentmotion.runtime.device import device_named
 from latentmotion.training.randomness import Ranks
 
 
@@ -85,10 +86,7 @@ def _device(name: str, local_rank: int) -> torch.device:
         name = "cuda" if torch.cuda.is_available() else "cpu"
     if name == "cuda":
         name = f"cuda:{local_rank}"
-    try:
-        torch.empty(0, device=name)
-    except (RuntimeError, AssertionError) as error:
-        raise InputError(f"no device {name!r} here: {error}; try --device cpu") from error
-    if name.startswith("cuda"):
-        torch.cuda.set_device(name)
-    return torch.device(name)
+    device = device_named(name)
+    if device.type == "cuda":
+        torch.cuda.set_device(device)
+    return device

@@ -10,9 +10,13 @@ from typing import Any
 from latentmotion.configuration import read_json, to_json, write_json
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment, differing_keys
+from latentmotion.model_card import CARD_FILE
 from latentmotion.training.devices import Place
 
 NAME = "experiment.json"
+
+_OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json")
+"""What other folders of this package have."""
 
 MODEL = "model"
 """Where in a run folder the trained model is put."""
@@ -48,12 +52,21 @@ def open_run(folder: Path, run: Any, place: Place) -> None:
     if path.exists():
         _check_same(path, run)
     elif place.leads:
+        _check_free(folder)
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"cannot make the run folder {folder}: {error.strerror}") from error
         write_json(path, run)
     place.wait()
+
+
+def _check_free(folder: Path) -> None:
+    found = next((name for name in _OTHERS if (folder / name).is_file()), None)
+    if found:
+        raise InputError(
+            f"{folder} holds data or a model ({found}), no run; choose another folder to train in"
+        )
 
 
 def _check_same(path: Path, run: Any) -> None:

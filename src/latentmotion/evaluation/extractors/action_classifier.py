@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor
 
-from latentmotion.checkpoint import load_weights
+from latentmotion.checkpoint import load_weights, read_weights
 from latentmotion.configuration import read_json, to_json
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.extractors.action_network import (
@@ -85,11 +84,8 @@ def load_action_classifier(folder: str | Path) -> Recognizer:
     folder = Path(folder)
     about = describe_action_classifier(folder)
     network = about.network.build()
-    try:
-        weights = load_file(folder / WEIGHTS_FILE)
-    except (OSError, SafetensorError) as error:
-        raise ModelError(f"{folder / WEIGHTS_FILE} is damaged: {error}; copy it again") from error
-    load_weights(network, weights, str(folder / WEIGHTS_FILE))
+    path = folder / WEIGHTS_FILE
+    load_weights(network, read_weights(path), str(path))
     return recognizer_of(about, network.requires_grad_(False), _fingerprint(folder))
 
 

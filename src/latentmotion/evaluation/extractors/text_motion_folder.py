@@ -10,11 +10,10 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor
 
-from latentmotion.checkpoint import load_weights
+from latentmotion.checkpoint import load_weights, read_weights
 from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.student import StudentTextEncoder
 from latentmotion.configuration import read_json, write_json
@@ -62,7 +61,7 @@ def load_text_motion(folder: Path) -> TextMotionEvaluator:
         ModelError: Something is missing, damaged, or does not fit the rest.
     """
     card = _read_card(folder / EVALUATOR_FILE)
-    tensors = _read_tensors(folder / WEIGHTS_FILE)
+    tensors = read_weights(folder / WEIGHTS_FILE)
     try:
         mean, std = (tensors.pop(name).numpy() for name in (MEAN, STD))
         normalizer = Normalizer(mean, std)
@@ -105,12 +104,3 @@ def _read_card(path: Path) -> TextMotionCard:
     if card.format != FORMAT:
         raise ModelError(f"{path}: format {card.format}, expected {FORMAT}; update latentmotion")
     return card
-
-
-def _read_tensors(path: Path) -> dict[str, Tensor]:
-    try:
-        return dict(load_file(path))
-    except (OSError, SafetensorError) as error:
-        raise ModelError(
-            f"{path} cannot be read, it is missing or damaged: {error}; copy the folder again"
-        ) from error
