@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import json
 import os
 from pathlib import Path
 
@@ -12,8 +13,9 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.errors import InputError
+from latentmotion.formats.gltf_reader import read_animations
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.skeleton import HUMANML3D, Skeleton
 from walker import walker
 
 EXACT = {".npz": 0, ".csv": 1e-6, ".bvh": 1e-3, ".glb": 1e-3, ".gltf": 1e-3}
@@ -79,6 +81,35 @@ def test_a_full_disk_leaves_the_old_file(motion: Motion, tmp_path: Path, monkeyp
         motion.save(tmp_path / f"a{ending}")
     assert (tmp_path / f"a{ending}").read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == [f"a{ending}"]
+
+
+@pytest.mark.parametrize(
+    "ending", [e for e in PLAIN if e not in (".amass.npz", ".smplx.npz", ".smpl.npz")]
+)
+@pytest.mark.parametrize("names", [("root",), ("root", "a", "b"), ("pelvis", "left_hip", "tip")])
+def test_a_skeleton_without_feet(tmp_path: Path, ending: str, names: tuple[str, ...]):
+    offsets = np.array([(0, 0, 0), (0, 1, 0), (0, 0.5, 0.1)])[: len(names)]
+    skeleton = Skeleton("chain", names, (-1, 0, 1)[: len(names)], offsets)
+    joints = np.tile(skeleton.rest_joints(), (4, 1, 1)).astype("f4")
+    motion = Motion(joints, skeleton=skeleton)
+    written = motion.save(tmp_path / f"a{ending}")
+    assert written[0].stat().st_size > 0
+    if ending == ".glb":
+        found = read_animations(written[0])[0]
+        np.testing.assert_allclose(found.joints(), joints, atol=1e-5)
+
+
+def test_generate_at_another_rate(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    from latentmotion.cli.main import main
+
+    words = ["a person walks", "--seconds", "2", "--fps", "120", "--steps", "2", "--json"]
+    main(["generate", *words, "-o", str(tmp_path / "a.bvh")])
+    told = json.loads(capsys.readouterr().out)["motions"][0]
+    assert (told["fps"], told["frames"]) == (120, 235)
+    assert "Frames: 235\nFrame Time: 0.00833333" in (tmp_path / "a.bvh").read_text()
+    with pytest.raises(SystemExit):
+        main(["generate", "a person walks", "--fps", "0", "-o", str(tmp_path / "b.bvh")])
+    assert "fps is 0" in capsys.readouterr().err
 
 
 def test_every_ending_names_a_function():

@@ -20,8 +20,7 @@ class Clean:
     Example: latentmotion clean walk.npz -o walk.bvh --no-smooth
     """
 
-    file: Positional[Path]
-    """Motion file: .npz, .npy or .bvh."""
+    file: Annotated[Positional[Path], arg(help=f"Motion file: {' '.join(formats.READABLE)}.")]
     output: Annotated[tuple[Path, ...], arg(aliases=["-o"])]
     """Files to write, the ending picks the format."""
     smooth: bool = True

@@ -49,7 +49,7 @@ class Document:
     def __init__(
         self, json: dict[str, Any] | None = None, binary: bytes = b"", path: Path | None = None
     ) -> None:
-        self.json = {"asset": {"version": "2.0"}} if json is None else json
+        self.json: dict[str, Any] = {"asset": {"version": "2.0"}} if json is None else json
         self.binary = bytearray(binary)
         self.path = path
 

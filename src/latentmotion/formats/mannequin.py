@@ -117,7 +117,7 @@ def make_mannequin(skeleton: Skeleton, cell: float = 0.022) -> Mannequin:
 
     Args:
         skeleton: With the joint names of HumanML3D or KIT; capsules of joints it lacks are left
-            out.
+            out, and one with none of them gets a stick for each bone.
         cell: Size of the grid's cells, meters on a body of 1.7 m: about the length of a face.
     """
     body = _Body(skeleton)
@@ -140,7 +140,8 @@ class _Body:
     def __init__(self, skeleton: Skeleton) -> None:
         self.skeleton = skeleton
         self.scale = _scale(skeleton)
-        pieces = [piece for piece in _pieces() if {piece.joint, piece.toward} <= {*skeleton.names}]
+        known = [piece for piece in _pieces() if {piece.joint, piece.toward} <= {*skeleton.names}]
+        pieces = known or _sticks(skeleton)
         rest, index = skeleton.rest_joints(), skeleton.names.index
         self.owner = np.array([index(piece.joint) for piece in pieces])
         toward = [index(piece.toward) for piece in pieces]
@@ -218,9 +219,10 @@ class _Body:
         total = share ** (1 / _SOFTNESS) @ np.eye(len(self.skeleton))[self.owner]
         side = np.array([_side(name) for name in self.skeleton.names])
         total /= 1 + np.exp(np.clip(-side * points[:, :1] / (0.012 * self.scale), -30, 30))
+        total = np.pad(total, ((0, 0), (0, max(0, _INFLUENCES - total.shape[1]))))
         joints = np.argsort(-total, axis=-1)[:, :_INFLUENCES]
         weights = np.take_along_axis(total, joints, axis=-1)
-        return joints, weights / weights.sum(-1, keepdims=True)
+        return np.minimum(joints, len(self.skeleton) - 1), weights / weights.sum(-1, keepdims=True)
 
 
 def _side(name: str) -> int:
@@ -233,6 +235,13 @@ def _pieces() -> list[Capsule]:
     for side, sign in (("left_", 1), ("right_", -1)):
         whole += [_named(piece, side, sign) for piece in _SIDE]
     return whole
+
+
+def _sticks(skeleton: Skeleton) -> list[Capsule]:
+    """Returns a stick for each bone of a skeleton whose joints have other names."""
+    names = skeleton.names
+    bones = [(names[parent], name) for name, parent in zip(names, skeleton.parents, strict=True)]
+    return [Capsule(a, (0, 0, 0), (0, 0, 0), (0.035, 0.025), b) for a, b in bones[1:] or bones]
 
 
 def _named(piece: Capsule, side: str, sign: int) -> Capsule:

@@ -11,6 +11,9 @@ names (`skel:animationSource`); to see another take, point it there.
 Source: OpenUSD's UsdSkel schemas, https://openusd.org/release/api/usd_skel_page_front.html
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (The names of usd-core's modules are made when they are imported.)
+
 from __future__ import annotations
 
 import json

@@ -4,6 +4,9 @@ Units, the axis that is up, and all that lies above the skeleton are taken into 
 makes plain bones of joints whose rests are turned or scaled.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (The names of usd-core's modules are made when they are imported.)
+
 from __future__ import annotations
 
 import json
