@@ -64,7 +64,9 @@ class Motion:
         return self._solved
 
     def resampled(self, fps: float) -> Motion:
-        """Returns the motion at another frame rate, bones as long as before; see `Animation`.
+        """Returns the motion at another frame rate: its rotations resampled, see `Animation`.
+
+        Bones that change their lengths get their median; clean the motion first to choose how.
 
         Raises:
             InputError: `fps` is not a positive number, or far too large.
