@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import json
 import types
 import typing
@@ -11,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.files import atomic_file
 
 T = TypeVar("T")
@@ -75,9 +74,7 @@ def _check_keys(
 ) -> None:
     for key in found:
         if key not in fields:
-            near = difflib.get_close_matches(key, fields, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(fields)}"
-            raise InputError(f"{where}: unknown key {key!r}; {hint}")
+            raise InputError(f"{where}: unknown key {key!r}; {hint(key, fields)}")
     missing = [name for name, field in fields.items() if name not in found and _required(field)]
     if missing:
         raise InputError(f"{where}: missing key {', '.join(map(repr, missing))}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 import warnings
 from collections.abc import Sequence
@@ -10,7 +9,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from latentmotion import __version__
-from latentmotion.errors import InputError, LatentMotionError, MissingExtraError
+from latentmotion.errors import InputError, LatentMotionError, MissingExtraError, hint
 
 
 @dataclass(frozen=True)
@@ -124,9 +123,7 @@ def _unknown(words: list[str]) -> None:
         print(_overview(group))
         return
     typed = " ".join(words[: 2 if group else 1])
-    near = difflib.get_close_matches(typed, VERBS, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(VERBS)}"
-    raise InputError(f"unknown command {typed!r}; {hint}")
+    raise InputError(f"unknown command {typed!r}; {hint(typed, VERBS)}")
 
 
 def _overview(verbs: dict[str, Verb]) -> str:

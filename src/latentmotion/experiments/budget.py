@@ -7,13 +7,12 @@ steps at a higher rate.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.checkpoint import VAEConfig
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.settings import Protocol, Repeats
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.nn.transformer import TransformerConfig
@@ -137,7 +136,5 @@ def budget_named(name: str) -> Budget:
         InputError: There is none of this name; the nearest is named.
     """
     if name not in BUDGETS:
-        near = difflib.get_close_matches(name, BUDGETS, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(BUDGETS)}"
-        raise InputError(f"unknown budget {name!r}; {hint}")
+        raise InputError(f"unknown budget {name!r}; {hint(name, BUDGETS)}")
     return BUDGETS[name]

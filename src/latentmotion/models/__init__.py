@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
-from latentmotion.errors import ModelError
+from latentmotion.errors import ModelError, hint
 from latentmotion.model_card import CARD_FILE
 
 
@@ -25,6 +24,5 @@ def find_model(model: str | Path) -> Path:
     if Path(model).is_dir():
         inside = Path(model) / "model"  # where a training run puts it
         return inside if (inside / CARD_FILE).is_file() else Path(model)
-    near = difflib.get_close_matches(str(model), shipped_models(), n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"shipped are {', '.join(shipped_models())}"
-    raise ModelError(f"no model {str(model)!r}, neither by name nor as a folder; {hint}")
+    told = hint(str(model), shipped_models())
+    raise ModelError(f"no model {str(model)!r}, neither by name nor as a folder; {told}")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.experiment import Experiment
 from latentmotion.presets.baselines import actor, mld_no_vae, vposer_t
 from latentmotion.presets.mdm import mdm, mdm_50
@@ -33,7 +32,5 @@ def preset_named(name: str) -> Experiment:
         InputError: There is none of this name; the nearest is named.
     """
     if name not in PRESETS:
-        near = difflib.get_close_matches(name, PRESETS, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(PRESETS)}"
-        raise InputError(f"unknown preset {name!r}; {hint}")
+        raise InputError(f"unknown preset {name!r}; {hint(name, PRESETS)}")
     return PRESETS[name]()

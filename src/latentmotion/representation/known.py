@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SMPL_FEATURES
@@ -23,6 +21,4 @@ def representation_named(name: str) -> Representation:
     """
     if name in REPRESENTATIONS:
         return REPRESENTATIONS[name]
-    near = difflib.get_close_matches(name, REPRESENTATIONS, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(REPRESENTATIONS)}"
-    raise InputError(f"unknown representation {name!r}; {hint}")
+    raise InputError(f"unknown representation {name!r}; {hint(name, REPRESENTATIONS)}")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from latentmotion.data.sampling import Cropping
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.extractors.contrast import InfoNCE, Margin
 from latentmotion.evaluation.extractors.networks import FRAMES, TextMotionConfig
 from latentmotion.experiment import TrainingSettings
@@ -62,7 +61,5 @@ def recipe_named(name: str) -> EvaluatorExperiment:
         InputError: There is none of this name; the nearest is named.
     """
     if name not in RECIPES:
-        near = difflib.get_close_matches(name, RECIPES, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(RECIPES)}"
-        raise InputError(f"unknown preset {name!r}; {hint}")
+        raise InputError(f"unknown preset {name!r}; {hint(name, RECIPES)}")
     return RECIPES[name]()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.experiments.table import Row, Table
 from latentmotion.experiments.tables.action import HDM05, HUMANACT12, UESTC
 from latentmotion.experiments.tables.autoencoder import AUTOENCODER
@@ -54,7 +53,7 @@ def table_named(name: str) -> Table:
         InputError: There is none of this name; the nearest is named.
     """
     if name not in TABLES:
-        raise InputError(f"unknown experiment {name!r}; {_near(name, list(TABLES))}")
+        raise InputError(f"unknown experiment {name!r}; {hint(name, list(TABLES))}")
     return TABLES[name]
 
 
@@ -67,10 +66,5 @@ def rows_named(table: Table, names: Sequence[str]) -> list[Row]:
     every = [row.name for row in table.rows]
     for name in names:
         if name not in every:
-            raise InputError(f"experiment {table.name} has no row {name!r}; {_near(name, every)}")
+            raise InputError(f"experiment {table.name} has no row {name!r}; {hint(name, every)}")
     return [row for row in table.rows if (row.name in names if names else not row.missing)]
-
-
-def _near(name: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
