@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from latentmotion import formats
 from latentmotion.errors import InputError, MissingProgramError
 from latentmotion.formats import fbx
 from latentmotion.motion import Motion
@@ -90,6 +91,8 @@ def test_a_variable_that_leads_nowhere(motion: Motion, tmp_path: Path, monkeypat
     monkeypatch.setenv(fbx.VARIABLE, str(tmp_path / "none"))
     with pytest.raises(MissingProgramError, match="no program"):
         motion.save(tmp_path / "a.fbx")
+    with pytest.raises(MissingProgramError, match="no program"):
+        formats.check_ending("a.fbx")
 
 
 @pytest.mark.skipif(not REAL, reason="set LATENTMOTION_BLENDER to try the true one")

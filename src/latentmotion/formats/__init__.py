@@ -90,8 +90,17 @@ def load(path: str | Path) -> list[Motion]:
 
 
 def check_ending(path: str | Path) -> None:
-    """Raises InputError where `save` would, so that a program can refuse before it generates."""
-    _ending(Path(path), ENDINGS, "written")
+    """Raises what `save` would, so that a program can refuse before it generates.
+
+    Raises:
+        InputError: The ending is unknown.
+        MissingExtraError: The format needs a package that is not installed.
+        MissingProgramError: The format needs Blender, and there is none.
+    """
+    writer = _function(Path(path), ENDINGS, "written")
+    check_ready = getattr(importlib.import_module(writer.__module__), "check_ready", None)
+    if check_ready is not None:
+        check_ready()
 
 
 def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:

@@ -72,6 +72,11 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     return [target]
 
 
+def check_ready() -> None:
+    """Raises MissingProgramError where there is no Blender; asked before motions are made."""
+    find_blender()
+
+
 def find_blender() -> Path:
     """Returns Blender's program, or a Python that has `bpy`.
 
