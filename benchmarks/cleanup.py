@@ -2,14 +2,18 @@
 
     python benchmarks/cleanup.py PREPARED_FOLDER         # the second table in docs/cleanup.md
 
-Sliding is measured three ways, none of which uses the clean-up's own contacts:
+Feet are measured four ways; the first two judge the same frames before and after:
 
+    contacts   speed of a foot, mm/s, while it stands in the motion as it was before, by its height
+               and speed: of the slower of its joints in contact, since feet roll
+    by model   the same where the contact features of the motion, the model's own, say that it
+               stands
     sliding    height-weighted speed of foot joints (metrics/foot_sliding.py), mm/s
     skating    share of steps with a foot below 5 cm that moves faster than 0.5 m/s
-    by model   speed of a foot where the contact features of the motion, the model's own, say that
-               it stands, mm/s: of the slower of its joints in contact, since feet roll
 
-`body` and `legs` are how far joints are moved on average: legs are knees, ankles and toes.
+`knees` is the highest angular acceleration of knees but for one frame in 1000, rad/s²; `back`
+counts frames in which a knee was turned backward: over 1 cm, and 5 mm farther than it was. `body`
+and `legs` are how far joints are moved on average: legs are knees, ankles and toes.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.cleanup import CleanUp, clean
+from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.data.dataset import Dataset
 from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
 from latentmotion.evaluation.metrics.jitter import jitter
@@ -35,6 +40,11 @@ from latentmotion.representation.interface import Representation
 from starter_motions import starter_features
 
 LEGS = (4, 5, 7, 8, 10, 11)
+COLUMNS = (
+    *("contacts", "by model", "sliding", "skating", "jitter", "knees", "back", "below floor"),
+    *("body", "legs"),
+)
+_CHAINS = ((1, 4, 7), (2, 5, 8))
 _NONE = partial(CleanUp, smooth=False, bones=False, floor=False, feet=False)
 STEPS = {
     "before": _NONE(),
@@ -55,24 +65,27 @@ class Take:
     motion: Motion
     """The joints."""
     contacts: Bool[np.ndarray, "frames feet"]
-    """Whether each foot joint stands."""
+    """Whether each foot joint stands by the features."""
+    stands: Bool[np.ndarray, "frames feet"]
+    """Whether it does by height and speed."""
 
     @classmethod
     def of(cls, representation: Representation, features: Float[np.ndarray, "frames n"]) -> Take:
         """Decodes features."""
         joints = representation.decode(features)
         contacts = features[:, representation.blocks["contacts"]] > 0.5
-        return cls(Motion(joints, representation.fps, representation.skeleton), contacts)
+        motion = Motion(joints, representation.fps, representation.skeleton)
+        exact = np.asarray(motion.joints, dtype=np.float64)
+        return cls(motion, contacts, foot_contacts(exact, motion.fps, motion.skeleton))
 
-    def slides(self, joints: Joints) -> float:
-        """Returns the mean horizontal speed of feet in contact, mm/s."""
+    def slides(self, joints: Joints, contacts: Bool[np.ndarray, "frames feet"]) -> list[float]:
+        """Returns the horizontal speeds of feet in contact, mm/s."""
         skeleton = self.motion.skeleton
         feet = joints[:, [*skeleton.left_foot, *skeleton.right_foot]]
         speed = np.linalg.norm(np.diff(feet[..., ::2], axis=0), axis=-1) * self.motion.fps
-        stands = self.contacts[1:] & self.contacts[:-1]
+        stands = contacts[1:] & contacts[:-1]
         slowest = np.where(stands, speed, np.inf).reshape(len(speed), 2, -1).min(axis=-1)
-        slides = slowest[np.isfinite(slowest)]
-        return 1000 * float(slides.mean()) if len(slides) else 0.0
+        return (1000 * slowest[np.isfinite(slowest)]).tolist()
 
 
 def main() -> None:
@@ -88,11 +101,11 @@ def main() -> None:
     }
     for name, takes in sets.items():
         print(f"\n{len(takes)} motions, {name}\n")
-        print("| step | sliding | skating | by model | jitter | below floor | body | legs |")
-        print("|---|---|---|---|---|---|---|---|")
+        print(f"| step | {' | '.join(COLUMNS)} |")
+        print("|---|" + len(COLUMNS) * "---|")
         for step, settings in STEPS.items():
             print(_row(step, takes, settings))
-        print(f"\n{_cost(takes)}")
+        print(f"\n{_still(takes)}\n{_cost(takes)}")
 
 
 def _row(step: str, takes: Sequence[Take], settings: CleanUp) -> str:
@@ -103,16 +116,55 @@ def _row(step: str, takes: Sequence[Take], settings: CleanUp) -> str:
     ]
     fps = takes[0].motion.fps
     body = [joint for joint in range(len(moved[0])) if joint not in LEGS]
+    pairs = list(zip(takes, cleaned, strict=True))
     cells = (
+        f"{fmean(x for t, joints in pairs for x in t.slides(joints, t.stands)):.0f}",
+        f"{fmean(x for t, joints in pairs for x in t.slides(joints, t.contacts)):.0f}",
         f"{1000 * fmean(foot_sliding(joints, fps) for joints in cleaned):.2f}",
         f"{100 * fmean(skating_ratio(joints, fps) for joints in cleaned):.1f} %",
-        f"{fmean(t.slides(j) for t, j in zip(takes, cleaned, strict=True)):.0f}",
         f"{fmean(jitter(joints, fps) for joints in cleaned):.1f}",
+        f"{np.percentile(np.concatenate([_knees(j, fps) for j in cleaned]), 99.9):.0f}",
+        f"{sum(_turned_back(take.motion.joints, joints) for take, joints in pairs)}",
         f"{1000 * fmean(penetration(joints) for joints in cleaned):.2f} mm",
         f"{1000 * fmean(m[body].mean() for m in moved):.1f} mm",
         f"{1000 * fmean(m[list(LEGS)].mean() for m in moved):.1f} mm",
     )
     return f"| {step} | {' | '.join(cells)} |"
+
+
+def _knees(joints: Joints, fps: float) -> Float[np.ndarray, " values"]:
+    """Returns the angular accelerations of knees, rad/s²."""
+    angles = []
+    for hip, knee, ankle in _CHAINS:
+        thigh, shank = joints[:, knee] - joints[:, hip], joints[:, ankle] - joints[:, knee]
+        sine = np.linalg.norm(np.cross(thigh, shank), axis=-1)
+        angles.append(np.arctan2(sine, (thigh * shank).sum(axis=-1)))
+    return np.abs(np.diff(angles, n=2)).ravel() * fps**2
+
+
+def _turned_back(before: Joints, after: Joints) -> int:
+    """Counts frames in which a knee was turned backward."""
+    old, new = _ahead(before), _ahead(after)
+    return int(((new < -0.01) & (new < old - 0.005)).sum())
+
+
+def _ahead(joints: Joints) -> Float[np.ndarray, "legs frames"]:
+    """Returns how far knees are ahead of the line from hip to ankle, seen across the hips."""
+    found, across = [], joints[:, 1] - joints[:, 2]
+    for hip, knee, ankle in _CHAINS:
+        ahead = np.cross(across, joints[:, hip] - joints[:, ankle])
+        ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
+        found.append(((joints[:, knee] - joints[:, hip]) * ahead).sum(axis=-1))
+    return np.stack(found)
+
+
+def _still(takes: Sequence[Take]) -> str:
+    """Says how far legs are moved where feet hardly slide: in the half that slides least."""
+    rated = [(fmean(t.slides(t.motion.joints, t.stands) or [0.0]), t) for t in takes]
+    calm = [take for _, take in sorted(rated, key=lambda pair: pair[0])[: len(takes) // 2]]
+    moved = [np.linalg.norm(_cleaned(t, CleanUp()) - t.motion.joints, axis=-1) for t in calm]
+    way = 1000 * fmean(m[:, LEGS].mean() for m in moved)
+    return f"legs moved by {way:.1f} mm in the half of the motions in which feet slide least"
 
 
 def _cleaned(take: Take, settings: CleanUp) -> Joints:

@@ -13,6 +13,7 @@ from latentmotion.cleanup.contacts import Contacts, foot_contacts
 from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import lock_feet
 from latentmotion.cleanup.foot_shift import FootLock
+from latentmotion.cleanup.knees import keep_ahead
 from latentmotion.cleanup.legs import find_legs
 from latentmotion.cleanup.root import in_place
 from latentmotion.cleanup.smoothing import smooth
@@ -70,7 +71,7 @@ def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
     fps, skeleton = motion.fps, motion.skeleton
     joints = motion.joints.astype(np.float64)
     if steps.smooth:
-        joints = smooth(joints, fps, steps.cutoff)
+        joints = keep_ahead(smooth(joints, fps, steps.cutoff), joints, skeleton)
     if steps.bones:
         joints = _keep_bones(joints, motion)
     if steps.floor:
