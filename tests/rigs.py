@@ -191,11 +191,15 @@ def _boxes(document: Document, places: np.ndarray, parents: list[int]) -> dict:
     """Adds a box along every bone, flat ones for feet and hands so that twists are seen."""
     vertices, normals, joints, triangles = [], [], [], []
     size = np.ptp(places[:, 1])
+    ground = [joint for joint in range(len(places)) if places[joint, 1] < 0.01 * size]
     for joint in range(len(places)):
         ends = [child for child, parent in enumerate(parents) if parent == joint]
         start = places[joint]
-        end = places[ends[0]] if ends else start + 0.5 * (start - places[parents[joint]])
-        if parents[joint] < 0 and start[1] < 0.01 * size:
+        end = max(
+            (places[child] for child in ends), key=lambda p: np.linalg.norm(p - start), default=None
+        )
+        end = start + 0.5 * (start - places[parents[joint]]) if end is None else end
+        if joint in ground or parents[joint] in ground[1:]:
             continue
         corners, facing = _box(start, end, size)
         triangles.append(np.arange(36) + 36 * len(vertices))

@@ -37,6 +37,7 @@ VERBS = {
     "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
     "train vae": Verb(f"{_CLI}.train:TrainVAE", "Train a motion VAE (stage 1)."),
     "train denoiser": Verb(f"{_CLI}.train:TrainDenoiser", "Train the diffusion (stage 2)."),
+    "train distill": Verb(f"{_CLI}.train_distill:TrainDistill", "Distill a model to few steps."),
     "train text-encoder": Verb(
         f"{_CLI}.train_text_encoder:TrainTextEncoder", "Distill a small sentence encoder."
     ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -43,8 +43,6 @@ class Retarget:
     """Write a guess of such a file here, and nothing else."""
     fps: float | None = None
     """Frames per second of the animations; by default the motions' own."""
-    quiet: bool = field(default=False)
-    """Do not say what was found."""
 
     def run(self) -> None:
         """Reads the character and the motions, writes the character moving.
@@ -63,8 +61,7 @@ class Retarget:
         rig = read_rig(self.to, None if self.map is None else load_joint_map(self.map))
         check_output(rig, self.output)
         motions = [motion for file in self.files for motion in formats.load(file)]
-        if not self.quiet:
-            print("\n".join(_about(rig)))
+        print("\n".join(_about(rig)))
         written = write(self.output, rig, motions, self.fps, _names(self.files, motions))
         print("\n".join(f"wrote {path}" for path in written))
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from latentmotion.animation import Animation
+from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.motion import Motion
 from latentmotion.retarget.body import SIDES, Body, find_body
 from latentmotion.retarget.rig import Stance
@@ -62,6 +63,12 @@ class Actor:
             for side in SIDES
         ]
         return lowest + (sum(rest[:2]) - sum(rest[2:])) / 2
+
+    def contacts(self, side: str) -> Bool[np.ndarray, " frames"]:
+        """Returns when the toes of a foot stand on the floor, or the ankle where it has none."""
+        tip = f"{side}_foot" if f"{side}_foot" in self.body.joints else f"{side}_ankle"
+        feet = replace(self.body.skeleton, left_foot=(self.body.joints[tip],), right_foot=())
+        return foot_contacts(self.joints, self.fps, feet)[:, 0]
 
     def rest(self) -> Float[np.ndarray, "joints 3"]:
         """Returns the rest pose, facing +z."""

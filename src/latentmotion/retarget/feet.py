@@ -1,7 +1,7 @@
 """Feet on the floor: the rig's feet go where the source's go, at the scale of its legs.
 
 A foot's goal follows the source's toe t and ankle a, s the ratio of the legs, Y the turn of the
-foot about the vertical:
+foot about the vertical, held while the foot stands:
 
     across      s t + Y (o + h)        h: by how much the rig's foot is longer than the source's,
     height      s (t − its standing height) + the rig's,        o: its hips wider
@@ -13,9 +13,12 @@ for the ankle to be there (`cleanup/two_bone.py`).
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Float
+from itertools import pairwise
 
+import numpy as np
+from jaxtyping import Bool, Float
+
+from latentmotion.cleanup.contacts import spans
 from latentmotion.cleanup.smoothing import upper_envelope
 from latentmotion.cleanup.two_bone import reach
 from latentmotion.retarget.actor import Actor
@@ -45,6 +48,9 @@ _TOE_HEIGHT = (0.03, 0.08)
 """Of a leg's length: toes lifted by less lie flat where the heel rises, by more they do not."""
 
 _MOST_TOE_BEND = np.radians(70)
+
+_MOST_HELD = np.radians(40)
+"""A foot that turns farther than this on the spot is followed."""
 
 
 def ground_feet(pose: Pose, actor: Actor) -> Pose:
@@ -95,9 +101,10 @@ def _goal(pose: Pose, actor: Actor, side: str) -> Points:
     rig, ankle, toe = pose.rig, f"{side}_ankle", f"{side}_foot"
     rest, scale = rig.rest(), rig.leg / actor.leg
     seen, foot = _turn(actor, ankle), rig.body.joints[ankle]
+    heading = _heading(seen, actor.contacts(side))
     shift = np.array([1.0 if side == SIDES[0] else -1.0, 0, 0]) * _wider(pose, actor)
     rise = rest[foot, 1] - scale * actor.standing_height("ankle")
-    by_ankle = scale * actor.place(ankle) + _heading(seen) @ shift + (0, rise, 0)
+    by_ankle = scale * actor.place(ankle) + heading @ shift + (0, rise, 0)
     if toe not in rig.body.joints or toe not in actor.body.joints:
         return by_ankle
     tip = rig.body.joints[toe]
@@ -106,7 +113,7 @@ def _goal(pose: Pose, actor: Actor, side: str) -> Points:
     longer = longer - scale * (_rest_place(actor, toe) - _rest_place(actor, ankle))
     shift = shift + longer * (1, 0, 1)
     rise = rest[tip, 1] - scale * actor.standing_height("foot")
-    by_toe = scale * actor.place(toe) + _heading(seen) @ shift + (0, rise, 0)
+    by_toe = scale * actor.place(toe) + heading @ shift + (0, rise, 0)
     by_toe = by_toe - pose.world[:, foot] @ bone
     by_toe[:, 1] += _ramp(seen[:, 1, 2], -0.15, 0.15) * (by_ankle - by_toe)[:, 1]
     return by_toe
@@ -155,11 +162,21 @@ def _leveled(turns: Turns, share: Shares) -> Turns:
     return np.stack([left, np.cross(ahead, left), ahead], axis=-1)
 
 
-def _heading(turns: Turns) -> Turns:
-    """Returns the part of turns that is about the vertical."""
+def _heading(turns: Turns, standing: Bool[np.ndarray, " frames"]) -> Turns:
+    """Returns the part of turns that is about the vertical, held while a foot stands."""
     quaternion = quaternion_from_matrix(turns)
-    angle = 2 * np.arctan2(quaternion[:, 2], quaternion[:, 0])
-    return matrix_from_axis_angle(angle[:, None] * np.array([0.0, 1.0, 0.0]))
+    angle = np.unwrap(2 * np.arctan2(quaternion[:, 2], quaternion[:, 0]))
+    held, known = angle.copy(), np.zeros(0, int)
+    for start, end in spans(standing):
+        if np.ptp(angle[start:end]) < _MOST_HELD:
+            held[start:end] = angle[start:end].mean()
+            known = np.append(known, np.arange(start, end))
+    for before, after in pairwise(known.tolist()):
+        share = _ramp(np.arange(before, after + 1.0), before, max(after, before + 1))
+        held[before : after + 1] = held[before] + share * (held[after] - held[before])
+    if len(known):
+        held[: known[0]], held[known[-1] :] = held[known[0]], held[known[-1]]
+    return matrix_from_axis_angle(held[:, None] * np.array([0.0, 1.0, 0.0]))
 
 
 def _turn(actor: Actor, name: str) -> Turns:

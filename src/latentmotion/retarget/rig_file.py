@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -24,23 +24,44 @@ class Take:
     """Of the file's own skeleton."""
 
 
+@runtime_checkable
 class RigFile(Protocol):
     """A file with a skeleton, unchanged since it was read."""
 
-    path: Path
-    """Where it was read."""
-    skeleton: Skeleton
-    """Its joints in rest pose, in the file's own axes and unit."""
-    root: Float[np.ndarray, " 3"]
-    """Where joint 0 rests."""
-    unit: float | None
-    """Meters per unit, where the file says so."""
-    movable: frozenset[int]
-    """Joints that may move besides turning."""
-    declared: Mapping[str, int]
-    """Joints by their names in VRM's humanoid, where the file says them."""
-    endings: tuple[str, ...]
-    """Endings that `write` can write."""
+    @property
+    def path(self) -> Path:
+        """Where it was read."""
+        ...
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Its joints in rest pose, in the file's own axes and unit."""
+        ...
+
+    @property
+    def root(self) -> Float[np.ndarray, " 3"]:
+        """Where joint 0 rests."""
+        ...
+
+    @property
+    def unit(self) -> float | None:
+        """Meters per unit, where the file says so."""
+        ...
+
+    @property
+    def movable(self) -> frozenset[int]:
+        """Joints that may move besides turning."""
+        ...
+
+    @property
+    def declared(self) -> Mapping[str, int]:
+        """Joints by their names in VRM's humanoid, where the file says them."""
+        ...
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """Endings that `write` can write."""
+        ...
 
     def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
         """Writes the file again, with these takes."""
