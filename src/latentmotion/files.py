@@ -85,6 +85,26 @@ def check_writable(path: str | Path) -> None:
         raise InputError(f"cannot write {path}: it is read-only; allow writing or choose another")
 
 
+def read_lines(path: str | Path, what: str) -> list[str]:
+    """Returns the lines of a text file, stripped, without empty ones.
+
+    Args:
+        path: The file.
+        what: What a line is, for errors.
+
+    Raises:
+        InputError: It cannot be read as text, or has no line.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read {what}s from {path}: {error}") from error
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if not lines:
+        raise InputError(f"{path} holds no {what}; expected one per line")
+    return lines
+
+
 def sha256(path: str | Path) -> str:
     """Returns the SHA-256 of a file as hexadecimal digits."""
     with Path(path).open("rb") as file:

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.files import read_lines
 
 
 @dataclass(frozen=True)
@@ -71,10 +72,4 @@ class ConvertEvaluator:
         return f"{kind}, {len(about.labels)} actions"
 
     def _labels(self) -> list[str] | None:
-        if self.labels is None:
-            return None
-        try:
-            text = self.labels.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"cannot read labels from {self.labels}: {error}") from error
-        return [line.strip() for line in text.splitlines() if line.strip()]
+        return read_lines(self.labels, "label") if self.labels else None

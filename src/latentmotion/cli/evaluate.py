@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from latentmotion.body.smpl_model import load_smpl
 from latentmotion.checkpoint import TrainedModel, load_model
+from latentmotion.cli.loading import load_generator
 from latentmotion.cli.train import text_encoder_named
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.configuration import to_json
@@ -37,10 +38,9 @@ from latentmotion.evaluation.report import REPORT_FILE
 from latentmotion.evaluation.settings import ProtocolName
 from latentmotion.evaluation.trials import Trial
 from latentmotion.files import check_replaceable
-from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import read_card
 from latentmotion.models import find_model
-from latentmotion.runtime.eager import eager_generator, eager_prior
+from latentmotion.runtime.eager import eager_prior
 from latentmotion.vae.identity import IdentityVAE
 
 
@@ -137,7 +137,7 @@ class Evaluate:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if model.denoiser is None:
             return rebuilt
-        generator = self._generator(folder)
+        generator = load_generator(folder, text_encoder=self.text_encoder)
         made = Generated(generator, self.steps, self.guidance, self.sampler, weights)
         return [made, *rebuilt]
 
@@ -151,12 +151,6 @@ class Evaluate:
             Reconstructed(vae, card, usual == "sampled", weights, row[0]),
             Reconstructed(vae, card, other == "sampled", weights, row[1]),
         ]
-
-    def _generator(self, folder: Path) -> MotionGenerator:
-        exported = (folder / "denoiser.onnx").is_file()
-        if exported and self.text_encoder is None:
-            return MotionGenerator.load(folder)
-        return eager_generator(folder, self._encoder())
 
     def _cost(self, folder: Path, subject: Subject, trial: Trial) -> Cost:
         generated = subject if isinstance(subject, Generated) else None

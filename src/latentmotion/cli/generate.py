@@ -15,7 +15,7 @@ from latentmotion.body.smpl_model import load_smpl
 from latentmotion.cli.loading import Engine, load_generator, load_prior
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
-from latentmotion.files import check_writable
+from latentmotion.files import check_writable, read_lines
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model
 from latentmotion.motion import Motion
@@ -105,7 +105,7 @@ class Generate:
             raise InputError("give either prompts or --file, not both")
         if self.count < 1:
             raise InputError(f"--count {self.count}: expected 1 or more")
-        return list(self.prompts) if self.file is None else _lines(self.file)
+        return list(self.prompts) if self.file is None else read_lines(self.file, "prompt")
 
     def _from_prior(self, prompts: list[str]) -> list[Motion]:
         if prompts:
@@ -137,17 +137,6 @@ def _needed(card: ModelCard, given: list[str]) -> list[str]:
         raise InputError('no sentence given; try: latentmotion generate "a person walks"')
     known = ", ".join(labels_of(card))
     raise InputError(f"no action given; model {card.name!r} knows {known}")
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read prompts from {path}: {error}") from error
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    if not lines:
-        raise InputError(f"{path} holds no prompt; expected one per line")
-    return lines
 
 
 def _free_name(path: Path) -> Path:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from latentmotion.errors import InputError
-from latentmotion.files import sha256
+from latentmotion.files import read_lines, sha256
 from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import CARD_FILE
 from latentmotion.models import shipped_models
@@ -64,14 +64,7 @@ def read_prompts(path: Path) -> tuple[str, ...]:
     Raises:
         InputError: The file cannot be read, or holds none.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read sentences from {path}: {error}") from error
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    if not lines:
-        raise InputError(f"{path} holds no sentence; expected one per line")
-    return tuple(dict.fromkeys(lines))
+    return tuple(dict.fromkeys(read_lines(path, "sentence")))
 
 
 def _generated(generator: MotionGenerator, wanted: Wanted) -> list[Motion]:
