@@ -202,22 +202,35 @@ def mixamo(name: str) -> str:
 
 
 def picture(armature, path: str) -> None:
-    """Renders the mannequin with Workbench."""
-    scene = bpy.context.scene
-    scene.frame_set(scene.frame_start + 30)
+    """Renders the mannequin with Workbench, in four moments beside each other."""
+    scene, middle = bpy.context.scene, Vector((0.0, 0.0, 0.9))
+    skin = next(each for each in armature.children if each.type == "MESH")
+    for number, frame in enumerate((0, 23, 46, 70)):
+        scene.frame_set(scene.frame_start + frame)
+        posed = skin.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        still = bpy.data.objects.new("still", bpy.data.meshes.new_from_object(posed))
+        bpy.context.collection.objects.link(still)
+        pelvis = armature.matrix_world @ armature.pose.bones["pelvis"].head
+        aside = Vector((1.1 * number - 1.65 - pelvis.x, -pelvis.y, 0))
+        still.matrix_world = Matrix.Translation(aside) @ skin.matrix_world
+    skin.hide_render = True
     eye = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
     bpy.context.collection.objects.link(eye)
-    target = armature.matrix_world @ armature.pose.bones["spine1"].head
-    eye.location = target + Vector((2.6, -3.4, 1.0))
-    eye.rotation_euler = (target - eye.location).to_track_quat("-Z", "Y").to_euler()
+    eye.location = middle + Vector((1.2, -7.5, 1.3))
+    eye.rotation_euler = (middle - eye.location).to_track_quat("-Z", "Y").to_euler()
     scene.camera = eye
+    scene.world = bpy.data.worlds.new("world")
+    scene.world.color = (0.86, 0.88, 0.92)
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.display.shading.show_cavity = True
-    scene.render.film_transparent = False
     scene.display.shading.color_type = "MATERIAL"
-    scene.render.resolution_x, scene.render.resolution_y = 720, 540
+    scene.view_settings.view_transform = "Standard"
+    scene.render.resolution_x, scene.render.resolution_y = 900, 420
     scene.render.filepath = str(Path(path).absolute())
     bpy.ops.render.render(write_still=True)
+    skin.hide_render = False
+    for each in [each for each in bpy.data.objects if each.name.startswith("still")]:
+        bpy.data.objects.remove(each)
 
 
 def main() -> None:
@@ -268,7 +281,9 @@ def main() -> None:
     bpy.ops.preferences.addon_disable(module=module)
     left = [hasattr(bpy.types.Scene, "latentmotion"), hasattr(bpy.types, "VIEW3D_PT_latentmotion")]
     report["left"] = any(left)
-    print("REPORT " + json.dumps(report))
+    print("REPORT " + json.dumps(report), flush=True)
+    # bpy as a module may crash while Python ends, when all is done.
+    os._exit(0)
 
 
 main()

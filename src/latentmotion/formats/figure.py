@@ -78,7 +78,15 @@ class Bodies:
 
 
 def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float = 0.022) -> Bodies:
-    """Gives a motion a body; of some frames only, if they are given; with faces of size `cell`."""
+    """Gives a motion a body; of some frames only, if they are given; with faces of size `cell`.
+
+    Raises:
+        InputError: The joints are not named as a body's.
+    """
+    names = motion.skeleton.names
+    if not {"left_hip", "right_hip"} <= {*names}:
+        found = ", ".join(names[:4])
+        raise InputError(f"cannot draw joints {found}, …; expected a body with left_hip, right_hip")
     animation = motion.animation()
     mannequin = make_mannequin(animation.skeleton, cell)
     chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
@@ -248,14 +256,7 @@ def paint_text(
 
 
 def facing(joints: Float[np.ndarray, "frames joints 3"], names: Sequence[str]) -> float:
-    """Returns where the first frame faces: the angle about the vertical from +z towards +x.
-
-    Raises:
-        InputError: The joints are not named as a body's.
-    """
-    if not {"left_hip", "right_hip"} <= {*names}:
-        found = ", ".join(names[:4])
-        raise InputError(f"cannot draw joints {found}, …; expected a body with left_hip, right_hip")
+    """Returns where the first frame faces: the angle about the vertical from +z towards +x."""
     across = joints[0, names.index("left_hip")] - joints[0, names.index("right_hip")]
     return float(np.arctan2(-across[2], across[0]))
 
