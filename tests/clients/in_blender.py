@@ -31,6 +31,10 @@ def import_usd(path: str, fps: float) -> None:
 
 
 def import_fbx(path: str, fps: float) -> None:
+    bpy.ops.wm.fbx_import(filepath=path)
+
+
+def import_fbx_by_the_old_importer(path: str, fps: float) -> None:
     bpy.ops.import_scene.fbx(filepath=path)
 
 
@@ -48,7 +52,9 @@ def open_file(file: dict) -> dict:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps = round(file["fps"]) if file.get("set_fps", True) else 24
-    IMPORTERS[Path(file["path"]).suffix](file["path"], file["fps"])
+    ending = Path(file["path"]).suffix
+    importer = import_fbx_by_the_old_importer if file.get("old") else IMPORTERS[ending]
+    importer(file["path"], file["fps"])
     armature = next(thing for thing in bpy.data.objects if thing.type == "ARMATURE")
     skins = [thing for thing in bpy.data.objects if thing.type == "MESH" and is_skin(thing)]
     takes = {}

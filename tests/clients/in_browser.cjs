@@ -1,4 +1,4 @@
-// Opens a .glb in three.js in headless Chromium: `node in_browser.cjs JOB.json`, with NODE_PATH.
+// Opens a .glb or .fbx in three.js in headless Chromium: `node in_browser.cjs JOB.json`, with NODE_PATH.
 // The job: `path`, `chromium`, `modules`, `page`, `times`, `pictures` as (take, seconds, path), `result`.
 const fs = require("fs");
 const http = require("http");
@@ -12,7 +12,7 @@ function serve(job) {
     const address = decodeURIComponent(request.url.split("?")[0]);
     const file =
       address === "/" ? job.page
-      : address === "/a.glb" ? job.path
+      : address.startsWith("/a.") ? job.path
       : path.join(job.modules, path.normalize(address));
     if (!fs.existsSync(file)) return response.writeHead(404).end();
     response.writeHead(200, { "Content-Type": TYPES[path.extname(file)] || "text/plain" });
@@ -34,7 +34,7 @@ async function main() {
   page.on("console", (line) => ["error", "warning"].includes(line.type()) && errors.push(line.text()));
   await page.goto(`http://127.0.0.1:${server.address().port}/`);
   await page.waitForFunction("window.ready");
-  const result = await page.evaluate(([a, t]) => window.play(a, t), ["/a.glb", job.times]);
+  const result = await page.evaluate(([a, t]) => window.play(a, t), ["/a" + path.extname(job.path), job.times]);
   result.lowest = [];
   for (const [take, time, picture] of job.pictures) {
     result.lowest.push(await page.evaluate(([n, t]) => window.draw(n, t), [take, time]));

@@ -18,7 +18,6 @@ def main(source: str, target: str, fps: float) -> None:
     scene.render.fps_base = scene.render.fps / fps
     bpy.ops.import_scene.gltf(filepath=source)
     keep_the_figure()
-    loosen_the_bones()
     for action in bpy.data.actions:
         # Colons are namespaces in some programs; Blender's names end at 63, armature's included.
         action.name = action.name.replace(":", "")[:40].strip()
@@ -41,21 +40,6 @@ def keep_the_figure() -> None:
     for thing in list(bpy.data.objects):
         if thing.type == "MESH" and thing.find_armature() is None:
             bpy.data.objects.remove(thing)
-
-
-def loosen_the_bones(hair: float = 1e-4) -> None:
-    """Tilts all bones but the first by a hair: no tail lies exactly where the next bone starts.
-
-    Blender's importer of FBX takes such bones for connected, and connected bones keep one length:
-    it would drop what takes say about bones of other lengths.
-    """
-    for thing in [thing for thing in bpy.data.objects if thing.type == "ARMATURE"]:
-        bpy.context.view_layer.objects.active = thing
-        bpy.ops.object.mode_set(mode="EDIT")
-        for bone in thing.data.edit_bones:
-            if bone.parent:
-                bone.tail += hair * bone.length * bone.x_axis
-        bpy.ops.object.mode_set(mode="OBJECT")
 
 
 if __name__ == "__main__":

@@ -49,32 +49,37 @@ class BoneAxes:
         return np.einsum("jba,...jb->...ja", self.above, offsets)
 
 
-def bone_axes(skeleton: Skeleton) -> BoneAxes:
+def bone_axes(skeleton: Skeleton, miss: float = 0.0) -> BoneAxes:
     """Lays each joint's axes: y to its child in the middle; tips go on as their parents do.
 
     Toes lie level, so that no bone sticks in the floor.
+
+    Args:
+        skeleton: Whose joints they are.
+        miss: Meters by which bones pass the joint that they point to, for programs that would
+            tie together what meets.
     """
     world = np.tile(np.eye(3), (len(skeleton), 1, 1))
     for joint, parent in enumerate(skeleton.parents):
-        direction = _direction(skeleton, joint)
-        if direction is not None:
-            world[joint] = _frame(direction)
+        bone = _bone(skeleton, joint)
+        if bone is not None:
+            world[joint] = _frame(bone + miss * _frame(bone)[:, 0])
         elif parent >= 0:
             ahead = world[parent, 2, 1] > 0.8
             world[joint] = _frame(np.array(_AHEAD)) if ahead else world[parent]
     return BoneAxes(skeleton, world)
 
 
-def _direction(skeleton: Skeleton, joint: int) -> Float[np.ndarray, " 3"] | None:
-    """Returns where the bone points to: from pelvis and chest to the spine, not to a limb."""
-    bones = np.array([skeleton.offsets[child] for child in skeleton.children(joint)])
-    lengths = np.linalg.norm(bones, axis=-1) if len(bones) else np.zeros(0)
-    bones = bones[lengths > 1e-6] / lengths[lengths > 1e-6, None] if lengths.any() else []
-    return min(bones, key=lambda bone: abs(bone[0])) if len(bones) else None
+def _bone(skeleton: Skeleton, joint: int) -> Float[np.ndarray, " 3"] | None:
+    """Returns the way to the next joint: from pelvis and chest to the spine, not to a limb."""
+    bones = [np.asarray(skeleton.offsets[child], float) for child in skeleton.children(joint)]
+    bones = [bone for bone in bones if np.linalg.norm(bone) > 1e-6]
+    return min(bones, key=lambda bone: abs(bone[0]) / np.linalg.norm(bone), default=None)
 
 
 def _frame(y: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """Returns the axes with this y whose z looks ahead, or up where y itself looks ahead."""
+    """Returns the axes with y this way whose z looks ahead, or up where y itself looks ahead."""
+    y = y / np.linalg.norm(y)
     x = np.cross(y, _UP if abs(y[2]) > 0.8 else _AHEAD)
     x /= np.linalg.norm(x)
     return np.stack([x, y, np.cross(x, y)], axis=-1)

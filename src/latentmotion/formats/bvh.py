@@ -24,6 +24,9 @@ from latentmotion.skeleton import Skeleton
 WRITTEN_ORDER = "ZXY"
 """Rotation order of the files we write: an upright body is far from its singularity."""
 
+_SAME = 1e-7
+"""Meters below which a joint is where its offset says."""
+
 _FRAMES = re.compile(r"\s*frames\s*:?\s*(\d+)\s*", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*frame\s*time\s*:?\s*(\S+)\s*", re.IGNORECASE)
 
@@ -69,7 +72,7 @@ def write_bvh(path: str | Path, animation: Animation) -> None:
     """
     skeleton, order = animation.skeleton, _depth_first(animation.skeleton)
     joints = [joint for joint in order if joint not in skeleton.end_sites]
-    moving = {0} if animation.translations is None else set(joints)
+    moving = _moving(animation, joints)
     rows = _rows(animation, joints, moving)
     template = " ".join(["%.6f"] * rows.shape[1])
     with atomic_file(path) as temporary:
@@ -173,6 +176,14 @@ def _rows(
         blocks.append(np.rad2deg(angles[:, number]))
     # Adding zero turns the -0 that rounding leaves into 0.
     return np.round(np.concatenate(blocks, axis=1), 6) + 0.0
+
+
+def _moving(animation: Animation, joints: Sequence[int]) -> set[int]:
+    """Returns the root and the joints that are ever elsewhere than their offsets say."""
+    if animation.translations is None:
+        return {0}
+    away = np.abs(animation.translations - animation.skeleton.offsets).max((0, 2))
+    return {0} | {joint for joint in joints if away[joint] > _SAME}
 
 
 def _positions(animation: Animation, joint: int) -> Float[np.ndarray, "frames 3"]:

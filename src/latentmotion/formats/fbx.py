@@ -27,6 +27,10 @@ _SCRIPT = Path(__file__).with_name("blender_to_fbx.py")
 _DONE = "latentmotion: fbx written"
 _MOST_SECONDS = 600
 
+_MISS = 3e-4
+"""Meters by which bones miss the next joint. Blender's importers of FBX connect bones that meet, by
+0.1 mm or less, and connected bones keep one length in all takes, whatever the file says."""
+
 _PLACES: Mapping[str, tuple[str, ...]] = {
     "win32": (
         r"C:\Program Files\Blender Foundation\Blender *\blender.exe",
@@ -66,7 +70,7 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         ) as folder,
         atomic_file(target) as temporary,
     ):
-        source = gltf.write(Path(folder) / "figure.glb", motions)[0]
+        source = gltf.write(Path(folder) / "figure.glb", motions, _MISS)[0]
         given = ["--", str(source), str(temporary), repr(motions[0].fps)]
         _run([*command(blender), *given], temporary)
     return [target]

@@ -30,23 +30,28 @@ _SAME = 1e-6
 """Meters below which two offsets are the same."""
 
 
-def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+def write(path: str | Path, motions: Sequence[Motion], miss: float = 0.0) -> list[Path]:
     """Writes one figure that all motions move: each is an animation of the file.
+
+    Args:
+        path: Where to.
+        motions: The takes.
+        miss: Meters by which bones pass the next joint; see `bone_axes`.
 
     Raises:
         InputError: The motions differ in skeleton, or the folder cannot be written.
     """
     if any(motion.skeleton.names != motions[0].skeleton.names for motion in motions):
         raise InputError("the takes of one .glb file must share a skeleton; write several files")
-    make_document(motions).write(path)
+    make_document(motions, miss).write(path)
     return [Path(path)]
 
 
-def make_document(motions: Sequence[Motion]) -> Document:
-    """Returns the figure with all motions, not written yet."""
+def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
+    """Returns the figure with all motions, not written yet; see `bone_axes` for `miss`."""
     animations = [motion.animation() for motion in motions]
     skeleton = animations[0].skeleton
-    axes, moving = bone_axes(skeleton), _moving(animations)
+    axes, moving = bone_axes(skeleton, miss), _moving(animations)
     document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
     document.json |= {
         "scenes": [{"nodes": [0, len(skeleton)]}],
