@@ -8,7 +8,7 @@ named. For each rig, over clips of the test split, cleaned up as `latentmotion c
     arms, legs      angle between a bone of the source and the rig's, mean and 95 % of frames
     height          toe and ankle joints of feet that stand: off their standing height, compared
                     with the source's at the rig's scale
-    below           how far they are below it at most
+    below           how far feet, sole down, are below the floor at most, where the source's are not
     sliding         horizontal speed of toes that stand, at the source's scale, and the source's own
     back            the rig's motion carried back to our skeleton: joints off the source's
 """
@@ -52,6 +52,8 @@ class Row:
     """Degrees."""
     height: np.ndarray
     """Meters that standing feet are off where the source's are at scale, signed."""
+    below: np.ndarray
+    """Meters that feet, sole down, are below the floor where the source's are not."""
     sliding: np.ndarray
     """Meters per second, at the source's scale."""
     source_sliding: np.ndarray
@@ -108,7 +110,7 @@ def _line(name: str, rig: Rig, homes: list[Rig], motions: Sequence[Motion]) -> s
         return np.concatenate([getattr(row, what).ravel() for row in rows])
 
     arms, legs = all_of("arms"), all_of("legs")
-    off, below = np.abs(all_of("height")).mean(), -all_of("height").min(initial=0)
+    off, below = np.abs(all_of("height")).mean(), all_of("below").max(initial=0)
     return (
         f"| {name} | {arms.mean():.2f} / {np.percentile(arms, 95):.2f} "
         f"| {legs.mean():.2f} / {np.percentile(legs, 95):.2f} "
@@ -122,7 +124,7 @@ def _measure(motion: Motion, animation: Animation, rig: Rig, home: Rig) -> Row:
     actor, scale = Actor.of(motion), rig.leg / Actor.of(motion).leg
     joints, fps = animation.joints(), motion.fps
     contacts = foot_contacts(actor.joints, fps, motion.skeleton)
-    heights, sliding, source_sliding = [], [], []
+    heights, below, sliding, source_sliding = [], [], [], []
     for number, name in enumerate(("left_ankle", "left_foot", "right_ankle", "right_foot")):
         if name not in rig.body.joints:
             continue
@@ -131,6 +133,8 @@ def _measure(motion: Motion, animation: Animation, rig: Rig, home: Rig) -> Row:
         lift = scale * (seen[:, 1] - actor.standing_height(name.partition("_")[2]))
         standing = contacts[:, number]
         heights.append((place[:, 1] - rested - lift)[standing])
+        upright = actor.world[:, actor.body.joints[name], 1, 1] > 0.5
+        below.append((np.minimum(lift, 0) - (place[:, 1] - rested))[upright])
         if name.endswith("foot"):
             still = standing[1:] & standing[:-1]
             sliding.append(_speeds(place, fps)[still] / scale)
@@ -139,6 +143,7 @@ def _measure(motion: Motion, animation: Animation, rig: Rig, home: Rig) -> Row:
         _angles(actor, joints, rig, ARMS),
         _angles(actor, joints, rig, LEGS),
         np.concatenate(heights),
+        np.concatenate(below),
         np.concatenate(sliding),
         np.concatenate(source_sliding),
         _back(motion, animation, rig, home),

@@ -6,9 +6,9 @@ foot about the vertical, held while the foot stands:
     across      s t + Y (o + h)        h: by how much the rig's foot is longer than the source's,
     height      s (t − its standing height) + the rig's,        o: its hips wider
 
-seen at the ankle while the toes are up. So a foot that stands is as still as the source's, one
-that rolls over its toes stays on them, and longer feet do not enter the floor. Hip and knee bend
-for the ankle to be there (`cleanup/two_bone.py`).
+seen at the ankle while the toes point up, or are far above the floor. So a foot that stands is as
+still as the source's, one that rolls over its toes stays on them, and longer feet do not enter the
+floor. Hip and knee bend for the ankle to be there (`cleanup/two_bone.py`).
 """
 
 from __future__ import annotations
@@ -46,6 +46,9 @@ _LEVEL_HEIGHT = (0.1, 0.3)
 
 _TOE_HEIGHT = (0.03, 0.08)
 """Of a leg's length: toes lifted by less lie flat where the heel rises, by more they do not."""
+
+_SWING_HEIGHT = (0.05, 0.2)
+"""Of a leg's length: toes lifted by less lead the foot, by more the ankle does."""
 
 _MOST_TOE_BEND = np.radians(70)
 
@@ -116,7 +119,8 @@ def _goal(pose: Pose, actor: Actor, side: str) -> Points:
     by_toe = scale * actor.place(toe) + heading @ shift + (0, rise, 0)
     by_toe = by_toe - pose.world[:, foot] @ bone
     by_toe[:, 1] += _ramp(seen[:, 1, 2], -0.15, 0.15) * (by_ankle - by_toe)[:, 1]
-    return by_toe
+    lift = (actor.place(toe)[:, 1] - actor.standing_height("foot")) / actor.leg
+    return by_toe + _ramp(lift, *_SWING_HEIGHT)[:, None] * (by_ankle - by_toe)
 
 
 def _leg(pose: Pose, side: str, goal: Points) -> dict[int, Turns]:
