@@ -114,7 +114,7 @@ def test_a_model_with_clip_generates_with_and_without_pytorch(
     with pytest.raises(SystemExit):
         main(["generate", "a person walks", *options])
     assert "not at hand" in capsys.readouterr().err
-    main(["generate", "a person walks", *options, *encoder])
+    main(["generate", "a person walks", *options, *encoder, "--no-clean"])
     main(["export", str(tmp_path / "run"), *encoder, "-o", str(tmp_path / "model")])
     clip_encoder = PretrainedTextEncoder.load("clip", str(clip_folder))
     prompts = ["a person walks", "person walks and kicks"]
