@@ -123,7 +123,7 @@ def test_the_command_asks_each_model_for_what_it_takes(
     actions: Path, nothing: Path, vae_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def generate(*words: str) -> list[str]:
-        output = ["-o", str(tmp_path / "out.npz"), "--seconds", "1.2", "--json"]
+        output = ["-o", str(tmp_path / "out.npz"), "--seconds", "1.2", "--json", "--no-clean"]
         main(["generate", *words, *output])
         return [motion["caption"] for motion in json.loads(capsys.readouterr().out)["motions"]]
 
@@ -156,7 +156,7 @@ def test_pytorch_runs_what_was_not_exported_or_says_that_it_is_missing(
     actions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    words = ["generate", "swayLeft1", "--steps", "1", "-o", str(tmp_path / "a.npz")]
+    words = ["generate", "swayLeft1", "--steps", "1", "--no-clean", "-o", str(tmp_path / "a.npz")]
     main([*words, "--model", str(actions)])
     assert "has no graphs (latentmotion export); PyTorch runs it" in capsys.readouterr().err
     monkeypatch.setattr("latentmotion.cli.loading.find_spec", lambda name: None)
