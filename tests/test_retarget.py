@@ -17,11 +17,12 @@ from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import read_animations
 from latentmotion.joint_map import to_humanml3d
 from latentmotion.motion import Motion
-from latentmotion.retarget import Rig, read_rig, retarget
+from latentmotion.retarget import Rig, find_body, read_rig, retarget
 from latentmotion.retarget.actor import Actor
 from latentmotion.retarget.draft import draft_map
 from latentmotion.retarget.rig import open_rig
 from latentmotion.retarget.writing import write
+from latentmotion.skeleton import Skeleton
 from rigs import CHILD, MIXAMO, RIGS, UNREAL, RigShape, write_rig
 from walker import t_pose, walker
 
@@ -259,6 +260,32 @@ def test_prefixes_and_numbers_do_not_matter(prefix: str, number: str, tmp_path: 
     }
     body = read_rig(write_rig(tmp_path / "a.glb", replace(MIXAMO, tree=tree))).body
     assert (body.names, len(body.joints), len(body.spine)) == ("Mixamo", 18, 3)
+
+
+@pytest.mark.parametrize(
+    ("known", "limbs", "sides"),
+    [
+        ("Daz Genesis", "@ThighBend @Shin @Foot @ShldrBend @ForearmBend @Hand", "lr"),
+        ("Daz Genesis", "@_thigh @_shin @_foot @_upperarm @_forearm @_hand", "lr"),
+        ("Rigify", "DEF-thigh.@ DEF-shin.@ DEF-foot.@ DEF-upper_arm.@ DEF-forearm.@ hand.@", "LR"),
+        ("SMPL", "@_Hip @_Knee @_Ankle @_Shoulder @_Elbow @_Wrist", "LR"),
+        (
+            "Biped",
+            "Bip01@Thigh Bip01@Calf Bip01@Foot Bip01@UpperArm Bip01@Forearm Bip01@Hand",
+            "LR",
+        ),
+        ("VRM", "@UpperLeg @LowerLeg @Foot @UpperArm @LowerArm @Hand", ("left", "right")),
+    ],
+)
+def test_names_of_other_programs(known: str, limbs: str, sides: str | tuple):
+    words = [limbs.replace("@", side).split() for side in sides]
+    names = ("all", "thigh.L", *words[0], *words[1])
+    parents = (-1, 0, *(0, 2, 3, 0, 5, 6), *(0, 8, 9, 0, 11, 12))
+    body = find_body(Skeleton("a", names, parents, np.ones((14, 3))))
+    assert body.names == known
+    found = [names[body.joints[f"left_{part}"]] for part in ("hip", "ankle", "wrist")]
+    assert found == [words[0][0], words[0][2], words[0][5]]
+    assert (body.pelvis, body.chest, body.spine) == (0, 0, ())
 
 
 def test_bad_rigs_say_what_is_wrong(motion: Motion, tmp_path: Path):

@@ -46,9 +46,12 @@ class Body:
     @cached_property
     def pelvis(self) -> int:
         """The joint that carries legs and spine, and moves the whole."""
-        if "pelvis" in self.joints:
-            return self.joints["pelvis"]
-        return self._shared([self.joints[f"{side}_hip"] for side in SIDES] + [self.chest])
+        hips = [self.joints[f"{side}_hip"] for side in SIDES]
+        named = self.joints.get("pelvis")
+        # Rigify's deforming pelvis does not carry its deforming thighs.
+        if named is not None and all(named in self.lines[hip] for hip in hips):
+            return named
+        return self._shared([*hips, self.chest])
 
     @cached_property
     def chest(self) -> int:
