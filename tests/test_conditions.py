@@ -89,3 +89,8 @@ def test_the_pooled_sentence_comes_before_as_many_words_as_asked_for() -> None:
     np.testing.assert_array_equal(found.tokens[0, 1:], embedded.words[0, :2])
     with pytest.raises(InputError, match="words of at least 1"):
         SentenceReading(pooled=False)
+
+
+def test_a_pooled_sentence_alone_may_be_of_another_width_than_words() -> None:
+    embedded = TextEmbedding(np.ones((2, 5)), np.ones((2, 3, 4)), np.ones((2, 3), dtype=bool))
+    assert SentenceReading()(embedded).tokens.shape == (2, 1, 5)

@@ -35,8 +35,10 @@ class SentenceReading:
         words, seen = embedding.words[:, : self.words], embedding.mask[:, : self.words]
         if not self.pooled:
             return Conditioning(words, seen)
-        always = np.ones((len(seen), 1), dtype=bool)
-        tokens = np.concatenate([embedding.pooled[:, None], words], axis=1)
+        pooled, always = embedding.pooled[:, None], np.ones((len(seen), 1), dtype=bool)
+        if not self.words:  # CLIP's words may be of another width than its sentences
+            return Conditioning(pooled, always)
+        tokens = np.concatenate([pooled, words], axis=1)
         return Conditioning(tokens, np.concatenate([always, seen], axis=1))
 
 
