@@ -134,7 +134,9 @@ def bearing(
     if len(path) > 1:
         speed = np.linalg.norm(np.gradient(path, axis=0), axis=-1) * fps
     most = round(_ENDS * fps)
-    found = [_at_rest(speed, p, landing, most) for p in spans(standing.any(axis=1))]
+    found = [
+        _at_rest(speed, p, landing, most) for p in spans(np.logical_or.reduce(standing, axis=1))
+    ]
     return Bearing(path, speed, tuple((a, b) for a, b in found if b - a > 1))
 
 
