@@ -33,8 +33,8 @@ class TextEmbedding:
 
     pooled: Float[np.ndarray, "batch width"]
     """One vector per sentence."""
-    words: Float[np.ndarray, "batch words width"]
-    """One vector per word piece, zero where there is none."""
+    words: Float[np.ndarray, "batch words _"]
+    """One vector per word piece, zero where there is none; CLIP's may be of another width."""
     mask: Bool[np.ndarray, "batch words"]
     """True on real word pieces."""
 
