@@ -10,6 +10,10 @@ from jaxtyping import install_import_hook
 
 install_import_hook("latentmotion", "shape_checker.checked")
 
+# Checks in other programs (Blender, three.js) have an environment of their own: tests/clients.
+CLIENTS = {"LATENTMOTION_BPY", "LATENTMOTION_NODE_MODULES"}
+collect_ignore = [] if CLIENTS & set(os.environ) else ["clients"]
+
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
