@@ -15,9 +15,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Condition, Conditioning
-from latentmotion.diffusion.guidance import ClassifierFreeGuidance
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance, GuidanceAsInput
+from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.leaps import Leap, LeapTimes
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import SamplerName, sample, sampler_named
+from latentmotion.diffusion.sampler import Sampler, SamplerName, sample, sampler_named
 from latentmotion.feature_decoder import FeatureDecoder
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model
@@ -167,8 +169,7 @@ class MotionGenerator:
         noise = SeededNoise(order.seeds, tokens)
         z = noise((len(tokens), max(tokens), space.width))
         mask = np.arange(max(tokens)) < np.array(tokens)[:, None]
-        guided = ClassifierFreeGuidance(self._denoise, self._null, order.guidance)
-        sampler = sampler_named(order.sampler, self.card.schedule, self.card.prediction)
+        guided, sampler = self._guided(order), self._sampler(order)
         z = sample(guided, sampler, z, condition, mask, order.steps, noise)
         return z * np.array(space.std, np.float32) + np.array(space.mean, np.float32)
 
@@ -177,14 +178,27 @@ class MotionGenerator:
         """What the features mean."""
         return self._features.representation
 
+    def _guided(self, order: Order) -> Denoiser:
+        if self.card.leaps:
+            return GuidanceAsInput(self._denoise, order.guidance, order.steps)
+        return ClassifierFreeGuidance(self._denoise, self._null, order.guidance)
+
+    def _sampler(self, order: Order) -> Sampler:
+        card, leaps = self.card, self.card.leaps
+        schedule = LeapTimes(card.schedule, leaps) if leaps else card.schedule
+        return sampler_named(order.sampler, schedule, card.prediction)
+
     def _denoise(
         self,
         z: Float[np.ndarray, "batch tokens width"],
         t: Float[np.ndarray, " batch"],
         condition: Conditioning,
         mask: Bool[np.ndarray, "batch tokens"],
+        leap: Leap | None = None,
     ) -> Float[np.ndarray, "batch tokens width"]:
-        return self.denoiser(z=z, t=t, words=condition.tokens, words_mask=condition.mask, mask=mask)
+        words, real = condition.tokens, condition.mask
+        told = {"guidance": leap.guidance, "stride": leap.stride} if leap else {}
+        return self.denoiser(z=z, t=t, words=words, words_mask=real, mask=mask, **told)
 
     @cached_property
     def _null(self) -> Conditioning:
@@ -213,7 +227,7 @@ class MotionGenerator:
         card = self.card
         check_prompts(card, prompts)
         check_frames(card, frames, self.representation.fps)
-        return Order(
+        order = Order(
             tuple(prompts),
             tuple(frames),
             tuple(seeds),
@@ -221,6 +235,9 @@ class MotionGenerator:
             card.guidance if guidance is None else guidance,
             card.sampler if sampler is None else sampler,
         )
+        if card.leaps:
+            card.leaps.check(order.steps, order.guidance, order.sampler)
+        return order
 
     def _metadata(self, order: Order, seed: int) -> dict[str, str | int | float]:
         return {

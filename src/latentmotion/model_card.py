@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from latentmotion.configuration import read_json, write_json
+from latentmotion.configuration import from_json, read_json, write_json
+from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
@@ -110,6 +111,12 @@ class ModelCard:
         behind = self.denoiser.get("places") == "latents_first"
         over_time = self.latents.frames_per_token is not None
         return not (self.denoiser.get("sees_padding", False) or (behind and over_time))
+
+    @property
+    def leaps(self) -> Leaps | None:
+        """What a distilled model, which takes guidance as an input, may be asked for; else None."""
+        kept = self.denoiser.get("leaps")
+        return from_json(Leaps, kept) if kept else None
 
     def write(self, folder: Path) -> None:
         """Writes `model.json` into `folder`."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from latentmotion.diffusion.leaps import Leap
 from latentmotion.nn.timestep import NumberEmbedding
 
 
@@ -36,6 +37,28 @@ class TimeAndLengthTokens(nn.Module):
         """Returns (batch, 2, width)."""
         count = mask.sum(dim=1).to(t.dtype)
         return torch.stack([self.time(t), self.length(count)], dim=1)
+
+
+class LeapEmbedding(nn.Module):
+    """Guidance scale and stride, added to the token of the time; nothing at first.
+
+    Args:
+        sine_width: Width of their sinusoids.
+        width: Width of the token.
+    """
+
+    def __init__(self, sine_width: int, width: int) -> None:
+        super().__init__()
+        self.guidance = NumberEmbedding(sine_width, width, scale=100.0)
+        self.stride = NumberEmbedding(sine_width, width, scale=1000.0)
+        for embedding in (self.guidance, self.stride):
+            nn.init.zeros_(embedding.network[-1].weight)
+            nn.init.zeros_(embedding.network[-1].bias)
+
+    def forward(self, numbers: Tensor, leap: Leap) -> Tensor:
+        """Returns the numbers' tokens, the first of them moved."""
+        told = self.guidance(leap.guidance) + self.stride(leap.stride)
+        return torch.cat([numbers[:, :1] + told[:, None], numbers[:, 1:]], dim=1)
 
 
 class NumbersThenWords(nn.Module):

@@ -21,6 +21,7 @@ from latentmotion.diffusion.context import (
     ContextFirst,
     InContext,
     LatentsFirst,
+    LeapEmbedding,
     NumbersThenWords,
     SeePadding,
     SeparatePlaces,
@@ -28,6 +29,7 @@ from latentmotion.diffusion.context import (
     TimeToken,
     WordsAddedToTime,
 )
+from latentmotion.diffusion.leaps import Leap, Leaps
 from latentmotion.nn.position import PositionKind, build_position
 from latentmotion.nn.timestep import NumberEmbedding
 from latentmotion.nn.transformer import TransformerConfig
@@ -45,6 +47,7 @@ class Denoiser(nn.Module):
         places: Adds positions to latents and context.
         body: The transformer, called with latents, their mask, context and its mask.
         padding: What attention sees of the latents' mask.
+        leaps: For a student of few steps: adds its leap to the numbers.
     """
 
     def __init__(
@@ -57,6 +60,7 @@ class Denoiser(nn.Module):
         places: nn.Module,
         body: nn.Module,
         padding: nn.Module,
+        leaps: nn.Module | None = None,
     ) -> None:
         super().__init__()
         self.latents_in = latents_in
@@ -67,6 +71,7 @@ class Denoiser(nn.Module):
         self.places = places
         self.body = body
         self.padding = padding
+        self.leaps = leaps
 
     def forward(
         self,
@@ -74,6 +79,7 @@ class Denoiser(nn.Module):
         t: Float[Tensor, " batch"] | Float[Tensor, ""],
         condition: Conditioning,
         mask: Bool[Tensor, "batch tokens"],
+        leap: Leap | None = None,
     ) -> Float[Tensor, "batch tokens width"]:
         """Returns the prediction, zero on padding.
 
@@ -82,8 +88,11 @@ class Denoiser(nn.Module):
             t: Time, one for all or one per item, in the units of the schedule.
             condition: Words and which of them are real.
             mask: True on real latent tokens.
+            leap: What a student of few steps is told; None for any other denoiser.
         """
         numbers = self.numbers(t.expand(z.shape[0]), mask)
+        if self.leaps is not None:
+            numbers = self.leaps(numbers, leap)
         words = self.condition_in(condition.tokens)
         context, context_mask = self.joining(numbers, words, condition.mask)
         latents, context = self.places(self.latents_in(z), context)
@@ -123,6 +132,8 @@ class DenoiserConfig:
     """Whether the network is told the number of real latent tokens."""
     sees_padding: bool = False
     """Whether attention sees padded latents, a quirk of the authors' diffusion on raw frames."""
+    leaps: Leaps | None = None
+    """The leaps of a distilled model, which is told guidance and stride; null for any other."""
 
     def build(self) -> Denoiser:
         """Builds the network with fresh weights."""
@@ -137,6 +148,7 @@ class DenoiserConfig:
             places=self._places(width),
             body=self._body(),
             padding=SeePadding() if self.sees_padding else nn.Identity(),
+            leaps=LeapEmbedding(self.sine_width, width) if self.leaps else None,
         )
 
     def _condition_in(self, width: int) -> nn.Module:

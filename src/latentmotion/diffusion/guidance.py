@@ -1,10 +1,12 @@
-"""Classifier-free guidance (Ho & Salimans 2022; paper eq. 6): a denoiser around a denoiser.
+"""Guidance: a denoiser around a denoiser, in two passes, or in one for a distilled model.
 
-output = u + scale (c - u), where c is the answer with the condition and u the one without.
+Classifier-free (Ho & Salimans 2022; paper eq. 6): output = u + scale (c - u), where c is the answer
+with the condition and u the one without. A distilled model has learned that sum for any scale.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +15,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.leaps import Leap
 
 
 @dataclass(frozen=True)
@@ -22,8 +25,8 @@ class ClassifierFreeGuidance:
     denoiser: Denoiser
     null: Conditioning
     """No condition, one row."""
-    scale: float
-    """1 follows the condition, more exaggerates it."""
+    scale: float | Float[Any, " batch"]
+    """1 follows the condition, more exaggerates it; one for all or one per item."""
 
     def __call__(
         self,
@@ -33,7 +36,7 @@ class ClassifierFreeGuidance:
         mask: Bool[Any, "batch tokens"],
     ) -> Float[Any, "batch tokens width"]:
         """Returns the guided output."""
-        if self.scale == 1:
+        if isinstance(self.scale, (int, float)) and self.scale == 1:
             return self.denoiser(z, t, condition, mask)
         xp = array_namespace(z)
         null, condition = align(repeat(self.null, z.shape[0]), condition)
@@ -43,7 +46,31 @@ class ClassifierFreeGuidance:
         z2, t2, mask2 = xp.concat([z, z]), xp.concat([t, t]), xp.concat([mask, mask])
         output = self.denoiser(z2, t2, both, mask2)
         without, with_condition = output[: z.shape[0]], output[z.shape[0] :]
-        return without + self.scale * (with_condition - without)
+        scale = self.scale[:, None, None] if getattr(self.scale, "ndim", 0) else self.scale
+        return without + scale * (with_condition - without)
+
+
+@dataclass(frozen=True)
+class GuidanceAsInput:
+    """Tells a distilled denoiser the scale and its stride: one pass, whatever the scale."""
+
+    denoiser: Callable[..., Any]
+    """A denoiser whose last argument is a `Leap`."""
+    scale: float | Float[Any, " batch"]
+    """As above."""
+    steps: int
+    """In how many steps it shall go the whole way."""
+
+    def __call__(
+        self,
+        z: Float[Any, "batch tokens width"],
+        t: Float[Any, " batch"],
+        condition: Conditioning,
+        mask: Bool[Any, "batch tokens"],
+    ) -> Float[Any, "batch tokens width"]:
+        """Returns the answer for that leap."""
+        leap = Leap(0 * t + self.scale, 0 * t + 1 / self.steps)
+        return self.denoiser(z, t, condition, mask, leap)
 
 
 def drop(condition: Conditioning, null: Conditioning, dropped: Bool[Any, " batch"]) -> Conditioning:

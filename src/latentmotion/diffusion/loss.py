@@ -5,7 +5,9 @@ z_t = α z_0 + σ ε; the target is the noise, the latents or the velocity, as t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Literal
 
 import torch
@@ -15,8 +17,9 @@ from torch import Tensor
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.interface import Denoiser
-from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity, add_noise
-from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
+from latentmotion.diffusion.leaps import Leap
+from latentmotion.diffusion.prediction import Epsilon, Prediction, Sample, Velocity, add_noise
+from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
 from latentmotion.nn.masked import mean_of_real
 
 
@@ -54,3 +57,54 @@ def denoiser_loss(
     output = denoiser(z, t, condition, mask).float()
     target = objective.prediction.target(z0, epsilon, t, objective.schedule)
     return mean_of_real(F.mse_loss(output, target, reduction="none"), mask)
+
+
+def leap_loss(
+    student: Callable[..., Tensor],
+    start: Float[Tensor, "batch tokens width"],
+    end: Float[Tensor, "batch tokens width"],
+    times: tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]],
+    condition: Conditioning,
+    mask: Bool[Tensor, "batch tokens"],
+    leap: Leap,
+    parts: tuple[Schedule, Prediction],
+    knee: float,
+) -> Float[Tensor, ""]:
+    """Compares a student's leap with the teacher's way between two times, as mean velocities.
+
+    Args:
+        student: The denoiser that learns, whose last argument is a `Leap`.
+        start: The teacher's latents at the first time.
+        end: And at the second.
+        times: Both, one per item.
+        condition: What steers the motion.
+        mask: True on real tokens.
+        leap: What the student is told.
+        parts: The schedule, and what the student's output means.
+        knee: Where the loss turns from squares to absolute values (Huber's delta).
+    """
+    schedule, prediction = parts
+    output = student(start, times[0], condition, mask, leap).float()
+    velocity = partial(Velocity().target, t=times[0], schedule=schedule)
+    found = velocity(*prediction.split(output, start, times[0], schedule))
+    wanted = velocity(*between(start, end, *times, schedule))
+    return mean_of_real(F.huber_loss(found, wanted, reduction="none", delta=knee), mask)
+
+
+def between(
+    start: Float[Tensor, "batch tokens width"],
+    end: Float[Tensor, "batch tokens width"],
+    t: Float[Tensor, " batch"],
+    s: Float[Tensor, " batch"],
+    schedule: Schedule,
+) -> tuple[Float[Tensor, "batch tokens width"], Float[Tensor, "batch tokens width"]]:
+    """Returns the (z_0, epsilon) with which one step of DDIM leads from `start` to `end`.
+
+    They solve α_t z_0 + σ_t ε = start and α_s z_0 + σ_s ε = end.
+    """
+    (at, st), (as_, ss) = (
+        (schedule.alpha(time)[:, None, None], schedule.sigma(time)[:, None, None])
+        for time in (t, s)
+    )
+    determinant = at * ss - as_ * st
+    return (ss * start - st * end) / determinant, (at * end - as_ * start) / determinant

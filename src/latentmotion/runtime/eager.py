@@ -21,6 +21,7 @@ from latentmotion.condition.text.graph import GRAPH_FILE
 from latentmotion.condition.text.pretrained import local_encoder
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.denoiser import Denoiser
+from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import ModelCard
@@ -84,10 +85,16 @@ def prior_features(
 
 
 def denoiser_session(denoiser: Denoiser, device: str = "cpu") -> Session:
-    """Returns a network as a session: z, t, words, words_mask, mask → prediction."""
+    """Returns a network as a session: z, t, words, words_mask, mask → prediction.
 
-    def forward(z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor) -> Tensor:
-        return denoiser(z, t, Conditioning(words, words_mask), mask)
+    A distilled one has two more inputs, guidance and stride.
+    """
+
+    def forward(
+        z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor, **told: Tensor
+    ) -> Tensor:
+        leap = Leap(**told) if told else None
+        return denoiser(z, t, Conditioning(words, words_mask), mask, leap)
 
     return _session(denoiser, forward, device)
 

@@ -15,6 +15,8 @@ from torch import Tensor, nn
 from torch.export import Dim
 
 from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.denoiser import Denoiser
+from latentmotion.diffusion.leaps import Leap
 from latentmotion.files import atomic_file
 from latentmotion.vae.interface import MotionVAE
 
@@ -26,8 +28,11 @@ _BATCH, _TOKENS, _WORDS, _FRAMES = (
 )
 
 
-def export_denoiser(denoiser: nn.Module, latent_width: int, words_width: int, path: Path) -> None:
-    """Writes a denoiser's graph: z, t, words, words_mask, mask → prediction."""
+def export_denoiser(denoiser: Denoiser, latent_width: int, words_width: int, path: Path) -> None:
+    """Writes a denoiser's graph: z, t, words, words_mask, mask → prediction.
+
+    A distilled one has two more inputs, guidance and stride.
+    """
     batch, tokens, words = 2, 7, 3
     inputs = {
         "z": torch.randn(batch, tokens, latent_width),
@@ -43,7 +48,12 @@ def export_denoiser(denoiser: nn.Module, latent_width: int, words_width: int, pa
         "words_mask": {0: _BATCH, 1: _WORDS},
         "mask": {0: _BATCH, 1: _TOKENS},
     }
-    _export(_DenoiserGraph(denoiser), inputs, axes, path)
+    graph = _DenoiserGraph(denoiser)
+    if denoiser.leaps is not None:
+        graph = _StudentGraph(denoiser)
+        inputs |= {"guidance": torch.rand(batch), "stride": torch.rand(batch)}
+        axes |= {"guidance": {0: _BATCH}, "stride": {0: _BATCH}}
+    _export(graph, inputs, axes, path)
 
 
 def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> None:
@@ -69,6 +79,23 @@ class _DenoiserGraph(nn.Module):
         self, z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor
     ) -> Tensor:
         return self.denoiser(z, t, Conditioning(words, words_mask), mask)
+
+
+class _StudentGraph(_DenoiserGraph):
+    """A distilled denoiser, likewise."""
+
+    def forward(  # one graph has two inputs more
+        self,
+        z: Tensor,
+        t: Tensor,
+        words: Tensor,
+        words_mask: Tensor,
+        mask: Tensor,
+        guidance: Tensor,
+        stride: Tensor,
+    ) -> Tensor:
+        leap = Leap(guidance, stride)
+        return self.denoiser(z, t, Conditioning(words, words_mask), mask, leap)
 
 
 class _DecoderGraph(nn.Module):

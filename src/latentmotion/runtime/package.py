@@ -18,6 +18,7 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.denoiser import Denoiser
+from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import ModelError
 from latentmotion.files import atomic_folder
 from latentmotion.model_card import CARD_FILE, ModelCard
@@ -113,9 +114,10 @@ def _check_denoiser(
     z, words = torch.randn(shape), torch.randn(seen)
     t, real = torch.full(shape[:1], 0.5), torch.ones(seen[:2], dtype=torch.bool)
     mask = torch.ones(shape[:2], dtype=torch.bool)
+    told = {"guidance": 3 * t, "stride": t} if denoiser.leaps is not None else {}
     with torch.no_grad():
-        expected = denoiser(z, t, Conditioning(words, real), mask)
-    inputs = {"z": z, "t": t, "words": words, "words_mask": real, "mask": mask}
+        expected = denoiser(z, t, Conditioning(words, real), mask, Leap(**told) if told else None)
+    inputs = {"z": z, "t": t, "words": words, "words_mask": real, "mask": mask, **told}
     _compare(folder / "denoiser.onnx", inputs, expected)
 
 
