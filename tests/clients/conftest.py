@@ -24,7 +24,7 @@ from latentmotion.motion import Motion
 
 PROMPTS = (
     "a person walks forward and then kicks with the right leg",
-    "a person turns around and walks back",
+    "a person jogs in a circle to the left",
     "a person lies down on the floor",
 )
 SECONDS = 4.0
