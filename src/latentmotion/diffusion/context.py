@@ -52,8 +52,8 @@ class LeapEmbedding(nn.Module):
         self.guidance = NumberEmbedding(sine_width, width, scale=100.0)
         self.stride = NumberEmbedding(sine_width, width, scale=1000.0)
         for embedding in (self.guidance, self.stride):
-            nn.init.zeros_(embedding.network[-1].weight)
-            nn.init.zeros_(embedding.network[-1].bias)
+            for weight in embedding.network[-1].parameters():
+                nn.init.zeros_(weight)
 
     def forward(self, numbers: Tensor, leap: Leap) -> Tensor:
         """Returns the numbers' tokens, the first of them moved."""

@@ -46,7 +46,8 @@ class ClassifierFreeGuidance:
         z2, t2, mask2 = xp.concat([z, z]), xp.concat([t, t]), xp.concat([mask, mask])
         output = self.denoiser(z2, t2, both, mask2)
         without, with_condition = output[: z.shape[0]], output[z.shape[0] :]
-        scale = self.scale[:, None, None] if getattr(self.scale, "ndim", 0) else self.scale
+        scale: Any = self.scale
+        scale = scale[:, None, None] if getattr(scale, "ndim", 0) else scale
         return without + scale * (with_condition - without)
 
 
