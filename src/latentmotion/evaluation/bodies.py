@@ -7,6 +7,7 @@ Published figures are those of SMPL's neutral body, which only its users may hav
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeGuard
 
 from latentmotion.body.smpl_model import SmplModel
 from latentmotion.data.dataset import Dataset
@@ -62,5 +63,5 @@ def _lacks_body(dataset: Dataset) -> bool:
     return isinstance(dataset.representation, SmplRepresentation) and not body_of(dataset)
 
 
-def _looks_at_joints(extractor: Extractor | None) -> bool:
+def _looks_at_joints(extractor: Extractor | None) -> TypeGuard[Recognizer]:
     return isinstance(extractor, Recognizer) and isinstance(extractor.network, MotionGRU)

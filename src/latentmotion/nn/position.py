@@ -53,7 +53,7 @@ class SinePosition(nn.Module):
         self, x: Float[Tensor, "batch tokens width"], start: int | torch.SymInt = 0
     ) -> Float[Tensor, "batch tokens width"]:
         """Adds the positions start, start + 1, ..."""
-        places = torch.arange(x.shape[1], device=x.device) + start
+        places: Tensor = torch.arange(x.shape[1], device=x.device) + start  # type: ignore
         return self.dropout(x + sines(places, self.rate))
 
 

@@ -96,7 +96,7 @@ def _torch_file(path: Path) -> dict[str, Tensor]:
 
 def _file(source: str, name: str) -> Path | None:
     """Returns a file of the layer; from the hub it is fetched first."""
-    from transformers.utils import cached_file
+    from transformers.utils.hub import cached_file
 
     found = cached_file(source, f"{FOLDER}/{name}", _raise_exceptions_for_missing_entries=False)
     return Path(found) if found else None
