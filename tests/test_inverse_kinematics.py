@@ -7,7 +7,7 @@ import pytest
 
 from latentmotion.inverse_kinematics import solve
 from latentmotion.rotations import axis_angle_from_matrix, matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D, KIT
+from latentmotion.skeleton import HUMANML3D, KIT, Skeleton
 from walker import t_pose, walker
 
 NAMES = HUMANML3D.names
@@ -180,3 +180,10 @@ def test_published_joints(shared):
 def test_very_short_motions(frames: int):
     joints = walker(frames).joints()
     np.testing.assert_allclose(solve(joints, 20.0).joints(), joints, atol=0.001)
+
+
+def test_a_chain_without_branches_may_carry_a_head():
+    heights = np.arange(3.0)[:, None] * (0.0, 1.0, 0.0)
+    chain = Skeleton("chain", ("base", "neck", "head"), (-1, 0, 1), np.eye(3)[[1, 1, 1]])
+    joints = np.broadcast_to(heights, (4, 3, 3)).astype(np.float32)
+    np.testing.assert_allclose(solve(joints, 20.0, chain).joints(), joints, atol=1e-6)

@@ -193,7 +193,7 @@ class _Solver:
 
     def _fit_head(self) -> None:
         """Takes as rest pose of the head how it is carried most of the time."""
-        if "head" not in self.skeleton.names:
+        if "head" not in self.skeleton.names or not self.branches:
             return
         head = self.skeleton.names.index("head")
         carried = np.median(self._local_bone(head, self.branches[-1]), axis=0)
