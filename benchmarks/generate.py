@@ -23,7 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.generator import MotionGenerator, Order
+from latentmotion.feature_decoder import FeatureDecoder
+from latentmotion.generator import MotionGenerator
+from latentmotion.order import Order
 
 CAPTION = "a person walks forward and kicks"
 PARTS = ("text", "diffusion", "decoder", "joints")
@@ -67,10 +69,11 @@ def _warm(options: argparse.Namespace, runtimes: list[str]) -> None:
 def _call(generator: MotionGenerator, options: argparse.Namespace) -> dict[str, float]:
     """Runs the chain of `MotionGenerator` part by part, with a clock between the parts."""
     frames = round(options.seconds * generator.representation.fps)
-    order = Order((CAPTION,), (0,), frames, options.steps, generator.card.guidance)
-    condition, text = _timed(lambda: generator.sentences(order.captions))
+    card, decode = generator.card, FeatureDecoder(generator.card, generator.decoder)
+    order = Order((CAPTION,), (frames,), (0,), options.steps, card.guidance, card.sampler)
+    condition, text = _timed(lambda: generator.condition(order.prompts))
     latents, diffusion = _timed(lambda: generator.latents(condition, order))
-    features, decoder = _timed(lambda: generator.decode(latents, order.frames))
+    features, decoder = _timed(lambda: decode(latents, order.frames))
     joints, rest = _timed(lambda: generator.representation.decode(features))
     assert np.isfinite(joints).all()
     return dict(zip(PARTS, (text, diffusion, decoder, rest), strict=True))
