@@ -10,7 +10,8 @@ from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.diffusion.prediction import Sample
 from latentmotion.diffusion.schedule import Cosine
-from latentmotion.experiment import Experiment, LatentSettings, Sampling, TrainingSettings
+from latentmotion.experiment import Experiment, LatentSettings, Sampling
+from latentmotion.presets.constant_rate import constant_rate
 from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.loss import VAEObjective
 
@@ -23,20 +24,7 @@ def mdm(steps: int = 1000) -> Experiment:
             CLIP ViT-B/32, which MDM uses.
     """
     cropping = Cropping(unit=4, max_frames=196, min_frames=40)
-    training = TrainingSettings(
-        steps=600_000,
-        batch_size=64,
-        learning_rate=1e-4,
-        warm_up=0,
-        schedule="constant",
-        weight_decay=0.0,
-        gradient_clip=None,
-        ema_decay=0.0,
-        report_every=100,
-        validate_every=5_000,
-        snapshot_every=1_000,
-        sample_every=20_000,
-    )
+    training = constant_rate(steps=600_000, weight_decay=0.0)
     return Experiment(
         name="mdm" if steps == 1000 else f"mdm_{steps}",
         vae=IdentityVAEConfig(),

@@ -10,8 +10,9 @@ from latentmotion.baselines.actor import actor_vae
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
-from latentmotion.experiment import Experiment, LatentSettings, Sampling, TrainingSettings
+from latentmotion.experiment import Experiment, LatentSettings, Sampling
 from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.presets.constant_rate import constant_rate
 from latentmotion.vae.loss import VAEObjective
 
 FEATURES, FRAMES = 150, 60
@@ -29,19 +30,7 @@ def mld_uestc() -> Experiment:
 
 def _mld_actions(name: str, classes: int) -> Experiment:
     cropping = Cropping(unit=FRAMES, max_frames=FRAMES, min_frames=FRAMES)
-    training = TrainingSettings(
-        steps=100_000,
-        batch_size=64,
-        learning_rate=1e-4,
-        warm_up=0,
-        schedule="constant",
-        gradient_clip=None,
-        ema_decay=0.0,
-        report_every=100,
-        validate_every=1_000,
-        snapshot_every=1_000,
-        sample_every=10_000,
-    )
+    training = constant_rate(steps=100_000, validate_every=1_000, sample_every=10_000)
     return Experiment(
         name=name,
         vae=actor_vae(FEATURES),

@@ -5,8 +5,9 @@ from __future__ import annotations
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
-from latentmotion.experiment import Experiment, LatentSettings, Sampling, TrainingSettings
+from latentmotion.experiment import Experiment, LatentSettings, Sampling
 from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.presets.constant_rate import constant_rate
 from latentmotion.vae.loss import VAEObjective
 from latentmotion.vae.transformer import TransformerVAEConfig
 
@@ -14,19 +15,7 @@ from latentmotion.vae.transformer import TransformerVAEConfig
 def mld_humanml3d() -> Experiment:
     """AdamW at a constant 1e-4; stage 1 runs 6,000 epochs, stage 2 runs 3,000 (steps of 64)."""
     cropping = Cropping(unit=4, max_frames=196, min_frames=40)
-    training = TrainingSettings(
-        steps=1_100_000,
-        batch_size=64,
-        learning_rate=1e-4,
-        warm_up=0,
-        schedule="constant",
-        gradient_clip=None,
-        ema_decay=0.0,
-        report_every=100,
-        validate_every=5_000,
-        snapshot_every=1_000,
-        sample_every=20_000,
-    )
+    training = constant_rate(steps=1_100_000)
     return Experiment(
         name="mld_humanml3d",
         vae=TransformerVAEConfig(),
