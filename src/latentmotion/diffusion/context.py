@@ -61,6 +61,14 @@ class LeapEmbedding(nn.Module):
         return torch.cat([numbers[:, :1] + told[:, None], numbers[:, 1:]], dim=1)
 
 
+class NoLeap(nn.Module):
+    """The numbers as they are: a denoiser that is told nothing of leaps."""
+
+    def forward(self, numbers: Tensor, leap: None) -> Tensor:
+        """Returns the numbers' tokens."""
+        return numbers
+
+
 class NumbersThenWords(nn.Module):
     """Words of the condition are tokens of their own."""
 

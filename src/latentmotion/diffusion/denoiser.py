@@ -22,6 +22,7 @@ from latentmotion.diffusion.context import (
     InContext,
     LatentsFirst,
     LeapEmbedding,
+    NoLeap,
     NumbersThenWords,
     SeePadding,
     SeparatePlaces,
@@ -47,7 +48,7 @@ class Denoiser(nn.Module):
         places: Adds positions to latents and context.
         body: The transformer, called with latents, their mask, context and its mask.
         padding: What attention sees of the latents' mask.
-        leaps: For a student of few steps: adds its leap to the numbers.
+        leaps: Adds the leap of a student of few steps to the numbers.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class Denoiser(nn.Module):
         places: nn.Module,
         body: nn.Module,
         padding: nn.Module,
-        leaps: nn.Module | None = None,
+        leaps: nn.Module,
     ) -> None:
         super().__init__()
         self.latents_in = latents_in
@@ -91,8 +92,7 @@ class Denoiser(nn.Module):
             leap: What a student of few steps is told; None for any other denoiser.
         """
         numbers = self.numbers(t.expand(z.shape[0]), mask)
-        if self.leaps is not None:
-            numbers = self.leaps(numbers, leap)
+        numbers = self.leaps(numbers, leap)
         words = self.condition_in(condition.tokens)
         context, context_mask = self.joining(numbers, words, condition.mask)
         latents, context = self.places(self.latents_in(z), context)
@@ -148,7 +148,7 @@ class DenoiserConfig:
             places=self._places(width),
             body=self._body(),
             padding=SeePadding() if self.sees_padding else nn.Identity(),
-            leaps=LeapEmbedding(self.sine_width, width) if self.leaps else None,
+            leaps=LeapEmbedding(self.sine_width, width) if self.leaps else NoLeap(),
         )
 
     def _condition_in(self, width: int) -> nn.Module:

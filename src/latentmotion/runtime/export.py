@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.export import Dim
 
 from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.context import LeapEmbedding
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.files import atomic_file
@@ -49,7 +50,7 @@ def export_denoiser(denoiser: Denoiser, latent_width: int, words_width: int, pat
         "mask": {0: _BATCH, 1: _TOKENS},
     }
     graph = _DenoiserGraph(denoiser)
-    if denoiser.leaps is not None:
+    if isinstance(denoiser.leaps, LeapEmbedding):
         graph = _StudentGraph(denoiser)
         inputs |= {"guidance": torch.rand(batch), "stride": torch.rand(batch)}
         axes |= {"guidance": {0: _BATCH}, "stride": {0: _BATCH}}

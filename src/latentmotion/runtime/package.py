@@ -17,6 +17,7 @@ from latentmotion.checkpoint import WEIGHTS_FILE, TrainedModel, load_model, read
 from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.student import load_text_encoder
+from latentmotion.diffusion.context import LeapEmbedding
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import ModelError
@@ -114,7 +115,7 @@ def _check_denoiser(
     z, words = torch.randn(shape), torch.randn(seen)
     t, real = torch.full(shape[:1], 0.5), torch.ones(seen[:2], dtype=torch.bool)
     mask = torch.ones(shape[:2], dtype=torch.bool)
-    told = {"guidance": 3 * t, "stride": t} if denoiser.leaps is not None else {}
+    told = {"guidance": 3 * t, "stride": t} if isinstance(denoiser.leaps, LeapEmbedding) else {}
     with torch.no_grad():
         expected = denoiser(z, t, Conditioning(words, real), mask, Leap(**told) if told else None)
     inputs = {"z": z, "t": t, "words": words, "words_mask": real, "mask": mask, **told}
