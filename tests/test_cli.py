@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import subprocess
+import sys
+
 import pytest
 
 from latentmotion.cli.main import VERBS, main
@@ -23,6 +27,8 @@ def test_overview_names_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_group_lists_its_verbs(capsys: pytest.CaptureFixture[str]) -> None:
     main(["train"])
     assert "train text-encoder" in capsys.readouterr().out
+    main(["data", "prepare"])
+    assert len(capsys.readouterr().out.splitlines()) == 2 + 8
 
 
 @pytest.mark.parametrize(
@@ -45,8 +51,44 @@ def test_mistakes_are_named(
     assert message in refused(words, capsys)
 
 
-def test_a_misspelled_option_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "--secnds" in refused(["generate", "a person walks", "--secnds", "4"], capsys)
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("data prepare cm", "unknown command 'data prepare cm'; did you mean 'data prepare cmu'?"),
+        ("data prepar cmu", "unknown command 'data prepar'; did you mean 'data prepare'?"),
+        ("generate walk --secnds 4", "unknown option '--secnds'; did you mean '--seconds'?"),
+        ("generate walk --secnds=4", "unknown option '--secnds'; did you mean '--seconds'?"),
+        ("generate walk --no-claen", "unknown option '--no-claen'; did you mean '--no-clean'?"),
+        ("generate walk -x", "unknown option '-x'; see latentmotion generate --help"),
+        ("generate walk --clean no", "'no' belongs to no option; see"),
+        ("generate walk --seconds", "--seconds needs a value; see"),
+        ("generate walk -o", "--output needs a value"),
+        ("generate walk --seconds four", "--seconds 'four': expected a number; see"),
+        ("generate walk --count 1.5", "--count '1.5': expected a whole number; see"),
+        ("generate walk --sampler dim", "--sampler 'dim': did you mean 'ddim'?"),
+        ("study make a b --prompts p --seeds x", "--seeds: Could not find valid parse"),
+        ("study make a --prompts p", "B is missing; see latentmotion study make --help"),
+        ("clean", "FILE and --output are missing; see"),
+        ("retarget --ouput x", "unknown option '--ouput'; see"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_what_tyro_refuses_takes_one_line(
+    words: str,
+    message: str,
+    encoding: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding=encoding))
+    told = refused(words.split(), capsys)
+    assert told.startswith(f"error: {message}") and told.count("\n") == 1, told
+
+
+def test_help_is_printed_and_no_mistake(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["data", "prepare", "cmu", "--help"])
+    assert not stop.value.code and "--humanml3d" in capsys.readouterr().out
 
 
 def test_sentences_and_file_exclude_each_other(
@@ -67,3 +109,11 @@ def test_a_verb_without_its_packages_names_the_extra(
 
     monkeypatch.setattr("latentmotion.cli.main.import_module", import_nothing)
     assert 'pip install "latentmotion[train]"' in refused(["train", "vae"], capsys)
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    command = [sys.executable, "-m", "latentmotion", "--help"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
+        program.stdout.close()
+        assert program.stderr.read() == b""
+    assert program.returncode == 141

@@ -12,6 +12,8 @@ from latentmotion import formats
 from latentmotion.cleanup import CleanUp
 from latentmotion.files import check_writable
 
+_INPUT = f"Motion file: {' '.join(formats.READABLE)}."
+
 
 @dataclass(frozen=True)
 class Clean:
@@ -20,7 +22,7 @@ class Clean:
     Example: latentmotion clean walk.npz -o walk.bvh --no-smooth
     """
 
-    file: Annotated[Positional[Path], arg(help=f"Motion file: {' '.join(formats.READABLE)}.")]
+    file: Annotated[Positional[Path], arg(metavar="FILE", help=_INPUT)]
     output: Annotated[tuple[Path, ...], arg(aliases=["-o"])]
     """Files to write, the ending picks the format."""
     smooth: bool = True

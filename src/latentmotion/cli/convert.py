@@ -20,7 +20,7 @@ class Convert:
     can't tell has an option, whose default is what the authors trained.
     """
 
-    file: tyro.conf.Positional[Path]
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
     """The checkpoint, e.g. 1222_mld_humanml3d_FID041.ckpt."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """The model folder to write."""

@@ -21,7 +21,7 @@ class ConvertEvaluator:
     graph network (uestc_rot6d_stgcn.tar). It is opened without running any code inside it.
     """
 
-    file: tyro.conf.Positional[Path]
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
     """The file."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """The evaluator folder to write."""

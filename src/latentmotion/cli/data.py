@@ -8,7 +8,6 @@ from typing import Annotated
 
 import tyro
 
-from latentmotion.cli.prepare_actions import PrepareHumanAct12, PrepareLabelled, PrepareUestc
 from latentmotion.data.clip import Source
 from latentmotion.data.cmu import CMU, CmuTrials
 from latentmotion.data.encoding import encode_all
@@ -25,6 +24,7 @@ from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATUR
 from latentmotion.representation.interface import Representation
 
 Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+Folder = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FOLDER")]
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class PrepareHdm05:
 class PrepareHumanML3D:
     """Take the official processed HumanML3D folder, with its features and statistics."""
 
-    folder: tyro.conf.Positional[Path]
+    folder: Folder
     """Folder with new_joint_vecs, texts, train.txt, val.txt, test.txt, Mean.npy, Std.npy."""
     out: Out
     """The prepared folder to write."""
@@ -90,7 +90,7 @@ class PrepareHumanML3D:
 class PrepareKit:
     """Take the official processed KIT-ML folder, with its features and statistics."""
 
-    folder: tyro.conf.Positional[Path]
+    folder: Folder
     """Folder with new_joint_vecs, texts, train.txt, val.txt, test.txt, Mean.npy, Std.npy."""
     out: Out
     """The prepared folder to write."""
@@ -104,7 +104,7 @@ class PrepareKit:
 class PrepareOwn:
     """Take your own BVH, AMC or NPZ files, with captions beside them or in one CSV."""
 
-    folder: tyro.conf.Positional[Path]
+    folder: Folder
     """Folder of motion files, in any nesting."""
     out: Out
     """The prepared folder to write."""
@@ -147,24 +147,11 @@ class PrepareOwn:
         _tell(preparation.write(self.out, (source,)), self.out)
 
 
-Prepare = (
-    Annotated[PrepareCmu, tyro.conf.subcommand("cmu")]
-    | Annotated[PrepareHdm05, tyro.conf.subcommand("hdm05")]
-    | Annotated[PrepareHumanML3D, tyro.conf.subcommand("humanml3d")]
-    | Annotated[PrepareKit, tyro.conf.subcommand("kit")]
-    | Annotated[PrepareOwn, tyro.conf.subcommand("own")]
-    | Annotated[PrepareHumanAct12, tyro.conf.subcommand("humanact12")]
-    | Annotated[PrepareUestc, tyro.conf.subcommand("uestc")]
-    | Annotated[PrepareLabelled, tyro.conf.subcommand("labelled")]
-)
-"""One subcommand per source."""
-
-
 @dataclass(frozen=True)
 class Merge:
     """Join prepared folders into one, with one normalizer for all."""
 
-    folders: tyro.conf.Positional[tuple[Path, ...]]
+    folders: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="FOLDERS")]
     """Prepared folders."""
     out: Out
     """The prepared folder to write."""
@@ -179,7 +166,7 @@ class Merge:
 class Check:
     """Say what a folder of raw or prepared data holds, what it lacks and how to get it."""
 
-    folder: tyro.conf.Positional[Path]
+    folder: Folder
     """The folder."""
 
     def run(self) -> None:

@@ -122,7 +122,7 @@ class RunExperiment:
         from latentmotion.experiments.budget import budget_named
         from latentmotion.experiments.workplace import Workplace
 
-        budget = budget_named(self.budget).changed(self.set)
+        budget = budget_named(self.budget).of_table(self.name).changed(self.set)
         folder, dataset = self.output, Dataset.load(self.data)
         return Workplace(dataset, folder, budget, place, cache(self._encoder), self.text_encoder)
 

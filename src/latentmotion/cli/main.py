@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -32,11 +33,27 @@ VERBS = {
         f"{_CLI}.blender_addon:BlenderAddon", "Write the add-on for Blender, ready to install."
     ),
     "retarget": Verb(f"{_CLI}.retarget:Retarget", "Carry motions to a character of your own."),
-    "data prepare": Verb(f"{_CLI}.data:Prepare", "Make a training set from mocap and captions."),
+    "data prepare cmu": Verb(f"{_CLI}.data:PrepareCmu", "CMU's trials, HumanML3D's captions."),
+    "data prepare hdm05": Verb(f"{_CLI}.data:PrepareHdm05", "HDM05's clips and their classes."),
+    "data prepare humanml3d": Verb(f"{_CLI}.data:PrepareHumanML3D", "The official HumanML3D."),
+    "data prepare kit": Verb(f"{_CLI}.data:PrepareKit", "The official KIT-ML."),
+    "data prepare humanact12": Verb(
+        f"{_CLI}.prepare_actions:PrepareHumanAct12", "HumanAct12 as ACTOR distributes it."
+    ),
+    "data prepare uestc": Verb(
+        f"{_CLI}.prepare_actions:PrepareUestc", "UESTC as ACTOR distributes it."
+    ),
+    "data prepare labelled": Verb(
+        f"{_CLI}.prepare_actions:PrepareLabelled", "Your own files, in a folder per action."
+    ),
+    "data prepare own": Verb(f"{_CLI}.data:PrepareOwn", "Your own files and captions."),
     "data merge": Verb(f"{_CLI}.data:Merge", "Join prepared folders into one training set."),
     "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
     "train vae": Verb(f"{_CLI}.train:TrainVAE", "Train a motion VAE (stage 1)."),
     "train denoiser": Verb(f"{_CLI}.train:TrainDenoiser", "Train the diffusion (stage 2)."),
+    "train decoder": Verb(
+        f"{_CLI}.train_decoder:TrainDecoder", "Train a cheaper decoder for a model's latents."
+    ),
     "train distill": Verb(f"{_CLI}.train_distill:TrainDistill", "Distill a model to few steps."),
     "train text-encoder": Verb(
         f"{_CLI}.train_text_encoder:TrainTextEncoder", "Distill a small sentence encoder."
@@ -47,6 +64,7 @@ VERBS = {
     "train classifier": Verb(
         f"{_CLI}.train_classifier:TrainClassifier", "Train a judge of actions for evaluation."
     ),
+    "exchange": Verb(f"{_CLI}.exchange:Exchange", "Give a model the decoder of another."),
     "export": Verb(f"{_CLI}.export:Export", "Make a trained model run without PyTorch."),
     "evaluate": Verb(f"{_CLI}.evaluate:Evaluate", "Measure a model for its card."),
     "convert evaluator": Verb(
@@ -73,18 +91,24 @@ VERBS = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line.
 
-    Exit codes: 0 done, 2 a mistake of the user's (told on standard error), 130 interrupted.
+    Exit codes: 0 done, 2 a mistake of the user's (told on standard error), 130 interrupted, 141
+    nobody reads on, as for any program whose pipe is closed.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
             _run(words)
+            sys.stdout.flush()
     except LatentMotionError as error:
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         raise SystemExit(130) from None
+    except BrokenPipeError:
+        # Python flushes once more as it ends: into nothing.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(141) from None
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
@@ -101,33 +125,39 @@ def _run(words: list[str]) -> None:
 
 
 def _run_verb(words: list[str]) -> None:
-    name = next((" ".join(words[:n]) for n in (2, 1) if " ".join(words[:n]) in VERBS), None)
+    name = next((" ".join(words[:n]) for n in (3, 2, 1) if " ".join(words[:n]) in VERBS), None)
     if name is None:
         _unknown(words)
         return
-    import tyro
+    from latentmotion.cli.usage import parsed
 
     module, _, cls = VERBS[name].target.partition(":")
     try:
         command = getattr(import_module(module), cls)
+        parsed(command, name, words[len(name.split()) :]).run()
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("latentmotion"):
             raise
         raise MissingExtraError(f"latentmotion {name}", error.name, "train") from error
-    rest = words[len(name.split()) :]
-    tyro.cli(command, prog=f"latentmotion {name}", args=rest).run()
 
 
 def _unknown(words: list[str]) -> None:
-    group = {name: verb for name, verb in VERBS.items() if name.split()[0] == words[0]}
-    if group and (len(words) == 1 or words[1] in ("-h", "--help")):
+    known = next((n for n in (2, 1) if n <= len(words) and _group(words[:n])), 0)
+    group = _group(words[:known])
+    if known and (len(words) == known or words[known] in ("-h", "--help")):
         print(_overview(group))
         return
-    typed = " ".join(words[: 2 if group else 1])
-    raise InputError(f"unknown command {typed!r}; {hint(typed, VERBS)}")
+    typed = " ".join(words[: known + 1])
+    # One word further than what was understood, so that "xyz" is no reason to name every verb.
+    names = dict.fromkeys(" ".join(name.split()[: known + 1]) for name in group)
+    raise InputError(f"unknown command {typed!r}; {hint(typed, names)}")
+
+
+def _group(words: list[str]) -> dict[str, Verb]:
+    return {name: verb for name, verb in VERBS.items() if name.split()[: len(words)] == words}
 
 
 def _overview(verbs: dict[str, Verb]) -> str:
-    lines = [f"  {name:<20}{verb.purpose}" for name, verb in verbs.items()]
+    lines = [f"  {name:<25}{verb.purpose}" for name, verb in verbs.items()]
     usage = "usage: latentmotion COMMAND [OPTIONS]     (COMMAND --help tells its options)"
     return "\n".join([usage, "", *lines])

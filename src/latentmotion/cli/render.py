@@ -33,7 +33,7 @@ class Render:
         latentmotion render walk.npz run.bvh -o strip.png --style path
     """
 
-    files: Annotated[Positional[tuple[Path, ...]], arg(help=_INPUT)]
+    files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILES", help=_INPUT)]
     output: Annotated[tuple[Path, ...], arg(aliases=["-o"])]
     """Files to write, the ending picks the format: .mp4 .gif .png. Takes stand side by side in
     videos, under each other in strips."""

@@ -32,7 +32,7 @@ class Retarget:
 
     to: Path
     """The character: .glb, .gltf, .bvh or .asf."""
-    files: Positional[tuple[Path, ...]] = ()
+    files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILES")] = ()
     """Motion files; each motion in them becomes an animation."""
     output: Annotated[Path | None, arg(aliases=["-o"])] = None
     """File to write: .glb or .gltf is the character with the animations added, .bvh its skeleton

@@ -7,13 +7,16 @@ import secrets
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from latentmotion.configuration import to_json, write_json
 from latentmotion.errors import InputError
 from latentmotion.files import check_writable
+
+if TYPE_CHECKING:
+    from latentmotion.study.design import Pair
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,9 @@ class MakeStudy:
     The page is a single file to send to raters; the key beside it stays with you.
     """
 
-    a: Positional[str]
+    a: Annotated[Positional[str], arg(metavar="A")]
     """Model A."""
-    b: Positional[str]
+    b: Annotated[Positional[str], arg(metavar="B")]
     """Model B."""
     prompts: Path
     """Text file with one sentence per line."""
@@ -41,42 +44,46 @@ class MakeStudy:
 
     def run(self) -> None:
         """Makes the page and the key."""
-        from latentmotion.cli.loading import load_generator
-        from latentmotion.study.design import Pair, design
+        from latentmotion.study.design import design
         from latentmotion.study.page import write_study_page
-        from latentmotion.study.sources import (
-            Wanted,
-            check_lengths,
-            describe,
-            motions_of,
-            read_prompts,
-        )
+        from latentmotion.study.sources import describe
 
+        self._check()
+        pairs = self._pairs()
+        seed = secrets.randbits(32) if self.order_seed is None else self.order_seed
+        study = design(pairs, describe(self.a), describe(self.b), seed)
+        write_study_page(self.output, study)
+        write_json(self.output.with_suffix(".key.json"), study.key)
+        number = "1 pair" if len(pairs) == 1 else f"{len(pairs)} pairs"
+        print(f"wrote {self.output} ({number}), for raters")
+        print(f"wrote {self.output.with_suffix('.key.json')}, for you alone")
+
+    def _check(self) -> None:
         if self.output.suffix != ".html":
             raise InputError(f"{self.output}: expected a name that ends with .html")
         check_writable(self.output)
         if self.order_seed is not None and self.order_seed < 0:
             raise InputError(f"--order-seed {self.order_seed}: expected a number from 0 up")
+
+    def _pairs(self) -> list[Pair]:
+        from latentmotion.cli.loading import load_generator
+        from latentmotion.study.design import Pair
+        from latentmotion.study.sources import Wanted, check_lengths, motions_of, read_prompts
+
         wanted = Wanted(read_prompts(self.prompts), self.seeds, self.seconds)
         a, b = (motions_of(source, wanted, load_generator) for source in (self.a, self.b))
         both = list(zip(a, b, strict=True))
         for warning in check_lengths(both):
             print(f"warning: {warning}", file=sys.stderr)
         rows = zip(wanted.rows(), both, strict=True)
-        pairs = [Pair(prompt, seed, a, b) for (prompt, seed), (a, b) in rows]
-        seed = secrets.randbits(32) if self.order_seed is None else self.order_seed
-        study = design(pairs, describe(self.a), describe(self.b), seed)
-        write_study_page(self.output, study)
-        write_json(self.output.with_suffix(".key.json"), study.key)
-        print(f"wrote {self.output} ({len(pairs)} pairs), for raters")
-        print(f"wrote {self.output.with_suffix('.key.json')}, for you alone")
+        return [Pair(prompt, seed, a, b) for (prompt, seed), (a, b) in rows]
 
 
 @dataclass(frozen=True)
 class ReportStudy:
     """Say what raters prefer, from the files that their browsers downloaded."""
 
-    answers: Positional[tuple[Path, ...]]
+    answers: Annotated[Positional[tuple[Path, ...]], arg(metavar="ANSWERS")]
     """The files; of several by one rater the latest counts."""
     key: Path
     """The key that was written with the page."""

@@ -34,7 +34,7 @@ class Settings(bpy.types.PropertyGroup):
         soft_max=10,
     )
     model: bpy.props.StringProperty(
-        name="Model", description="Name or folder of the model", default="starter"
+        name="Model", description="Name or folder of the model", default="fast"
     )
 
 

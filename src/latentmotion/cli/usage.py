@@ -1,0 +1,94 @@
+"""Words → a command: by tyro, whose boxes of text for a mistake become one line."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr
+from difflib import get_close_matches
+from typing import TypeVar
+
+import tyro
+
+from latentmotion.errors import InputError, hint
+
+Command = TypeVar("Command")
+
+
+def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
+    """Returns the dataclass that the words fill; `--help` is printed and ends the program.
+
+    Args:
+        command: A flat dataclass, whose fields are the options.
+        name: What the user types for it, after the program's name.
+        words: What follows that on the command line.
+
+    Raises:
+        InputError: An option is unknown or missing, or its value is.
+    """
+    box = io.StringIO()
+    try:
+        with redirect_stderr(box):
+            found = tyro.cli(command, prog=f"latentmotion {name}", args=words)
+    except SystemExit as end:
+        if not end.code:
+            raise
+        told = in_one_line(box.getvalue())
+        advice = "" if told.endswith("?") else f"; see latentmotion {name} --help"
+        raise InputError(told + advice) from None
+    _check_lists(found, words)
+    return found
+
+
+def in_one_line(box: str) -> str:
+    """Returns what a box of tyro's says, shortly; in tyro's words where they are new to us."""
+    rows = [row.strip(" │") for row in box.splitlines()[1:]]
+    text = " ".join(" ".join(row for row in rows if row.strip("-─╰╯ ")).split())
+    for pattern, phrase in _PHRASES.items():
+        if match := re.search(pattern, text):
+            return phrase(match)
+    return text.partition(" For full helptext")[0].rstrip(".")
+
+
+def _check_lists(command: object, words: Sequence[str]) -> None:
+    """Refuses `-o` with nothing behind it, which tyro takes for an empty list."""
+    for name, value in vars(command).items():
+        # A short name, where there is one, is the first letter.
+        if value == () and {f"--{name}", f"-{name[0]}"} & set(words):
+            raise InputError(f"--{name} needs a value")
+
+
+def _unknown(match: re.Match[str]) -> str:
+    word, told = match[1], match.string
+    known = [name for name in re.findall(r"--[\w-]+", told) if name not in (word, "--help")]
+    near = get_close_matches(word, known, n=1)
+    return f"unknown option {word!r}" + "".join(f"; did you mean {name!r}?" for name in near)
+
+
+def _not_a_choice(match: re.Match[str]) -> str:
+    choices = sorted(set(re.findall(r"'([^']*)'", match[3])) - {"None"})
+    return f"{match[2]} {match[1]!r}: {hint(match[1], choices)}"
+
+
+def _missing(match: re.Match[str]) -> str:
+    each = [re.match(r" ?(?:-\w .*?, )?(\S+)", part) for part in match[1].split("(required)")]
+    names = [name[1] for name in each if name]
+    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} missing"
+
+
+_PHRASES: dict[str, Callable[[re.Match[str]], str]] = {
+    r"Unrecognized options: (-[^\s,=]+)": _unknown,
+    r"Unrecognized options: (\S+)": lambda it: f"{it[1]!r} belongs to no option",
+    r"Missing value for argument '(.*?)'": lambda it: f"{it[1]} needs a value",
+    r"invalid choice '(.*?)' for argument '(.*?)'. Expected one of \((.*?)\)": _not_a_choice,
+    r"Error parsing (\S+):.* int\(\) with base 10: '(.*?)'": (
+        lambda it: f"{it[1]} {it[2]!r}: expected a whole number"
+    ),
+    r"Error parsing (\S+):.* string to float: '(.*?)'": (
+        lambda it: f"{it[1]} {it[2]!r}: expected a number"
+    ),
+    r"Error parsing (\S+): (.*?)\.? Argument helptext": lambda it: f"{it[1]}: {it[2]}",
+    r"Missing from [^:]*:(.*\(required\))": _missing,
+}
+"""What tyro says, and how we do."""
