@@ -1,6 +1,6 @@
 """A study as one self-contained HTML page: no server, no request, no name of a model.
 
-`study.js` beside this file is a build product of `viewer/source/study`.
+Its script is the viewer's, which knows a study by what the page carries.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from latentmotion.files import atomic_file
 from latentmotion.study.design import Study, asked
-from latentmotion.viewer.page import json_in_html, payload
+from latentmotion.viewer.page import json_in_html, payload, script
 
 
 def study_html(study: Study) -> str:
@@ -28,8 +28,8 @@ def study_html(study: Study) -> str:
         for row in key.pairs
     ]
     carried = {"study": key.study, "questions": key.questions, "pairs": pairs, **payload(motions)}
-    fields = {"study": json_in_html(carried), "script": _resource("study.js")}
-    return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
+    fields = {"study": json_in_html(carried), "script": script()}
+    return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _template())
 
 
 def write_study_page(path: str | Path, study: Study) -> None:
@@ -39,5 +39,6 @@ def write_study_page(path: str | Path, study: Study) -> None:
         temporary.write_text(page, encoding="utf-8")
 
 
-def _resource(name: str) -> str:
-    return resources.files("latentmotion.study").joinpath(name).read_text(encoding="utf-8")
+def _template() -> str:
+    template = resources.files("latentmotion.study").joinpath("template.html")
+    return template.read_text(encoding="utf-8")

@@ -42,7 +42,7 @@ def page_html(motions: Sequence[Motion], title: str | None = None) -> str:
     fields = {
         "title": html.escape(title or motions[0].caption or "Latent Motion"),
         "motions": json_in_html(payload(motions)),
-        "script": _resource("viewer.js"),
+        "script": script(),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
 
@@ -111,6 +111,11 @@ def json_in_html(payload: dict[str, Any]) -> str:
     """Returns JSON in which no caption can end the script element around it."""
     text = json.dumps(payload, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def script() -> str:
+    """Returns what makes a page move: this one, or a user study's."""
+    return _resource("viewer.js")
 
 
 def _resource(name: str) -> str:

@@ -1,11 +1,12 @@
-// Bundles each page's script with the parts of three.js that it uses: ../viewer.js, and the user
-// study's ../../study/study.js.
+// Bundles both pages' script with the parts of three.js that it uses: ../viewer.js.
 import { readFileSync } from "node:fs";
 import { build } from "esbuild";
 
 const license = readFileSync("node_modules/three/LICENSE", "utf8").trim();
 
-const options = {
+await build({
+  entryPoints: ["page.js"],
+  outfile: "../viewer.js",
   bundle: true,
   minify: true,
   format: "iife",
@@ -16,7 +17,4 @@ const options = {
     js: `/*! Built from viewer/source by "npm install && npm run build"; do not edit.\n` +
       `Latent Motion's viewer (MIT), with parts of three.js:\n\n${license}\n*/`,
   },
-};
-
-await build({ ...options, entryPoints: ["main.js"], outfile: "../viewer.js" });
-await build({ ...options, entryPoints: ["study/main.js"], outfile: "../../study/study.js" });
+});
