@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 
-def run(code: str) -> str:
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+def run(code: str, **environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | environment,
+    )
     return done.stdout.strip()
 
 
@@ -27,3 +35,12 @@ def test_generation_imports_no_pytorch() -> None:
 def test_public_names_exist() -> None:
     code = "import latentmotion as l; print(all(getattr(l, n) is not None for n in l.__all__))"
     assert run(code) == "True"
+
+
+def test_the_engine_keeps_no_record_of_its_user(tmp_path: Path) -> None:
+    code = (
+        "from latentmotion.engines import onnxruntime_session as s;"
+        "from latentmotion.models import find_model as f; s(f('starter') / 'decoder.onnx', 1)"
+    )
+    run(code, HOME=str(tmp_path), XDG_CACHE_HOME=str(tmp_path))
+    assert list(tmp_path.rglob("*")) == []

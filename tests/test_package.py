@@ -56,9 +56,11 @@ def untrained(kind: str) -> TrainedModel:
 def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
     save_model(tmp_path / "run", untrained(kind))
     starter, output = find_model("starter"), tmp_path / "model"
+    precision = {"over time": "float32", "global": "int8"}[kind]
     options = ["--text-encoder", str(starter), "-o", str(output), "--license", "CC0"]
-    main(["export", str(tmp_path / "run"), *options])
-    assert read_card(output).provenance.license == "CC0"
+    main(["export", str(tmp_path / "run"), *options, "--precision", precision])
+    card = read_card(output)
+    assert (card.provenance.license, card.precision) == ("CC0", precision)
     motion = MotionGenerator.load(output, "onnxruntime", 1)("a person walks", 1, steps=3)
     assert motion.joints.shape == (20, 22, 3)
     assert motion.metadata["model"] == "model"

@@ -2,7 +2,7 @@
 
     from latentmotion import MotionGenerator
 
-    generate = MotionGenerator.load("starter")
+    generate = MotionGenerator.load()
     motion = generate("a person walks forward and kicks", seconds=4, seed=7)
     motion.save("kick.bvh")
 

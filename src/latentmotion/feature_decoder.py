@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
+from latentmotion.masks import mask_of
 from latentmotion.model_card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
@@ -45,17 +46,22 @@ class FeatureDecoder:
         self, latents: Float[np.ndarray, "batch tokens width"], frames: Sequence[int]
     ) -> Float[np.ndarray, "batch longest features"]:
         """Returns features in their own units; beyond a motion's length they mean nothing."""
-        mask = np.arange(max(frames)) < np.array(frames)[:, None]
-        return self._normalizer.denormalize(self.network(latents=latents, mask=mask))
+        normalized = self.network(latents=latents, mask=mask_of(frames))
+        return self._normalizer.denormalize(normalized)
+
+    def joints(
+        self, features: Float[np.ndarray, "frames features"]
+    ) -> Float[np.ndarray, "frames joints 3"]:
+        """Returns the joints that features of one motion describe."""
+        return self.representation.decode(features)
 
     def motion(
         self,
-        features: Float[np.ndarray, "frames features"],
+        joints: Float[np.ndarray, "frames joints 3"],
         caption: str,
         metadata: Mapping[str, str | int | float],
     ) -> Motion:
-        """Returns features as the motion that they describe."""
-        joints = self.representation.decode(features)  #         (frames, joints, 3)
+        """Returns joints as a motion of the model's."""
         return Motion(
             joints=np.asarray(joints, dtype=np.float32),
             fps=self.representation.fps,

@@ -6,10 +6,11 @@ turns into motions; all else serves them. A prompt is a sentence, an action labe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,14 +22,16 @@ from latentmotion.diffusion.leaps import Leap, LeapTimes
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import Sampler, SamplerName, sample, sampler_named
 from latentmotion.feature_decoder import FeatureDecoder
+from latentmotion.masks import mask_of
 from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import find_model
+from latentmotion.models import DEFAULT, find_model
 from latentmotion.motion import Motion
 from latentmotion.order import Order, batches, check_frames, check_prompts, frames_of
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.runtime.conditions import condition_of
-from latentmotion.runtime.session import Runtime, Session, open_decoder, open_session
+from latentmotion.runtime.session import OpenedWhenCalled, Runtime, Session, open_decoder
+from latentmotion.runtime.walks import Walks, open_walks
 
 MOST_AT_ONCE = 32
 """Motions that go through the networks together; more are done in turns, to bound memory."""
@@ -50,28 +53,38 @@ class MotionGenerator:
     """Motions that go through the networks together."""
     body: SmplRepresentation | None = None
     """Whose joints motions have, in place of the skeleton's that ships."""
+    walks: Walks = field(default_factory=dict)
+    """Graphs from noise to features, by number of steps."""
 
     @classmethod
     def load(
-        cls, model: str | Path = "starter", runtime: Runtime = "auto", threads: int | None = None
+        cls,
+        model: str | Path = DEFAULT,
+        runtime: Runtime = "auto",
+        threads: int | None = None,
+        cache: Path | None = None,
     ) -> MotionGenerator:
-        """Loads a model by name (`starter` ships with the package) or from its folder.
+        """Finds a model by name (`fast` and `starter` ship with the package) or by its folder.
+
+        Networks are loaded when they are first needed.
 
         Args:
             model: Name or folder.
-            runtime: Engine of the networks; `auto` takes OpenVINO where it is installed.
+            runtime: Engine of the networks; `auto` takes ONNX Runtime.
             threads: Most threads the engine may use; by default all cores.
+            cache: Folder in which embeddings of prompts are kept, for example `cache_folder()`.
 
         Raises:
-            ModelError: There is no such model, or its folder is damaged or was not exported.
+            ModelError: There is no such model, or a file of it is missing: it was not exported.
         """
         folder = find_model(model)
         card = read_card(folder)
         return cls(
             card,
-            condition_of(card, folder),
-            open_session(folder / "denoiser.onnx", runtime, threads),
+            condition_of(card, folder, cache),
+            OpenedWhenCalled(folder / "denoiser.onnx", runtime, threads),
             open_decoder(card, folder, runtime, threads),
+            walks=open_walks(card, folder, runtime, threads),
         )
 
     def __call__(
@@ -126,8 +139,8 @@ class MotionGenerator:
         seeds = range(len(prompts)) if seeds is None else seeds
         order = self._order(prompts, frames, seeds, steps, guidance, sampler)
         return [
-            self._features.motion(features, prompt, self._metadata(order, seed))
-            for features, prompt, seed in zip(self._each(order), prompts, seeds, strict=True)
+            self._features.motion(joints, prompt, self._metadata(order, seed))
+            for joints, prompt, seed in zip(self._joints(order), prompts, seeds, strict=True)
         ]
 
     def features(
@@ -152,11 +165,17 @@ class MotionGenerator:
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
-        return self._each(self._order(prompts, frames, seeds, steps, guidance, sampler))
+        order = self._order(prompts, frames, seeds, steps, guidance, sampler)
+        return self._each(order, self.together)
 
     def together(self, order: Order) -> Float[np.ndarray, "batch frames features"]:
-        """Walks the chain for one batch; what lies beyond a motion's length means nothing."""
+        """Walks the chain for one batch; what lies beyond a motion's length means nothing.
+
+        Where one graph holds all that follows the condition, that graph does it.
+        """
         condition = self.condition(order.prompts)  #             (batch, words, width)
+        if order.steps in self.walks:
+            return self._walk(condition, order)
         latents = self.latents(condition, order)  #              (batch, tokens, width)
         return self._features(latents, order.frames)  #          (batch, frames, features)
 
@@ -164,19 +183,34 @@ class MotionGenerator:
         self, condition: Conditioning, order: Order
     ) -> Float[np.ndarray, "batch tokens width"]:
         """Walks from noise to latents, guided (paper eq. 6), in the scale of the VAE."""
-        space = self.card.latents
-        tokens = [space.tokens_of(length) for length in order.frames]
-        noise = SeededNoise(order.seeds, tokens)
-        z = noise((len(tokens), max(tokens), space.width))
-        mask = np.arange(max(tokens)) < np.array(tokens)[:, None]
+        space, tokens = self.card.latents, self._tokens(order)
+        noise, mask = SeededNoise(order.seeds, tokens), mask_of(tokens)
+        z = noise((*mask.shape, space.width))
         guided, sampler = self._guided(order), self._sampler(order)
         z = sample(guided, sampler, z, condition, mask, order.steps, noise)
         return z * np.array(space.std, np.float32) + np.array(space.mean, np.float32)
+
+    def _walk(
+        self, condition: Conditioning, order: Order
+    ) -> Float[np.ndarray, "batch frames features"]:
+        tokens = self._tokens(order)
+        noise, mask = SeededNoise(order.seeds, tokens), mask_of(tokens)
+        return self.walks[order.steps](
+            noise=noise((*mask.shape, self.card.latents.width)),
+            words=condition.tokens,
+            words_mask=condition.mask,
+            mask=mask,
+            frames=mask_of(order.frames),
+            guidance=np.full(len(mask), order.guidance, np.float32),
+        )
 
     @property
     def representation(self) -> Representation:
         """What the features mean."""
         return self._features.representation
+
+    def _tokens(self, order: Order) -> list[int]:
+        return [self.card.latents.tokens_of(length) for length in order.frames]
 
     def _guided(self, order: Order) -> Denoiser:
         if self.card.leaps:
@@ -190,12 +224,12 @@ class MotionGenerator:
 
     def _denoise(
         self,
-        z: Float[np.ndarray, "batch tokens width"],
-        t: Float[np.ndarray, " batch"],
+        z: Float[Any, "batch tokens width"],
+        t: Float[Any, " batch"],
         condition: Conditioning,
-        mask: Bool[np.ndarray, "batch tokens"],
+        mask: Bool[Any, "batch tokens"],
         leap: Leap | None = None,
-    ) -> Float[np.ndarray, "batch tokens width"]:
+    ) -> Float[Any, "batch tokens width"]:
         words, real = condition.tokens, condition.mask
         told = {"guidance": leap.guidance, "stride": leap.stride} if leap else {}
         return self.denoiser(z=z, t=t, words=words, words_mask=real, mask=mask, **told)
@@ -208,11 +242,15 @@ class MotionGenerator:
     def _features(self) -> FeatureDecoder:
         return FeatureDecoder(self.card, self.decoder, self.body)
 
-    def _each(self, order: Order) -> list[Float[np.ndarray, "_ features"]]:
+    def _joints(self, order: Order) -> list[Float[np.ndarray, "_ joints 3"]]:
+        return [self._features.joints(each) for each in self._each(order, self.together)]
+
+    def _each(self, order: Order, together: Callable[[Order], np.ndarray]) -> list[np.ndarray]:
+        """Walks in batches; each motion's own frames of what `together` returns."""
         found: dict[int, np.ndarray] = {}
         for rows in batches(order.frames, self.at_once, self.card.masks_padding):
-            features = self.together(order.take(rows))
-            found |= {row: features[n, : order.frames[row]] for n, row in enumerate(rows)}
+            batch = together(order.take(rows))
+            found |= {row: batch[n, : order.frames[row]] for n, row in enumerate(rows)}
         return [found[row] for row in range(len(order.frames))]
 
     def _order(

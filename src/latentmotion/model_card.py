@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +18,9 @@ FORMAT = 1
 """Version of model.json that this code writes and reads."""
 
 CARD_FILE = "model.json"
+
+GraphPrecision = Literal["float32", "int8"]
+"""Precision of matrix products; weights of float32 graphs are kept in 16 bits."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,8 @@ class ModelCard:
     """Default sampler."""
     frames: tuple[int, int] = (16, 196)
     """Shortest and longest motion it was trained on, in frames."""
+    precision: GraphPrecision = "float32"
+    """Of the graphs' matrix products, where the model was exported."""
     provenance: Provenance = Provenance()
     """Where the weights come from."""
     figures: dict[str, Any] = field(default_factory=dict)
@@ -112,7 +118,7 @@ class ModelCard:
         over_time = self.latents.frames_per_token is not None
         return not (self.denoiser.get("sees_padding", False) or (behind and over_time))
 
-    @property
+    @cached_property
     def leaps(self) -> Leaps | None:
         """What a distilled model, which takes guidance as an input, may be asked for; else None."""
         kept = self.denoiser.get("leaps")

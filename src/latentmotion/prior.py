@@ -53,7 +53,7 @@ class MotionPrior:
         frames = frames_of(self.card, seconds, len(seeds), fps)
         about = {"model": self.card.name, "license": self.card.provenance.license}
         return [
-            self._features.motion(features, "", {**about, "seed": seed})
+            self._features.motion(self._features.joints(features), "", {**about, "seed": seed})
             for features, seed in zip(self.features(frames, seeds), seeds, strict=True)
         ]
 

@@ -40,6 +40,7 @@ from latentmotion.evaluation.trials import Trial
 from latentmotion.files import check_replaceable
 from latentmotion.model_card import read_card
 from latentmotion.models import find_model
+from latentmotion.runtime.computing import Computing, Launch, Precision
 from latentmotion.runtime.eager import eager_prior
 from latentmotion.vae.identity import IdentityVAE
 
@@ -54,7 +55,7 @@ class Evaluate:
     Example: latentmotion evaluate my_model --data my_data --evaluator my_evaluator -o report
     """
 
-    model: Positional[str]
+    model: Annotated[Positional[str], arg(metavar="MODEL")]
     """Name or folder of a model: exported, trained or converted."""
     data: Annotated[Path, arg(aliases=["-d"])]
     """Folder that `latentmotion data prepare` wrote."""
@@ -86,6 +87,12 @@ class Evaluate:
     text_encoder: str | None = None
     """Text encoder of a model that was not exported, e.g. clip:FOLDER; by default what its folder
     or card names."""
+    device: str = "cpu"
+    """Where PyTorch computes: cpu, cuda or cuda:N; its networks then run exported models too."""
+    precision: Precision = "float32"
+    """Of PyTorch's matrix products and convolutions."""
+    launch: Launch = "eager"
+    """How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled."""
     cost: bool = False
     """Measure parameters, FLOPs and seconds too."""
     output: Annotated[Path | None, arg(aliases=["-o"])] = None
@@ -132,14 +139,19 @@ class Evaluate:
         model, weights = load_model(folder), weights_hash(folder)
         rebuilt = self._rebuilt(model, weights)
         if self.prior:
-            return [Prior(eager_prior(folder), weights), *rebuilt]
+            return [Prior(eager_prior(folder, self._computing()), weights), *rebuilt]
         if model.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if model.denoiser is None:
             return rebuilt
-        generator = load_generator(folder, text_encoder=self.text_encoder)
+        generator = load_generator(
+            folder, text_encoder=self.text_encoder, computing=self._computing()
+        )
         made = Generated(generator, self.steps, self.guidance, self.sampler, weights)
         return [made, *rebuilt]
+
+    def _computing(self) -> Computing:
+        return Computing(self.device, self.precision, self.launch)
 
     def _rebuilt(self, model: TrainedModel, weights: str) -> list[Subject]:
         if model.vae is None or isinstance(model.vae, IdentityVAE):

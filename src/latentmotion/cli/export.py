@@ -14,9 +14,10 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
 from latentmotion.condition.text.pretrained_export import export_pretrained
 from latentmotion.errors import InputError
-from latentmotion.model_card import ModelCard, read_card
+from latentmotion.model_card import GraphPrecision, ModelCard, read_card
 from latentmotion.models import find_model
-from latentmotion.runtime.eager import encoder_folder, find_encoder
+from latentmotion.runtime.conditions import encoder_folder
+from latentmotion.runtime.eager import find_encoder
 from latentmotion.runtime.package import WriteTextEncoder, copied, package_model
 
 
@@ -27,7 +28,7 @@ class Export:
     Example: latentmotion export runs/denoiser/model --text-encoder runs/text -o my_model
     """
 
-    model: Positional[Path]
+    model: Annotated[Positional[Path], arg(metavar="MODEL")]
     """Folder that training or `latentmotion convert` wrote."""
     output: Annotated[Path, arg(aliases=["-o"])]
     """Folder to write."""
@@ -35,6 +36,9 @@ class Export:
     """For a model that reads sentences: folder that `latentmotion train text-encoder` wrote, name
     of a model whose encoder is taken, or clip:FOLDER, minilm:FOLDER and the like; by default the
     one in the model's folder, or that its card names where it is on this machine."""
+    precision: GraphPrecision = "float32"
+    """Of matrix products in the graphs; int8 is faster and a little less exact
+    (docs/runtime.md)."""
     name: str | None = None
     """What the model shall be called; by default as the folder."""
     license: str | None = None
@@ -47,7 +51,8 @@ class Export:
             ModelError: Something is missing, or a graph does not repeat its network.
         """
         source = find_model(self.model)
-        card = replace(read_card(source), name=self.name or self.output.resolve().name)
+        name = self.name or self.output.resolve().name
+        card = replace(read_card(source), name=name, precision=self.precision)
         if self.license:
             card = replace(card, provenance=replace(card.provenance, license=self.license))
         package_model(source, card, self._text_encoder(card, source), self.output)

@@ -12,14 +12,16 @@ from tyro.conf import Positional, arg
 from latentmotion import formats
 from latentmotion.animation import check_fps
 from latentmotion.body.smpl_model import load_smpl
+from latentmotion.cache_folder import cache_folder
 from latentmotion.cli.loading import Engine, load_generator, load_prior
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.files import check_writable, read_lines
 from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import find_model
+from latentmotion.models import DEFAULT, find_model
 from latentmotion.motion import Motion
 from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.runtime.computing import Computing, Launch, Precision
 from latentmotion.runtime.conditions import labels_of
 
 _OUTPUT = (
@@ -47,7 +49,7 @@ class Generate:
     seed: int = 0
     """The first motion's seed; the next ones count up. The same seed gives the same motion."""
     output: Annotated[tuple[Path, ...], arg(aliases=["-o"], help=_OUTPUT)] = ()
-    model: str = "starter"
+    model: str = DEFAULT
     """Name or folder of the model."""
     prior: bool = False
     """Decode random latents of the model's VAE alone, without prompt and diffusion."""
@@ -59,15 +61,23 @@ class Generate:
     """ddim (which is euler), heun (two passes a step), dpm++, or ddpm, which adds fresh noise at
     every step; by default the model's own."""
     runtime: Engine = "auto"
-    """Engine of the networks; auto takes OpenVINO where it is installed, and PyTorch for a model
+    """Engine of the networks; auto takes ONNX Runtime, and PyTorch for a model
     that was not exported."""
     threads: int | None = None
     """Most threads the engine may use; by default all cores."""
+    cache: bool = True
+    """Keep what the text encoder said of prompts in this user's cache folder, or where the
+    environment variable LATENTMOTION_CACHE says (`off` for nowhere)."""
     text_encoder: str | None = None
     """For a model that was not exported and has no text encoder: a folder, name of a model,
     or clip:FOLDER and the like."""
     device: str = "cpu"
     """Where PyTorch computes: cpu, cuda or cuda:N."""
+    precision: Precision = "float32"
+    """Of PyTorch's matrix products and convolutions."""
+    launch: Launch = "eager"
+    """How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled; the latter
+    two take seconds before the first motion and pay for hundreds."""
     body: Path | None = None
     """SMPL model file (.npz, or .pkl of plain arrays) whose joints a model of SMPL's poses moves,
     in place of the skeleton that ships."""
@@ -110,7 +120,7 @@ class Generate:
     def _from_prior(self, prompts: list[str]) -> list[Motion]:
         if prompts:
             raise InputError(f"--prior takes no prompt; leave {prompts[0]!r} out")
-        prior = load_prior(self.model, self.runtime, self.threads, self.device)
+        prior = load_prior(self.model, self.runtime, self.threads, self._computing())
         return replace(prior, body=self._body()).batch(
             self.seconds, range(self.seed, self.seed + self.count)
         )
@@ -119,11 +129,19 @@ class Generate:
         card = read_card(find_model(self.model))
         each = [prompt for prompt in _needed(card, given) for _ in range(self.count)]
         generator = load_generator(
-            self.model, self.runtime, self.threads, self.text_encoder, self.device
+            self.model,
+            self.runtime,
+            self.threads,
+            self.text_encoder,
+            self._computing(),
+            cache_folder() if self.cache else None,
         )
         seeds = range(self.seed, self.seed + len(each))
         generator = replace(generator, body=self._body())
         return generator.batch(each, self.seconds, seeds, self.steps, self.guidance, self.sampler)
+
+    def _computing(self) -> Computing:
+        return Computing(self.device, self.precision, self.launch)
 
     def _body(self) -> SmplRepresentation | None:
         return load_smpl(self.body).representation if self.body else None

@@ -9,11 +9,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Literal
 
-from latentmotion.errors import MissingExtraError, ModelError
+from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import read_card
 from latentmotion.models import find_model
 from latentmotion.prior import MotionPrior
+from latentmotion.runtime.computing import ON_CPU, Computing
 from latentmotion.runtime.session import open_decoder
 
 Engine = Literal["auto", "onnxruntime", "openvino", "pytorch"]
@@ -25,7 +26,8 @@ def load_generator(
     engine: Engine = "auto",
     threads: int | None = None,
     text_encoder: str | None = None,
-    device: str = "cpu",
+    computing: Computing = ON_CPU,
+    cache: Path | None = None,
 ) -> MotionGenerator:
     """Loads a model, exported or not.
 
@@ -34,9 +36,11 @@ def load_generator(
         engine: What runs the networks.
         threads: Most threads of the graphs' engine.
         text_encoder: Where the folder has none: as for `latentmotion train denoiser`.
-        device: PyTorch's.
+        computing: Where and how PyTorch computes, which other engines do not.
+        cache: Folder in which embeddings of an exported model's prompts are kept.
 
     Raises:
+        InputError: An engine cannot compute there or so.
         ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
     """
     folder = find_model(model)
@@ -46,25 +50,40 @@ def load_generator(
             f"{model} has a VAE but no denoiser: sample its prior by --prior, or train the "
             "diffusion: latentmotion train denoiser"
         )
+    engine = _engine_for(computing, engine)
     if engine != "pytorch" and (folder / "denoiser.onnx").is_file() and text_encoder is None:
-        return MotionGenerator.load(folder, engine, threads)
+        return MotionGenerator.load(folder, engine, threads, cache)
     eager = _pytorch(folder, engine)
-    return eager.eager_generator(folder, text_encoder and _encoder(text_encoder), device)
+    return eager.eager_generator(folder, text_encoder and _encoder(text_encoder), computing)
 
 
 def load_prior(
-    model: str | Path, engine: Engine = "auto", threads: int | None = None, device: str = "cpu"
+    model: str | Path,
+    engine: Engine = "auto",
+    threads: int | None = None,
+    computing: Computing = ON_CPU,
 ) -> MotionPrior:
     """Loads a model's VAE, exported or not, to sample its prior.
 
     Raises:
+        InputError: An engine cannot compute there or so.
         ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
     """
-    folder = find_model(model)
+    folder, engine = find_model(model), _engine_for(computing, engine)
     if engine != "pytorch" and (folder / "decoder.onnx").is_file():
         card = read_card(folder)
         return MotionPrior(card, open_decoder(card, folder, engine, threads))
-    return _pytorch(folder, engine).eager_prior(folder, device)
+    return _pytorch(folder, engine).eager_prior(folder, computing)
+
+
+def _engine_for(computing: Computing, engine: Engine) -> Engine:
+    if computing == ON_CPU or engine == "pytorch":
+        return engine
+    if engine != "auto":
+        raise InputError(
+            f"the runtime {engine} computes on the CPU, in float32; for {computing} leave it out"
+        )
+    return "pytorch"
 
 
 def _pytorch(folder: Path, engine: Engine) -> ModuleType:

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.interface import Condition, TextEncoder
 from latentmotion.condition.sentence import SentenceCondition, SentenceReading
-from latentmotion.condition.text.student import load_text_encoder
+from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
+from latentmotion.condition.text.prompt_cache import KnowingEncoder, RememberingTextEncoder
 from latentmotion.condition.unconditional import Unconditional
 from latentmotion.configuration import from_json
-from latentmotion.model_card import ModelCard
+from latentmotion.model_card import ModelCard, read_card
+from latentmotion.models import find_model, shipped_models
 
 
-def condition_of(card: ModelCard, folder: Path) -> Condition:
+def condition_of(card: ModelCard, folder: Path, cache: Path | None = None) -> Condition:
     """Returns the condition of a folder that runs without PyTorch.
 
+    Args:
+        card: What the model is.
+        folder: Its folder.
+        cache: Folder in which answers of the text encoder are kept.
+
     Raises:
-        ModelError: The text encoder is missing or damaged.
+        ModelError: The text encoder is missing or damaged; with a cache, once a prompt is new.
     """
-    return build_condition(card, lambda: load_text_encoder(folder))
+    return build_condition(card, lambda: _encoder(encoder_folder(card, folder) or folder, cache))
 
 
 def build_condition(card: ModelCard, encoder: Callable[[], TextEncoder]) -> Condition:
@@ -37,3 +45,28 @@ def labels_of(card: ModelCard) -> tuple[str, ...]:
     """Returns the labels that an action model knows; numbers, where it was not told names."""
     classes = range(int(card.denoiser.get("condition_width", 0)))
     return tuple(card.condition.get("labels", ())) or tuple(map(str, classes))
+
+
+def encoder_folder(card: ModelCard, folder: Path) -> Path | None:
+    """Returns the model's folder or a shipped one, whichever holds the encoder that it reads."""
+    if (folder / GRAPH_FILE).is_file():
+        return folder
+    name = card.condition.get("encoder")
+    shipped = (find_model(model) for model in shipped_models())
+    holding = (place for place in shipped if (place / GRAPH_FILE).is_file())
+    return next((place for place in holding if _encoder_named_in(place) == name), None)
+
+
+def _encoder_named_in(folder: Path) -> str | None:
+    return read_card(folder).condition.get("encoder")
+
+
+def _encoder(folder: Path, cache: Path | None) -> TextEncoder:
+    def load() -> KnowingEncoder:
+        # Looked up only here, since known prompts need not even a tokenizer.
+        return import_module("latentmotion.condition.text.student").load_text_encoder(folder)
+
+    files = folder / GRAPH_FILE, folder / TOKENIZER_FILE
+    if cache is None or not all(file.is_file() for file in files):
+        return load()
+    return RememberingTextEncoder(files, load, cache / "prompts")

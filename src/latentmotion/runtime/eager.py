@@ -1,35 +1,37 @@
-"""The chain on PyTorch, for model folders that were not exported: a training's, a converted one.
+"""The chain on PyTorch, for any model folder: a training's, a converted one, an exported one.
 
-The networks take and give NumPy arrays by name, as sessions of ONNX graphs do, so that the
-generator does not know which it has; sampling itself is the generator's, on the CPU.
+The networks are sessions, as graphs of ONNX are; what walks through them is `DeviceGenerator`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from torch import Tensor, nn
+from torch import Tensor
 
 from latentmotion import generator
 from latentmotion.checkpoint import TrainedModel, load_model
 from latentmotion.condition.interface import Conditioning, TextEncoder
-from latentmotion.condition.text.graph import GRAPH_FILE
 from latentmotion.condition.text.pretrained import local_encoder
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import LatentMotionError, ModelError
-from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import ModelCard
-from latentmotion.models import find_model, shipped_models
+from latentmotion.models import find_model
 from latentmotion.prior import MotionPrior
-from latentmotion.runtime.conditions import build_condition
+from latentmotion.runtime.buckets import Buckets, Exact
+from latentmotion.runtime.computing import ON_CPU, Computing
+from latentmotion.runtime.conditions import build_condition, encoder_folder
 from latentmotion.runtime.device import device_named
-from latentmotion.runtime.session import Session, raw_frames
+from latentmotion.runtime.launch import Recorder, directly
+from latentmotion.runtime.network import network_session
+from latentmotion.runtime.on_device import DeviceGenerator
+from latentmotion.runtime.session import Session
+from latentmotion.vae.identity import IdentityVAE
 from latentmotion.vae.interface import MotionVAE
 
 MOST_AT_ONCE = 256
@@ -37,15 +39,15 @@ MOST_AT_ONCE = 256
 
 
 def eager_generator(
-    folder: str | Path, encoder: TextEncoder | None = None, device: str = "cpu"
-) -> MotionGenerator:
+    folder: str | Path, encoder: TextEncoder | None = None, computing: Computing = ON_CPU
+) -> DeviceGenerator:
     """Loads the weights of any model folder, exported or not.
 
     Args:
         folder: Name or folder of the model.
         encoder: Text encoder; by default the folder's, else the one that the card names, where it
             is on this machine.
-        device: Where the networks run, e.g. `cuda`.
+        computing: Where and how; by default on the CPU.
 
     Raises:
         ModelError: The folder is damaged, has no denoiser, or its text encoder is not at hand.
@@ -58,22 +60,34 @@ def eager_generator(
             "or sample the VAE's prior: latentmotion generate --prior"
         )
     condition = build_condition(model.card, lambda: encoder or find_encoder(model.card, place))
-    denoiser, decoder = denoiser_session(model.denoiser, device), _decoder(model, device)
-    return MotionGenerator(model.card, condition, denoiser, decoder, _at_once(device))
+    repeats = computing.launch != "eager"
+    return DeviceGenerator(
+        model.card,
+        condition,
+        denoiser_session(model.denoiser, computing),
+        _decoder(model, computing),
+        _at_once(computing),
+        device=device_named(computing.device),
+        sizes=Buckets(model.card) if repeats else Exact(),
+        launch=Recorder() if repeats and computing.on_gpu else directly,
+    )
 
 
-def eager_prior(folder: str | Path, device: str = "cpu") -> MotionPrior:
+def eager_prior(folder: str | Path, computing: Computing = ON_CPU) -> MotionPrior:
     """Loads the VAE of any model folder, to sample its prior.
 
     Raises:
         ModelError: The folder is damaged or has no VAE.
     """
     model = load_model(find_model(folder))
-    return MotionPrior(model.card, _decoder(model, device), _at_once(device))
+    return MotionPrior(model.card, _decoder(model, computing), _at_once(computing))
 
 
 def prior_features(
-    folder: str | Path, frames: Sequence[int], seeds: Sequence[int], device: str = "cpu"
+    folder: str | Path,
+    frames: Sequence[int],
+    seeds: Sequence[int],
+    computing: Computing = ON_CPU,
 ) -> list[Float[np.ndarray, "_ features"]]:
     """Returns features in their own units of motions drawn from a VAE's prior.
 
@@ -81,10 +95,10 @@ def prior_features(
         ModelError: The folder is damaged or has no VAE.
         InputError: A number is out of range.
     """
-    return eager_prior(folder, device).features(frames, seeds)
+    return eager_prior(folder, computing).features(frames, seeds)
 
 
-def denoiser_session(denoiser: Denoiser, device: str = "cpu") -> Session:
+def denoiser_session(denoiser: Denoiser, computing: Computing = ON_CPU) -> Session:
     """Returns a network as a session: z, t, words, words_mask, mask → prediction.
 
     A distilled one has two more inputs, guidance and stride.
@@ -96,12 +110,12 @@ def denoiser_session(denoiser: Denoiser, device: str = "cpu") -> Session:
         leap = Leap(**told) if told else None
         return denoiser(z, t, Conditioning(words, words_mask), mask, leap)
 
-    return _session(denoiser, forward, device)
+    return network_session(denoiser, forward, computing)
 
 
-def decoder_session(vae: MotionVAE, device: str = "cpu") -> Session:
+def decoder_session(vae: MotionVAE, computing: Computing = ON_CPU) -> Session:
     """Returns a VAE's decoder as a session: latents, mask → normalized features."""
-    return _session(vae, vae.decode, device)
+    return network_session(vae, vae.decode, computing)
 
 
 def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
@@ -123,30 +137,11 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
         ) from error
 
 
-def encoder_folder(card: ModelCard, folder: Path) -> Path | None:
-    """Returns the model's folder or a shipped one, whichever holds the encoder that it reads."""
-    if (folder / GRAPH_FILE).is_file():
-        return folder
-    shipped = (find_model(model) for model in shipped_models())
-    name = card.condition.get("encoder")
-    return next((place for place in shipped if load_text_encoder(place).name == name), None)
+def _decoder(model: TrainedModel, computing: Computing) -> Session:
+    # A diffusion on raw frames has no VAE: the latents are the features.
+    vae = model.vae or IdentityVAE(model.card.latents.width)
+    return decoder_session(vae, computing)
 
 
-def _decoder(model: TrainedModel, device: str) -> Session:
-    return raw_frames if model.vae is None else decoder_session(model.vae, device)
-
-
-def _session(network: nn.Module, forward: Callable[..., Tensor], device: str) -> Session:
-    place = device_named(device)
-    network.eval().requires_grad_(False).to(place)
-
-    @torch.no_grad()
-    def run(**inputs: np.ndarray) -> np.ndarray:
-        tensors = {name: torch.tensor(array, device=place) for name, array in inputs.items()}
-        return forward(**tensors).float().cpu().numpy()
-
-    return run
-
-
-def _at_once(device: str) -> int:
-    return generator.MOST_AT_ONCE if device == "cpu" else MOST_AT_ONCE
+def _at_once(computing: Computing) -> int:
+    return MOST_AT_ONCE if computing.on_gpu else generator.MOST_AT_ONCE

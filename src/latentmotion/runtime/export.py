@@ -1,32 +1,31 @@
 """Trained networks to ONNX graphs, which the inner ring runs without PyTorch.
 
-Each graph has named inputs, and axes of any batch and any length.
+Each graph has named inputs, and axes of any batch and any length. A walk is a graph of all that
+follows the condition: few steps unrolled, un-normalization and decoder in one.
 """
 
 from __future__ import annotations
 
-import logging
-import warnings
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
 from torch import Tensor, nn
-from torch.export import Dim
 
+from latentmotion.checkpoint import TrainedModel
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.context import LeapEmbedding
 from latentmotion.diffusion.denoiser import Denoiser
-from latentmotion.diffusion.leaps import Leap
-from latentmotion.files import atomic_file
+from latentmotion.diffusion.guidance import GuidanceAsInput
+from latentmotion.diffusion.leaps import Leap, LeapTimes
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.sampler import sample, sampler_named
+from latentmotion.tracing import trace
+from latentmotion.vae.identity import IdentityVAE
 from latentmotion.vae.interface import MotionVAE
 
-_BATCH, _TOKENS, _WORDS, _FRAMES = (
-    Dim.DYNAMIC,
-    Dim.DYNAMIC,
-    Dim.DYNAMIC,
-    Dim.DYNAMIC,
-)
+_BATCH, _TOKENS, _WORDS = 2, 7, 3
+"""Sizes of the examples that graphs are traced with; all of them stay free."""
 
 
 def export_denoiser(denoiser: Denoiser, latent_width: int, words_width: int, path: Path) -> None:
@@ -34,39 +33,93 @@ def export_denoiser(denoiser: Denoiser, latent_width: int, words_width: int, pat
 
     A distilled one has two more inputs, guidance and stride.
     """
-    batch, tokens, words = 2, 7, 3
-    inputs = {
-        "z": torch.randn(batch, tokens, latent_width),
-        "t": torch.rand(batch),
-        "words": torch.randn(batch, words, words_width),
-        "words_mask": torch.ones(batch, words, dtype=torch.bool),
-        "mask": torch.ones(batch, tokens, dtype=torch.bool),
-    }
-    axes = {
-        "z": {0: _BATCH, 1: _TOKENS},
-        "t": {0: _BATCH},
-        "words": {0: _BATCH, 1: _WORDS},
-        "words_mask": {0: _BATCH, 1: _WORDS},
-        "mask": {0: _BATCH, 1: _TOKENS},
-    }
     graph = _DenoiserGraph(denoiser)
+    told: tuple[str, ...] = ()
     if isinstance(denoiser.leaps, LeapEmbedding):
-        graph = _StudentGraph(denoiser)
-        inputs |= {"guidance": torch.rand(batch), "stride": torch.rand(batch)}
-        axes |= {"guidance": {0: _BATCH}, "stride": {0: _BATCH}}
-    _export(graph, inputs, axes, path)
+        graph, told = _StudentGraph(denoiser), ("guidance", "stride")
+    inputs = {
+        "z": torch.randn(_BATCH, _TOKENS, latent_width),
+        "t": torch.rand(_BATCH),
+        **_condition(words_width),
+        "mask": torch.ones(_BATCH, _TOKENS, dtype=torch.bool),
+        **{name: torch.rand(_BATCH) for name in told},
+    }
+    trace(graph, inputs, _free(inputs), path)
 
 
 def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> None:
     """Writes a VAE decoder's graph: latents, mask → normalized features."""
-    batch, tokens = 2, 7
-    frames = tokens * (frames_per_token or 4)
     inputs = {
-        "latents": torch.randn(batch, tokens, vae.latent_width),
-        "mask": torch.ones(batch, frames, dtype=torch.bool),
+        "latents": torch.randn(_BATCH, _TOKENS, vae.latent_width),
+        "mask": _frames(frames_per_token),
     }
-    axes = {"latents": {0: _BATCH, 1: _TOKENS}, "mask": {0: _BATCH, 1: _FRAMES}}
-    _export(_DecoderGraph(vae), inputs, axes, path)
+    trace(_DecoderGraph(vae), inputs, _free(inputs), path)
+
+
+def export_walk(model: TrainedModel, steps: int, path: Path) -> None:
+    """Writes a distilled model's graph of the whole way in so many steps.
+
+    noise, words, words_mask, mask, frames, guidance → features in their own units.
+    """
+    card = model.card
+    inputs = {
+        "noise": torch.randn(_BATCH, _TOKENS, card.latents.width),
+        **_condition(int(card.denoiser["condition_width"])),
+        "mask": torch.ones(_BATCH, _TOKENS, dtype=torch.bool),
+        "frames": _frames(card.latents.frames_per_token),
+        "guidance": torch.rand(_BATCH),
+    }
+    trace(Walk(model, steps), inputs, _free(inputs), path)
+
+
+class Walk(nn.Module):
+    """The generator's chain from noise to features, by the same sampler, on tensors.
+
+    Args:
+        model: A distilled model.
+        steps: How many of its leaps lead all the way.
+    """
+
+    def __init__(self, model: TrainedModel, steps: int) -> None:
+        super().__init__()
+        self.card = card = model.card
+        assert model.denoiser is not None and card.leaps is not None
+        self.denoiser = model.denoiser
+        self.vae = model.vae or IdentityVAE(card.latents.width)
+        self.steps = steps
+        self.sampler = sampler_named("ddim", LeapTimes(card.schedule, card.leaps), card.prediction)
+        self.latents = _Scale(card.latents.mean, card.latents.std)
+        self.features = _Scale(card.normalizer_mean, card.normalizer_std)
+
+    def forward(
+        self,
+        noise: Tensor,
+        words: Tensor,
+        words_mask: Tensor,
+        mask: Tensor,
+        frames: Tensor,
+        guidance: Tensor,
+    ) -> Tensor:
+        """Returns features in their own units, (batch, frames, features)."""
+        guided = GuidanceAsInput(self.denoiser, guidance, self.steps)
+        seen, no_more = Conditioning(words, words_mask), SeededNoise([])
+        z = sample(guided, self.sampler, noise, seen, mask, self.steps, no_more)
+        return self.features(self.vae.decode(self.latents(z), frames))
+
+
+class _Scale(nn.Module):
+    """Numbers around 0 of size 1 to their own units."""
+
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self, mean: Sequence[float], std: Sequence[float]) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.tensor(mean))
+        self.register_buffer("std", torch.tensor(std))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x * self.std + self.mean
 
 
 class _DenoiserGraph(nn.Module):
@@ -110,23 +163,15 @@ class _DecoderGraph(nn.Module):
         return self.vae.decode(latents, mask)
 
 
-def _export(
-    network: nn.Module,
-    inputs: Mapping[str, Tensor],
-    axes: Mapping[str, Mapping[int, object]],
-    path: Path,
-) -> None:
-    with atomic_file(path) as temporary, warnings.catch_warnings():
-        # The exporter warns of its own internals; what it wrote is compared with eager in tests.
-        warnings.simplefilter("ignore")
-        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-        torch.onnx.export(
-            network.eval(),
-            kwargs=dict(inputs),
-            f=temporary,
-            input_names=list(inputs),
-            dynamic_shapes=dict(axes),
-            dynamo=True,
-            external_data=False,
-            verbose=False,
-        )
+def _condition(width: int) -> dict[str, Tensor]:
+    real = torch.ones(_BATCH, _WORDS, dtype=torch.bool)
+    return {"words": torch.randn(_BATCH, _WORDS, width), "words_mask": real}
+
+
+def _frames(per_token: int | None) -> Tensor:
+    return torch.ones(_BATCH, _TOKENS * (per_token or 4), dtype=torch.bool)
+
+
+def _free(inputs: dict[str, Tensor]) -> dict[str, range]:
+    """Returns the axes of every input but the last of vectors: batch and length."""
+    return {name: range(min(value.ndim, 2)) for name, value in inputs.items()}

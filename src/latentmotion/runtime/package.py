@@ -10,26 +10,33 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
 from safetensors.torch import save_file
 
 from latentmotion.checkpoint import WEIGHTS_FILE, TrainedModel, load_model, read_weights
 from latentmotion.condition.interface import Conditioning
-from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
+from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.context import LeapEmbedding
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import ModelError
 from latentmotion.files import atomic_folder
-from latentmotion.model_card import CARD_FILE, ModelCard
-from latentmotion.runtime.export import export_decoder, export_denoiser
+from latentmotion.model_card import CARD_FILE, GraphPrecision, ModelCard, read_card
+from latentmotion.runtime.export import Walk, export_decoder, export_denoiser, export_walk
+from latentmotion.runtime.quantization import quantize
 from latentmotion.runtime.session import has_decoder, open_session
+from latentmotion.runtime.shared_weights import share_weights
+from latentmotion.runtime.walks import walk_file
+from latentmotion.tracing import anonymous
 from latentmotion.vae.interface import MotionVAE
 
-TOLERANCE = 1e-4
+TOLERANCE: dict[GraphPrecision, float] = {"float32": 1e-4, "int8": 0.1}
 """Largest difference between a graph and the network that it was made from."""
 
+MOST_FOLDED = 4
+"""Most steps that get a graph of the whole way; the gain is per motion, the size per step."""
 
 WriteTextEncoder = Callable[[Path], None]
 """Writes the files of a text encoder into a folder."""
@@ -42,7 +49,7 @@ def package_model(
 
     Args:
         source: Folder that training wrote, with the weights of all networks.
-        card: The card to write, as read from `source` or changed.
+        card: The card to write, as read from `source` or changed; it says in which precision.
         text_encoder: Writes the text encoder; None for models of actions and unconditional ones.
         output: Folder to write, replaced as a whole.
 
@@ -77,8 +84,8 @@ def copied(folder: Path) -> WriteTextEncoder:
         )
 
     def write(target: Path) -> None:
-        for name in names:
-            shutil.copyfile(folder / name, target / name)
+        onnx.save(anonymous(onnx.load(folder / GRAPH_FILE)), target / GRAPH_FILE)
+        shutil.copyfile(folder / TOKENIZER_FILE, target / TOKENIZER_FILE)
 
     return write
 
@@ -101,12 +108,34 @@ def _write_graphs(model: TrainedModel, folder: Path) -> None:
     assert denoiser is not None  # the card has one
     width = int(card.denoiser["condition_width"])
     export_denoiser(denoiser, card.latents.width, width, folder / "denoiser.onnx")
-    shape = (3, card.latents.tokens_of(card.frames[0]), card.latents.width)
-    words = 0 if card.task == "unconditional" else 1
-    _check_denoiser(denoiser, folder, shape, (3, words, width))
     if model.vae is not None and has_decoder(card):
         export_decoder(model.vae, card.latents.frames_per_token, folder / "decoder.onnx")
+    for steps in _folded(card):
+        export_walk(model, steps, folder / walk_file(steps))
+    for graph in folder.glob("*.onnx"):
+        if card.precision == "int8":
+            quantize(graph)
+        if graph.name != GRAPH_FILE:  # whose weights are its own
+            share_weights(graph, folder / WEIGHTS_FILE)
+    _check_graphs(model, folder)
+
+
+def _folded(card: ModelCard) -> list[int]:
+    """Returns which numbers of steps get a graph of the whole way."""
+    return [steps for steps in card.leaps.steps if steps <= MOST_FOLDED] if card.leaps else []
+
+
+def _check_graphs(model: TrainedModel, folder: Path) -> None:
+    card, denoiser = model.card, model.denoiser
+    assert denoiser is not None
+    tokens, width = card.latents.tokens_of(card.frames[0]), card.latents.width
+    words = 0 if card.task == "unconditional" else 1
+    shape, seen = (3, tokens, width), (3, words, int(card.denoiser["condition_width"]))
+    _check_denoiser(denoiser, folder, shape, seen)
+    if (folder / "decoder.onnx").is_file() and model.vae is not None:
         _check_decoder(model.vae, folder, shape, card.frames[0])
+    for steps in _folded(card):
+        _check_walk(Walk(model, steps), folder / walk_file(steps), shape, seen)
 
 
 def _check_denoiser(
@@ -129,9 +158,26 @@ def _check_decoder(vae: MotionVAE, folder: Path, shape: tuple[int, int, int], fr
     _compare(folder / "decoder.onnx", {"latents": latents, "mask": mask}, expected)
 
 
+def _check_walk(
+    walk: Walk, graph: Path, shape: tuple[int, int, int], seen: tuple[int, int, int]
+) -> None:
+    inputs = {
+        "noise": torch.randn(shape),
+        "words": torch.randn(seen),
+        "words_mask": torch.ones(seen[:2], dtype=torch.bool),
+        "mask": torch.ones(shape[:2], dtype=torch.bool),
+        "frames": torch.ones(shape[0], walk.card.frames[0], dtype=torch.bool),
+        "guidance": torch.full(shape[:1], 1.5),
+    }
+    with torch.no_grad():
+        expected = walk(**inputs)
+    _compare(graph, inputs, expected)
+
+
 def _compare(graph: Path, inputs: dict[str, torch.Tensor], expected: torch.Tensor) -> None:
     session = open_session(graph, "onnxruntime")
     found = session(**{name: tensor.numpy() for name, tensor in inputs.items()})
     difference = float(np.abs(found - expected.numpy()).max())
-    if not difference < TOLERANCE * max(1.0, float(expected.abs().max())):
+    tolerance = TOLERANCE[read_card(graph.parent).precision]
+    if not difference < tolerance * max(1.0, float(expected.abs().max())):
         raise ModelError(f"{graph.name} differs from its network by {difference:.2g}; not written")

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-import warnings
 from collections.abc import Iterable
 from pathlib import Path
 
-import onnx
 import torch
 from safetensors.torch import load_file, save_file
 from tokenizers import Tokenizer
 from torch import nn
-from torch.export import Dim
 
-from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
+from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.network import NetworkShape, StudentNetwork
 from latentmotion.condition.text.packing import packed
 from latentmotion.files import atomic_file
+from latentmotion.tracing import trace
 
 WEIGHTS_FILE = "text_encoder.safetensors"
 
@@ -61,21 +59,5 @@ def load_student(path: Path) -> nn.Module:
 def write_graph(network: nn.Module, card: dict[str, str], path: Path) -> None:
     """Writes a network's graph, tokens and mask → pooled and words, with what its card says."""
     tokens, mask = torch.zeros(2, 7, dtype=torch.long), torch.ones(2, 7, dtype=torch.bool)
-    axes = {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the exporter warns of its own deprecated parts
-        program = torch.onnx.export(
-            network,
-            (tokens, mask),
-            input_names=["tokens", "mask"],
-            output_names=["pooled", "words"],
-            dynamic_shapes=(axes, axes),
-            dynamo=True,
-            verbose=False,
-        )
-    if program is None:
-        raise RuntimeError("PyTorch's exporter returned no graph")
-    graph = program.model_proto
-    onnx.helper.set_model_props(graph, card)
-    with atomic_file(path) as temporary:
-        onnx.save(graph, temporary)
+    free = {"tokens": (0, 1), "mask": (0, 1)}
+    trace(network, {"tokens": tokens, "mask": mask}, free, path, ("pooled", "words"), card)

@@ -16,10 +16,9 @@ import numpy as np
 from tokenizers import Tokenizer
 
 from latentmotion.condition.interface import TextEmbedding, stack
+from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
+from latentmotion.engines import onnxruntime_session
 from latentmotion.errors import InputError, ModelError
-
-GRAPH_FILE = "text_encoder.onnx"
-TOKENIZER_FILE = "tokenizer.json"
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,12 @@ class GraphTextEncoder:
         """
         if not sentences:
             raise InputError("no sentence to encode; give at least one")
-        return stack([self._encode(sentence) for sentence in sentences])
+        found = {sentence: self._encode(sentence) for sentence in dict.fromkeys(sentences)}
+        return stack([found[sentence] for sentence in sentences])
+
+    def unknown_words(self, sentence: str) -> list[str]:
+        """Returns the words of a sentence that it can only guess: none are known to be."""
+        return []
 
     def _encode(self, sentence: str) -> TextEmbedding:
         tokens = np.array([self.tokenizer.encode(sentence).ids], np.int64)
@@ -71,20 +75,11 @@ def open_encoder(
                 "copy the model's folder again or run latentmotion train text-encoder"
             )
     try:
-        session = _session(graph, threads)
+        session = onnxruntime_session(graph, threads)
         card = session.get_modelmeta().custom_metadata_map
         return build(session, Tokenizer.from_file(str(tokenizer)), card)
     except Exception as error:  # onnxruntime and tokenizers have error classes of their own
         raise ModelError(f"{folder}: the text encoder cannot be loaded: {error}") from error
-
-
-def _session(graph: Path, threads: int) -> Any:
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
-    return onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
 
 
 def width_of(session: Any) -> int:

@@ -11,8 +11,8 @@ from pathlib import Path
 from tokenizers import Tokenizer
 from torch import Tensor, nn
 
+from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.export import write_graph
-from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.pretrained import PretrainedTextEncoder, Read
 from latentmotion.errors import ModelError
 from latentmotion.files import atomic_file

@@ -26,8 +26,9 @@ from latentmotion.condition.text.distillation import Schedule, TrainingSet, dist
 from latentmotion.condition.text.measures import Figures, compare, milliseconds
 from latentmotion.condition.text.network import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.condition.text.pretrained import PretrainedTextEncoder, Reading
-from latentmotion.condition.text.student import StudentTextEncoder, UnknownWordsWarning
+from latentmotion.condition.text.student import StudentTextEncoder
 from latentmotion.condition.text.targets import teacher_targets
+from latentmotion.condition.text.unknown_words import UnknownWordsWarning
 from latentmotion.condition.text.variation import plain_phrases, vary
 from latentmotion.files import atomic_file
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +12,8 @@ from tokenizers import Tokenizer
 
 from latentmotion.condition.interface import TextEmbedding
 from latentmotion.condition.text.graph import GraphTextEncoder, open_encoder, width_of
+from latentmotion.condition.text.unknown_words import warn_of_unknown
 from latentmotion.condition.text.vocabulary import split_words
-
-
-class UnknownWordsWarning(UserWarning):
-    """A sentence has words the encoder never met; it reads them by their pieces."""
 
 
 @dataclass(frozen=True)
@@ -43,30 +39,19 @@ class StudentTextEncoder(GraphTextEncoder):
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns pooled embeddings of unit length and the states of the word pieces.
 
-        Warns with `UnknownWordsWarning` of words that neither are one piece nor occurred in
+        Warns (`UnknownWordsWarning`) of words that neither are one piece nor occurred in
         training.
 
         Raises:
             InputError: There is no sentence.
         """
-        self._warn_of_unknown(sentences)
+        warn_of_unknown(word for text in sentences for word in self.unknown_words(text))
         return super().__call__(sentences)
 
     def unknown_words(self, sentence: str) -> list[str]:
         """Returns the words of a sentence that the encoder can only guess from their pieces."""
         split = split_words(self.tokenizer, sentence)
         return [word for word in split if word not in self.known_words]
-
-    def _warn_of_unknown(self, sentences: Sequence[str]) -> None:
-        words = dict.fromkeys(word for text in sentences for word in self.unknown_words(text))
-        if words:
-            named = ", ".join(repr(word) for word in words)
-            warnings.warn(
-                f"unknown to the text encoder, read by their pieces: {named}; "
-                "another word for it may work better",
-                UnknownWordsWarning,
-                stacklevel=3,
-            )
 
 
 def load_text_encoder(folder: str | Path, threads: int = 1) -> GraphTextEncoder:

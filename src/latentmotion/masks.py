@@ -1,0 +1,13 @@
+"""Which places of a padded batch are real: masks are True on real frames, tokens and words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool
+
+
+def mask_of(lengths: Sequence[int]) -> Bool[np.ndarray, "batch longest"]:
+    """Returns a row per length, True up to it."""
+    return np.arange(max(lengths)) < np.array(lengths)[:, None]
