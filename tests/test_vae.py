@@ -13,7 +13,8 @@ from latentmotion.baselines.actor import actor_vae
 from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.errors import InputError
 from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.convolutional import ConvolutionalVAEConfig, QuarterRateDecoder
+from latentmotion.vae.halves import fingerprint, keep_latents, way_back
 from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
@@ -33,7 +34,12 @@ CONFIGS = {
     "pre-norm": dataclasses.replace(PAPER, transformer=dataclasses.replace(SMALL, norm="pre")),
     "actor": dataclasses.replace(PAPER, transformer=ACTOR, position="sine"),
     "adapted": dataclasses.replace(PAPER, latent_width=6, tokens=4),
+    "two rates": dataclasses.replace(PAPER, decoding="two_rate", tokens=2),
+    "coarse alone": dataclasses.replace(PAPER, decoding="two_rate", fine_layers=0, tokens=2),
     "convolutional": ConvolutionalVAEConfig(FEATURES, width=24, channels=6),
+    "quarter rate": ConvolutionalVAEConfig(
+        FEATURES, width=24, channels=6, decoder=QuarterRateDecoder((3, 1))
+    ),
     "identity": IdentityVAEConfig(FEATURES),
     "vposer-t": VPoserTConfig(FEATURES, frames=44, hidden=24, width=12),
 }
@@ -106,6 +112,51 @@ def test_any_length(vae: MotionVAE, motion: Tensor, length: int) -> None:
     mask = mask_of([length])
     latents = vae.encode(motion[:1, :length], mask).mean
     assert vae.decode(latents, mask).shape == (1, length, FEATURES)
+
+
+@torch.no_grad()
+def test_the_way_back_is_told_apart(vae: MotionVAE, motion: Tensor) -> None:
+    """Other weights there change no latent, other weights elsewhere change no decoding."""
+    mask = mask_of(LENGTHS)
+    latents, before = vae.encode(motion, mask).mean, fingerprint(vae)
+    features = vae.decode(latents, mask)
+    inside = list(way_back(vae).parameters())
+    _scale(inside, 2.0)
+    assert torch.equal(vae.encode(motion, mask).mean, latents)
+    assert fingerprint(vae) == before
+    _scale(inside, 0.5)
+    outside = [p for p in vae.parameters() if all(p is not other for other in inside)]
+    _scale(outside, 2.0)
+    assert torch.equal(vae.decode(latents, mask), features)
+    assert fingerprint(vae) != before or not outside
+
+
+def _scale(parameters: list[torch.nn.Parameter], factor: float) -> None:
+    for parameter in parameters:
+        parameter.mul_(factor)
+
+
+@torch.no_grad()
+def test_another_way_back_keeps_latents_and_begins_alike(motion: Tensor) -> None:
+    """The mirrored decoder begins as that of a quarter of the rate does; the rest is fresh."""
+    torch.manual_seed(0)
+    old = CONFIGS["convolutional"].build().eval()
+    blocks = QuarterRateDecoder((9, 3, 1, 3, 1))
+    new = dataclasses.replace(CONFIGS["convolutional"], decoder=blocks).build().eval()
+    keep_latents(new, old)
+    mask = mask_of(LENGTHS)
+    assert torch.equal(new.encode(motion, mask).mean, old.encode(motion, mask).mean)
+    assert fingerprint(new) == fingerprint(old)
+    same = [
+        torch.equal(own, given)
+        for own, given in zip(
+            new.decoder[:4].parameters(), old.decoder[:4].parameters(), strict=True
+        )
+    ]
+    assert all(same)
+    assert not torch.equal(new.decoder[5].dilated.weight, old.decoder[5].dilated.weight)
+    trained = {id(p) for p in new.parameters() if p.requires_grad}
+    assert trained == {id(p) for p in new.decoder.parameters()}
 
 
 def test_convolutional_latents_keep_time() -> None:

@@ -1,26 +1,71 @@
 """A VAE of 1-D convolutions whose latents keep the time axis, at a quarter of the frame rate.
 
-    features (T, 263) → width 256 at T → T/2 → T/4 → latents (T/4, 16), and mirrored back
+    features (T, 263) → width 256 at T → T/2 → T/4 → latents (T/4, 16), and back
 
 It is not the paper's: it learns the same motions some ten times faster from little data, and its
-latents can be edited, joined and streamed. After each convolution the padding is set to zero, which
-is what a convolution sees beyond the ends of a motion alone, so padding can't leak. A length that
-is no multiple of four is padded inside and cropped.
+latents can be edited, joined and streamed. A length that is no multiple of four is padded inside
+and cropped. The way back is a part of its own, so that latents may get another, cheaper one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
+from latentmotion.vae.convolutions import (
+    STRIDE,
+    Chain,
+    Double,
+    Halve,
+    MaskedConvolution,
+    ResidualBlock,
+    Unfold,
+    as_row,
+    pyramid,
+)
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
 
-STRIDE = 4
-"""Frames per latent token."""
+
+@dataclass(frozen=True)
+class MirroredDecoder:
+    """The encoder's way back: T/4 → T/2 → T, at full width."""
+
+    def build(self, sizes: ConvolutionalVAEConfig) -> Chain:
+        """Builds it with fresh weights."""
+        width, dilations = sizes.width, sizes.dilations[::-1]
+        return Chain(
+            [
+                MaskedConvolution(sizes.channels, width, 3),
+                *(ResidualBlock(width, d) for d in dilations),
+                Double(width),
+                *(ResidualBlock(width, d) for d in dilations),
+                Double(width),
+                MaskedConvolution(width, width, 3, activation=nn.SiLU()),
+                MaskedConvolution(width, sizes.features, 3, activation=nn.SiLU()),
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class QuarterRateDecoder:
+    """Every layer at T/4, where a step costs a quarter of one at T; the last makes four frames."""
+
+    dilations: tuple[int, ...] = (9, 3, 1, 1)
+    """Dilation of each residual block; the first three are those of the mirrored decoder."""
+
+    def build(self, sizes: ConvolutionalVAEConfig) -> Chain:
+        """Builds it with fresh weights."""
+        return Chain(
+            [
+                MaskedConvolution(sizes.channels, sizes.width, 3),
+                *(ResidualBlock(sizes.width, d) for d in self.dilations),
+                Unfold(sizes.width, sizes.features),
+            ]
+        )
 
 
 @dataclass(frozen=True)
@@ -35,41 +80,44 @@ class ConvolutionalVAEConfig:
     """Numbers per latent token."""
     dilations: tuple[int, ...] = (1, 3, 9)
     """Dilation of each residual block at half and at quarter rate."""
+    decoder: MirroredDecoder | QuarterRateDecoder = field(default_factory=MirroredDecoder)
+    """The way back."""
 
     def build(self) -> ConvolutionalVAE:
         """Builds the network with fresh weights."""
-        return ConvolutionalVAE(self.features, self.width, self.channels, self.dilations)
+        return ConvolutionalVAE(self._encoder(), self.decoder.build(self), self.channels)
+
+    def cheaper(self) -> ConvolutionalVAEConfig:
+        """Returns the same latents with the decoder that costs least."""
+        return replace(self, decoder=QuarterRateDecoder())
+
+    def _encoder(self) -> Chain:
+        return Chain(
+            [
+                MaskedConvolution(self.features, self.width, 3),
+                Halve(self.width),
+                *(ResidualBlock(self.width, d) for d in self.dilations),
+                Halve(self.width),
+                *(ResidualBlock(self.width, d) for d in self.dilations),
+                MaskedConvolution(self.width, 2 * self.channels, 3, activation=nn.SiLU()),
+            ]
+        )
 
 
 class ConvolutionalVAE(MotionVAE):
-    """Residual convolutions with two halvings of the frame rate, and two doublings."""
+    """Residual convolutions with two halvings of the frame rate, and a way back.
 
-    def __init__(
-        self, features: int, width: int, channels: int, dilations: tuple[int, ...]
-    ) -> None:
+    Args:
+        encoder: Features to mean and logvar of the latents, T → T/2 → T/4.
+        decoder: Latents to features.
+        channels: Numbers per latent token.
+    """
+
+    def __init__(self, encoder: Chain, decoder: Chain, channels: int) -> None:
         super().__init__()
+        self.encoder = encoder
+        self.decoder = decoder
         self.latent_width = channels
-        self.encoder = nn.ModuleList(
-            [
-                MaskedConvolution(features, width, 3),
-                Halve(width),
-                *(ResidualBlock(width, d) for d in dilations),
-                Halve(width),
-                *(ResidualBlock(width, d) for d in dilations),
-                MaskedConvolution(width, 2 * channels, 3, activation=nn.SiLU()),
-            ]
-        )
-        self.decoder = nn.ModuleList(
-            [
-                MaskedConvolution(channels, width, 3),
-                *(ResidualBlock(width, d) for d in reversed(dilations)),
-                Double(width),
-                *(ResidualBlock(width, d) for d in reversed(dilations)),
-                Double(width),
-                MaskedConvolution(width, width, 3, activation=nn.SiLU()),
-                MaskedConvolution(width, features, 3, activation=nn.SiLU()),
-            ]
-        )
 
     def encode(
         self,
@@ -77,11 +125,10 @@ class ConvolutionalVAE(MotionVAE):
         mask: Bool[Tensor, "batch frames"],
     ) -> Posterior:
         """Returns the distribution of ceil(frames / 4) latent tokens."""
-        masks = _pyramid(mask)
+        masks = pyramid(mask)
         padding = masks[0].shape[1] - mask.shape[1]
-        x = F.pad(features, (0, 0, 0, padding)).transpose(1, 2) * _row(masks[0])
-        mean, logvar = _run(self.encoder, x, masks).transpose(1, 2).chunk(2, dim=-1)
-        return Posterior(mean, logvar)
+        x = F.pad(features, (0, 0, 0, padding)).transpose(1, 2) * as_row(masks[0])
+        return Posterior(*self.encoder(x, masks).transpose(1, 2).chunk(2, dim=-1))
 
     def decode(
         self,
@@ -89,90 +136,10 @@ class ConvolutionalVAE(MotionVAE):
         mask: Bool[Tensor, "batch frames"],
     ) -> Float[Tensor, "batch frames features"]:
         """Returns features of as many frames as the mask has."""
-        masks = _pyramid(mask)
-        x = latents.transpose(1, 2) * _row(masks[-1])
-        return _run(self.decoder, x, masks[::-1]).transpose(1, 2)[:, : mask.shape[1]]
+        masks = pyramid(mask)
+        x = latents.transpose(1, 2) * as_row(masks[-1])
+        return self.decoder(x, masks[::-1]).transpose(1, 2)[:, : mask.shape[1]]
 
     def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
         """Returns True for a token whose first frame is real."""
         return mask[:, ::STRIDE]
-
-
-class MaskedConvolution(nn.Module):
-    """Convolution that keeps the length, and zeroes the padding."""
-
-    rate_change = 0
-
-    def __init__(
-        self, inputs: int, outputs: int, kernel: int, activation: nn.Module | None = None
-    ) -> None:
-        super().__init__()
-        self.activation = activation or nn.Identity()
-        self.convolution = nn.Conv1d(inputs, outputs, kernel, padding=kernel // 2)
-
-    def forward(self, x: Tensor, row: Tensor) -> Tensor:
-        """Returns (batch, outputs, frames)."""
-        return self.convolution(self.activation(x)) * row
-
-
-class ResidualBlock(nn.Module):
-    """x + what a dilated and a pointwise convolution find in it."""
-
-    rate_change = 0
-
-    def __init__(self, width: int, dilation: int) -> None:
-        super().__init__()
-        self.dilated = nn.Conv1d(width, width, 3, padding=dilation, dilation=dilation)
-        self.pointwise = nn.Conv1d(width, width, 1)
-        nn.init.zeros_(self.pointwise.weight)
-
-    def forward(self, x: Tensor, row: Tensor) -> Tensor:
-        """Returns the same shape; SiLU of zero is zero, so only the bias needs masking."""
-        return x + self.pointwise(F.silu(self.dilated(F.silu(x)))) * row
-
-
-class Halve(nn.Module):
-    """Convolution with stride 2."""
-
-    rate_change = 1
-
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.convolution = nn.Conv1d(width, width, 4, stride=2, padding=1)
-
-    def forward(self, x: Tensor, row: Tensor) -> Tensor:
-        """Returns half the length."""
-        return self.convolution(x) * row
-
-
-class Double(nn.Module):
-    """Every step twice, then a convolution that smooths the stairs."""
-
-    rate_change = 1
-
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.convolution = nn.Conv1d(width, width, 3, padding=1)
-
-    def forward(self, x: Tensor, row: Tensor) -> Tensor:
-        """Returns twice the length."""
-        return self.convolution(x[..., None].expand(-1, -1, -1, 2).flatten(2) * row) * row
-
-
-def _pyramid(mask: Tensor) -> list[Tensor]:
-    """Masks at full, half and quarter rate, padded to a multiple of `STRIDE` frames."""
-    full = F.pad(mask, (0, -mask.shape[1] % STRIDE))
-    return [full, full[:, ::2], full[:, ::4]]
-
-
-def _row(mask: Tensor) -> Tensor:
-    return mask[:, None, :].float()
-
-
-def _run(layers: nn.ModuleList, x: Tensor, masks: list[Tensor]) -> Tensor:
-    """Applies the layers, each with the mask of the rate that it leaves."""
-    rate = 0
-    for layer in layers:
-        rate += layer.rate_change  # type: ignore[operator]
-        x = layer(x, _row(masks[rate]))
-    return x

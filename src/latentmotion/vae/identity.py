@@ -30,6 +30,8 @@ class IdentityVAEConfig:
 class IdentityVAE(MotionVAE):
     """One latent token per frame, which is the frame, with a deviation of 0."""
 
+    WAY_BACK = ()
+
     def __init__(self, features: int) -> None:
         super().__init__()
         self.latent_width = features

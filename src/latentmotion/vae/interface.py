@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
@@ -22,6 +23,9 @@ class MotionVAE(nn.Module, ABC):
     """
 
     latent_width: int
+
+    WAY_BACK: ClassVar[tuple[str, ...]] = ("decoder",)
+    """Names of the modules that `decode` runs; what is left makes the latents."""
 
     @abstractmethod
     def encode(

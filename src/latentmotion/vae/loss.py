@@ -75,20 +75,42 @@ def vae_losses(
     posterior = vae.encode(features, mask)  #                        (batch, tokens, width)
     latents = posterior.mean + posterior.std * noise(*posterior.mean.shape[1:])
     rebuilt = vae.decode(latents, mask).float()  #                   (batch, frames, features)
-    found, true = joints_of(rebuilt), joints_of(features)  #         (batch, frames, joints, 3)
-    velocities = fps * found.diff(dim=1), fps * true.diff(dim=1)
-    knee, mean = objective.joints_knee, objective.mean
     losses = {
-        "features": mean(_distance(rebuilt, features, 1.0), mask),
-        "joints": mean(_distance(found, true, knee), mask),
-        "steps": mean(_distance(*velocities, knee * fps), mask[:, 1:]),
-        "divergence": mean(posterior.divergence().float(), vae.latent_mask(mask)),
+        **feature_losses(rebuilt, features, mask, joints_of, fps, objective),
+        "divergence": objective.mean(posterior.divergence().float(), vae.latent_mask(mask)),
     }
     if vertices_of is not None:
         surfaces = vertices_of(rebuilt), vertices_of(features)
-        losses["vertices"] = mean(_distance(*surfaces, 1.0), mask)
-    weighted = [getattr(objective, name) * loss for name, loss in losses.items()]
-    return {"total": torch.stack(weighted).sum(), **losses}
+        losses["vertices"] = objective.mean(_distance(*surfaces, 1.0), mask)
+    return {"total": weighted_sum(losses, objective), **losses}
+
+
+def feature_losses(
+    found: Float[Tensor, "batch frames features"],
+    true: Float[Tensor, "batch frames features"],
+    mask: Bool[Tensor, "batch frames"],
+    joints_of: Callable[[Tensor], Tensor],
+    fps: float,
+    objective: VAEObjective,
+) -> dict[str, Tensor]:
+    """Compares normalized features, and the joints and velocities that they stand for.
+
+    Returns:
+        Each loss by the name of its weight.
+    """
+    knee, mean = objective.joints_knee, objective.mean
+    joints = joints_of(found), joints_of(true)  #                    (batch, frames, joints, 3)
+    velocities = (fps * joints[0].diff(dim=1), fps * joints[1].diff(dim=1))
+    return {
+        "features": mean(_distance(found, true, 1.0), mask),
+        "joints": mean(_distance(*joints, knee), mask),
+        "steps": mean(_distance(*velocities, knee * fps), mask[:, 1:]),
+    }
+
+
+def weighted_sum(losses: dict[str, Tensor], objective: VAEObjective) -> Tensor:
+    """Returns what is minimized: losses times the objective's weights of their names."""
+    return torch.stack([getattr(objective, name) * loss for name, loss in losses.items()]).sum()
 
 
 def _distance(found: Tensor, true: Tensor, knee: float) -> Tensor:

@@ -1,7 +1,7 @@
 """The paper's VAE (section 3.1): a motion of any length becomes n tokens, and they a motion.
 
     encode:  [learned tokens, frames] + positions → encoder → its first outputs → mean, logvar
-    decode:  zeros + positions, looking at z by cross-attention → decoder → frames
+    decode:  zeros + positions, looking at z → decoder → frames
 
 A narrower latent (MotionLCM, Dai et al. 2024) has a learned linear map on each side of it.
 
@@ -10,7 +10,7 @@ ACTOR's VAE (Petrovich et al. 2021) is the same chain without skips, with sine p
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import torch
@@ -19,6 +19,13 @@ from torch import Tensor, nn
 
 from latentmotion.nn.position import PositionKind, build_position
 from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.vae.frame_decoders import (
+    STRIDE,
+    CrossDecoder,
+    JointDecoder,
+    TwoRateDecoder,
+    all_real,
+)
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
 
@@ -39,6 +46,8 @@ class TransformerVAE(MotionVAE):
         widen: Latents to the width of the transformer.
         latent_width: Numbers per latent token.
     """
+
+    WAY_BACK = ("widen", "decoder", "frames_out")
 
     def __init__(
         self,
@@ -75,7 +84,7 @@ class TransformerVAE(MotionVAE):
         """Returns the distribution of the latent tokens."""
         summary = self.summary.expand(features.shape[0], -1, -1)
         x = self.place(torch.cat([summary, self.frames_in(features)], dim=1))
-        x = self.encoder(x, torch.cat([_all_real(summary), mask], dim=1))
+        x = self.encoder(x, torch.cat([all_real(summary), mask], dim=1))
         return self.distribution(self.narrow(x[:, : summary.shape[1]]))
 
     def decode(
@@ -111,35 +120,6 @@ class LinearDistribution(nn.Module):
         return Posterior(*self.linear(summary).chunk(2, dim=-1))
 
 
-class CrossDecoder(nn.Module):
-    """Positions as queries, which look at the latents by cross-attention."""
-
-    def __init__(self, place: nn.Module, decoder: nn.Module) -> None:
-        super().__init__()
-        self.place = place
-        self.decoder = decoder
-
-    def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
-        """Returns (batch, frames, width)."""
-        queries = self.place(_blank_frames(latents, mask))
-        return self.decoder(queries, mask, latents, _all_real(latents))
-
-
-class JointDecoder(nn.Module):
-    """Latents and positions in one sequence through an encoder (the authors' all_encoder)."""
-
-    def __init__(self, place: nn.Module, encoder: nn.Module) -> None:
-        super().__init__()
-        self.place = place
-        self.encoder = encoder
-
-    def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
-        """Returns (batch, frames, width)."""
-        x = self.place(torch.cat([latents, _blank_frames(latents, mask)], dim=1))
-        x = self.encoder(x, torch.cat([_all_real(latents), mask], dim=1))
-        return x[:, latents.shape[1] :]
-
-
 @dataclass(frozen=True)
 class TransformerVAEConfig:
     """Which parts a `TransformerVAE` has; the defaults are the paper's MLD-1."""
@@ -154,9 +134,12 @@ class TransformerVAEConfig:
     """Kind of position tables."""
     distribution: Literal["tokens", "linear"] = "tokens"
     """Whether mean and logvar have tokens of their own or come from a linear layer."""
-    decoding: Literal["cross", "joint"] = "cross"
-    """Whether frames look at the latents by cross-attention or share a sequence with them."""
-
+    decoding: Literal["cross", "joint", "two_rate"] = "cross"
+    """Whether frames look at the latents by cross-attention, share a sequence with them, or do the
+    first in most layers at a quarter of the frame rate."""
+    fine_layers: int = 2
+    """Layers of a decoder of two rates that see every frame; there are as many fewer coarse ones.
+    """
     latent_width: int | None = None
     """Numbers per latent token; by default as many as the transformer has."""
 
@@ -179,18 +162,25 @@ class TransformerVAEConfig:
             latent_width=latent,
         )
 
+    def cheaper(self) -> TransformerVAEConfig:
+        """Returns the same latents with the decoder that costs least."""
+        return replace(self, decoding="two_rate")
+
     def _place(self) -> nn.Module:
         return build_position(self.position, self.transformer.width, self.transformer.dropout)
 
     def _decoder(self) -> nn.Module:
         if self.decoding == "joint":
             return JointDecoder(self._place(), self.transformer.encoder())
+        if self.decoding == "two_rate":
+            return self._two_rates()
         return CrossDecoder(self._place(), self.transformer.decoder())
 
-
-def _all_real(tokens: Tensor) -> Tensor:
-    return torch.ones_like(tokens[..., 0], dtype=torch.bool)
-
-
-def _blank_frames(latents: Tensor, mask: Tensor) -> Tensor:
-    return latents.new_zeros(*mask.shape, latents.shape[-1])
+    def _two_rates(self) -> TwoRateDecoder:
+        whole, fine = self.transformer, self.fine_layers
+        return TwoRateDecoder(
+            place=self._place(),
+            coarse=replace(whole, layers=whole.layers - fine).decoder(),
+            unfold=nn.Linear(whole.width, STRIDE * whole.width),
+            fine=replace(whole, layers=fine, skips=False).decoder(),
+        )
