@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
 
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.presets import PRESETS
+from latentmotion.training import loop
 
 CHANGES = {
     "vae.width": 16,
@@ -37,3 +42,18 @@ CHANGES = {
 def small(**changes: object) -> Experiment:
     every = {**CHANGES, **changes}
     return with_changes(PRESETS["starter"](), [f"{k}={json.dumps(v)}" for k, v in every.items()])
+
+
+@contextmanager
+def killed_at(step: int) -> Iterator[None]:
+    """Kills the training inside as it comes to this step."""
+    optimize = loop.optimize
+
+    def stop(*arguments: object) -> object:
+        if arguments[3] == step:
+            raise KeyboardInterrupt
+        return optimize(*arguments)  # type: ignore[arg-type]
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(loop, "optimize", stop)
+        yield

@@ -71,6 +71,19 @@ def test_both_stages_with_a_body_and_what_the_run_keeps(folder: Path) -> None:
     assert card["condition"]["labels"] == ["throw", "walk", "warm_up"]
 
 
+@pytest.mark.parametrize("kind", ["Regression", "PhasedConsistency"])
+def test_a_student_of_few_steps_takes_labels(folder: Path, kind: str) -> None:
+    student = folder / kind
+    few = ["objective=" + json.dumps({"kind": kind}), "training.steps=2", "training.batch_size=2"]
+    few += ["objective.ways=64"] if kind == "Regression" else []
+    changes = [word for change in few for word in ("--set", change)]
+    words = ["--data", str(folder / "data"), "-o", str(student), "--device", "cpu", *changes]
+    main(["train", "distill", "--teacher", str(folder / "denoiser"), *words])
+    card = json.loads((student / "model" / "model.json").read_text())
+    assert (card["task"], card["frames"]) == ("action", [60, 60])
+    assert card["denoiser"]["leaps"]["steps"] == [1, 2, 4]
+
+
 def test_a_body_is_asked_for_and_refused_where_it_is_of_no_use(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -25,8 +25,9 @@ from latentmotion.condition.text.measures import compare
 from latentmotion.condition.text.network import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.condition.text.packing import pack
 from latentmotion.condition.text.recipe import StudentRecipe, train_student
-from latentmotion.condition.text.student import StudentTextEncoder, UnknownWordsWarning
+from latentmotion.condition.text.student import StudentTextEncoder
 from latentmotion.condition.text.targets import Targets, padded
+from latentmotion.condition.text.unknown_words import UnknownWordsWarning
 from latentmotion.errors import InputError, ModelError
 from tiny_text import CAPTIONS, teacher_tokenizer, tiny_teacher
 

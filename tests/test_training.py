@@ -25,7 +25,7 @@ from latentmotion.training.randomness import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.vae_stage import VAEStage
 from moving_figures import write_moving_figures
-from small_training import CHANGES, small
+from small_training import CHANGES, killed_at, small
 
 PLACE = Place(torch.device("cpu"), Ranks())
 
@@ -82,22 +82,13 @@ def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_
 
 
 def test_an_interrupted_second_stage_goes_on_bit_for_bit(
-    figures: Path, vae_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    figures: Path, vae_run: Path, tmp_path: Path
 ) -> None:
-    from latentmotion.training import loop
-
     def run(name: str) -> None:
         train_denoiser(small(), figures, vae_run, LetterCount(), tmp_path / name, PLACE)
 
-    def stop_at_five(*arguments: object) -> dict[str, torch.Tensor]:
-        if arguments[3] == 5:
-            raise KeyboardInterrupt
-        return optimize(*arguments)
-
-    optimize = loop.optimize
     run("whole")
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(loop, "optimize", stop_at_five)
+    with killed_at(5):
         run("parts")
     run("parts")
     assert weights(tmp_path / "whole") == weights(tmp_path / "parts")

@@ -10,6 +10,26 @@ from latentmotion.experiment import TrainingSettings
 
 
 @dataclass(frozen=True)
+class Regression:
+    """The student learns leaps along ways that its teacher has gone: exact, but only so many."""
+
+    ways: int = 4096
+    """Ways that the teacher goes; they are kept in the run folder."""
+
+
+@dataclass(frozen=True)
+class PhasedConsistency:
+    """Phased consistency (Wang et al. 2024): motions, noise and scales are new at every step.
+
+    From anywhere in a leap's phase the student shall come to where its own average comes to after
+    one guided step of the teacher.
+    """
+
+    per_item: int = 4
+    """Crops kept of each clip, or part of a clip with sentences of its own."""
+
+
+@dataclass(frozen=True)
 class Distillation:
     """Settings of `latentmotion train distill`; the defaults are for two cores and some minutes."""
 
@@ -17,10 +37,10 @@ class Distillation:
     """What the model is called."""
     leaps: Leaps = field(default_factory=Leaps)
     """What the student shall be able to do."""
+    objective: Regression | PhasedConsistency = field(default_factory=Regression)
+    """What it learns from."""
     cropping: Cropping = field(default_factory=lambda: Cropping(max_frames=196, min_frames=12))
-    """Of what lengths the teacher is asked for motions."""
-    ways: int = 4096
-    """Motions that it is asked for; they are kept in the run folder."""
+    """Of what lengths motions are, of those that the teacher makes."""
     knee: float = 1.0
     """Where the loss turns from squares to absolute values; a large one leaves the squares."""
     mirrored: bool = True
@@ -35,4 +55,4 @@ class Distillation:
             precision="bfloat16",
         )
     )
-    """How the student is optimized."""
+    """How the student is optimized; the teacher answers in the same precision."""

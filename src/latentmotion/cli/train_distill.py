@@ -31,6 +31,8 @@ class TrainDistill:
     set: Changes = ()
     """Change one setting, e.g. training.steps=1000 or leaps.steps='[1,2,4,8]'; may be given several
     times."""
+    start: Path | None = None
+    """Run or model folder of an earlier student of the same teacher, to begin as that."""
     text_encoder: str | None = None
     """The teacher's text encoder, where it is neither in its folder nor found by its name."""
     device: str = "auto"
@@ -45,8 +47,9 @@ class TrainDistill:
         settings = with_changes(Distillation(), self.set)
         teacher = model_folder(find_model(self.teacher))
         encoder = self._encoder(teacher)
+        start = model_folder(self.start) if self.start else None
         with training_place(self.device) as place:
-            print(distill(settings, self.data, teacher, encoder, self.output, place))
+            print(distill(settings, self.data, teacher, encoder, self.output, place, start))
 
     def _encoder(self, teacher: Path) -> TextEncoder | None:
         from latentmotion.condition.text.cache import CachedTextEncoder

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from array_api_compat import array_namespace
 from jaxtyping import Bool, Float
 
+from latentmotion.arrays import array_namespace
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.leaps import Leap

@@ -6,7 +6,6 @@ pass is a whole leap of the guided teacher; leaps begin and end at times of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,13 +66,6 @@ class Leaps:
     def stops(self) -> list[int]:
         """The solver's times at which some leap begins or ends, by number."""
         return sorted({n * self.of // count for count in self.steps for n in range(count + 1)})
-
-    def each(self) -> Iterator[tuple[int, int, int]]:
-        """Yields all leaps: steps of the whole way, and the leap's ends among the stops."""
-        place = {stop: index for index, stop in enumerate(self.stops)}
-        for count in self.steps:
-            size = self.of // count
-            yield from ((count, place[n * size], place[(n + 1) * size]) for n in range(count))
 
 
 @dataclass(frozen=True)

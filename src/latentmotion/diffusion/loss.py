@@ -59,36 +59,46 @@ def denoiser_loss(
     return mean_of_real(F.mse_loss(output, target, reduction="none"), mask)
 
 
+@dataclass(frozen=True)
+class LeapBatch:
+    """Leaps that a student shall make."""
+
+    start: Float[Tensor, "batch tokens width"]
+    """Latents from which each goes."""
+    end: Float[Tensor, "batch tokens width"]
+    """Latents that it shall reach."""
+    times: tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]
+    """When it begins and ends."""
+    condition: Conditioning
+    """What steers the motions."""
+    mask: Bool[Tensor, "batch tokens"]
+    """True on real tokens."""
+    leap: Leap
+    """What the student is told."""
+
+
 def leap_loss(
     student: Callable[..., Tensor],
-    start: Float[Tensor, "batch tokens width"],
-    end: Float[Tensor, "batch tokens width"],
-    times: tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]],
-    condition: Conditioning,
-    mask: Bool[Tensor, "batch tokens"],
-    leap: Leap,
-    parts: tuple[Schedule, Prediction],
+    batch: LeapBatch,
+    schedule: Schedule,
+    prediction: Prediction,
     knee: float,
 ) -> Float[Tensor, ""]:
-    """Compares a student's leap with the teacher's way between two times, as mean velocities.
+    """Compares a student's leaps with those that it shall make, as mean velocities.
 
     Args:
         student: The denoiser that learns, whose last argument is a `Leap`.
-        start: The teacher's latents at the first time.
-        end: And at the second.
-        times: Both, one per item.
-        condition: What steers the motion.
-        mask: True on real tokens.
-        leap: What the student is told.
-        parts: The schedule, and what the student's output means.
+        batch: The leaps.
+        schedule: The teacher's.
+        prediction: What the student's output means.
         knee: Where the loss turns from squares to absolute values (Huber's delta).
     """
-    schedule, prediction = parts
-    output = student(start, times[0], condition, mask, leap).float()
-    velocity = partial(Velocity().target, t=times[0], schedule=schedule)
-    found = velocity(*prediction.split(output, start, times[0], schedule))
-    wanted = velocity(*between(start, end, *times, schedule))
-    return mean_of_real(F.huber_loss(found, wanted, reduction="none", delta=knee), mask)
+    start, t = batch.start, batch.times[0]
+    output = student(start, t, batch.condition, batch.mask, batch.leap).float()
+    velocity = partial(Velocity().target, t=t, schedule=schedule)
+    found = velocity(*prediction.split(output, start, t, schedule))
+    wanted = velocity(*between(start, batch.end, *batch.times, schedule))
+    return mean_of_real(F.huber_loss(found, wanted, reduction="none", delta=knee), batch.mask)
 
 
 def between(

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, Protocol, runtime_checkable
 
-from array_api_compat import array_namespace, device
 from jaxtyping import Bool, Float
 
+from latentmotion.arrays import array_namespace, device
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.interface import Answer, Denoiser, Noise
 from latentmotion.diffusion.prediction import Prediction

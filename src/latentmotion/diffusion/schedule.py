@@ -14,8 +14,8 @@ from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from array_api_compat import array_namespace, device
 
+from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 
 Time = Any

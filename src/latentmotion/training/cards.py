@@ -12,7 +12,8 @@ from latentmotion.experiment import Experiment
 from latentmotion.model_card import LatentSpace, ModelCard
 from latentmotion.training.provenance import provenance_of
 from latentmotion.training.steering import Steering
-from latentmotion.vae.convolutional import STRIDE, ConvolutionalVAEConfig
+from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.vae.convolutions import STRIDE
 from latentmotion.vae.identity import IdentityVAEConfig
 
 

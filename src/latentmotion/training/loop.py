@@ -37,6 +37,9 @@ class Stage(nn.Module, ABC, Generic[Network]):
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`; "total" is minimized, the others are reported."""
 
+    def follow(self, average: Network) -> None:
+        """Is shown the averaged network before training, for a loss that asks it."""
+
     @abstractmethod
     def validate(self, network: Network) -> Mapping[str, float]:
         """Figures of `network` on data it is not trained on."""
@@ -59,6 +62,7 @@ def train(
     """
     stage.to(place.device)
     average = ExponentialMovingAverage(stage.network, settings.ema_decay)
+    stage.follow(average.network)
     optimizer = torch.optim.AdamW(
         stage.network.parameters(), settings.learning_rate, weight_decay=settings.weight_decay
     )

@@ -1,9 +1,9 @@
-"""What a student of few steps learns from: its teacher's guided ways from noise to latents.
+"""The teacher's guided ways from noise to latents: what leaps are compared with, or learned from.
 
     noise, prompt, guidance w → the teacher's solver, guided → latents at the stops of all leaps
 
-The ways are those that the student will walk itself, not noised data, which guidance leaves. They
-are computed once and kept in the run folder, as latents are for stage 2.
+They are those that the student will walk itself, not noised data, which guidance leaves. They are
+computed once and kept in the run folder, as latents are for stage 2.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from latentmotion.condition.interface import Conditioning
@@ -25,10 +26,14 @@ from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import sample, sampler_named
+from latentmotion.experiment import Precision
 from latentmotion.files import atomic_file
 from latentmotion.model_card import ModelCard
 from latentmotion.training.devices import Place
 from latentmotion.training.steering import PromptTable
+
+WAYS_FILE = "ways.safetensors"
+"""Where in a distillation's run folder the ways that it learns from are kept."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,8 @@ class Guide:
     """What it sees of prompts."""
     device: torch.device
     """Where it computes."""
+    precision: Precision = "float32"
+    """Of the network's arithmetic; the ways stay in float32."""
 
     @torch.no_grad()
     def show(self, crops: Sequence[Crop], seed: int) -> Trajectories:
@@ -87,10 +94,14 @@ class Guide:
             torch.device("cpu")
         )
 
+    def guided(self, scale: Float[torch.Tensor, " batch"]) -> ClassifierFreeGuidance:
+        """Returns the teacher's denoiser, guided by a scale for each item."""
+        return ClassifierFreeGuidance(self.network, self.prompts([""]), scale)
+
     def _points(
         self, condition: Conditioning, z: torch.Tensor, mask: torch.Tensor, scale: torch.Tensor
     ) -> torch.Tensor:
-        guided = ClassifierFreeGuidance(self.network, self.prompts([""]), scale)
+        guided = self.guided(scale)
         states: list[torch.Tensor] = []
 
         def watched(z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
@@ -98,7 +109,8 @@ class Guide:
             return guided(z, t, condition, mask)
 
         sampler = sampler_named("dpm++", self.card.schedule, self.card.prediction)
-        last = sample(watched, sampler, z, condition, mask, self.leaps.of, nothing)
+        with torch.autocast(self.device.type, torch.bfloat16, self.precision == "bfloat16"):
+            last = sample(watched, sampler, z, condition, mask, self.leaps.of, nothing)
         return torch.stack([[*states, last][stop] for stop in self.leaps.stops], dim=1)
 
 
@@ -113,6 +125,16 @@ def remembered_trajectories(
             save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary)
     place.wait()
     return Trajectories(**load_file(path))
+
+
+def ends_of(
+    path: Path,
+) -> tuple[Float[torch.Tensor, "paths tokens width"], Bool[torch.Tensor, "paths tokens"]]:
+    """Reads from a file of ways only where each ended, in the denoiser's scale, and the masks."""
+    with safe_open(path, "pt") as file:
+        points = file.get_slice("points")
+        last = points.get_shape()[1] - 1
+        return points[:, last], file.get_tensor("mask")
 
 
 def _joined(parts: Sequence[Trajectories]) -> Trajectories:
