@@ -24,6 +24,9 @@ from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.loss import VAEObjective
 from latentmotion.vae.transformer import TransformerVAEConfig
 
+Precision = Literal["float32", "bfloat16"]
+"""Of a network's arithmetic; weights and losses stay in float32."""
+
 
 @dataclass(frozen=True)
 class TrainingSettings:
@@ -45,7 +48,7 @@ class TrainingSettings:
     """Highest norm of the gradient; null for none."""
     ema_decay: float = 0.999
     """Decay of the moving average of the weights; 0 for none."""
-    precision: Literal["float32", "bfloat16"] = "float32"
+    precision: Precision = "float32"
     """Of the networks' arithmetic; weights and losses stay in float32."""
     seed: int = 0
     """Of weights, batches and noise."""

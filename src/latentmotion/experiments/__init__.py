@@ -1,1 +1,1 @@
-"""The paper's tables and figures, each a list of rows that one command trains and measures."""
+"""Tables of the paper and of the fast family: rows that one command trains and measures."""

@@ -16,6 +16,7 @@ from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.settings import Protocol, Repeats
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.transformer import TransformerVAEConfig
 
@@ -36,7 +37,7 @@ class Budget:
     raw: tuple[str, ...] = ()
     """Further changes of diffusion on raw frames."""
     width: int | None = None
-    """Width of transformers and of VPoser-t's latent; twice that inside."""
+    """Width of transformers, of convolutions and of VPoser-t's latent; twice that inside."""
     layers: Mapping[int, int] = field(default_factory=dict)
     """Layers of transformers by the paper's."""
     max_frames: int | None = None
@@ -47,8 +48,16 @@ class Budget:
     """Most repetitions of rows of 1000 steps."""
     repeats: Repeats | None = None
     """How much MultiModality asks for; by default as the protocol has it."""
+    of_tables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Further changes of every model of a table."""
+    of_models: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Further changes of single models, which their rows warn of."""
     further: tuple[str, ...] = ()
     """Changes of every model after all others."""
+
+    def of_table(self, name: str) -> Budget:
+        """Returns the budget of a table by name."""
+        return self.changed(self.of_tables.get(name, ()))
 
     def changed(self, changes: Sequence[str]) -> Budget:
         """Returns the budget with further changes of every model, which its text tells of."""
@@ -66,7 +75,7 @@ class Budget:
         smaller = with_changes(experiment, [*self.changes, *raw])
         denoiser = replace(smaller.denoiser, transformer=self._stack(smaller.denoiser.transformer))
         smaller = replace(smaller, vae=self._vae(smaller), denoiser=denoiser)
-        return with_changes(smaller, self.further)
+        return with_changes(smaller, [*self.of_models.get(experiment.name, ()), *self.further])
 
     def _vae(self, experiment: Experiment) -> VAEConfig:
         vae, width = experiment.vae, self.width
@@ -74,6 +83,8 @@ class Budget:
             return replace(vae, transformer=replace(self._stack(vae.transformer), dropout=0.0))
         if isinstance(vae, VPoserTConfig) and width:
             return replace(vae, hidden=2 * width, width=width, dropout=0.0)
+        if isinstance(vae, ConvolutionalVAEConfig) and width:
+            return replace(vae, width=width)
         return vae
 
     def _stack(self, config: TransformerConfig) -> TransformerConfig:
@@ -103,6 +114,11 @@ _CROPS = tuple(
     for key in ("max_frames=64", "min_frames=16")
 )
 
+_SHORT_FLOW = tuple(
+    f"denoiser_training.{change}"
+    for change in ("steps=700", "batch_size=32", "learning_rate=1e-3", "warm_up=100")
+)
+
 PAPER = Budget("paper", "sizes and steps of the paper")
 
 SMALL = Budget(
@@ -120,6 +136,8 @@ SMALL = Budget(
     raw=("denoiser_training.steps=2500", "denoiser_training.batch_size=32"),
     width=128,
     layers=LAYERS,
+    of_tables=dict.fromkeys(("fast", "fast_vae"), _SHORT_FLOW),
+    of_models=dict.fromkeys(("narrow_16x16", "narrow_16x32"), ("vae_training.steps=1000",)),
     max_frames=64,
     replications=5,
     slow=1,

@@ -9,6 +9,7 @@ from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.experiments.budget import Budget
 from latentmotion.experiments.table import Model
+from latentmotion.presets.fast import fast
 from latentmotion.presets.mdm import mdm, mdm_50
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
 from latentmotion.presets.starter import starter
@@ -19,6 +20,7 @@ BASES: dict[str, Callable[[], Experiment]] = {
     "mdm": mdm,
     "mdm_50": mdm_50,
     "starter": starter,
+    "fast": fast,
 }
 """What a model is changed from."""
 

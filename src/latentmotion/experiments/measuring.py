@@ -23,11 +23,13 @@ from latentmotion.evaluation.subject import Generated, Prior, Reconstructed, Sub
 from latentmotion.experiments.result import RowResult
 from latentmotion.experiments.reverse import draw_latents
 from latentmotion.experiments.table import Row, Table
+from latentmotion.experiments.vae_cost import vae_cost
 from latentmotion.experiments.workplace import Workplace
 from latentmotion.files import sha256
 from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import read_card
 from latentmotion.runtime.eager import eager_generator, eager_prior
+from latentmotion.vae.interface import MotionVAE
 
 SLOW = 1000
 """Sampling steps from which a row is repeated less often."""
@@ -108,6 +110,8 @@ class Measurement:
         figures = dict(report[subject.row])
         if isinstance(subject, Generated) and {"AITS", "GFLOPs"} & set(self.table.metrics):
             figures |= self._cost(row, subject, folder, protocol)
+        if isinstance(subject, Reconstructed) and "Decoding" in self.table.metrics:
+            figures |= self._vae_cost(subject.vae)
         return RowResult(
             row=row.name,
             key=key,
@@ -117,7 +121,7 @@ class Measurement:
             replications=protocol.replications,
             versions=dict(report.provenance.versions),
             notes=report.notes,
-            warnings=(*report.warnings, *self._warnings(report)),
+            warnings=(*report.warnings, *self._warnings(row, report)),
             made=self.made,
             **_model(folder),
         )
@@ -136,6 +140,10 @@ class Measurement:
             "Parameters": Figure(cost.parameters["together"] / 1e6),
         }
 
+    def _vae_cost(self, vae: MotionVAE) -> dict[str, Figure]:
+        representation = self.work.dataset.representation
+        return vae_cost(vae, representation.width, representation.fps)
+
     def _drawn(self, row: Row, folder: Path, key: str) -> RowResult:
         path = self.work.folder / f"{self.table.name}.png"
         figures = draw_latents(self.generator(row), path)
@@ -152,10 +160,12 @@ class Measurement:
             return Reconstructed(model.vae, model.card)
         return Generated(self.generator(row), row.steps, row.guidance, row.sampler)
 
-    def _warnings(self, report: Report) -> list[str]:
-        asked = self.protocol.replications
-        count = report.protocol.replications
-        return [f"measured {count} times instead of {asked}"] if count < asked else []
+    def _warnings(self, row: Row, report: Report) -> list[str]:
+        asked, count = self.protocol.replications, report.protocol.replications
+        first, changed = self.work.model(row.model).first, self.work.budget.of_models
+        changes = (*changed.get(row.model, ()), *changed.get(first, ()))
+        fewer = [f"measured {count} times instead of {asked}"] if count < asked else []
+        return [*fewer, *([f"trained with {', '.join(changes)}"] if changes else [])]
 
     def _key(self, row: Row, folder: Path, protocol: Protocol) -> str:
         decides: dict[str, Any] = {

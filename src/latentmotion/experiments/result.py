@@ -13,6 +13,9 @@ UNITS = {
     "AITS": "s ↓",
     "GFLOPs": "↓",
     "Parameters": "10⁶ ↓",
+    "Latent numbers": "of 4 s ↓",
+    "Training step": "CPU s ↓",
+    "Decoding": "of 4 s, CPU ms ↓",
     "Silhouette of noise": "",
     "Silhouette of latents": "↑",
 }

@@ -10,12 +10,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from latentmotion.diffusion.sampler import SamplerName
+
 Kind = Literal["real", "reconstructed", "generated", "prior", "latents"]
 """What a row looks at: the data, a VAE's copies of it, samples of the diffusion or of a VAE's
 prior, or latents along the reverse process."""
 
-Base = Literal["mld", "mdm", "mdm_50", "starter"]
-"""What a model is changed from: the paper's, diffusion on raw frames and its fast form, or ours."""
+Base = Literal["mld", "mdm", "mdm_50", "starter", "fast"]
+"""What a model is changed from: the paper's, diffusion on raw frames and its fast form, ours as it
+ships (which is taken as it is), or our preset for HumanML3D."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class Row:
     """Sampling steps; the model's own where empty."""
     guidance: float | None = None
     """Guidance scale; the model's own where empty."""
-    sampler: Literal["ddim", "ddpm"] | None = None
+    sampler: SamplerName | None = None
     """Sampler; the model's own where empty."""
     paper: Mapping[str, float] = field(default_factory=dict)
     """The paper's figures by metric."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from latentmotion.errors import InputError, hint
 from latentmotion.experiment import Experiment
 from latentmotion.presets.baselines import actor, mld_no_vae, vposer_t
+from latentmotion.presets.fast import fast, fast_tokens
 from latentmotion.presets.mdm import mdm, mdm_50
 from latentmotion.presets.mld_actions import mld_humanact12, mld_uestc
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
@@ -14,6 +15,8 @@ from latentmotion.presets.starter import starter
 
 PRESETS: dict[str, Callable[[], Experiment]] = {
     "starter": starter,
+    "fast": fast,
+    "fast_tokens": fast_tokens,
     "mld_humanml3d": mld_humanml3d,
     "mld_humanact12": mld_humanact12,
     "mld_uestc": mld_uestc,

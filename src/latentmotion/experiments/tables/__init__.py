@@ -10,6 +10,8 @@ from latentmotion.experiments.tables.action import HDM05, HUMANACT12, UESTC
 from latentmotion.experiments.tables.autoencoder import AUTOENCODER
 from latentmotion.experiments.tables.batch import BATCH
 from latentmotion.experiments.tables.denoiser import DENOISER
+from latentmotion.experiments.tables.fast import FAST
+from latentmotion.experiments.tables.fast_vae import FAST_VAE
 from latentmotion.experiments.tables.guidance import DROPPED, GUIDANCE
 from latentmotion.experiments.tables.language import LANGUAGE
 from latentmotion.experiments.tables.latents import LATENTS
@@ -18,7 +20,7 @@ from latentmotion.experiments.tables.steps import STEPS
 from latentmotion.experiments.tables.text import HUMANML3D, KIT
 from latentmotion.experiments.tables.training import TRAINING
 from latentmotion.experiments.tables.unconditional import UNCONDITIONAL
-from latentmotion.experiments.tables.vae import LAYERS, TOKENS, VAE
+from latentmotion.experiments.tables.vae import DECODER, LAYERS, TOKENS, VAE
 
 TABLES: dict[str, Table] = {
     table.name: table
@@ -31,6 +33,7 @@ TABLES: dict[str, Table] = {
         UNCONDITIONAL,
         VAE,
         LAYERS,
+        DECODER,
         TOKENS,
         DENOISER,
         LANGUAGE,
@@ -42,6 +45,8 @@ TABLES: dict[str, Table] = {
         BATCH,
         TRAINING,
         LATENTS,
+        FAST_VAE,
+        FAST,
     )
 }
 

@@ -47,6 +47,19 @@ LAYERS = Table(
     ),
 )
 
+DECODER = Table(
+    name="decoder",
+    title="Decoders of MLD-1 at the frame rate and at a quarter of it",
+    where="no table of it",
+    metrics=(*METRICS, "Parameters", "Training step", "Decoding"),
+    rows=(
+        Row("real", "Real", "real"),
+        rebuilt("mld_1", "every layer at the frame rate", paper=False),
+        rebuilt("mld_1_two_rates", "all but the last two at a quarter", paper=False),
+        rebuilt("mld_1_coarse", "every layer at a quarter", paper=False),
+    ),
+)
+
 TOKENS = Table(
     name="tokens",
     title="Latent tokens: rebuilding against generating",
