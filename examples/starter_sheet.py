@@ -1,8 +1,8 @@
-"""Draws 24 prompts that cover what the starter model knows, for a person to judge.
+"""Draws 24 prompts that cover what the shipped models know, for a person to judge.
 
-    python examples/starter_sheet.py docs/pictures
+    python examples/starter_sheet.py docs/pictures fast
 
-writes three pictures of eight rows, and the moving picture of the README.
+writes three pictures of eight rows, and a moving one.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 
 from latentmotion import MotionGenerator, formats
 from latentmotion.formats import video
+from latentmotion.models import DEFAULT
 
 PROMPTS = (
     "a person walks forward",
@@ -43,13 +44,15 @@ MOVING = (3, 7, 12, 14)
 SEED = 0
 
 
-def main(folder: Path, model: str = "starter") -> None:
+def main(folder: Path, model: str = DEFAULT) -> None:
     """Writes the pictures."""
     generate = MotionGenerator.load(model)
     motions = generate.batch(PROMPTS, seconds=4, seeds=[SEED] * len(PROMPTS))
     for sheet in range(3):
-        formats.save(folder / f"starter_{sheet + 1}.png", motions[8 * sheet : 8 * sheet + 8])
-    video.write(folder / "starter.gif", [motions[n] for n in MOVING], size=280)
+        formats.save(
+            folder / f"{generate.card.name}_{sheet + 1}.png", motions[8 * sheet : 8 * sheet + 8]
+        )
+    video.write(folder / f"{generate.card.name}.gif", [motions[n] for n in MOVING], size=280)
 
 
 if __name__ == "__main__":

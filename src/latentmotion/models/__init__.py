@@ -1,4 +1,4 @@
-"""The model that ships with the package, and how a model is found by name."""
+"""The models that ship with the package, and how a model is found by name."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from pathlib import Path
 from latentmotion.errors import ModelError, hint
 from latentmotion.model_card import CARD_FILE
 
+DEFAULT = "fast"
+"""The model that generates where none is named: `starter`, distilled to few steps."""
+
 
 def shipped_models() -> tuple[str, ...]:
     """Returns the names of the models inside the package."""
-    return tuple(sorted(card.parent.name for card in Path(__file__).parent.glob(f"*/{CARD_FILE}")))
+    # A folder that begins with a dot is still being written.
+    return tuple(sorted(c.parent.name for c in Path(__file__).parent.glob(f"[!.]*/{CARD_FILE}")))
 
 
 def find_model(model: str | Path) -> Path:

@@ -1,0 +1,61 @@
+"""The models inside the package, above all the one that generates where none is named."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from latentmotion import MotionGenerator
+from latentmotion.errors import InputError
+from latentmotion.model_card import read_card
+from latentmotion.models import DEFAULT, find_model, shipped_models
+
+
+@pytest.fixture(scope="module")
+def generate() -> MotionGenerator:
+    return MotionGenerator.load(threads=1)
+
+
+def test_both_models_ship_and_the_distilled_one_is_the_default(generate: MotionGenerator) -> None:
+    assert shipped_models() == ("fast", "starter")
+    assert generate.card.name == DEFAULT == "fast"
+    assert generate.card.leaps is not None and generate.card.figures["teacher"] == "starter"
+
+
+@pytest.mark.parametrize("steps", [1, 2, 4])
+def test_few_steps_do_what_the_sentence_says(generate: MotionGenerator, steps: int) -> None:
+    sentences = ["a person walks forward", "a person lies down on the floor", "a person squats"]
+    walk, lie, squat = (motion.joints for motion in generate.batch(sentences, 4, steps=steps))
+    assert walk[-1, 0, 2] - walk[0, 0, 2] > 1.0, "walks less than a meter"
+    assert (walk[:, 15, 1] > walk[:, 0, 1] + 0.3).all(), "who walks is not upright"
+    assert lie[-1, 15, 1] < 0.5, "the head of who lies down stays up"
+    assert squat[:, 0, 1].min() < squat[-1, 0, 1] - 0.2, "who squats stays up"
+
+
+def test_other_steps_and_samplers_are_refused_with_what_there_is(
+    generate: MotionGenerator,
+) -> None:
+    with pytest.raises(InputError, match="1, 2, 4"):
+        generate("a person walks", steps=50)
+    with pytest.raises(InputError, match="ddim"):
+        generate("a person walks", sampler="heun")
+
+
+def test_the_text_encoder_is_in_the_package_once(tmp_path: Path, generate: MotionGenerator) -> None:
+    assert not (find_model("fast") / "text_encoder.onnx").exists()
+    copy = shutil.copytree(find_model("fast"), tmp_path / "mine")
+    elsewhere = MotionGenerator.load(copy, threads=1)
+    np.testing.assert_array_equal(
+        elsewhere("a person waves", 2).joints, generate("a person waves", 2).joints
+    )
+
+
+@pytest.mark.parametrize("name", shipped_models())
+def test_cards_name_data_license_and_no_path_of_a_machine(name: str) -> None:
+    provenance = read_card(find_model(name)).provenance
+    assert provenance.license == "CC BY-SA 3.0 Unported"
+    assert {entry.partition(":")[0] for entry in provenance.data} == {"cmu", "hdm05"}
+    assert provenance.commands and not any(" /" in command for command in provenance.commands)
