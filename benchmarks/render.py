@@ -9,13 +9,16 @@ say more than the clock does. Medians of a few runs.
 from __future__ import annotations
 
 import argparse
-import resource
-import statistics
-import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
+
+from contest import figure, table
+from process import Cost, cost
+
+CLOCKS = ("clock", "processor")
 
 RENDERINGS = {
     "MP4": ("a.mp4",),
@@ -27,37 +30,31 @@ RENDERINGS = {
 }
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--size", type=int, default=512)
-    parser.add_argument("--repeats", type=int, default=3)
-    options = parser.parse_args()
+    parser.add_argument("--turns", type=int, default=3)
+    options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as name:
-        motion = str(Path(name) / "walk.npz")
+        motion = f"{name}/walk.npz"
         caption = "a person walks forward and kicks"
         _run("generate", caption, "--seconds", str(options.seconds), "-o", motion)
-        print("| | clock, s | CPU, s | file, kB |\n|---|---|---|---|")
+        rows = []
         for label, (file, *more) in RENDERINGS.items():
             target = Path(name) / file
             size = [] if file.endswith(".png") else ["--size", str(options.size)]
             words = ["render", motion, "-o", str(target), *more, *size]
-            costs = [_run(*words) for _ in range(options.repeats)]
-            clock, cpu = (statistics.median(each) for each in zip(*costs, strict=True))
-            print(f"| {label} | {clock:.1f} | {cpu:.1f} | {target.stat().st_size / 1000:.0f} |")
+            costs = [_run(*words) for _ in range(options.turns)]
+            clock, processor = (median(getattr(c, of) for c in costs) for of in CLOCKS)
+            kilobytes = f"{target.stat().st_size / 1000:.0f}"
+            rows.append([label, figure(clock), figure(processor), kilobytes])
+    print(table(["", "clock, s", "CPU, s", "file, kB"], rows))
 
 
-def _run(*words: str) -> tuple[float, float]:
-    """Returns seconds by the clock and of the processor."""
-    start, before = time.perf_counter(), _spent()
-    subprocess.run([sys.executable, "-m", "latentmotion", *words], check=True, capture_output=True)
-    return time.perf_counter() - start, _spent() - before
-
-
-def _spent() -> float:
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
+def _run(*words: str) -> Cost:
+    return cost([sys.executable, "-m", "latentmotion", *words])
 
 
 if __name__ == "__main__":

@@ -2,22 +2,22 @@
 
     python benchmarks/text_encoder.py --captions humanml3d/texts.json.xz
 
-Both take turns over the same held-out captions, one sentence at a time; medians are reported.
+Both take turns over the same held-out captions, one sentence at a time; without captions over made
+ones, which are all alike in length.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import platform
-import statistics
-import time
-from collections import defaultdict
+from collections.abc import Sequence
+from itertools import cycle, islice
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from contest import Contender, figure, table, take_turns, whole
+from generation import sentences
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.text.corpus import is_held_out, read_captions
 from latentmotion.condition.text.pretrained import PretrainedTextEncoder
@@ -25,38 +25,36 @@ from latentmotion.condition.text.student import StudentTextEncoder
 from latentmotion.models import find_model
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--captions", type=Path, required=True)
+    parser.add_argument("--captions", type=Path)
     parser.add_argument("--model", default="starter")
-    parser.add_argument("--sentences", type=int, default=200)
-    options = parser.parse_args()
+    parser.add_argument("--turns", type=int, default=200)
+    options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     encoders: dict[str, TextEncoder] = {
         "ours": StudentTextEncoder.load(find_model(options.model), threads=1),
         "MiniLM, transformers": PretrainedTextEncoder.load("minilm"),
     }
-    held_out = [c.text for c in read_captions(options.captions) if is_held_out(c.text)]
-    times, pooled = _run(encoders, held_out[: options.sentences])
-    cosine = np.mean([a @ b for a, b in zip(*pooled.values(), strict=True)])
-    print(f"{platform.machine()}, 1 thread, load {os.getloadavg()[0]:.1f}, ", end="")
-    print(f"{options.sentences} held-out captions, mean cosine {cosine:.4f}\n")
-    print("| encoder | ms a sentence, median |\n|---|---|")
-    for name, values in times.items():
-        print(f"| {name} | {statistics.median(values):.2f} |")
+    asked = _sentences(options.captions, options.turns)
+    contenders = {name: _contender(encoder, asked) for name, encoder in encoders.items()}
+    times = take_turns(contenders, options.turns)
+    ours, theirs = (encoder(asked[:100]).pooled for encoder in encoders.values())
+    print(f"{times}; mean cosine {np.mean((ours * theirs).sum(axis=1)):.4f}\n")
+    rows = [[name, figure(times.whole(name)), figure(times.processor(name))] for name in encoders]
+    print(table(["encoder", "ms a sentence", "processor"], rows))
 
 
-def _run(
-    encoders: dict[str, TextEncoder], sentences: list[str]
-) -> tuple[dict[str, list[float]], dict[str, list[np.ndarray]]]:
-    times, pooled = defaultdict(list), defaultdict(list)
-    for sentence in sentences:
-        for name, encoder in encoders.items():
-            start = time.perf_counter()
-            pooled[name].append(encoder([sentence]).pooled[0])
-            times[name].append((time.perf_counter() - start) * 1e3)
-    return times, pooled
+def _sentences(captions: Path | None, count: int) -> list[str]:
+    if captions is None:
+        return list(islice(sentences(), count))
+    return [c.text for c in read_captions(captions) if is_held_out(c.text)][:count]
+
+
+def _contender(encoder: TextEncoder, asked: Sequence[str]) -> Contender:
+    turn = cycle(asked)
+    return whole(lambda: encoder([next(turn)]))
 
 
 if __name__ == "__main__":

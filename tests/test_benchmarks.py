@@ -1,0 +1,228 @@
+"""Benchmarks run with tiny settings, so that they do not rot; nobody asserts times."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import replace
+from itertools import count, islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import all as everything
+import authors_shaped
+import cold_start
+import contest
+import files
+import first_motion
+import growth
+import process
+import render
+import speed
+import text_encoder
+import training
+from authors_generation import AuthorsGeneration
+from generation import Generation, Model, sentences
+from latentmotion import MotionGenerator
+
+ROOT = Path(__file__).parents[1]
+QUICK = ["--engines", "onnxruntime", "--threads", "1", "--seconds", "1", "--turns", "1"]
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch):
+    """Authors' shapes of one layer and few words; the threads of other tests as they were."""
+    for name, value in (("TEXT_LAYERS", 1), ("WORDS", 100), ("LAYERS", 1)):
+        monkeypatch.setattr(authors_shaped, name, value)
+    threads = torch.get_num_threads()
+    yield
+    torch.set_num_threads(threads)
+
+
+def rows(printed: str) -> dict[str, list[str]]:
+    """Cells of all tables by the first one of their rows."""
+    lines = [line.strip("| ").split(" | ") for line in printed.splitlines() if line[:1] == "|"]
+    return {cells[0]: cells[1:] for cells in lines}
+
+
+def numbers(cells: list[str]) -> list[float]:
+    return [float(cell.strip("*")) for cell in cells if cell.strip()]
+
+
+def weights(network: torch.nn.Module) -> int:
+    return sum(parameter.numel() for parameter in network.parameters())
+
+
+def test_contenders_take_turns_and_the_first_turn_is_thrown_away():
+    order = []
+
+    def contender(name: str, paces: list[float]) -> contest.Contender:
+        turns = iter(paces)
+
+        def run() -> contest.Laps:
+            order.append(name)
+            return {"a": next(turns), "b": 1.0}
+
+        return run
+
+    pair = {"slow": contender("slow", [99, 3, 7, 5]), "fast": contender("fast", [99, 1, 3, 0])}
+    times = contest.take_turns(pair, turns=3)
+    assert order == ["slow", "fast"] * 4
+    assert times.part("slow", "a") == 5
+    assert times.whole("fast") == 2
+    assert times.ratio("fast") == 2  # medians of 4/2, 8/4 and 6/1
+    assert "medians of turns: 3" in str(times)
+
+
+def test_an_impatient_contest_leaves_slow_contenders_out_after_one_turn():
+    turns = count()
+    times = contest.take_turns({"a": lambda: {"a": 1.0 + next(turns)}}, turns=5, patience=0)
+    assert [turn.whole for turn in times.turns["a"]] == [2.0]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.01234, "0.0123"), (1.0, "1.00"), (12.34, "12.3"), (99.96, "100"), (1234.5, "1234")],
+)
+def test_figures_have_three_digits(value: float, text: str):
+    assert contest.figure(value) == text
+    assert contest.figure(float("nan")) == ""
+
+
+def test_sentences_are_all_different():
+    assert len(set(islice(sentences(), 1000))) == 1000
+
+
+def test_the_authors_shapes_have_the_published_numbers_of_weights(monkeypatch):
+    monkeypatch.setattr(authors_shaped, "LAYERS", 9)
+    tower, layer = authors_shaped.TextTower(), authors_shaped.TextLayer(768)
+    assert weights(tower) + 11 * weights(layer) + (49408 - 100) * 768 == 123_650_304
+    assert weights(authors_shaped.VAE(263, 498)) == 18_032_135
+
+
+def test_the_authors_order_of_work_gives_every_part():
+    laps = AuthorsGeneration(batch=2, frames=20, steps=3)()
+    assert list(laps) == list(speed.PARTS)
+    assert min(laps.values()) > 0
+
+
+def test_speed_prints_a_row_for_each_contender(capsys):
+    models = ["--models", "mine=starter", "--steps", "2"]
+    engines = ["--engines", "onnxruntime", "pytorch"]
+    speed.main([*models, *QUICK, *engines, "--batches", "2", "--processes", "0"])
+    found = rows(capsys.readouterr().out)
+    assert "MDM's shape, 1000 steps (reckoned from 1)" in found
+    assert len(numbers(found["mine, 2 steps, PyTorch eager"])) == 8
+    text, denoiser, decoder, joints, whole, each, ratio, _ = numbers(
+        found["mine, 2 steps, ONNX Runtime"]
+    )
+    assert text + denoiser + decoder + joints == pytest.approx(whole, rel=0.02)
+    assert each == pytest.approx(whole / 2, rel=0.02)
+    first = numbers(found["authors' shapes, 2 steps"])
+    assert ratio == pytest.approx(first[4] / whole, rel=0.02)
+
+
+def test_one_graph_for_all_is_called_denoiser():
+    generator = MotionGenerator.load("starter", "onnxruntime", threads=1)
+
+    def graph(noise: np.ndarray, frames: np.ndarray, **others: np.ndarray) -> np.ndarray:
+        return np.zeros((*frames.shape, 263), np.float32)
+
+    folded = replace(generator, walks={1: graph})
+    assert list(Generation(folded, 1, 1.0, 1)()) == ["text", "denoiser", "joints"]
+    assert set(Generation(folded, 1, 1.0, 2)()) == set(speed.PARTS)
+
+
+def test_growth_prints_three_tables_and_their_lines(capsys):
+    axes = ["--lengths", "1", "2", "--batches", "1", "2", "--counts", "1", "2"]
+    growth.main([*axes, *QUICK, "--steps", "2"])
+    printed = capsys.readouterr().out
+    assert {"seconds", "motions", "steps"} <= set(rows(printed))
+    assert len(re.findall(r"ms, and -?[\d.]+ ms for each (second|motion|step)\.", printed)) == 3
+
+
+def test_training_prints_every_stage(capsys):
+    tiny = ["--first", "2", "--second", "2", "--frames", "16", "--turns", "1", "--threads", "1"]
+    training.main([*tiny, "--presets", "starter"])
+    found = rows(capsys.readouterr().out)
+    for name in ("ours, `starter`", "of `starter`, phased consistency"):
+        motions, frames, seconds, _, per_second, *_ = numbers(found[name])
+        assert per_second == pytest.approx(motions / seconds, rel=0.02)
+        assert frames == 16
+
+
+def test_a_process_tells_its_peak_of_memory():
+    code = "x = bytearray(200_000_000); print(len(x))"
+    cost = process.cost([sys.executable, "-c", code])
+    assert cost.said.strip() == "200000000"
+    assert 200 < cost.memory < 300
+    assert 0 < cost.processor < 10 * cost.clock
+
+
+def test_a_first_motion_has_import_load_and_two_motions():
+    laps = first_motion.ours(str(Model.of("starter").folder), "onnxruntime", "1", "1", "2")
+    assert list(laps) == ["import", "load", "first motion", "second"]
+
+
+def test_a_cold_start_asks_for_what_users_type(monkeypatch, capsys):
+    commands = []
+
+    def cost(command: list[str], **environment: str) -> process.Cost:
+        commands.append((command, environment))
+        said = '{"import": 10.0, "load": 20.0, "first motion": 30.0}'
+        return process.Cost(clock=0.5, processor=0.4, memory=150.0, said=said)
+
+    monkeypatch.setattr(cold_start, "cost", cost)
+    cold_start.main(["--models", "mine=starter", *QUICK])
+    found = rows(capsys.readouterr().out)
+    assert found["mine, 50 steps, ONNX Runtime"] == ["10.0", "20.0", "30.0", "500", "150"]
+    command = next(command for command, _ in commands if "latentmotion" in command)
+    assert command[1:4] == ["-m", "latentmotion", "generate"]
+    assert {environment["OMP_NUM_THREADS"] for _, environment in commands} == {"1"}
+
+
+def test_files_are_timed_by_format(monkeypatch, capsys):
+    monkeypatch.setattr(files, "ENDINGS", (".bvh", ".csv"))
+    files.main(["--seconds", "1", "--turns", "1"])
+    assert {"clean-up", ".bvh", ".csv"} <= set(rows(capsys.readouterr().out))
+
+
+def test_text_encoders_take_turns(monkeypatch, capsys):
+    load = text_encoder.StudentTextEncoder.load
+    starter = Model.of("starter").folder
+    monkeypatch.setattr(text_encoder.PretrainedTextEncoder, "load", lambda name: load(starter))
+    text_encoder.main(["--turns", "2"])
+    printed = capsys.readouterr().out
+    assert "mean cosine 1.0000" in printed
+    assert {"ours", "MiniLM, transformers"} <= set(rows(printed))
+
+
+def test_pictures_are_made_by_the_command(monkeypatch, capsys):
+    def cost(command: list[str]) -> process.Cost:
+        Path(command[command.index("-o") + 1]).write_bytes(bytes(2000))
+        return process.Cost(clock=1.5, processor=1.25, memory=0.0, said="")
+
+    monkeypatch.setattr(render, "cost", cost)
+    render.main(["--turns", "1"])
+    assert rows(capsys.readouterr().out)["GIF"] == ["1.50", "1.25", "2"]
+
+
+def test_the_page_is_filled_by_name(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("<!-- one -->\nold\n<!-- end of one -->\nb\n<!-- two -->\n<!-- end of two -->")
+    (tmp_path / "one.md").write_text("new\n")
+    everything.fill(page, tmp_path)
+    kept = "\nb\n<!-- two -->\n<!-- end of two -->"
+    assert page.read_text() == f"<!-- one -->\nnew\n<!-- end of one -->{kept}"
+
+
+def test_every_table_of_the_page_has_a_program(monkeypatch, tmp_path):
+    ran = {}
+    monkeypatch.setattr(everything, "_printed", lambda words: ran.setdefault(str(words), "table"))
+    everything.main([str(tmp_path), "--models", "starter", "--int8", "small=starter"])
+    named = set(re.findall(r"<!-- (\w+) -->", (ROOT / "docs" / "performance.md").read_text()))
+    assert named == {path.stem for path in tmp_path.iterdir()}
+    assert all((ROOT / "benchmarks" / words.split("'")[1]).is_file() for words in ran)
