@@ -12,8 +12,11 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.evaluation.metrics.aits import aits
 from latentmotion.evaluation.metrics.flops import flops, thop_macs
 from latentmotion.evaluation.metrics.parameters import parameters
+from latentmotion.evaluation.metrics.traffic import Traffic, traffic
 from latentmotion.nn.attention import SelfAttention
+from latentmotion.nn.transformer import EncoderLayer
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
+from latentmotion.presets.starter import starter
 
 
 def test_flops_of_a_linear_layer_and_of_attention() -> None:
@@ -56,12 +59,42 @@ def test_thop_of_a_step_and_of_the_decoder_are_those_of_the_paper() -> None:
     assert (50 * step + decoded + clip) / 1e9 == pytest.approx(14.931, rel=2e-3)
 
 
-def test_seconds_are_of_the_warm_ones_on_average() -> None:
-    calls: list[float] = []
+def test_seconds_are_of_the_warm_ones_on_average(monkeypatch: pytest.MonkeyPatch) -> None:
+    durations = iter([100.0, 200.0, 1.0, 2.0, 3.0, 6.0])
+    now = 0.0
 
     def action() -> None:
-        time.sleep(0.2 if len(calls) < 2 else 0.01)
-        calls.append(0)
+        nonlocal now
+        now += next(durations)
 
-    assert 0.01 <= aits([action] * 4, warm_up=2) < 0.1
-    assert len(calls) == 6
+    monkeypatch.setattr(time, "perf_counter", lambda: now)
+    assert aits([action] * 4, warm_up=2) == 3.0
+    assert next(durations, None) is None
+
+
+def test_bytes_of_a_linear_layer_of_attention_and_of_a_convolution() -> None:
+    linear, attention = nn.Linear(8, 16), SelfAttention(8, 2, 0.0).eval()
+    x, mask = torch.randn(3, 5, 8), torch.ones(3, 5, dtype=torch.bool)
+    found = traffic(linear, lambda: linear(x))
+    assert found == Traffic(weights=4 * (8 * 16 + 16), activations=4 * 3 * 5 * (8 + 16))
+    found = traffic(attention, lambda: attention(x, mask))
+    assert found.weights == 4 * (8 * 24 + 24 + 8 * 8 + 8)
+    # Into the projections and out of them, queries, keys and values in and their mean out.
+    numbers = 3 * 5 * ((8 + 24) + 4 * 8 + (8 + 8))
+    # The kernel takes the mask as numbers.
+    assert found.activations == 4 * (numbers + 3 * 5)
+    convolution = nn.Conv1d(8, 16, 3, padding=1)
+    found = traffic(convolution, lambda: convolution(x.transpose(1, 2)))
+    assert found == Traffic(weights=4 * (8 * 16 * 3 + 16), activations=4 * 3 * 5 * (8 + 16))
+    assert found.total == 4 * (8 * 16 * 3 + 16 + 3 * 5 * (8 + 16))
+
+
+def test_flops_of_a_layer_of_the_starters_denoiser_by_hand() -> None:
+    config, rows, tokens = starter().denoiser.transformer, 2, 37
+    layer, x = EncoderLayer(config).eval(), torch.ones(rows, tokens, config.width)
+    # Queries, keys, values and output; both maps of the feed-forward part; scores and means.
+    weights = 4 * config.width**2 + 2 * config.width * config.hidden
+    products = tokens * weights + 2 * tokens**2 * config.width
+    assert flops(lambda: layer(x, torch.ones(rows, tokens, dtype=torch.bool))) == (
+        2 * rows * products
+    )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -143,8 +145,41 @@ def test_a_damaged_graph_is_named(runtime: Runtime, tmp_path: Path) -> None:
     pytest.importorskip(runtime)
     shutil.copytree(find_model("starter"), tmp_path / "damaged")
     (tmp_path / "damaged" / "denoiser.onnx").write_bytes(b"not a graph")
+    generate = MotionGenerator.load(tmp_path / "damaged", runtime)
     with pytest.raises(ModelError, match=r"denoiser\.onnx cannot be loaded"):
+        generate(CAPTION, 1)
+    (tmp_path / "damaged" / "denoiser.onnx").unlink()
+    with pytest.raises(ModelError, match=r"denoiser\.onnx is missing"):
         MotionGenerator.load(tmp_path / "damaged", runtime)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads as Linux does")
+@pytest.mark.parametrize("runtime", ["onnxruntime", "openvino"])
+def test_no_more_threads_work_than_were_asked_for(runtime: Runtime) -> None:
+    pytest.importorskip(runtime)
+    code = f"""
+from pathlib import Path
+from latentmotion import MotionGenerator
+
+def ticks():
+    stats = ((task.name, (task / "stat").read_text()) for task in Path("/proc/self/task").iterdir())
+    return {{name: sum(map(int, stat.rpartition(")")[2].split()[11:13])) for name, stat in stats}}
+
+generate = MotionGenerator.load("starter", {runtime!r}, threads=1)
+generate("a person walks", 1, steps=1)  # Graphs are compiled, by more threads.
+before = ticks()
+generate.batch(["a person walks"] * 8, 9, steps=4)
+print(*sorted(after - before.get(name, 0) for name, after in ticks().items()))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    *others, busiest = map(int, done.stdout.split())
+    assert busiest > 5
+    assert sum(others) < 0.2 * busiest
+
+
+def test_a_number_of_threads_is_checked_at_once() -> None:
+    with pytest.raises(InputError, match="0 threads: expected 1 or more"):
+        MotionGenerator.load("starter", "onnxruntime", threads=0)
 
 
 def test_command_writes_every_file_and_reports(
