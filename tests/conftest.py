@@ -10,6 +10,9 @@ from jaxtyping import install_import_hook
 
 install_import_hook("latentmotion", "shape_checker.checked")
 
+# A test leaves nothing in the cache folder of who runs it.
+os.environ["LATENTMOTION_CACHE"] = "off"
+
 # Checks in other programs (Blender, three.js) have an environment of their own: tests/clients.
 CLIENTS = {"LATENTMOTION_BPY", "LATENTMOTION_NODE_MODULES"}
 collect_ignore = [] if CLIENTS & set(os.environ) else ["clients"]

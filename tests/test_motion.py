@@ -112,8 +112,12 @@ def test_damaged_files_are_named(motion: Motion, tmp_path: Path):
         with pytest.raises(FileFormatError, match=r"b\.npz"):
             Motion.load(tmp_path / "b.npz")
     np.savez(tmp_path / "c.npz", other=np.zeros(3))
-    with pytest.raises(FileFormatError, match="not a motion file"):
+    with pytest.raises(FileFormatError, match=r"not a motion file.* lacks 'names'; .*\.npy"):
         Motion.load(tmp_path / "c.npz")
+    with (tmp_path / "array.npz").open("wb") as file:
+        np.save(file, motion.joints)
+    with pytest.raises(FileFormatError, match=r"no \.npz at all"):
+        Motion.load(tmp_path / "array.npz")
     np.save(tmp_path / "d.npy", np.zeros((4, 5)))
     with pytest.raises(FileFormatError, match="22 or 21"):
         Motion.load(tmp_path / "d.npy")

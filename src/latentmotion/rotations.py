@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from array_api_compat import array_namespace, device
 from jaxtyping import Float
 
+from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 
 Layout = Literal["columns", "rows"]

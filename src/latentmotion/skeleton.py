@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, device
 from jaxtyping import Float
+
+from latentmotion.arrays import array_namespace, device
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from array_api_compat import array_namespace, device
 from jaxtyping import Float
+
+from latentmotion.arrays import array_namespace, device
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@
 measured alone (`benchmarks/cleanup.py`).
 """
 
+from latentmotion.cleanup.foot_shift import FootLock
 from latentmotion.cleanup.steps import CleanUp, CleanUpWarning, clean
 
-__all__ = ["CleanUp", "CleanUpWarning", "clean"]
+__all__ = ["CleanUp", "CleanUpWarning", "FootLock", "clean"]

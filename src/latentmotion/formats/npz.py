@@ -17,6 +17,7 @@ import json
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -59,16 +60,18 @@ def read(path: str | Path) -> list[Motion]:
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
-    from latentmotion.formats import smpl_npz
-
     try:
-        with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            if smpl_npz.is_smpl(file.files):
-                return [smpl_npz.read_arrays(path, file)]
-            return _takes({name: file[name] for name in file.files})
+        with Path(path).open("rb") as opened:
+            return _read(path, opened)
     except FileFormatError:
         raise
-    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except KeyError as error:
+        known = " or ".join(map(str, _KNOWN))
+        lack = f"not a motion file of Latent Motion: it lacks {error}"
+        raise FileFormatError(
+            path, f"{lack}; bare joints (frames, {known}, 3) go in .npy"
+        ) from error
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise FileFormatError(path, f"not a motion file of Latent Motion ({error})") from error
     except LatentMotionError as error:
         raise FileFormatError(path, str(error)) from error
@@ -88,6 +91,18 @@ def read_joints(path: str | Path) -> list[Motion]:
     except (ValueError, KeyError, IndexError, OSError, EOFError, LatentMotionError) as error:
         expected = f"expected an array (frames, {' or '.join(map(str, _KNOWN))}, 3)"
         raise FileFormatError(path, f"{expected} of joint positions ({error})") from error
+
+
+def _read(path: str | Path, opened: BinaryIO) -> list[Motion]:
+    from latentmotion.formats import smpl_npz
+
+    if not zipfile.is_zipfile(opened):
+        raise FileFormatError(path, "not a motion file: cut short, or no .npz at all")
+    opened.seek(0)
+    file = np.load(opened, allow_pickle=False)
+    if smpl_npz.is_smpl(file.files):
+        return [smpl_npz.read_arrays(path, file)]
+    return _takes({name: file[name] for name in file.files})
 
 
 def _takes(arrays: dict[str, np.ndarray]) -> list[Motion]:

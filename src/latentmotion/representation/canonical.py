@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, device
 from jaxtyping import Float
 
+from latentmotion.arrays import array_namespace, device
 from latentmotion.representation.facing import heading, turn
 from latentmotion.skeleton import Skeleton
 

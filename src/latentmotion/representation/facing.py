@@ -8,9 +8,9 @@ from __future__ import annotations
 from math import exp
 from typing import Any
 
-from array_api_compat import array_namespace
 from jaxtyping import Float
 
+from latentmotion.arrays import array_namespace
 from latentmotion.skeleton import Skeleton
 
 SMOOTHING_FRAMES = 20.0

@@ -21,10 +21,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, device
 from jaxtyping import Float
 
 from latentmotion import skeleton
+from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 from latentmotion.representation import canonical
 from latentmotion.representation.bone_rotations import bone_rotations

@@ -11,9 +11,9 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, device
 from jaxtyping import Float
 
+from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 
 _TYPICAL, _BLOCK = 3.0, 10.0

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from latentmotion.evaluation.extractors.action_network import ActionNetwork
-from latentmotion.vae.convolutional import MaskedConvolution, ResidualBlock
+from latentmotion.vae.convolutions import MaskedConvolution, ResidualBlock
 
 
 @dataclass(frozen=True)

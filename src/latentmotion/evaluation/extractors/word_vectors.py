@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.text.student import UnknownWordsWarning
+from latentmotion.condition.text.unknown_words import UnknownWordsWarning
 from latentmotion.data.clip import Caption
 from latentmotion.evaluation.extractors.tokens import (
     OTHER,

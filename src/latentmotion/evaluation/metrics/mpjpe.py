@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace
 from jaxtyping import Float
+
+from latentmotion.arrays import array_namespace
 
 
 def mpjpe(
