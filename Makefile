@@ -1,5 +1,7 @@
 # make run: everything for the main job. make test: everything for the tests.
-# PIP_FLAGS carries extras for pip, such as "-c constraints.txt".
+# PIP_FLAGS carries extras for pip, such as "-c constraints.txt". On Linux, pip's PyTorch comes with
+# CUDA, some gigabytes; without an NVIDIA GPU, take the build for the CPU:
+#   make test PIP_FLAGS="--extra-index-url https://download.pytorch.org/whl/cpu"
 PYTHON ?= python3
 VENV ?= .venv
 
