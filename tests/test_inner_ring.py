@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 
 def run(code: str, **environment: str) -> str:
     done = subprocess.run(
@@ -37,10 +39,13 @@ def test_public_names_exist() -> None:
     assert run(code) == "True"
 
 
-def test_the_engine_keeps_no_record_of_its_user(tmp_path: Path) -> None:
+@pytest.mark.parametrize("runtime", ["onnxruntime", "openvino"])
+def test_the_engine_keeps_no_record_of_its_user(runtime: str, tmp_path: Path) -> None:
+    pytest.importorskip(runtime)
     code = (
-        "from latentmotion.engines import onnxruntime_session as s;"
-        "from latentmotion.models import find_model as f; s(f('starter') / 'decoder.onnx', 1)"
+        "from latentmotion.runtime.session import open_session as s;"
+        "from latentmotion.models import find_model as f;"
+        f"s(f('starter') / 'decoder.onnx', {runtime!r}, 1)"
     )
     run(code, HOME=str(tmp_path), XDG_CACHE_HOME=str(tmp_path))
     assert list(tmp_path.rglob("*")) == []

@@ -6,6 +6,7 @@ Both use at most as many threads as they are told, and none that spins while it 
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,8 @@ def onnxruntime_session(path: Path, threads: int, optimized: Path | None = None)
 
 def openvino_model(path: Path, threads: int) -> Any:
     """Returns OpenVINO's compiled model of a graph on the CPU."""
+    # As it is imported, OpenVINO (seen in 2026.4) reports to Google, unless this package is absent.
+    sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
     import openvino
 
     # Left alone, OpenVINO may compute in bfloat16 and change the result.
