@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
 
 install_import_hook("latentmotion", "shape_checker.checked")
 
-# A test leaves nothing in the cache folder of who runs it.
+# A test leaves nothing in the folders of who runs it, and no engine reports that it is imported.
 os.environ["LATENTMOTION_CACHE"] = "off"
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+sys.modules["openvino_telemetry"] = None  # type: ignore[assignment]
+
+# Examples are the same each time, however long they take.
+settings.register_profile(
+    "repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("repeatable")
 
 # Checks in other programs (Blender, three.js) have an environment of their own: tests/clients.
 CLIENTS = {"LATENTMOTION_BPY", "LATENTMOTION_NODE_MODULES"}

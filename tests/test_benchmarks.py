@@ -141,7 +141,7 @@ def test_growth_prints_three_tables_and_their_lines(capsys):
     growth.main([*axes, *QUICK, "--steps", "2"])
     printed = capsys.readouterr().out
     assert {"seconds", "motions", "steps"} <= set(rows(printed))
-    assert len(re.findall(r"ms, and -?[\d.]+ ms for each (second|motion|step)\.", printed)) == 3
+    assert len(re.findall(r"ms, and [-+.\de]+ ms for each (second|motion|step)\.", printed)) == 3
 
 
 def test_training_prints_every_stage(capsys):

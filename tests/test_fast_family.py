@@ -62,7 +62,7 @@ def test_both_stages_are_trained_by_command(name: str, figures: Path, tmp_path: 
     cost = {key: figure.mean for key, figure in vae_cost(model.vae, 263, 20).items()}
     assert cost["Latent numbers"] == (20 * 16 if name == "fast" else 16 * 32)
     assert cost["Parameters"] == sum(p.numel() for p in model.vae.parameters()) / 1e6
-    assert 0 < cost["Decoding"] < 1000 and cost["Training step"] > 0
+    assert cost["Decoding"] > 0 and cost["Training step"] > 0
 
 
 def test_the_family_differs_from_the_starter_in_size_alone() -> None:

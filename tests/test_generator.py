@@ -166,14 +166,16 @@ def ticks():
     return {{name: sum(map(int, stat.rpartition(")")[2].split()[11:13])) for name, stat in stats}}
 
 generate = MotionGenerator.load("starter", {runtime!r}, threads=1)
-generate("a person walks", 1, steps=1)  # Graphs are compiled, by more threads.
-before = ticks()
-generate.batch(["a person walks"] * 8, 9, steps=4)
-print(*sorted(after - before.get(name, 0) for name, after in ticks().items()))
+work = lambda: generate.batch(["a person walks"] * 4, 9, steps=2)
+work()  # Graphs are compiled, by more threads.
+before, worked = ticks(), [0]
+while max(worked) < 50:
+    work()
+    worked = [after - before.get(name, 0) for name, after in ticks().items()]
+print(*sorted(worked))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     *others, busiest = map(int, done.stdout.split())
-    assert busiest > 5
     assert sum(others) < 0.2 * busiest
 
 

@@ -71,7 +71,7 @@ def test_decoding_undoes_encoding_up_to_the_start(representation, turning):
 
 
 @REPRESENTATIONS
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.floats(-3, 3), st.floats(-5, 5), st.floats(-5, 5))
 def test_place_and_direction_on_the_floor_change_nothing(representation, angle, x, z):
     joints = moving_body(representation)

@@ -18,7 +18,7 @@ Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 
 vectors = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 ORDERS = ["".join(order) for order in permutations("XYZ")]
-few = settings(max_examples=25, deadline=None)
+few = settings(max_examples=25)
 
 
 def close(a, b, atol=1e-9):

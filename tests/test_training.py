@@ -143,7 +143,8 @@ def test_a_killed_run_goes_on_bit_for_bit(figures: Path, tmp_path: Path) -> None
 
 def test_two_ranks_have_the_losses_of_one(figures: Path, vae_run: Path, tmp_path: Path) -> None:
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
-    words = [*torchrun, "--nproc-per-node=2", "-m", "latentmotion", *command(figures, tmp_path)]
+    torchrun += ["--local-addr=127.0.0.1", "--nproc-per-node=2"]  # No name is looked up.
+    words = [*torchrun, "-m", "latentmotion", *command(figures, tmp_path)]
     done = subprocess.run(words, env=environment(), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     one, two = read_journal(vae_run), read_journal(tmp_path)
