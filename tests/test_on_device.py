@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -21,8 +22,9 @@ from latentmotion.models import find_model
 from latentmotion.runtime.buckets import Buckets
 from latentmotion.runtime.computing import Computing
 from latentmotion.runtime.eager import denoiser_session, eager_generator
-from latentmotion.runtime.launch import Recorder
+from latentmotion.runtime.launch import Recorder, on_gpu
 from latentmotion.runtime.on_device import DeviceGenerator
+from played_graphs import play_graphs
 
 PROMPTS = ["a person walks forward", "a person jumps", "someone turns left and waves with one hand"]
 FRAMES, SEEDS = [41, 24, 30], [3, 4, 5]
@@ -118,6 +120,41 @@ def test_the_recording_unused_for_longest_goes() -> None:
     for size in (1, 2, 1, 3, 1, 2):
         assert recorder("twice", lambda x: 2 * x, torch.ones(size)).sum() == 2 * size
     assert made == [1, 2, 3, 2]
+
+
+@pytest.mark.parametrize("model", ["starter", "fast"])
+def test_a_recording_makes_the_motions_of_other_prompts(
+    model: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    devices = play_graphs(monkeypatch)
+    alone = eager_generator(model)
+    filled = replace(alone, sizes=Buckets(alone.card))
+    recorded = replace(filled, launch=Recorder(on_gpu(torch.device("cuda:1"))))
+    orders = [
+        (PROMPTS[:2], [2.0, 3.0], [1, 2], 2),
+        (PROMPTS[1:], [3.2, 2.5], [5, 6], 2),
+        (PROMPTS[:2], [2.0, 3.0], [1, 2], 2),
+    ]
+    found = [recorded.batch(*order) for order in orders]
+    for motions, order in zip(found, orders, strict=True):
+        for one, other in zip(motions, filled.batch(*order), strict=True):
+            np.testing.assert_array_equal(one.joints, other.joints)
+    assert set(devices) == {torch.device("cuda:1")} and len(devices) == 3  # with joints
+
+
+def test_a_recording_keeps_what_it_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    play_graphs(monkeypatch)
+    recorder, constant = Recorder(on_gpu(torch.device("cuda"))), torch.ones(3)
+    there = weakref.ref(constant)
+
+    def make() -> Callable[..., Tensor]:
+        return lambda x, constant=constant: x + constant
+
+    first = recorder("plus one", make(), torch.zeros(3))
+    del constant
+    assert there() is not None
+    assert recorder("plus one", torch.add, torch.full((3,), 4.0)).tolist() == [5.0] * 3
+    assert first.tolist() == [1.0] * 3
 
 
 def test_bfloat16_stays_near_and_answers_in_float32(exact: DeviceGenerator) -> None:

@@ -27,7 +27,7 @@ from latentmotion.runtime.buckets import Buckets, Exact
 from latentmotion.runtime.computing import ON_CPU, Computing
 from latentmotion.runtime.conditions import build_condition, encoder_folder
 from latentmotion.runtime.device import device_named
-from latentmotion.runtime.launch import Recorder, directly
+from latentmotion.runtime.launch import Recorder, directly, on_gpu
 from latentmotion.runtime.network import network_session
 from latentmotion.runtime.on_device import DeviceGenerator
 from latentmotion.runtime.session import Session
@@ -60,16 +60,16 @@ def eager_generator(
             "or sample the VAE's prior: latentmotion generate --prior"
         )
     condition = build_condition(model.card, lambda: encoder or find_encoder(model.card, place))
-    repeats = computing.launch != "eager"
+    repeats, device = computing.launch != "eager", device_named(computing.device)
     return DeviceGenerator(
         model.card,
         condition,
         denoiser_session(model.denoiser, computing),
         _decoder(model, computing),
         _at_once(computing),
-        device=device_named(computing.device),
+        device=device,
         sizes=Buckets(model.card) if repeats else Exact(),
-        launch=Recorder() if repeats and computing.on_gpu else directly,
+        launch=Recorder(on_gpu(device)) if repeats and computing.on_gpu else directly,
     )
 
 

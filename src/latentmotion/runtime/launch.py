@@ -21,6 +21,8 @@ MOST = 32
 WARM_UP = 3
 """Runs before a recording, in which libraries choose their kernels."""
 
+_ONE_AT_A_TIME = Lock()  # a process may make but one recording at once, whichever model's
+
 
 @runtime_checkable
 class Launcher(Protocol):
@@ -46,17 +48,24 @@ class Recording:
     """A function on a GPU, recorded for inputs of these shapes.
 
     Args:
-        function: What is recorded.
+        function: What is recorded; it is kept, as its constants are read where they lay.
         inputs: Inputs of the shapes; their values do not matter.
         pool: Memory that recordings share, since no two of them run at once.
+        aside: The stream that they are made on, of the device of the inputs.
     """
 
-    def __init__(self, function: Function, inputs: tuple[Tensor, ...], pool: Any) -> None:
+    def __init__(
+        self, function: Function, inputs: tuple[Tensor, ...], pool: Any, aside: torch.cuda.Stream
+    ) -> None:
+        self._function = function
         self._inputs = [given.clone() for given in inputs]
-        self._warm_up(function)
-        self._graph = torch.cuda.CUDAGraph()
-        with torch.cuda.graph(self._graph, pool=pool):
-            self._output = function(*self._inputs)
+        # PyTorch's current device may be another one, where a recording would stay empty.
+        with torch.cuda.device(aside.device):
+            self._warm_up(aside)
+            self._graph = torch.cuda.CUDAGraph()
+            # Meanwhile other threads may allocate and copy, which the mode "global" forbids them.
+            with torch.cuda.graph(self._graph, pool, aside, "thread_local"):
+                self._output = function(*self._inputs)
 
     def __call__(self, *inputs: Tensor) -> Tensor:
         """Replays it on other inputs of the same shapes."""
@@ -65,12 +74,11 @@ class Recording:
         self._graph.replay()
         return self._output.clone()
 
-    def _warm_up(self, function: Function) -> None:
-        aside = torch.cuda.Stream()
+    def _warm_up(self, aside: torch.cuda.Stream) -> None:
         aside.wait_stream(torch.cuda.current_stream())
         with torch.cuda.stream(aside):
             for _ in range(WARM_UP):
-                function(*self._inputs)
+                self._function(*self._inputs)
         torch.cuda.current_stream().wait_stream(aside)
 
 
@@ -78,24 +86,21 @@ class Recorder:
     """Records each function once for each shape of its inputs, and replays it from then on.
 
     Args:
-        record: Makes a recording of a function and inputs; by default as a CUDA graph.
+        record: Makes a recording of a function and inputs, e.g. `on_gpu`.
         most: How many are kept.
     """
 
     def __init__(
-        self,
-        record: Callable[[Function, tuple[Tensor, ...]], Function] | None = None,
-        most: int = MOST,
+        self, record: Callable[[Function, tuple[Tensor, ...]], Function], most: int = MOST
     ) -> None:
-        self._record = record or _on_gpu()
+        self._record = record
         self._most = most
         self._kept: OrderedDict[Hashable, Function] = OrderedDict()
-        self._one_at_a_time = Lock()
 
     def __call__(self, name: Hashable, function: Function, *inputs: Tensor) -> Tensor:
         """Replays the function's recording for these shapes, made where there is none."""
         shapes = tuple((tuple(given.shape), given.dtype) for given in inputs)
-        with self._one_at_a_time:
+        with _ONE_AT_A_TIME:
             return self._recording((name, shapes), function, inputs)(*inputs)
 
     def _recording(self, key: Hashable, function: Function, inputs: tuple[Tensor, ...]) -> Function:
@@ -107,6 +112,7 @@ class Recorder:
         return self._kept[key]
 
 
-def _on_gpu() -> Callable[[Function, tuple[Tensor, ...]], Function]:
-    pool = torch.cuda.graph_pool_handle()
-    return lambda function, inputs: Recording(function, inputs, pool)
+def on_gpu(device: torch.device) -> Callable[[Function, tuple[Tensor, ...]], Function]:
+    """Returns what makes recordings on a device; they share their memory."""
+    pool, aside = torch.cuda.graph_pool_handle(), torch.cuda.Stream(device)
+    return lambda function, inputs: Recording(function, inputs, pool, aside)
