@@ -22,7 +22,7 @@ from distillation_step import DistillationStage
 from latentmotion.distillation import Distillation
 from latentmotion.presets import preset_named
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from training_steps import FEATURES, FirstStage, SecondStage, steps_of
+from training_steps import FEATURES, FirstStage, SecondStage, step_of
 
 COLUMNS = (
     *("", "motions a step", "frames", "s a step", "processor, s"),
@@ -73,7 +73,7 @@ def _first(options: argparse.Namespace) -> dict[str, Entry]:
         window = min(frames, experiment.vae_cropping.max_frames)
         motions = batch * frames // window
         stage = FirstStage(experiment, motions, window)
-        found[f"ours, `{name}`"] = steps_of(stage, settings), motions, window
+        found[f"ours, `{name}`"] = whole(step_of(stage, settings)), motions, window
     return found
 
 
@@ -84,14 +84,15 @@ def _second(options: argparse.Namespace) -> dict[str, Entry]:
     for name in options.presets:
         experiment = preset_named(name)
         stage = SecondStage(experiment, batch, frames)
-        found[f"ours, `{name}`"] = steps_of(stage, experiment.denoiser_training), batch, frames
+        step = whole(step_of(stage, experiment.denoiser_training))
+        found[f"ours, `{name}`"] = step, batch, frames
     return found
 
 
 def _distilled(options: argparse.Namespace) -> dict[str, Entry]:
     batch, frames, settings = options.second, options.frames, Distillation()
     stage = DistillationStage(options.teacher, settings, batch, frames)
-    step = steps_of(stage, settings.training)
+    step = whole(step_of(stage, settings.training))
     return {f"of `{options.teacher}`, phased consistency": (step, batch, frames)}
 
 

@@ -1,14 +1,17 @@
-"""Steps of `latentmotion train` on synthetic numbers, as contenders: both stages.
+"""Steps of `latentmotion train` on synthetic numbers: both stages, on any device.
 
-Stage 2 finds latents and sentences in memory, as it does in a run.
+As in a run, stage 2 finds latents and sentences on its device, and random numbers are drawn on the
+CPU.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
+
 import torch
 from torch import Tensor, nn
 
-from contest import Contender, whole
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.guidance import drop
 from latentmotion.diffusion.loss import denoiser_loss
@@ -23,51 +26,59 @@ FEATURES = 263
 PLACE = Place(torch.device("cpu"), Ranks())
 
 
-def steps_of(stage: nn.Module, settings: TrainingSettings) -> Contender:
-    """Returns a stage as a contender: step after step of its optimization."""
+def step_of(
+    stage: nn.Module, settings: TrainingSettings, place: Place = PLACE
+) -> Callable[[], object]:
+    """Returns what makes the next step of a stage's optimization whenever it is called."""
     optimizer = torch.optim.AdamW(stage.parameters(), settings.learning_rate)
-    numbers = iter(range(10**9))
-    return whole(lambda: optimize(stage, optimizer, settings, next(numbers), PLACE))
+    numbers = itertools.count()
+    return lambda: optimize(stage, optimizer, settings, next(numbers), place)
 
 
 class FirstStage(nn.Module):
     """The VAE on features."""
 
-    def __init__(self, experiment: Experiment, batch: int, frames: int) -> None:
+    def __init__(
+        self, experiment: Experiment, batch: int, frames: int, device: torch.device = PLACE.device
+    ) -> None:
         super().__init__()
-        self.network, self.objective = experiment.vae.build(), experiment.vae_objective
-        self.features = torch.randn(batch, frames, FEATURES) / 10
-        self.mask = torch.ones(batch, frames, dtype=torch.bool)
+        self.network = experiment.vae.build().to(device)
+        self.objective = experiment.vae_objective
+        self.features = torch.randn(batch, frames, FEATURES, device=device) / 10
+        self.mask = torch.ones(batch, frames, dtype=torch.bool, device=device)
 
     def forward(self, step: int) -> dict[str, Tensor]:
         """Losses of a step."""
-        noise = StepRandomness(0, step, len(self.features), Ranks()).normal
+        features, mask = self.features, self.mask
+        noise = StepRandomness(0, step, len(mask), Ranks(), mask.device).normal
         decode, fps = HUMANML3D_FEATURES.decode, HUMANML3D_FEATURES.fps
-        return vae_losses(
-            self.network, self.features, self.mask, noise, decode, fps, self.objective
-        )
+        return vae_losses(self.network, features, mask, noise, decode, fps, self.objective)
 
 
 class SecondStage(nn.Module):
     """The denoiser on remembered latents and sentences."""
 
-    def __init__(self, experiment: Experiment, batch: int, frames: int) -> None:
+    def __init__(
+        self, experiment: Experiment, batch: int, frames: int, device: torch.device = PLACE.device
+    ) -> None:
         super().__init__()
-        self.network, self.objective = experiment.denoiser.build(), experiment.denoiser_objective
+        config, reading = experiment.denoiser, experiment.reading
+        self.network, self.objective = config.build().to(device), experiment.denoiser_objective
         shown = experiment.vae.build().latent_mask(torch.ones(batch, frames, dtype=torch.bool))
-        width, words = experiment.denoiser.latent_width, experiment.denoiser.condition_width
-        self.mask, seen = shown, experiment.reading.words + experiment.reading.pooled
-        self.mean, self.std = torch.randn(2, 1000, shown.shape[1], width)
-        self.sentences = torch.randn(1000, seen, words)
+        self.mask, words = shown.to(device), reading.words + reading.pooled
+        kept = 2, 1000, shown.shape[1], config.latent_width
+        self.mean, self.std = torch.randn(kept, device=device)
+        self.sentences = torch.randn(1000, words, config.condition_width, device=device)
 
     def forward(self, step: int) -> dict[str, Tensor]:
         """Losses of a step."""
-        randomness = StepRandomness(0, step, len(self.mask), Ranks())
+        randomness = StepRandomness(0, step, len(self.mask), Ranks(), self.mask.device)
         rows = (randomness.uniform() * 1000).long()
         shape = self.mean.shape[1:]
         z0 = self.mean[rows] + self.std[rows] * randomness.normal(*shape)
-        real = torch.ones(len(rows), self.sentences.shape[1], dtype=torch.bool)
-        condition = Conditioning(self.sentences[rows], real)
+        words = self.sentences[rows]
+        real = torch.ones_like(words[..., 0], dtype=torch.bool)
+        condition = Conditioning(words, real)
         null = Conditioning(self.sentences[:1], real[:1])
         condition = drop(condition, null, randomness.chance(self.objective.dropped))
         epsilon, t = randomness.normal(*shape), self.objective.time(randomness.normal())

@@ -16,6 +16,7 @@ import all as everything
 import authors_shaped
 import cold_start
 import contest
+import device_training
 import files
 import first_motion
 import growth
@@ -152,6 +153,13 @@ def test_training_prints_every_stage(capsys):
         motions, frames, seconds, _, per_second, *_ = numbers(found[name])
         assert per_second == pytest.approx(motions / seconds, rel=0.02)
         assert frames == 16
+
+
+def test_training_on_a_device_has_a_line_for_each_stage_and_precision(monkeypatch):
+    monkeypatch.setattr(device_training, "FRAMES", 16)
+    found = list(device_training.training_rows("cpu", quick=True))
+    assert [name.split()[1] for name, _ in found] == ["first", "first", "second", "second"]
+    assert [row["precision"] for _, row in found] == ["float32", "bfloat16"] * 2
 
 
 def test_a_process_tells_its_peak_of_memory():
