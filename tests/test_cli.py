@@ -44,6 +44,11 @@ def test_a_group_lists_its_verbs(capsys: pytest.CaptureFixture[str]) -> None:
         (["generate", "a person walks", "--count", "0"], "--count 0"),
         (["generate", "--file", "no_such_file.txt"], "no_such_file.txt"),
         (["generate", "a person walks", "--model", "startr", "-o", "a.bvh"], "startr"),
+        (["generate", "-o", "out.bvh", "a person walks"], "no sentence given; name it before -o"),
+        (
+            ["generate", "walk", "--runtime", "onnxruntime", "--text-encoder", "starter"],
+            "the runtime onnxruntime takes no --text-encoder",
+        ),
     ],
 )
 def test_mistakes_are_named(
@@ -64,6 +69,7 @@ def test_mistakes_are_named(
         ("generate walk --clean no", "'no' belongs to no option; see"),
         ("generate walk --seconds", "--seconds needs a value; see"),
         ("generate walk -o", "--output needs a value"),
+        ("generate walk -o a.bvh --output=b.bvh", "--output is given 2 times; name all its values"),
         ("generate walk --seconds four", "--seconds 'four': expected a number; see"),
         ("generate walk --count 1.5", "--count '1.5': expected a whole number; see"),
         ("generate walk --sampler dim", "--sampler 'dim': did you mean 'ddim'?"),
@@ -119,3 +125,8 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE)
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, b"")
+
+
+def test_a_closed_standard_output_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdout", None)
+    main(["--version"])

@@ -102,7 +102,7 @@ class Generate:
         for path in outputs:
             formats.check_ending(path)
             check_writable(path)
-        motions = self._from_prior(prompts) if self.prior else self._motions(prompts)
+        motions = self._from_prior() if self.prior else self._motions(prompts)
         if self.clean:
             motions = [motion.cleaned() for motion in motions]
         if self.fps is not None:
@@ -115,19 +115,21 @@ class Generate:
             raise InputError("give either prompts or --file, not both")
         if self.count < 1:
             raise InputError(f"--count {self.count}: expected 1 or more")
-        return list(self.prompts) if self.file is None else read_lines(self.file, "prompt")
+        given = list(self.prompts) if self.file is None else read_lines(self.file, "prompt")
+        if not self.prior:
+            return _needed(read_card(find_model(self.model)), given)
+        if given:
+            raise InputError(f"--prior takes no prompt; leave {given[0]!r} out")
+        return []
 
-    def _from_prior(self, prompts: list[str]) -> list[Motion]:
-        if prompts:
-            raise InputError(f"--prior takes no prompt; leave {prompts[0]!r} out")
+    def _from_prior(self) -> list[Motion]:
         prior = load_prior(self.model, self.runtime, self.threads, self._computing())
         return replace(prior, body=self._body()).batch(
             self.seconds, range(self.seed, self.seed + self.count)
         )
 
-    def _motions(self, given: list[str]) -> list[Motion]:
-        card = read_card(find_model(self.model))
-        each = [prompt for prompt in _needed(card, given) for _ in range(self.count)]
+    def _motions(self, prompts: list[str]) -> list[Motion]:
+        each = [prompt for prompt in prompts for _ in range(self.count)]
         generator = load_generator(
             self.model,
             self.runtime,
@@ -152,7 +154,8 @@ def _needed(card: ModelCard, given: list[str]) -> list[str]:
     if given or card.task == "unconditional":
         return given or [""]
     if card.task == "text":
-        raise InputError('no sentence given; try: latentmotion generate "a person walks"')
+        example = 'latentmotion generate "a person walks" -o walk.bvh'
+        raise InputError(f"no sentence given; name it before -o: {example}")
     known = ", ".join(labels_of(card))
     raise InputError(f"no action given; model {card.name!r} knows {known}")
 

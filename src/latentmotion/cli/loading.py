@@ -40,7 +40,7 @@ def load_generator(
         cache: Folder in which embeddings of an exported model's prompts are kept.
 
     Raises:
-        InputError: An engine cannot compute there or so.
+        InputError: An engine cannot compute there or so, or with that text encoder.
         ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
     """
     folder = find_model(model)
@@ -50,8 +50,8 @@ def load_generator(
             f"{model} has a VAE but no denoiser: sample its prior by --prior, or train the "
             "diffusion: latentmotion train denoiser"
         )
-    engine = _engine_for(computing, engine)
-    if engine != "pytorch" and (folder / "denoiser.onnx").is_file() and text_encoder is None:
+    engine = _engine_for(computing, engine, text_encoder)
+    if engine != "pytorch" and (folder / "denoiser.onnx").is_file():
         return MotionGenerator.load(folder, engine, threads, cache)
     eager = _pytorch(folder, engine)
     return eager.eager_generator(folder, text_encoder and _encoder(text_encoder), computing)
@@ -76,14 +76,17 @@ def load_prior(
     return _pytorch(folder, engine).eager_prior(folder, computing)
 
 
-def _engine_for(computing: Computing, engine: Engine) -> Engine:
-    if computing == ON_CPU or engine == "pytorch":
+def _engine_for(computing: Computing, engine: Engine, text_encoder: str | None = None) -> Engine:
+    """Returns PyTorch, where nothing else can do what is asked for."""
+    if engine == "pytorch" or (computing == ON_CPU and text_encoder is None):
         return engine
-    if engine != "auto":
-        raise InputError(
-            f"the runtime {engine} computes on the CPU, in float32; for {computing} leave it out"
-        )
-    return "pytorch"
+    if engine == "auto":
+        return "pytorch"
+    if text_encoder is not None:
+        raise InputError(f"the runtime {engine} takes no --text-encoder; leave one of them out")
+    raise InputError(
+        f"the runtime {engine} computes on the CPU, in float32; for {computing} leave it out"
+    )
 
 
 def _pytorch(folder: Path, engine: Engine) -> ModuleType:

@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
             _run(words)
-            sys.stdout.flush()
+            print(end="", flush=True)  # unlike sys.stdout.flush, also where there is no stdout
     except LatentMotionError as error:
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(2) from None

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
 from difflib import get_close_matches
-from typing import TypeVar
+from typing import TypeVar, get_type_hints
 
 import tyro
 
@@ -52,11 +52,17 @@ def in_one_line(box: str) -> str:
 
 
 def _check_lists(command: object, words: Sequence[str]) -> None:
-    """Refuses `-o` with nothing behind it, which tyro takes for an empty list."""
+    """Refuses `-o` with nothing behind it or given twice: tyro takes no value, or the last ones."""
+    hints = get_type_hints(type(command), include_extras=True)
     for name, value in vars(command).items():
+        if not isinstance(value, tuple):
+            continue
         # A short name, where there is one, is the first letter.
-        if value == () and {f"--{name}", f"-{name[0]}"} & set(words):
+        given = sum(word.partition("=")[0] in (f"--{name}", f"-{name[0]}") for word in words)
+        if given and not value:
             raise InputError(f"--{name} needs a value")
+        if given > 1 and tyro.conf.UseAppendAction not in getattr(hints[name], "__metadata__", ()):
+            raise InputError(f"--{name} is given {given} times; name all its values behind one")
 
 
 def _unknown(match: re.Match[str]) -> str:
