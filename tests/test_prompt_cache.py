@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors import SafetensorError
 
 from latentmotion import MotionGenerator
 from latentmotion.cache_folder import cache_folder
 from latentmotion.condition.interface import TextEmbedding, TextEncoder
+from latentmotion.condition.text import prompt_cache
 from latentmotion.condition.text.prompt_cache import RememberingTextEncoder
 from latentmotion.condition.text.unknown_words import UnknownWordsWarning
 from latentmotion.errors import InputError, ModelError
@@ -106,6 +108,31 @@ def test_several_may_share_a_folder_and_none_needs_it(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     nowhere = RememberingTextEncoder((tmp_path / "encoder",), Letters, tmp_path / "file" / "x")
     assert nowhere(["walks"]).words.shape == (1, 2, 2)
+
+
+def test_a_full_disk_costs_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise SafetensorError("Error while serializing: I/O error: No space left on device")
+
+    monkeypatch.setattr(prompt_cache, "save_file", full)
+    encoder = Letters()
+    for _ in range(2):
+        assert remembering(tmp_path, encoder)(["walks"]).words.shape == (1, 2, 2)
+    assert encoder.asked == ["walks", "walks"] and not kept(tmp_path)
+
+
+def test_answers_are_read_where_nothing_can_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    remembering(tmp_path, Letters())(["walks"])
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError("read-only")
+
+    for name in ("utime", "open"):
+        monkeypatch.setattr(os, name, refuse)
+    encoder = Letters()
+    assert remembering(tmp_path, encoder)(["walks"]) and not encoder.asked
 
 
 def test_where_the_cache_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -91,7 +93,7 @@ class RememberingTextEncoder:
             with atomic_file(path) as temporary:
                 save_file(arrays, temporary, about)
             _forget(self.folder, self.most)
-        except (OSError, InputError):
+        except (OSError, InputError, SafetensorError):
             return
 
     @cached_property
@@ -111,7 +113,8 @@ def _read(path: Path) -> tuple[TextEmbedding, list[str]] | None:
             arrays = {name: file.get_tensor(name) for name in ("pooled", "words", "mask")}
         if about["check"] != _check(arrays):
             return None
-        path.touch()
+        with suppress(OSError):  # nothing may be written there
+            os.utime(path)
         return TextEmbedding(**arrays), json.loads(about["unknown"])
     except (OSError, SafetensorError, KeyError, TypeError, ValueError):
         return None
