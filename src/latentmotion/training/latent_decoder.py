@@ -25,13 +25,12 @@ class LatentDecoder:
     """
 
     def __init__(self, vae: MotionVAE, card: ModelCard, frames: int) -> None:
-        self._decode, self._latent_mask = vae.decode, vae.latent_mask
-        self._card, self._frames = card, frames
+        self._vae, self._card, self._frames = vae, card, frames
         self._normalizer = normalizer_of(card)
 
     def mask(self, count: int) -> Bool[torch.Tensor, "batch tokens"]:
         """Returns the mask of the latents of `count` motions."""
-        return self._latent_mask(torch.ones(count, self._frames, dtype=torch.bool))
+        return self._vae.latent_mask(torch.ones(count, self._frames, dtype=torch.bool))
 
     def __call__(
         self, z: Float[torch.Tensor, "batch tokens width"], captions: Sequence[str]
@@ -40,7 +39,8 @@ class LatentDecoder:
         space, part = self._card.latents, representation_named(self._card.representation)
         latents = z * z.new_tensor(space.std) + z.new_tensor(space.mean)
         mask = torch.ones(len(z), self._frames, dtype=torch.bool, device=z.device)
-        features = self._normalizer.denormalize(self._decode(latents, mask))
+        # Distillation, and a resumed stage 2, need the VAE for nothing else.
+        features = self._normalizer.denormalize(self._vae.to(z.device).decode(latents, mask))
         return [
             Motion(joints, part.fps, part.skeleton, caption)
             for joints, caption in zip(part.decode(features.cpu().numpy()), captions, strict=True)
