@@ -153,6 +153,9 @@ def test_what_does_not_fit_is_refused(
     wider = replace(settings(model), vae=replace(cheaper_vae(model), width=24))
     with pytest.raises(InputError, match=r"another encoder.*encoder.0.convolution.weight"):
         train_decoder(wider, figures, model, tmp_path / "run", PLACE)
+    dilated = replace(settings(model), vae=replace(cheaper_vae(model), dilations=(3,)))
+    with pytest.raises(InputError, match=r"another encoder \(of weights of the same shapes"):
+        train_decoder(dilated, figures, model, tmp_path / "run", PLACE)
     with pytest.raises(ModelError, match="no VAE"):
         with_decoder(trained, replace(other, vae=None))
     torch.nn.init.zeros_(other.vae.encoder[0].convolution.bias)

@@ -103,19 +103,17 @@ def vae_with_latents_of(trained: TrainedModel, config: VAEConfig) -> MotionVAE:
 
     Raises:
         ModelError: The model has no VAE.
-        InputError: The encoder has other sizes.
+        InputError: The encoder is another.
     """
     if trained.vae is None:
         raise ModelError(f"model {trained.card.name!r} has no VAE: run latentmotion train vae")
     vae = config.build()
     found, wanted = _sizes(vae), _sizes(trained.vae)
     if found != wanted:
-        differing = ", ".join(islice(differing_keys(wanted, found), 3))
-        raise InputError(
-            f"model {trained.card.name!r} has another encoder ({differing}); change nothing of "
-            "vae but its decoder (or decoding)"
-        )
+        raise _another_encoder(trained.card, *islice(differing_keys(wanted, found), 3))
     keep_latents(vae, trained.vae)
+    if not _encode_alike(vae, trained.vae, trained.card):
+        raise _another_encoder(trained.card, "of weights of the same shapes")
     return vae
 
 
@@ -154,3 +152,20 @@ def decoder_card(
 
 def _sizes(vae: MotionVAE) -> dict[str, list[int]]:
     return {name: list(value.shape) for name, value in first_half(vae).items()}
+
+
+def _encode_alike(vae: MotionVAE, other: MotionVAE, card: ModelCard) -> bool:
+    """Returns whether both make the same latents; weights do not tell dilations, heads and such."""
+    generator = torch.Generator().manual_seed(0)
+    features = torch.randn(1, card.frames[1], len(card.normalizer_mean), generator=generator)
+    mask = torch.ones(features.shape[:2], dtype=torch.bool)
+    with torch.no_grad():
+        means = [one.eval().encode(features, mask).mean for one in (vae, other)]
+    return torch.equal(*means)
+
+
+def _another_encoder(card: ModelCard, *how: str) -> InputError:
+    return InputError(
+        f"model {card.name!r} has another encoder ({', '.join(how)}); change nothing of vae but "
+        "its decoder (or decoding)"
+    )
