@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-from tyro.conf import arg
-
-from latentmotion.cli.train import Changes, text_encoder_named
+from latentmotion.cli.train import Changes, Output, text_encoder_named
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.distillation import Distillation
 from latentmotion.experiment import with_changes
@@ -26,7 +23,7 @@ class TrainDistill:
     """Name, run folder or model folder of the model to distill."""
     data: Path
     """Folder that `latentmotion data prepare` made: prompts and lengths are taken from it."""
-    output: Annotated[Path, arg(aliases=["-o"])]
+    output: Output
     """Run folder; one that exists is gone on with."""
     set: Changes = ()
     """Change one setting, e.g. training.steps=1000 or leaps.steps='[1,2,4,8]'; may be given several

@@ -7,11 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import tyro
-
-from latentmotion.cli.train import text_encoder_named
+from latentmotion.cli.train import Changes, Output, text_encoder_named
 from latentmotion.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +25,7 @@ class TrainEvaluator:
 
     data: Path
     """Folder that `latentmotion data prepare` made, with captions."""
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    output: Output
     """Run folder; one that exists is gone on with."""
     glove: Path | None = None
     """Folder of the T2M code's our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl."""
@@ -36,7 +34,7 @@ class TrainEvaluator:
     distilbert, sentence_t5 or t5; starter where nothing is said."""
     preset: str = "t2m"
     """Sizes to start from: t2m (the official ones) or small (for some hundred clips)."""
-    set: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    set: Changes = ()
     """Change one value of it, e.g. training.steps=1000; may be given several times."""
     device: str = "auto"
     """auto, cpu, cuda or cuda:N."""
