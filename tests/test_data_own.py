@@ -8,6 +8,7 @@ import pytest
 
 from latentmotion.animation import Animation
 from latentmotion.data.clip import Source
+from latentmotion.data.finding import files_below
 from latentmotion.data.own import OwnMotions
 from latentmotion.data.recording import Dropped, Recording
 from latentmotion.errors import DataError
@@ -111,3 +112,17 @@ def test_splits_do_not_depend_on_other_files(tmp_path: Path) -> None:
     write_own(tmp_path, ["another"])
     more = labels(OwnMotions(tmp_path, SOURCE, val=0.3, test=0.3))
     assert all(few[name].split == more[name].split for name in names)
+
+
+def test_files_are_found_behind_links_which_may_lead_back(tmp_path: Path) -> None:
+    (tmp_path / "disk" / "deep").mkdir(parents=True)
+    (tmp_path / "data").mkdir()
+    for name in ("a.BVH", "b.txt", "deep/c.npz"):
+        (tmp_path / "disk" / name).touch()
+    (tmp_path / "data" / "link").symlink_to(tmp_path / "disk")
+    (tmp_path / "disk" / "back").symlink_to(tmp_path / "data")
+    found = files_below(tmp_path / "data", [".bvh", ".npz"])
+    assert [path.relative_to(tmp_path / "data").as_posix() for path in found] == [
+        "link/a.BVH",
+        "link/deep/c.npz",
+    ]

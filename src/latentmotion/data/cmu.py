@@ -29,6 +29,7 @@ from latentmotion.data.annotations import (
 )
 from latentmotion.data.clip import Source, Split
 from latentmotion.data.cmu_rates import native_fps
+from latentmotion.data.finding import files_below
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.resampling import every, joints_at
 from latentmotion.data.t_pose import without_blend
@@ -158,7 +159,7 @@ def find_trials(folder: Path) -> dict[str, Path]:
         raise DataError(f"no folder {folder}; it should hold CMU trials, from {CMU.url}")
     found = {}
     for ending in (".bvh", ".amc"):
-        for path in sorted(p for p in folder.rglob("*") if p.suffix.lower() == ending):
+        for path in files_below(folder, [ending]):
             if match := _TRIAL.match(path.stem):
                 found[_without_zeros(match[1])] = path
     if not found:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from latentmotion.data.captions import TaggedSentence, mirror_words
 from latentmotion.data.clip import Source, Split
+from latentmotion.data.finding import files_below
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.resampling import joints_at
 from latentmotion.errors import DataError, FileFormatError
@@ -159,7 +160,7 @@ def find_clips(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; it should hold HDM05's clips, from {HDM05.url}")
-    found = sorted(p for p in folder.rglob("*") if p.suffix.lower() == ".amc")
+    found = files_below(folder, [".amc"])
     found = [path for path in found if _NAME.match(path.stem)]
     if not found:
         raise DataError(

@@ -28,6 +28,7 @@ from latentmotion.data.captions import (
     parse_sentences,
 )
 from latentmotion.data.clip import SPLITS, Source, Split
+from latentmotion.data.finding import files_below
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.resampling import interpolate, joints_at, whole_step
 from latentmotion.errors import DataError, FileFormatError
@@ -153,7 +154,7 @@ def find_motions(folder: Path) -> dict[str, Path]:
     """
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; it should hold your motion files")
-    paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in ENDINGS)
+    paths = files_below(folder, ENDINGS)
     if not paths:
         raise DataError(f"{folder}: expected motion files ({', '.join(ENDINGS)}), found none")
     return {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
