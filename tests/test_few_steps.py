@@ -252,6 +252,18 @@ def test_who_cannot_teach_is_refused(
         distill(SETTINGS, figures, tmp_path / "vae", None, tmp_path / "b", PLACE)
 
 
+def test_what_it_cannot_be_asked_is_refused(figures: Path, teacher: Path, tmp_path: Path) -> None:
+    short = with_changes(SETTINGS, ["cropping.max_frames=4", "cropping.min_frames=4"])
+    with pytest.raises(InputError, match=r"makes 12 to 196 frames, cropping asks for 4 to 4"):
+        distill(short, figures, teacher, None, tmp_path / "a", PLACE)
+    model = load_model(teacher / "model")
+    condition = {"kind": "action", "labels": ["fly", "swim"]}
+    card = replace(model.card, task="action", condition=condition)
+    save_model(tmp_path / "birds", replace(model, card=card))
+    with pytest.raises(InputError, match=r"no training clip .* that model 'starter' knows"):
+        distill(SETTINGS, figures, tmp_path / "birds", None, tmp_path / "b", PLACE)
+
+
 def test_raw_frames_have_students_too(figures: Path, tmp_path: Path) -> None:
     experiment = small(
         task="unconditional",

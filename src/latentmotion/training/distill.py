@@ -68,7 +68,7 @@ def distill(
     dataset, source = Dataset.load(data), model_folder(teacher)
     model = load_model(source)
     check_teacher(model, dataset)
-    settings = replace(settings, cropping=within(settings.cropping, model.card.frames))
+    settings = replace(settings, cropping=within(settings.cropping, model.card))
     card = student_card(model.card, settings)
     torch.manual_seed(settings.training.seed)
     student = first_student(model, card, start)
@@ -115,9 +115,19 @@ def check_teacher(model: TrainedModel, dataset: Dataset) -> None:
         )
 
 
-def within(cropping: Cropping, frames: tuple[int, int]) -> Cropping:
-    """Returns the cropping without lengths that a model does not make."""
-    shortest, longest = max(cropping.min_frames, frames[0]), min(cropping.max_frames, frames[1])
+def within(cropping: Cropping, card: ModelCard) -> Cropping:
+    """Returns the cropping without lengths that a model does not make.
+
+    Raises:
+        InputError: None is left.
+    """
+    (least, most), asked = card.frames, (cropping.min_frames, cropping.max_frames)
+    shortest, longest = max(asked[0], least), min(asked[1], most)
+    if shortest > longest:
+        raise InputError(
+            f"model {card.name!r} makes {least} to {most} frames, cropping asks for "
+            f"{asked[0]} to {asked[1]}; change cropping.min_frames or cropping.max_frames"
+        )
     return replace(cropping, min_frames=shortest, max_frames=longest)
 
 

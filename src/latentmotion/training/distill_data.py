@@ -12,6 +12,7 @@ from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Item, items_of
 from latentmotion.distillation import Distillation, PhasedConsistency, Regression
+from latentmotion.errors import InputError
 from latentmotion.model_card import ModelCard
 from latentmotion.runtime.conditions import build_condition, labels_of
 from latentmotion.training.consistency import WithinPhases
@@ -123,11 +124,20 @@ def prepare_lessons(
     folder: Path,
     place: Place,
 ) -> Lessons:
-    """Finds what a teacher may be asked; `encoder` is its own, where it reads sentences."""
+    """Finds what a teacher may be asked; `encoder` is its own, where it reads sentences.
+
+    Raises:
+        InputError: There is nothing.
+    """
     card, network, training = model.card, model.denoiser, settings.training
     assert network is not None  # checked before
     clips = tuple(dataset.clips("train", mirrored=settings.mirrored))
     seen, unseen = prompted(card, clips), prompted(card, dataset.clips("val"))[:HELD_OUT]
+    if not seen:
+        raise InputError(
+            f"no training clip of {dataset.folder} has a caption or label that model "
+            f"{card.name!r} knows; use the data that it was trained on"
+        )
     held_out = keep_crops(unseen, settings.cropping, 1, training.seed).every()
     # Only a text encoder can be missing, and the command has looked for it.
     condition = build_condition(card, lambda: encoder)  # type: ignore[arg-type, return-value]
