@@ -8,7 +8,8 @@ from typing import Literal
 from latentmotion.errors import InputError
 
 Precision = Literal["float32", "bfloat16"]
-"""Of matrix products and convolutions; all else, and what comes out, is float32."""
+"""Of matrix products and convolutions, and of what is computed from theirs alone, as activations;
+what comes out is float32."""
 
 Launch = Literal["eager", "graph", "compiled"]
 """How work reaches a device: kernel by kernel; as CUDA graphs, one launch for the whole chain; or

@@ -1,7 +1,7 @@
 """A PyTorch network as a session: on its device, in its precision, compiled where asked.
 
-In bfloat16 matrix products and convolutions read weights and inputs of 16 bits; what lies between
-them, and the sums of the residual stream, stays in float32.
+In bfloat16 matrix products and convolutions read and give numbers of 16 bits, and so does what is
+computed from these alone, as activations; all else, and the answer, is float32.
 """
 
 from __future__ import annotations
