@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 import torch
 
 from latentmotion.checkpoint import TrainedModel, load_model, save_model
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition.interface import Conditioning, TextEmbedding
 from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, GuidanceAsInput
 from latentmotion.diffusion.leaps import Leap, Leaps, LeapTimes
@@ -179,6 +180,15 @@ def test_a_student_is_a_model_like_any_other(student: Path, teacher: Path) -> No
     assert list(student.parent.glob("samples-*.png"))
 
 
+class AnotherEncoder:
+    """A text encoder that nobody asks."""
+
+    name, width = "another", 6
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        raise AssertionError(sentences)
+
+
 def test_it_goes_on_bit_for_bit(
     student: Path, figures: Path, teacher: Path, tmp_path: Path
 ) -> None:
@@ -189,6 +199,8 @@ def test_it_goes_on_bit_for_bit(
     assert one.read_bytes() == other.read_bytes()
     with pytest.raises(InputError, match=r"settings.knee \(1.0 → 2.0\)"):
         distill(replace(SETTINGS, knee=2.0), figures, teacher, None, tmp_path / "run", PLACE)
+    with pytest.raises(InputError, match=r"differing: text"):
+        distill(SETTINGS, figures, teacher, AnotherEncoder(), tmp_path / "run", PLACE)
 
 
 def test_training_brings_leaps_nearer_to_the_teachers(

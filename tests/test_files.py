@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from safetensors import SafetensorError
 
 from latentmotion.errors import InputError
 from latentmotion.files import atomic_file, atomic_folder, check_writable, sha256
@@ -22,6 +23,13 @@ def test_file_appears_only_when_complete(tmp_path: Path) -> None:
         temporary.write_text("new")
     assert target.read_text() == "new"
     assert [path.name for path in tmp_path.iterdir()] == ["motion.bvh"]
+
+
+@pytest.mark.parametrize("full", [OSError(28, "No space left"), SafetensorError("No space left")])
+def test_a_full_disk_is_told_whoever_met_it(tmp_path: Path, full: Exception) -> None:
+    message = "cannot write .*motion.bvh: No space left"
+    with pytest.raises(InputError, match=message), atomic_file(tmp_path / "motion.bvh"):
+        raise full
 
 
 def test_folder_is_replaced_as_a_whole(tmp_path: Path) -> None:

@@ -10,7 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from safetensors import SafetensorError
+
 from latentmotion.errors import InputError
+
+_FAILURES = (OSError, SafetensorError)
+"""How writing fails, as on a full disk; safetensors has its own name for it."""
 
 
 @contextmanager
@@ -25,8 +30,8 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         temporary.replace(target)
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}") from error
+    except _FAILURES as error:
+        raise _unwritable(target, error) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -51,8 +56,8 @@ def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
         if target.is_dir():
             shutil.rmtree(target)
         temporary.replace(target)
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}") from error
+    except _FAILURES as error:
+        raise _unwritable(target, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -109,6 +114,10 @@ def sha256(path: str | Path) -> str:
     """Returns the SHA-256 of a file as hexadecimal digits."""
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _unwritable(target: Path, error: Exception) -> InputError:
+    return InputError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}")
 
 
 def _temporary_name(target: Path) -> Path:

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Literal
 
+from latentmotion.engines import most_threads
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import read_card
@@ -34,7 +35,7 @@ def load_generator(
     Args:
         model: Name or folder.
         engine: What runs the networks.
-        threads: Most threads of the graphs' engine.
+        threads: Most threads of an engine; PyTorch's are set for the whole process.
         text_encoder: Where the folder has none: as for `latentmotion train denoiser`.
         computing: Where and how PyTorch computes, which other engines do not.
         cache: Folder in which embeddings of an exported model's prompts are kept.
@@ -53,7 +54,7 @@ def load_generator(
     engine = _engine_for(computing, engine, text_encoder)
     if engine != "pytorch" and (folder / "denoiser.onnx").is_file():
         return MotionGenerator.load(folder, engine, threads, cache)
-    eager = _pytorch(folder, engine)
+    eager = _pytorch(folder, engine, threads)
     return eager.eager_generator(folder, text_encoder and _encoder(text_encoder), computing)
 
 
@@ -73,7 +74,7 @@ def load_prior(
     if engine != "pytorch" and (folder / "decoder.onnx").is_file():
         card = read_card(folder)
         return MotionPrior(card, open_decoder(card, folder, engine, threads))
-    return _pytorch(folder, engine).eager_prior(folder, computing)
+    return _pytorch(folder, engine, threads).eager_prior(folder, computing)
 
 
 def _engine_for(computing: Computing, engine: Engine, text_encoder: str | None = None) -> Engine:
@@ -89,7 +90,7 @@ def _engine_for(computing: Computing, engine: Engine, text_encoder: str | None =
     )
 
 
-def _pytorch(folder: Path, engine: Engine) -> ModuleType:
+def _pytorch(folder: Path, engine: Engine, threads: int | None) -> ModuleType:
     if find_spec("torch") is None and engine == "pytorch":
         raise MissingExtraError("the runtime pytorch", "PyTorch", "train")
     if find_spec("torch") is None:
@@ -101,6 +102,8 @@ def _pytorch(folder: Path, engine: Engine) -> ModuleType:
     if engine != "pytorch":
         print(f"{folder} has no graphs (latentmotion export); PyTorch runs it", file=sys.stderr)
     # Looked up only here, so that exported models run without PyTorch.
+    if threads is not None:
+        import_module("torch").set_num_threads(most_threads(threads))
     return import_module("latentmotion.runtime.eager")
 
 

@@ -43,6 +43,8 @@ class DistillRun:
     """Hash of the teacher's weights."""
     start: str | None
     """Hash of the weights of the student that it begins as; null where that is the teacher."""
+    text: str | None
+    """Which text encoder reads the prompts; null where conditions are no text."""
     settings: Distillation
     """Everything else."""
 
@@ -72,7 +74,8 @@ def distill(
     card = student_card(model.card, settings)
     torch.manual_seed(settings.training.seed)
     student = first_student(model, card, start)
-    run = DistillRun(dataset.fingerprint, fingerprint(source), fingerprint(start), settings)
+    text = encoder.name if encoder else None
+    run = DistillRun(dataset.fingerprint, fingerprint(source), fingerprint(start), text, settings)
     open_run(folder, run, place)
     lessons = prepare_lessons(settings, dataset, model, encoder, folder, place)
     decoder = LatentDecoder(model.vae, card, settings.cropping.max_frames // 2)  # type: ignore

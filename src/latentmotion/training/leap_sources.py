@@ -70,7 +70,10 @@ class Ways:
     """The ways."""
 
     def rows(self, step: int, batch: int, seed: int) -> range:
-        """Returns the rows of step number `step`: neighbors, all of them once an epoch."""
+        """Returns the rows of step number `step`: neighbors, each at most once an epoch.
+
+        Those left over where blocks of `batch` do not make up all are never shown.
+        """
         count = max(len(self.crops) // batch, 1)
         epoch, index = divmod(step, count)
         block = int(np.random.default_rng([seed, epoch]).permutation(count)[index])

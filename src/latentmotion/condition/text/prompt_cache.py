@@ -93,7 +93,7 @@ class RememberingTextEncoder:
             with atomic_file(path) as temporary:
                 save_file(arrays, temporary, about)
             _forget(self.folder, self.most)
-        except (OSError, InputError, SafetensorError):
+        except (OSError, InputError):
             return
 
     @cached_property
