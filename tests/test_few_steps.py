@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from latentmotion.checkpoint import TrainedModel, load_model, save_model
 from latentmotion.condition.interface import Conditioning, TextEmbedding
@@ -29,6 +30,7 @@ from latentmotion.training.devices import Place
 from latentmotion.training.distill import distill, student_of
 from latentmotion.training.randomness import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae
+from latentmotion.training.trajectories import WAYS_FILE
 from moving_figures import write_moving_figures
 from small_training import killed_at, small
 
@@ -201,6 +203,20 @@ def test_it_goes_on_bit_for_bit(
         distill(replace(SETTINGS, knee=2.0), figures, teacher, None, tmp_path / "run", PLACE)
     with pytest.raises(InputError, match=r"differing: text"):
         distill(SETTINGS, figures, teacher, AnotherEncoder(), tmp_path / "run", PLACE)
+
+
+def test_ways_are_gone_by_the_solver_that_is_named(
+    figures: Path, teacher: Path, tmp_path: Path
+) -> None:
+    ways = []
+    for solver in ("dpm++", "ddim"):
+        settings = with_changes(SETTINGS, [f"solver={solver}", "training.steps=1"])
+        distill(settings, figures, teacher, None, tmp_path / solver, PLACE)
+        ways.append(load_file(tmp_path / solver / WAYS_FILE)["points"])
+    assert torch.equal(ways[0][:, 0], ways[1][:, 0])
+    assert not torch.allclose(ways[0][:, -1], ways[1][:, -1])
+    with pytest.raises(InputError, match="solver"):
+        with_changes(SETTINGS, ["solver=heun"])
 
 
 def test_training_brings_leaps_nearer_to_the_teachers(

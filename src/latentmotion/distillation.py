@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.leaps import Leaps
@@ -39,6 +40,11 @@ class Distillation:
     """What the student shall be able to do."""
     objective: Regression | PhasedConsistency = field(default_factory=Regression)
     """What it learns from."""
+    solver: Literal["dpm++", "ddim"] = "dpm++"
+    """The teacher's rule of a step on ways that the student learns from or is compared with.
+
+    `dpm++` is nearer to the exact way; a teacher that is better in coarse steps teaches those.
+    """
     cropping: Cropping = field(default_factory=lambda: Cropping(max_frames=196, min_frames=12))
     """Of what lengths motions are, of those that the teacher makes."""
     knee: float = 1.0

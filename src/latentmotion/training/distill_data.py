@@ -143,7 +143,9 @@ def prepare_lessons(
     condition = build_condition(card, lambda: encoder)  # type: ignore[arg-type, return-value]
     prompts = PromptTable(condition, captions_of([*seen, *unseen]), place.device)
     network.eval().requires_grad_(False).to(place.device)
-    guide = Guide(network, card, settings.leaps, prompts, place.device, training.precision)
+    guide = Guide(
+        network, card, settings.leaps, prompts, place.device, settings.solver, training.precision
+    )
     return Lessons(
         model, guide, dataset, clips, tuple(seen), tuple(held_out), settings, folder, place
     )

@@ -25,7 +25,7 @@ from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import sample, sampler_named
+from latentmotion.diffusion.sampler import SamplerName, sample, sampler_named
 from latentmotion.experiment import Precision
 from latentmotion.files import atomic_file
 from latentmotion.model_card import ModelCard
@@ -75,6 +75,8 @@ class Guide:
     """What it sees of prompts."""
     device: torch.device
     """Where it computes."""
+    solver: SamplerName = "dpm++"
+    """Its rule of a step, of one pass."""
     precision: Precision = "float32"
     """Of the network's arithmetic; the ways stay in float32."""
 
@@ -108,7 +110,7 @@ class Guide:
             states.append(z)
             return guided(z, t, condition, mask)
 
-        sampler = sampler_named("dpm++", self.card.schedule, self.card.prediction)
+        sampler = sampler_named(self.solver, self.card.schedule, self.card.prediction)
         with torch.autocast(self.device.type, torch.bfloat16, self.precision == "bfloat16"):
             last = sample(watched, sampler, z, condition, mask, self.leaps.of, nothing)
         return torch.stack([[*states, last][stop] for stop in self.leaps.stops], dim=1)
