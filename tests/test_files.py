@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from safetensors import SafetensorError
+from safetensors.numpy import save_file
 
 from latentmotion.errors import InputError
 from latentmotion.files import atomic_file, atomic_folder, check_writable, sha256
@@ -40,6 +43,18 @@ def test_folder_is_replaced_as_a_whole(tmp_path: Path) -> None:
         raise RuntimeError
     assert (tmp_path / "model" / "marker").read_text() == "new"
     assert [path.name for path in tmp_path.iterdir()] == ["model"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no such permissions")
+def test_others_may_read_what_they_may_by_default(tmp_path: Path) -> None:
+    (tmp_path / "usual").touch()
+    with atomic_file(tmp_path / "a.safetensors") as temporary:
+        save_file({"a": np.zeros(1)}, temporary)
+    with atomic_folder(tmp_path / "model", "marker") as temporary:
+        (temporary / "deep").mkdir()
+        save_file({"a": np.zeros(1)}, temporary / "deep" / "b.safetensors")
+    written = tmp_path / "a.safetensors", tmp_path / "model" / "deep" / "b.safetensors"
+    assert {path.stat().st_mode for path in written} == {(tmp_path / "usual").stat().st_mode}
 
 
 def test_a_folder_of_something_else_is_kept(tmp_path: Path) -> None:

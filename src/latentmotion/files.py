@@ -1,4 +1,7 @@
-"""Writing files so that a failure leaves the old one, or none, but never half of one."""
+"""Writing files so that a failure leaves the old one, or none, but never half of one.
+
+Whoever may read what a user writes by default may read these; safetensors would hide its own.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from safetensors import SafetensorError
@@ -28,7 +31,11 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     temporary = _temporary_name(target)
     try:
+        temporary.touch()
+        mode = temporary.stat().st_mode
+        temporary.unlink()
         yield temporary
+        _permit(temporary, mode)
         temporary.replace(target)
     except _FAILURES as error:
         raise _unwritable(target, error) from error
@@ -53,6 +60,9 @@ def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
     try:
         temporary.mkdir()
         yield temporary
+        for file in temporary.rglob("*"):
+            if file.is_file() and not file.is_symlink():
+                _permit(file, temporary.stat().st_mode & 0o666)
         if target.is_dir():
             shutil.rmtree(target)
         temporary.replace(target)
@@ -118,6 +128,11 @@ def sha256(path: str | Path) -> str:
 
 def _unwritable(target: Path, error: Exception) -> InputError:
     return InputError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}")
+
+
+def _permit(path: Path, mode: int) -> None:
+    with suppress(OSError):  # not every file system knows permissions
+        path.chmod(mode)
 
 
 def _temporary_name(target: Path) -> Path:
