@@ -32,9 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", help="names of some of the tables")
     parser.add_argument("--page", type=Path, help="document to fill")
     options = parser.parse_args(arguments)
-    options.folder.mkdir(parents=True, exist_ok=True)
     programs = _programs(options)
-    for name in options.only or programs:
+    names = options.only or list(programs)
+    if odd := set(names) - set(programs):
+        parser.error(f"--only {min(odd)}: expected some of {', '.join(programs)}")
+    options.folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
         (options.folder / f"{name}.md").write_text(_printed(programs[name]), encoding="utf-8")
     if options.page:
         fill(options.page, options.folder)
