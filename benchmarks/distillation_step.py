@@ -53,7 +53,9 @@ def _guide(teacher: str, settings: Distillation) -> Guide:
     assert model.denoiser is not None  # shipped models have one
     network, precision = model.denoiser.eval().requires_grad_(False), settings.training.precision
     prompts = PromptTable(condition_of(model.card, folder), CAPTIONS, PLACE.device)
-    return Guide(network, model.card, settings.leaps, prompts, PLACE.device, precision)
+    return Guide(
+        network, model.card, settings.leaps, prompts, PLACE.device, settings.solver, precision
+    )
 
 
 def _shown(card: ModelCard, batch: int, frames: int) -> tuple[Plan, LatentMemory]:
