@@ -8,6 +8,8 @@ from contextlib import contextmanager
 
 import pytest
 
+from latentmotion.diffusion.leaps import Leaps
+from latentmotion.distillation import Distillation, PhasedConsistency, Regression
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.presets import PRESETS
 from latentmotion.training import loop
@@ -42,6 +44,15 @@ CHANGES = {
 def small(**changes: object) -> Experiment:
     every = {**CHANGES, **changes}
     return with_changes(PRESETS["starter"](), [f"{k}={json.dumps(v)}" for k, v in every.items()])
+
+
+def short_distillation(
+    leaps: Leaps, objective: Regression | PhasedConsistency, **changes: int
+) -> Distillation:
+    """Returns a distillation of a second."""
+    training = {"steps": 8, "batch_size": 8, "precision": "float32", "snapshot_every": 2, **changes}
+    settings = Distillation(leaps=leaps, objective=objective)
+    return with_changes(settings, [f"training.{key}={value}" for key, value in training.items()])
 
 
 @contextmanager

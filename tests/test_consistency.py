@@ -17,7 +17,7 @@ from latentmotion.diffusion.leaps import Leap, Leaps
 from latentmotion.diffusion.loss import between, leap_loss
 from latentmotion.diffusion.prediction import Epsilon, Prediction, Sample, Velocity
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
-from latentmotion.distillation import Distillation, PhasedConsistency
+from latentmotion.distillation import PhasedConsistency
 from latentmotion.errors import ModelError
 from latentmotion.experiment import TrainingSettings, with_changes
 from latentmotion.model_card import ModelCard
@@ -30,7 +30,7 @@ from latentmotion.training.randomness import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.trajectories import Guide
 from moving_figures import write_moving_figures
-from small_training import killed_at, small
+from small_training import killed_at, short_distillation, small
 
 PLACE = Place(torch.device("cpu"), Ranks())
 LEAPS = Leaps(guidance=(1.0, 4.0), steps=(1, 2, 4), of=8)
@@ -144,20 +144,8 @@ def test_the_average_is_asked_at_the_end_of_the_teachers_step() -> None:
 
 # Training
 
-SETTINGS = with_changes(
-    Distillation(leaps=LEAPS, objective=PhasedConsistency(per_item=2)),
-    [
-        f"training.{key}={value}"
-        for key, value in {
-            "steps": 8,
-            "batch_size": 8,
-            "precision": "float32",
-            "report_every": 8,
-            "validate_every": 8,
-            "snapshot_every": 2,
-            "sample_every": 0,
-        }.items()
-    ],
+SETTINGS = short_distillation(
+    LEAPS, PhasedConsistency(per_item=2), report_every=8, validate_every=8, sample_every=0
 )
 
 

@@ -20,7 +20,7 @@ from latentmotion.diffusion.loss import LeapBatch, between, leap_loss
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
 from latentmotion.diffusion.sampler import DDIM
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
-from latentmotion.distillation import Distillation, Regression
+from latentmotion.distillation import Regression
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import with_changes
 from latentmotion.nn.transformer import TransformerConfig
@@ -32,27 +32,14 @@ from latentmotion.training.randomness import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.trajectories import WAYS_FILE
 from moving_figures import write_moving_figures
-from small_training import killed_at, small
+from small_training import killed_at, short_distillation, small
 
 PLACE = Place(torch.device("cpu"), Ranks())
 SCHEDULES = [ScaledLinear(), Cosine(), LinearPath()]
 LEAPS = Leaps(guidance=(1.0, 4.0), steps=(1, 2, 4), of=8)
-SETTINGS = with_changes(
-    Distillation(leaps=LEAPS, objective=Regression(ways=64)),
-    [
-        f"training.{key}={value}"
-        for key, value in {
-            "steps": 8,
-            "batch_size": 8,
-            "precision": "float32",
-            "report_every": 1,
-            "validate_every": 4,
-            "snapshot_every": 2,
-            "sample_every": 8,
-        }.items()
-    ],
+SETTINGS = short_distillation(
+    LEAPS, Regression(ways=64), report_every=1, validate_every=4, sample_every=8
 )
-"""A distillation of a second."""
 
 
 # Leaps

@@ -75,7 +75,7 @@ class Guide:
     """What it sees of prompts."""
     device: torch.device
     """Where it computes."""
-    solver: SamplerName = "dpm++"
+    solver: SamplerName
     """Its rule of a step, of one pass."""
     precision: Precision = "float32"
     """Of the network's arithmetic; the ways stay in float32."""
