@@ -99,7 +99,7 @@ class ImitatingStage(VAEStage):
             true = self._imitation.vae.decode(latents, mask)
         found = self.network.decode(latents, mask).float()
         fps, objective = self._dataset.representation.fps, self._objective
-        losses = feature_losses(found, true, mask, self._joints, fps, objective)
+        losses = feature_losses(found, true, mask, self._joints, fps, objective, self.skeleton)
         return weighted_sum(losses, objective)
 
 

@@ -15,6 +15,7 @@ from latentmotion.evaluation.metrics.mpjpe import mpjpe
 from latentmotion.experiment import Experiment
 from latentmotion.motion import Motion
 from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.skeleton import Skeleton
 from latentmotion.training.crops import FeatureMemory, Plan, items_by_length
 from latentmotion.training.devices import Place
 from latentmotion.training.loop import Stage
@@ -76,7 +77,14 @@ class VAEStage(Stage[MotionVAE]):
             fps=self._dataset.representation.fps,
             objective=self._objective,
             vertices_of=self._vertices if self._body else None,
+            skeleton=self.skeleton,
         )
+
+    @property
+    def skeleton(self) -> Skeleton | None:
+        """Whose feet and bones are compared, where the objective does."""
+        compared = self._objective.contacts > 0 or self._objective.bones > 0
+        return self._dataset.representation.skeleton if compared else None
 
     @torch.no_grad()
     def validate(self, network: MotionVAE) -> dict[str, float]:
