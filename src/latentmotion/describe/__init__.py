@@ -1,0 +1,1 @@
+"""What a motion does, measured from its joints, and told in sentences; NumPy only."""

@@ -1,0 +1,223 @@
+"""What the legs do: steps, flights (jumps, hops, running), kicks, raised knees, balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from latentmotion.describe.facts import BOTH, FPS, LEFT, RIGHT, Event
+from latentmotion.describe.signals import JOINT, Signals, bend, peaks, smooth, spans
+
+_SIDES = (LEFT, RIGHT)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A time in which no foot touches the floor."""
+
+    start: int
+    """First frame in the air."""
+    end: int
+    """First frame back on the floor."""
+    rise: float
+    """Meters by which the pelvis is higher than at take-off and landing."""
+    way: tuple[float, float]
+    """Meters flown to the left and ahead."""
+    leaves: str
+    """Foot or feet that touched the floor last."""
+    lands: str
+    """Foot or feet that touch it first."""
+
+
+def flights_of(signals: Signals) -> list[Flight]:
+    """Returns every flight of at least two frames and less than a second."""
+    low = signals.feet.min(axis=1)
+    level = _level(low)
+    found = []
+    for start, end in spans(low - level > 0.045, 2):
+        if end - start > FPS:
+            continue
+        pelvis = signals.joints[:, 0, 1]
+        before, after = max(start - 1, 0), min(end, signals.frames - 1)
+        rise = float(pelvis[start:end].max() - 0.5 * (pelvis[before] + pelvis[after]))
+        way = signals.velocity[start:end].sum(axis=0) / FPS
+        found.append(
+            Flight(
+                start=start,
+                end=end,
+                rise=rise,
+                way=(float(way[0]), float(way[1])),
+                leaves=_touching(signals, level, before - 2, before + 1),
+                lands=_touching(signals, level, after, after + 3),
+            )
+        )
+    return found
+
+
+def running_of(flights: list[Flight], signals: Signals) -> Float[np.ndarray, " frames"]:
+    """Returns where the gait is a jog or run, 1, else 0.
+
+    There the pelvis bobs, hardly ever do both feet stand, and heels swing up; or flights from one
+    foot to the other follow each other, as in running on the spot.
+    """
+    both = (signals.feet.max(axis=1) < 0.03).astype(np.float64)
+    heel = signals.joints[:, [7, 8], 1].max(axis=1)
+    pelvis = signals.joints[:, 0, 1]
+    bob = pelvis - smooth(pelvis, 8.0)
+    bounce = _most(bob, 8) + _most(-bob, 8)
+    gait = (bounce > 0.07) & (smooth(both, 6.0) < 0.2) & (_most(heel, 8) > 0.25)
+    running = ((gait & (signals.speed > 1.0)) | (signals.speed > 2.3)).astype(np.float64)
+    for one, two in pairwise([flight for flight in flights if _is_stride(flight)]):
+        if two.start - one.end < 0.4 * FPS and one.leaves != two.leaves:
+            running[one.start : two.end] = 1
+    return running
+
+
+def jumps_of(flights: list[Flight], running: Float[np.ndarray, " frames"]) -> list[Event]:
+    """Returns jumps from both feet, hops on one, and leaps from one foot to the other."""
+    out = []
+    for flight in flights:
+        high = flight.rise > 0.12 and flight.end - flight.start >= 4
+        stride = _is_stride(flight) and running[flight.start : flight.end].mean() > 0.5
+        if (stride and not high) or flight.rise < 0.02:
+            continue
+        same = flight.leaves == flight.lands and flight.leaves != BOTH
+        if same and flight.rise > 0.04:
+            out.append(_jump("hop", flight, flight.leaves))
+        elif high or (flight.leaves == flight.lands == BOTH and flight.rise > 0.035):
+            out.append(_jump("jump", flight, BOTH if flight.leaves == BOTH else ""))
+    return out
+
+
+def kicks_of(signals: Signals) -> list[Event]:
+    """Returns swings of a foot that are high and fast, or much faster than a step."""
+    out = []
+    for index, side in enumerate(_SIDES):
+        foot = signals.of(f"{side}_ankle")
+        away = foot - signals.of(f"{side}_hip")
+        reach = np.linalg.norm(away, axis=1)
+        velocity = np.gradient(smooth(away, 0.7), axis=0) * FPS
+        swing = np.linalg.norm(velocity, axis=1)
+        straight = bend(signals, f"{side}_hip", f"{side}_knee", f"{side}_ankle")
+        height = foot[:, 1] - _other_foot(signals, index)
+        for top in peaks(height, 0.42, 0.25):
+            around = slice(max(top - 8, 0), top + 6)
+            if swing[around].max() < 2.6 or straight[max(top - 4, 0) : top + 5].max() < 125:
+                continue
+            if away[top, 2] < -0.25 and abs(away[top, 0]) < 0.3:
+                continue  # a heel that swings up behind
+            if reach[max(top - 4, 0) : top + 5].max() < 0.6:
+                continue
+            direction = _kick_direction(away[top])
+            out.append(_around(signals, "kick", height, top, side, direction))
+    return out
+
+
+def knees_of(signals: Signals, kicks: list[Event]) -> list[Event]:
+    """Returns knees raised to the hip or higher while the other foot stands."""
+    out = []
+    for index, side in enumerate(_SIDES):
+        knee = signals.of(f"{side}_knee")
+        thigh = knee[:, 1] - signals.of(f"{side}_hip")[:, 1]
+        free = (signals.feet[:, index] > 0.15) & (signals.feet[:, 1 - index] < 0.15)
+        up = free & (signals.joints[:, 0, 1] > 0.75) & (signals.tilt < 60)
+        curve = np.where(up, thigh + 0.4, 0)
+        for top in peaks(curve, 0.27, 0.15):
+            if not any(kick.start <= top < kick.end and kick.side == side for kick in kicks):
+                out.append(_around(signals, "knee", curve, top, side, "up"))
+    return out
+
+
+def balances_of(signals: Signals) -> list[Event]:
+    """Returns times of a second and more on one foot that stays."""
+    out = []
+    still = signals.speed < 0.35
+    for index, side in enumerate(_SIDES):
+        stands = (signals.feet[:, index] < 0.06) & (signals.feet[:, 1 - index] > 0.12)
+        upright = signals.joints[:, 0, 1] > 0.6
+        for start, end in spans(stands & still & upright, 22):
+            out.append(Event("balance", start, end, side=side))
+    return out
+
+
+def steps_of(signals: Signals) -> int:
+    """Counts swings of a foot that carry it over the floor by 15 cm and more."""
+    count = 0
+    for name in ("left_foot", "right_foot"):
+        toe = signals.joints[:, JOINT[name]]
+        moving = smooth(np.linalg.norm(np.gradient(toe[:, ::2], axis=0), axis=1) * FPS, 0.7) > 0.6
+        for start, end in spans(moving, 3):
+            way = toe[min(end, len(toe) - 1), ::2] - toe[start, ::2]
+            count += float(np.linalg.norm(way)) > 0.15
+    return count
+
+
+def _level(low: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
+    """The ground under the lower foot, which may be a stair: its lowest within 0.8 s around."""
+    return np.minimum(-_most(-low, 16), 0.6)
+
+
+def _most(curve: Float[np.ndarray, " frames"], reach: int) -> Float[np.ndarray, " frames"]:
+    """Returns the maximum within `reach` frames on both sides."""
+    ends = np.full(reach, -np.inf)
+    padded = np.concatenate([ends, curve, ends])
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+
+
+def _touching(signals: Signals, level: Float[np.ndarray, " frames"], start: int, end: int) -> str:
+    part = signals.feet[max(start, 0) : end] - level[max(start, 0) : end, None]
+    if not len(part):
+        return BOTH
+    left, right = part.min(axis=0) < 0.07
+    return BOTH if left == right else LEFT if left else RIGHT
+
+
+def _is_stride(flight: Flight) -> bool:
+    return {flight.leaves, flight.lands} == {LEFT, RIGHT} or (
+        BOTH in (flight.leaves, flight.lands)
+        and flight.rise < 0.06
+        and float(np.hypot(*flight.way)) > 0.2
+    )
+
+
+def _jump(kind: str, flight: Flight, side: str) -> Event:
+    left, ahead = flight.way
+    far = float(np.hypot(left, ahead))
+    if far < 0.12:
+        direction = "place"
+    elif abs(ahead) >= abs(left):
+        direction = "forward" if ahead > 0 else "backward"
+    else:
+        direction = LEFT if left > 0 else RIGHT
+    return Event(kind, flight.start, flight.end, side, direction, flight.rise)
+
+
+def _other_foot(signals: Signals, index: int) -> Float[np.ndarray, " frames"]:
+    """How high the other foot stands: zero on the floor, more on a stair."""
+    return np.minimum(signals.feet[:, 1 - index], 0.6) + 0.06
+
+
+def _kick_direction(away: Float[np.ndarray, " 3"]) -> str:
+    angle = np.degrees(np.arctan2(away[0], away[2]))
+    if abs(angle) < 50:
+        return "forward"
+    return "backward" if abs(angle) > 130 else "side"
+
+
+def _around(
+    signals: Signals,
+    kind: str,
+    curve: Float[np.ndarray, " frames"],
+    top: int,
+    side: str,
+    direction: str,
+) -> Event:
+    """An event from where a curve leaves to where it falls below a third of its peak."""
+    low: Bool[np.ndarray, " frames"] = curve < curve[top] / 3
+    before, after = np.flatnonzero(low[:top]), np.flatnonzero(low[top:])
+    start = int(before[-1]) + 1 if len(before) else 0
+    end = top + int(after[0]) if len(after) else signals.frames
+    return Event(kind, start, end, side, direction, float(curve[top]))
