@@ -11,12 +11,7 @@ import numpy as np
 import pytest
 
 from latentmotion.condition.text.corpus import is_held_out, parse_line, read_captions
-from latentmotion.condition.text.variation import (
-    plain_phrases,
-    present_participle,
-    third_person,
-    vary,
-)
+from latentmotion.condition.text.variation import plain_phrases, vary
 from latentmotion.condition.text.vocabulary import (
     frequent_words,
     pieces_to_keep,
@@ -56,21 +51,6 @@ def test_mirrored_captions_are_held_out_together() -> None:
     pairs = [(f"{n} steps left", f"{n} steps right") for n in range(300)]
     assert all(is_held_out(one) == is_held_out(other) for one, other in pairs)
     assert 0.01 < np.mean([is_held_out(one) for one, _ in pairs]) < 0.12
-
-
-@pytest.mark.parametrize(
-    ("verb", "goes", "going"),
-    [
-        ("walk", "walks", "walking"),
-        ("run", "runs", "running"),
-        ("dance", "dances", "dancing"),
-        ("punch", "punches", "punching"),
-        ("carry", "carries", "carrying"),
-        ("lie", "lies", "lying"),
-    ],
-)
-def test_verbs_are_inflected(verb: str, goes: str, going: str) -> None:
-    assert (third_person(verb), present_participle(verb)) == (goes, going)
 
 
 def test_variations_repeat_with_their_seed() -> None:

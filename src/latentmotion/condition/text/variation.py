@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from latentmotion.condition.text.corpus import TaggedCaption
+from latentmotion.describe.verbs import present_participle, third_person
 
 SUBJECTS = (
     "a person", "the person", "person", "a man", "the man", "man", "a woman", "the woman",
@@ -81,22 +82,6 @@ _SUBJECT = re.compile(
 )
 _CLAUSES = re.compile(r"\s*(?:,|\.|;|\band then\b|\bthen\b|\band\b|\bwhile\b|\bbefore\b)\s*")
 _SYNONYM_GROUP = {word: group for group in SYNONYMS for word in group}
-
-
-def third_person(verb: str) -> str:
-    """Returns "walks" for "walk"."""
-    if re.search(r"(s|x|z|ch|sh|o)$", verb):
-        return f"{verb}es"
-    return re.sub(r"(?<=[^aeiou])y$", "ie", verb) + "s"
-
-
-def present_participle(verb: str) -> str:
-    """Returns "walking" for "walk", "running" for "run", "dancing" for "dance"."""
-    if re.fullmatch(r"[^aeiou]*[aeiou][bdgmnpt]", verb):
-        return f"{verb}{verb[-1]}ing"
-    if verb.endswith("ie"):
-        return f"{verb[:-2]}ying"
-    return re.sub(r"(?<=[^eoy])e$", "", verb) + "ing"
 
 
 def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random) -> str:
