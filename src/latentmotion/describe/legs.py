@@ -93,26 +93,54 @@ def jumps_of(flights: list[Flight], running: Float[np.ndarray, " frames"]) -> li
 
 
 def kicks_of(signals: Signals) -> list[Event]:
-    """Returns swings of a foot that are high and fast, or much faster than a step."""
+    """Returns swings of a stretched leg that are high, or low ones much faster than a step."""
     out = []
     for index, side in enumerate(_SIDES):
         foot = signals.of(f"{side}_ankle")
         away = foot - signals.of(f"{side}_hip")
-        reach = np.linalg.norm(away, axis=1)
-        velocity = np.gradient(smooth(away, 0.7), axis=0) * FPS
-        swing = np.linalg.norm(velocity, axis=1)
+        swing = np.linalg.norm(np.gradient(smooth(away, 0.7), axis=0), axis=1) * FPS
         straight = bend(signals, f"{side}_hip", f"{side}_knee", f"{side}_ankle")
         height = foot[:, 1] - _other_foot(signals, index)
-        for top in peaks(height, 0.42, 0.25):
-            around = slice(max(top - 8, 0), top + 6)
-            if swing[around].max() < 2.6 or straight[max(top - 4, 0) : top + 5].max() < 125:
-                continue
-            if away[top, 2] < -0.25 and abs(away[top, 0]) < 0.3:
-                continue  # a heel that swings up behind
-            if reach[max(top - 4, 0) : top + 5].max() < 0.6:
-                continue
-            direction = _kick_direction(away[top])
-            out.append(_around(signals, "kick", height, top, side, direction))
+        high = [top for top in peaks(height, 0.42, 0.25) if _is_kick(top, away, swing, straight)]
+        out += [
+            _around(signals, "kick", height, top, side, _kick_direction(away[top])) for top in high
+        ]
+        out += _low_kicks(signals, side, away, height, out)
+    return out
+
+
+def _is_kick(
+    top: int,
+    away: Float[np.ndarray, "frames 3"],
+    swing: Float[np.ndarray, " frames"],
+    straight: Float[np.ndarray, " frames"],
+) -> bool:
+    """Says whether a foot that is highest at `top` got there fast, ahead or aside, stretched."""
+    near, reach = slice(max(top - 4, 0), top + 5), np.linalg.norm(away, axis=1)
+    fast = swing[max(top - 8, 0) : top + 6].max() > 2.6
+    behind = away[top, 2] < -0.2 and abs(away[top, 0]) < 0.35
+    return fast and not behind and straight[near].max() > 125 and reach[near].max() > 0.6
+
+
+def _low_kicks(
+    signals: Signals,
+    side: str,
+    away: Float[np.ndarray, "frames 3"],
+    height: Float[np.ndarray, " frames"],
+    taken: list[Event],
+) -> list[Event]:
+    """Returns kicks as at a ball: the foot swings ahead low, and faster than the body goes."""
+    ahead = smooth(away[:, 2], 0.5)
+    pace = np.gradient(ahead) * FPS
+    out = []
+    for top in peaks(ahead, 0.3, 0.45):
+        around = slice(max(top - 7, 0), top + 1)
+        slow = signals.speed[around].mean() < 2.0
+        lifted = height[top] > 0.16
+        free = not any(k.side == side and k.start - 6 <= top < k.end + 6 for k in taken)
+        if free and slow and lifted and pace[around].max() > 3.6 + 0.8 * signals.speed[top]:
+            end = min(top + 4, signals.frames)
+            out.append(Event("kick", around.start, end, side, "forward", float(height[top])))
     return out
 
 

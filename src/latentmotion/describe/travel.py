@@ -44,7 +44,9 @@ def turns_of(signals: Signals) -> tuple[Event, ...]:
     """Returns turns by at least 25°; several pauses apart are several turns."""
     degrees = np.degrees(signals.heading)
     found = [part for run in _monotone(degrees) for part in _without_pauses(degrees, *run)]
-    return tuple(_turn(signals, degrees, *one) for one in _same_way(signals, degrees, found))
+    feet = _foot_headings(signals)
+    turns = [_turn(signals, degrees, *one) for one in _same_way(degrees, found)]
+    return tuple(turn for turn in turns if _with_feet(turn, feet))
 
 
 def path_of(signals: Signals, turns: tuple[Event, ...]) -> Path:
@@ -174,7 +176,7 @@ def _without_pauses(
 
 
 def _same_way(
-    signals: Signals, degrees: Float[np.ndarray, " frames"], found: list[tuple[int, int]]
+    degrees: Float[np.ndarray, " frames"], found: list[tuple[int, int]]
 ) -> list[tuple[int, int]]:
     """Joins turns to one side with less than a second between; drops small ones."""
     joined: list[tuple[int, int]] = []
@@ -202,6 +204,19 @@ def _turn(signals: Signals, degrees: Float[np.ndarray, " frames"], start: int, e
         direction="walking" if walked > 0.5 and radius > 0.25 else "place",
         amount=abs(amount),
     )
+
+
+def _foot_headings(signals: Signals) -> Float[np.ndarray, "frames 2"]:
+    """Degrees to which the left and right foot point."""
+    foot = signals.joints[:, [10, 11]] - signals.joints[:, [7, 8]]
+    return np.degrees(np.unwrap(np.arctan2(foot[..., 0], foot[..., 2]), axis=0))
+
+
+def _with_feet(turn: Event, feet: Float[np.ndarray, "frames 2"]) -> bool:
+    """Says whether the feet turned as well; else the body only twists."""
+    start, end = max(turn.start - 3, 0), min(turn.end + 2, len(feet) - 1)
+    turned = (feet[end] - feet[start]).mean() * (1 if turn.side == LEFT else -1)
+    return turn.direction == "walking" or turned > 0.5 * turn.amount
 
 
 def _widening(way: Float[np.ndarray, "frames 2"], turns: tuple[Event, ...]) -> float:
