@@ -29,6 +29,9 @@ from latentmotion.vae.convolutions import (
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
 
+MAX_LOGVAR = 8.0
+"""Bound on the posterior's log variance; a rare motion far off the mean once made it infinite."""
+
 
 @dataclass(frozen=True)
 class MirroredDecoder:
@@ -128,7 +131,8 @@ class ConvolutionalVAE(MotionVAE):
         masks = pyramid(mask)
         padding = masks[0].shape[1] - mask.shape[1]
         x = F.pad(features, (0, 0, 0, padding)).transpose(1, 2) * as_row(masks[0])
-        return Posterior(*self.encoder(x, masks).transpose(1, 2).chunk(2, dim=-1))
+        mean, logvar = self.encoder(x, masks).transpose(1, 2).chunk(2, dim=-1)
+        return Posterior(mean, logvar.clamp(max=MAX_LOGVAR))
 
     def decode(
         self,
