@@ -100,6 +100,28 @@ MIXAMO = _symmetric(
 )
 """Mixamo, with or without `mixamorig:` before each name."""
 
+SNU_COURT = _symmetric(
+    {
+        **{"pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2"},
+        **{"neck": "Neck", "head": "Head"},
+    },
+    {**_BIPED_SIDE, "foot": "@Toe", "collar": "@Shoulder"},
+    left="Left",
+    right="Right",
+)
+"""Seoul National University's basketball and martial arts."""
+
+
+def _snu_studio(root: str, head: str) -> JointMap:
+    """The skeleton of Seoul National University's studio, whose root and head go by two names."""
+    middle: JointMap = {
+        **{"pelvis": root, "spine1": "Spine", "spine2": {"Spine": 0.5, "Spine1": 0.5}},
+        **{"spine3": "Spine1", "neck": head, "head": {head: 0.45, f"{head}_end": 0.55}},
+    }
+    joints = _symmetric(middle, {**_BIPED_SIDE, "foot": "@Toes"}, left="Left", right="Right")
+    return {**joints, "left_collar": "LeftShoulder1", "right_collar": "RightShoulder"}
+
+
 IDENTITY: JointMap = {name: name for name in HUMANML3D.names}
 """HumanML3D's own names."""
 
@@ -109,6 +131,10 @@ JOINT_MAPS: Mapping[str, JointMap] = {
     "daz": DAZ,
     "motionbuilder": MOTIONBUILDER,
     "mixamo": MIXAMO,
+    "snu_court": SNU_COURT,
+    "snu_studio_inches": _snu_studio("Hips", "Head"),
+    "snu_studio_centimeters": _snu_studio("Hips", "HEad"),
+    "snu_studio_asf": _snu_studio("root", "HEad"),
 }
 """The maps tried in turn: the first whose source joints are all there is taken."""
 

@@ -9,7 +9,8 @@ from typing import Annotated
 import tyro
 
 from latentmotion.data.clip import Source
-from latentmotion.data.cmu import CMU, CmuTrials
+from latentmotion.data.cmu import CmuTrials
+from latentmotion.data.cmu_trials import CMU
 from latentmotion.data.encoding import encode_all
 from latentmotion.data.hdm05 import HDM05, hdm05_recordings
 from latentmotion.data.humanml3d import HUMANML3D, KIT, official_normalizer, official_recordings
@@ -18,6 +19,7 @@ from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.own import OwnMotions
 from latentmotion.data.preparation import Preparation, merge
 from latentmotion.data.report import Report
+from latentmotion.data.snu import SNU, snu_recordings
 from latentmotion.files import check_replaceable
 from latentmotion.joint_map import load_joint_map
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
@@ -70,6 +72,23 @@ class PrepareHdm05:
         preparation = Preparation(HUMANML3D_FEATURES)
         preparation.add(encode_all(hdm05_recordings(self.clips), HUMANML3D_FEATURES))
         _tell(preparation.write(self.out, (HDM05,)), self.out)
+
+
+@dataclass(frozen=True)
+class PrepareSnu:
+    """Cut Seoul National University's takes into pieces, with sentences from names and labels."""
+
+    folder: Folder
+    """Folder of BVH and AMC files on SNU's skeletons, in any nesting."""
+    out: Out
+    """The prepared folder to write."""
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        check_replaceable(self.out, MANIFEST)
+        preparation = Preparation(HUMANML3D_FEATURES)
+        preparation.add(encode_all(snu_recordings(self.folder), HUMANML3D_FEATURES))
+        _tell(preparation.write(self.out, (SNU,)), self.out)
 
 
 @dataclass(frozen=True)

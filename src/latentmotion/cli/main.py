@@ -35,6 +35,7 @@ VERBS = {
     "retarget": Verb(f"{_CLI}.retarget:Retarget", "Carry motions to a character of your own."),
     "data prepare cmu": Verb(f"{_CLI}.data:PrepareCmu", "CMU's trials, HumanML3D's captions."),
     "data prepare hdm05": Verb(f"{_CLI}.data:PrepareHdm05", "HDM05's clips and their classes."),
+    "data prepare snu": Verb(f"{_CLI}.data:PrepareSnu", "SNU's takes, cut and named."),
     "data prepare humanml3d": Verb(f"{_CLI}.data:PrepareHumanML3D", "The official HumanML3D."),
     "data prepare kit": Verb(f"{_CLI}.data:PrepareKit", "The official KIT-ML."),
     "data prepare humanact12": Verb(
@@ -48,6 +49,8 @@ VERBS = {
     ),
     "data prepare own": Verb(f"{_CLI}.data:PrepareOwn", "Your own files and captions."),
     "data merge": Verb(f"{_CLI}.data:Merge", "Join prepared folders into one training set."),
+    "data pack": Verb(f"{_CLI}.data_pack:PackData", "Write a prepared folder as one small file."),
+    "data unpack": Verb(f"{_CLI}.data_pack:UnpackData", "Write the folder that a pack holds."),
     "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
     "train vae": Verb(f"{_CLI}.train:TrainVAE", "Train a motion VAE (stage 1)."),
     "train denoiser": Verb(f"{_CLI}.train:TrainDenoiser", "Train the diffusion (stage 2)."),

@@ -7,10 +7,6 @@ before the motion; without that frame they align with the index.
 
 from __future__ import annotations
 
-import json
-import math
-import re
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,45 +15,23 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.data.annotations import (
-    IndexRow,
-    read_index,
-    read_splits,
-    read_texts,
-    sentences_of,
+from latentmotion.data.annotations import IndexRow, read_splits, read_texts, sentences_of
+from latentmotion.data.clip import Split
+from latentmotion.data.cmu_trials import (
+    CMU,
+    FPS,
+    find_trials,
+    read_rates,
+    rows_by_trial,
+    trial_joints,
 )
-from latentmotion.data.clip import Source, Split
-from latentmotion.data.cmu_rates import native_fps
-from latentmotion.data.finding import files_below
+from latentmotion.data.joining import joined
 from latentmotion.data.recording import Dropped, Label, Recording
-from latentmotion.data.resampling import every, joints_at
-from latentmotion.data.t_pose import without_blend
+from latentmotion.data.segments import LONGEST, pieces
 from latentmotion.errors import DataError, FileFormatError
-from latentmotion.formats.asf_amc import read_asf_amc
-from latentmotion.formats.bvh import read_bvh
 
-CMU = Source(
-    name="cmu",
-    license=(
-        "free for all uses; the data itself may not be resold, even converted; "
-        "captions: HumanML3D, MIT, (c) 2022 Chuan Guo"
-    ),
-    credit=(
-        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was "
-        "created with funding from NSF EIA-0196217."
-    ),
-    url="http://mocap.cs.cmu.edu",
-)
-
-FPS = 20
-LONGEST = 200
-"""Frames of the longest piece without captions, HumanML3D's own limit."""
 SHORTEST = 40
-"""Frames of the shortest piece without captions."""
-
-_TRIAL = re.compile(r"(\d+_\d+)", re.ASCII)
-_HUMANML3D_PATH = re.compile(r"/CMU/(?P<folder>[^/]+)/(?P<trial>\d+_\d+)_poses\.npy$")
+"""Frames of the shortest stretch without captions that is used."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +63,7 @@ class CmuTrials:
         """
         return cls(
             paths=find_trials(trials),
-            rates=_read_rates(rates) if rates else {},
+            rates=read_rates(rates) if rates else {},
             rows=rows_by_trial(humanml3d),
             splits=read_splits(humanml3d),
             texts=read_texts(humanml3d),
@@ -103,6 +77,8 @@ class CmuTrials:
     def recordings(self, uncaptioned: bool = False) -> Iterator[Recording | Dropped]:
         """Yields every clip that the index cuts from a trial on disk.
 
+        Two train clips that touch, and are together no longer than `LONGEST`, come also as one.
+
         Args:
             uncaptioned: Whether to yield also what the index leaves of each trial, in pieces
                 without captions for training; never of a trial with a clip of val or test.
@@ -112,20 +88,15 @@ class CmuTrials:
             if not rows and not uncaptioned:
                 continue
             try:
-                joints = self._joints(trial)
+                joints = trial_joints(trial, self.paths[trial], self.rates.get(trial))
             except (FileFormatError, DataError) as error:
                 yield Dropped(trial, "clip", str(error))
                 continue
-            for row in rows:
-                yield self._cut(trial, row, joints)
+            clips = [self._cut(trial, row, joints) for row in rows]
+            yield from clips
+            yield from _touching([clip for clip in clips if isinstance(clip, Recording)], rows)
             if uncaptioned and all(self.splits.get(row.id, "train") == "train" for row in rows):
-                yield from _pieces(trial, rows, joints)
-
-    def _joints(self, trial: str) -> Float[np.ndarray, "frames joints 3"]:
-        path = self.paths[trial]
-        animation, native = read_trial(path), self.rates.get(trial, native_fps(trial))
-        joints = joints_at(animation, FPS, native)
-        return joints if path.suffix.lower() == ".amc" else without_blend(joints, native, FPS)
+                yield from _without_captions(trial, rows, joints)
 
     def _cut(
         self, trial: str, row: IndexRow, joints: Float[np.ndarray, "frames joints 3"]
@@ -149,82 +120,36 @@ class CmuTrials:
         return Recording(label, joints[row.start : end])
 
 
-def find_trials(folder: Path) -> dict[str, Path]:
-    """Returns the file of each CMU trial below a folder; AMC where there is BVH as well.
-
-    Raises:
-        DataError: There is no such folder, or no trial in it.
-    """
-    if not folder.is_dir():
-        raise DataError(f"no folder {folder}; it should hold CMU trials, from {CMU.url}")
-    found = {}
-    for ending in (".bvh", ".amc"):
-        for path in files_below(folder, [ending]):
-            if match := _TRIAL.match(path.stem):
-                found[_without_zeros(match[1])] = path
-    if not found:
-        raise DataError(
-            f"{folder}: expected CMU trials (SS_TT.amc with SS.asf, or SS_TT.bvh), found none; "
-            f"get them from {CMU.url}"
-        )
-    return found
+def _touching(clips: Sequence[Recording], rows: Sequence[IndexRow]) -> Iterator[Recording]:
+    spans = {row.id: (row.start, row.end) for row in rows}
+    clips = sorted(clips, key=lambda clip: spans[clip.label.id])
+    for first, second in pairwise(clips):
+        ours, theirs = spans[first.label.id], spans[second.label.id]
+        both_train = first.label.split == second.label.split == "train"
+        # Features are a frame shorter than joints.
+        short = len(first.joints) + len(second.joints) <= LONGEST + 1
+        if both_train and short and ours[1] == theirs[0] and (both := joined(first, second)):
+            yield both
 
 
-def rows_by_trial(humanml3d: Path) -> dict[str, list[IndexRow]]:
-    """Returns HumanML3D's clips of each CMU trial.
-
-    Raises:
-        DataError: The index is missing or wrong.
-    """
-    rows = defaultdict(list)
-    for row in read_index(humanml3d):
-        if trial := trial_of(row.path):
-            rows[trial].append(row)
-    return dict(rows)
-
-
-def trial_of(path: str) -> str | None:
-    """Returns CMU's name of the trial behind a path in HumanML3D's index; None if not CMU's.
-
-    Trials of two people are there twice under the first one's number, in folders such as
-    `18_19_Justin` and `18_19_rory`; captions such as "is pulled" of "A pulls B" show that Rory is
-    the second one, whom CMU numbers 19, 21 and 23.
-    """
-    match = _HUMANML3D_PATH.search(path)
-    if match is None:
-        return None
-    subject, number = match["trial"].split("_")
-    second = "rory" in match["folder"].lower()
-    return f"{int(subject) + second:02d}_{number}"
-
-
-def read_trial(path: Path) -> Animation:
-    """Reads a trial, without the T-pose that the BVH conversions begin with."""
-    if path.suffix.lower() == ".amc":
-        return read_asf_amc(path)
-    return every(read_bvh(path), step=1, start=1)
-
-
-def _without_zeros(trial: str) -> str:
-    """`005_08` and `5_8` are `05_08`."""
-    subject, number = (int(part) for part in trial.split("_"))
-    return f"{subject:02d}_{number:02d}"
-
-
-def _pieces(
+def _without_captions(
     trial: str, rows: Sequence[IndexRow], joints: Float[np.ndarray, "frames joints 3"]
-) -> Iterator[Recording]:
-    for start, end in _gaps(rows, len(joints)):
-        count = math.ceil((end - start) / LONGEST)
-        bounds = np.linspace(start, end, count + 1).astype(int).tolist()
-        for first, last in pairwise(bounds):
-            label = Label(
-                id=f"cmu-{trial}-{first:05d}",
-                source=CMU.name,
-                origin=f"{trial}[{first}:{last}]",
-                split="train",
-            )
-            yield Recording(label, joints[first:last])
+) -> Iterator[Recording | Dropped]:
+    gaps = list(_gaps(rows, len(joints)))
+    found = list(pieces(joints, FPS, gaps))
+    lost = sum(end - start for start, end in gaps) - sum(end - start for start, end in found)
+    if lost:
+        yield Dropped(
+            f"cmu-{trial}", "part", f"{lost} uncaptioned frames: glitches and what they leave"
+        )
+    for first, last in found:
+        label = Label(
+            id=f"cmu-{trial}-{first:05d}",
+            source=CMU.name,
+            origin=f"{trial}[{first}:{last}]",
+            split="train",
+        )
+        yield Recording(label, joints[first:last])
 
 
 def _gaps(rows: Sequence[IndexRow], frames: int) -> Iterator[tuple[int, int]]:
@@ -235,20 +160,3 @@ def _gaps(rows: Sequence[IndexRow], frames: int) -> Iterator[tuple[int, int]]:
         if first - start >= SHORTEST:
             yield start, first
         start = max(start, last)
-
-
-def _read_rates(path: Path) -> dict[str, float]:
-    expected = 'expected frames per second by trial, such as {"05_18": 120}'
-    try:
-        rates = json.loads(path.read_text(encoding="utf-8"))
-        return {trial: _rate(rate) for trial, rate in rates.items()}
-    except OSError as error:
-        raise DataError(f"cannot read {path}: {error.strerror}; {expected}") from error
-    except (ValueError, TypeError, AttributeError) as error:
-        raise DataError(f"{path}: {expected}, found something else ({error})") from error
-
-
-def _rate(rate: float) -> float:
-    if isinstance(rate, bool) or not 1 <= rate <= 1000:
-        raise ValueError(f"a rate of {rate}")
-    return float(rate)

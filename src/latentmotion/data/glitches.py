@@ -23,6 +23,9 @@ BONE_CHANGE = 0.35
 LEG = (0.3, 1.5)
 """Credible lengths of hip to ankle, meters."""
 
+MARGIN = 2
+"""Frames on either side of a glitch that are cut out with it."""
+
 _PELVIS, _LEG_BONES = 0, (4, 7)
 
 
@@ -42,6 +45,31 @@ def find_glitch(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> str
     return _jump(joints, fps)
 
 
+def clean_spans(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> list[tuple[int, int]]:
+    """Returns the stretches between glitches, as first frame and one past the last.
+
+    Around every frame in which something jumps or tears, `MARGIN` frames go too. A motion of the
+    wrong size has no clean stretch.
+
+    Args:
+        joints: Joint positions, meters.
+        fps: Frames per second.
+    """
+    bad = ~np.isfinite(joints).all(axis=(1, 2))
+    joints = np.where(bad[:, None, None], 0.0, joints)
+    if len(joints) < 3 or bad.all() or _wrong_size(joints[~bad]):
+        return []
+    speed = np.linalg.norm(np.diff(joints[:, _PELVIS], axis=0), axis=-1) * fps
+    change = np.linalg.norm(np.diff(joints, n=2, axis=0), axis=-1) * fps**2
+    jumps = (change.max(1) > ANY_JOINT) | (change[:, _PELVIS] > PELVIS)
+    bad |= _changes(joints[~bad], joints).max(1) > BONE_CHANGE
+    bad[1:] |= speed > PELVIS_SPEED
+    bad[1:-1] |= jumps
+    near = np.convolve(bad, np.ones(2 * MARGIN + 1), "same") > 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], near, [True]]).astype(int)))
+    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+
+
 def _wrong_size(joints: Float[np.ndarray, "frames joints 3"]) -> str | None:
     leg = float(np.median(_bones(joints)[:, _LEG_BONES], axis=0).sum())
     if LEG[0] <= leg <= LEG[1]:
@@ -50,10 +78,8 @@ def _wrong_size(joints: Float[np.ndarray, "frames joints 3"]) -> str | None:
 
 
 def _torn_bone(joints: Float[np.ndarray, "frames joints 3"]) -> str | None:
-    lengths = _bones(joints)
+    lengths, change = _bones(joints), _changes(joints, joints)
     usual = np.median(lengths, axis=0)
-    # Bones of a few centimeters (spine, collars) change by much and mean little.
-    change = np.abs(lengths - usual) / np.maximum(usual, 0.1)
     frame, joint = np.unravel_index(change.argmax(), change.shape)
     if change[frame, joint] <= BONE_CHANGE:
         return None
@@ -74,6 +100,15 @@ def _jump(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> str | Non
     if change.max() > ANY_JOINT:
         return _told(change, HUMANML3D.names)
     return None
+
+
+def _changes(
+    usual: Float[np.ndarray, "some joints 3"], joints: Float[np.ndarray, "frames joints 3"]
+) -> Float[np.ndarray, "frames joints"]:
+    """Returns by how much the bones differ from their usual lengths, as a part of these."""
+    median = np.median(_bones(usual), axis=0)
+    # Bones of a few centimeters (spine, collars) change by much and mean little.
+    return np.abs(_bones(joints) - median) / np.maximum(median, 0.1)
 
 
 def _told(change: Float[np.ndarray, "frames joints"], names: tuple[str, ...]) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.data.annotations import GET_IT, read_index, read_splits, read_texts
-from latentmotion.data.cmu import CMU, find_trials, rows_by_trial
+from latentmotion.data.cmu_trials import CMU, find_trials, rows_by_trial
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.hdm05 import find_clips
 from latentmotion.data.humanml3d import FEATURES

@@ -62,6 +62,6 @@ class Dropped:
     id: str
     """The clip, or the file."""
     what: str
-    """`clip` or `caption`."""
+    """`clip`, `part` of one (the rest is kept) or `caption`."""
     reason: str
     """Why."""

@@ -1,16 +1,39 @@
-"""The T-pose before the motion in BVH conversions of CMU, and the frames that are drawn to it."""
+"""The T-pose that conversions of CMU to BVH put before the motion, and what they blend with it."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
+from latentmotion.animation import Animation
 from latentmotion.skeleton import HUMANML3D
 
 BLENDED = 6
-"""Frames of a BVH file after the T-pose that are drawn towards it, at the native rate."""
+"""Frames of a BVH file after the T-pose that may be drawn towards it, at the native rate."""
+REST = 4.0
+"""Degrees that the joints of a T-pose are turned at the most, on average.
+
+In the conversions of CMU it is 1.1 to 2.8; the motions themselves begin at 7 to 32.
+"""
+BLENDS = 0.8
+"""Turn of the frame after the T-pose, as a part of that when the blend is over, if there is one.
+
+0.3 to 0.65 in the Daz-friendly conversion, which blends, and 0.99 in the other, which does not.
+"""
+
+
+def begins_with_t_pose(animation: Animation) -> bool:
+    """Returns whether frame 0 is the skeleton's rest pose and the motion is far from it."""
+    turns = _turns(animation)
+    return len(turns) > BLENDED and turns[0] < REST and bool(turns[BLENDED] > 2 * turns[0])
+
+
+def is_blended(animation: Animation) -> bool:
+    """Returns whether the frames after the T-pose are drawn towards it."""
+    turns = _turns(animation)
+    return bool(turns[1] < BLENDS * turns[BLENDED])
 
 
 def without_blend(
@@ -32,6 +55,42 @@ def without_blend(
     return np.concatenate([_with_bones_of(joints[count], before), joints[count:]])
 
 
+def held_t_pose(joints: Float[np.ndarray, "frames joints 3"]) -> Bool[np.ndarray, " frames"]:
+    """Returns in which frames a performer stands with both arms stretched out to the sides.
+
+    Captures often begin and end so, for calibration.
+
+    Args:
+        joints: HumanML3D's joints.
+    """
+    at = HUMANML3D.names.index
+    across = _unit(joints[:, at("left_shoulder")] - joints[:, at("right_shoulder")])
+    held = np.ones(len(joints), bool)
+    for side, sign in (("left", 1), ("right", -1)):
+        shoulder, elbow, wrist, hip, ankle = (
+            joints[:, at(f"{side}_{name}")]
+            for name in ("shoulder", "elbow", "wrist", "hip", "ankle")
+        )
+        upper, lower = _unit(elbow - shoulder), _unit(wrist - elbow)
+        held &= np.sum(upper * lower, axis=-1) > np.cos(np.radians(35))
+        held &= np.abs(_unit(wrist - shoulder)[:, 1]) < np.sin(np.radians(30))
+        held &= sign * np.sum(_unit(wrist - shoulder) * across, axis=-1) > np.cos(np.radians(40))
+        held &= _unit(hip - ankle)[:, 1] > np.cos(np.radians(20))
+    return held
+
+
+def _unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+
+
+def _turns(animation: Animation) -> Float[np.ndarray, " frames"]:
+    """Returns how far the joints are turned from the rest pose in the first frames, degrees."""
+    rotations = animation.rotations[: BLENDED + 1]
+    cosines = (np.trace(rotations, axis1=-2, axis2=-1) - 1) / 2
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean(axis=1)
+
+
 def _with_bones_of(
     model: Float[np.ndarray, "joints 3"], joints: Float[np.ndarray, "frames joints 3"]
 ) -> Float[np.ndarray, "frames joints 3"]:
@@ -40,6 +99,5 @@ def _with_bones_of(
     for joint, parent in list(enumerate(HUMANML3D.parents))[1:]:
         bone = joints[:, joint] - joints[:, parent]
         length = np.linalg.norm(model[joint] - model[parent])
-        bone *= length / np.linalg.norm(bone, axis=-1, keepdims=True)
-        placed[:, joint] = placed[:, parent] + bone
+        placed[:, joint] = placed[:, parent] + length * _unit(bone)
     return placed
