@@ -1,0 +1,91 @@
+"""The motions a model of this package makes of the prompts."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.resampling import interpolate
+from latentmotion.describe.facts import FPS
+from latentmotion.errors import InputError, ModelError
+from latentmotion.evaluation.instructions.prompts import Instruction
+from latentmotion.generator import MotionGenerator
+from latentmotion.motion import Motion
+from latentmotion.skeleton import HUMANML3D
+
+Joints = Float[np.ndarray, "frames 22 3"]
+
+
+@dataclass(frozen=True)
+class Asking:
+    """How a model is asked."""
+
+    takes: int = 5
+    """Motions of each prompt."""
+    clean: bool = True
+    """Whether motions are cleaned, as users get them."""
+    steps: int | None = None
+    """Sampling steps; by default the model's own."""
+    guidance: float | None = None
+    """How strongly the prompt steers; by default the model's own."""
+
+
+def answers(
+    model: MotionGenerator, instructions: Sequence[Instruction], asking: Asking
+) -> list[list[Joints]]:
+    """Returns the motions of every prompt at 20 frames per second.
+
+    Raises:
+        InputError: There are no takes.
+        ModelError: The model takes no sentences, or moves another skeleton.
+    """
+    if asking.takes < 1:
+        raise InputError(f"--takes {asking.takes}: expected 1 or more")
+    if model.card.task != "text":
+        raise ModelError(f"model {model.card.name!r} takes no sentences; instructions are such")
+    own = [one for one in instructions if one.seconds is None]
+    timed = [one for one in instructions if one.seconds is not None]
+    with warnings.catch_warnings():
+        # Of unknown words and bones of odd lengths: the figures tell.
+        warnings.simplefilter("ignore")
+        found = _made(model, own, asking) | _made(model, timed, asking, _lengths(model, timed))
+    return [found[one.id] for one in instructions]
+
+
+def _made(
+    model: MotionGenerator,
+    instructions: Sequence[Instruction],
+    asking: Asking,
+    lengths: list[float] | None = None,
+) -> dict[str, list[Joints]]:
+    if not instructions:
+        return {}
+    takes = asking.takes
+    motions = model.batch(
+        [one.prompt for one in instructions for _ in range(takes)],
+        None if lengths is None else [length for length in lengths for _ in range(takes)],
+        [seed for one in instructions for seed in one.seeds(takes)],
+        asking.steps,
+        asking.guidance,
+    )
+    joints = [_seen(motion.cleaned() if asking.clean else motion) for motion in motions]
+    return {one.id: joints[n * takes :][:takes] for n, one in enumerate(instructions)}
+
+
+def _lengths(model: MotionGenerator, instructions: Sequence[Instruction]) -> list[float]:
+    """Returns the lengths that prompts ask for, as far as the model makes them."""
+    shortest, longest = (frames / model.representation.fps for frames in model.card.frames)
+    return [min(max(one.seconds or 0.0, shortest), longest) for one in instructions]
+
+
+def _seen(motion: Motion) -> Joints:
+    if motion.skeleton.names != HUMANML3D.names:
+        raise ModelError(
+            f"motions have skeleton {motion.skeleton.name!r}; expected {HUMANML3D.name!r}"
+        )
+    joints = motion.joints.astype(np.float64)
+    return joints if motion.fps == FPS else interpolate(joints, motion.fps / FPS)
