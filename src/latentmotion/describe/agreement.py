@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
-from latentmotion.describe.claims import Claim, claims_of
+from latentmotion.describe.claims import SLIGHT, Claim, claims_of
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT, Description, Event
 from latentmotion.describe.travel import FAST, SLOW
 
@@ -65,7 +66,8 @@ def check(sentence: str | tuple[Claim, ...], description: Description) -> Agreem
     reasons: list[str] = []
     spans: list[tuple[int, int] | None] = []
     for claim in claims:
-        verdict, reason = check_claim(claim, description)
+        repeated = sum(claim.kind == other.kind for other in claims) > 1
+        verdict, reason = check_claim(claim, description, repeated)
         span = _span(claim, description)
         before = next((one for one in reversed(spans) if one), None)
         if claim.then and verdict == "agrees" and span and before and span[1] <= before[0]:
@@ -76,8 +78,16 @@ def check(sentence: str | tuple[Claim, ...], description: Description) -> Agreem
     return Agreement(claims, tuple(verdicts), tuple(reasons))
 
 
-def check_claim(claim: Claim, description: Description) -> tuple[Verdict, str]:
-    """Compares one claim with a motion; returns the verdict and what was found."""
+def check_claim(
+    claim: Claim, description: Description, repeated: bool = False
+) -> tuple[Verdict, str]:
+    """Compares one claim with a motion; returns the verdict and what was found.
+
+    Args:
+        claim: The claim.
+        description: The motion's.
+        repeated: Whether the sentence tells of more of the same kind, so that counts are parts.
+    """
     if claim.kind in (*_GAITS, "move"):
         return _check_gait(claim, description)
     special = _CHECKS.get(claim.kind)
@@ -87,7 +97,7 @@ def check_claim(claim: Claim, description: Description) -> tuple[Verdict, str]:
     if not found:
         sure = claim.kind in _SURE and not _may_hide(claim, description)
         return ("contradicts" if sure else "silent"), "not found"
-    return _check_details(claim, found)
+    return _check_details(claim, found, repeated)
 
 
 def events_for(kind: str, description: Description) -> tuple[Event, ...]:
@@ -97,7 +107,9 @@ def events_for(kind: str, description: Description) -> tuple[Event, ...]:
     return tuple(sorted(found, key=lambda event: event.start))
 
 
-def _check_details(claim: Claim, found: tuple[Event, ...]) -> tuple[Verdict, str]:
+def _check_details(
+    claim: Claim, found: tuple[Event, ...], repeated: bool
+) -> tuple[Verdict, str]:
     told = ", ".join(sorted({event.side or "?" for event in found}))
     if claim.side and claim.kind in _LIMBS:
         if claim.side == BOTH:
@@ -113,7 +125,8 @@ def _check_details(claim: Claim, found: tuple[Event, ...]) -> tuple[Verdict, str
     if claim.count and claim.kind in _COUNTED:
         number = sum(event.count for event in found if event.kind in (claim.kind, "jump", "hop"))
         if number != claim.count:
-            near = claim.count >= 4 and abs(number - claim.count) == 1
+            near = repeated and number > claim.count
+            near |= claim.count >= 4 and abs(number - claim.count) == 1
             return ("silent" if near else "contradicts"), f"found {number}, told {claim.count}"
     if claim.kind in ("jump", "hop") and claim.direction in ("forward", "backward"):
         ways = {event.direction for event in found}
@@ -156,7 +169,7 @@ def _gait(claim: Claim, description: Description, moving: list[Event]) -> tuple[
     ran = any(move.kind in ("jog", "run") for move in moving)
     if ran:
         return "agrees", found
-    return ("contradicts" if fastest < 1.3 else "silent"), f"{found} at {fastest:.1f} m/s"
+    return ("contradicts" if fastest < 1.1 else "silent"), f"{found} at {fastest:.1f} m/s"
 
 
 def _way(claim: Claim, description: Description, moving: list[Event]) -> tuple[Verdict, str]:
@@ -172,7 +185,9 @@ def _way(claim: Claim, description: Description, moving: list[Event]) -> tuple[V
     if told in ("forward", "backward"):
         if ways.get(told, 0) > 0.25:
             return "agrees", found
-        return ("contradicts" if path.length > 0.6 else "silent"), found
+        opposite = {"forward": "backward", "backward": "forward"}[told]
+        unsure = claim.kind == "move" and ways.get(opposite, 0) < 0.5
+        return ("contradicts" if path.length > 0.6 and not unsure else "silent"), found
     sides = ways.get(LEFT, 0) + ways.get(RIGHT, 0)
     if told == "side":
         return ("agrees" if sides > 0.25 else "contradicts" if path.length > 1 else "silent"), found
@@ -206,28 +221,28 @@ def _pace(claim: Claim, moving: list[Event]) -> tuple[Verdict, str]:
 
 
 def _check_turn(claim: Claim, description: Description) -> tuple[Verdict, str]:
-    turns = [turn for turn in description.turns if turn.amount >= 30]
-    found = ", ".join(f"{turn.side} {turn.amount:.0f}" for turn in turns) or "no turn"
-    least = min(0.6 * claim.degrees, 270) if claim.degrees else 30.0
-    if claim.kind == "circle" and not claim.degrees:
-        least = 200.0
-    same = [turn for turn in turns if not claim.side or turn.side == claim.side]
-    best = max((turn.amount for turn in same), default=0.0)
-    net = abs(description.path.turned)
+    turned = description.path.turned
+    ways = [turned, *(t.amount if t.side == LEFT else -t.amount for t in description.turns)]
+    found = ", ".join(f"{way:+.0f}" for way in ways[1:]) or f"{turned:+.0f} in all"
     if claim.side:
-        net = max(description.path.turned * (1 if claim.side == LEFT else -1), 0.0)
-    best = max(best, net)
-    if best < least:
-        small = not claim.degrees and best >= 20
-        return ("silent" if small else "contradicts"), found
-    if claim.degrees and best > 1.5 * claim.degrees + 20:
-        return "contradicts", found
-    return "agrees", found
+        ways = [way if claim.side == LEFT else -way for way in ways]
+    amounts = [way if claim.side else abs(way) for way in ways]
+    best = max(amounts)
+    if claim.degrees == SLIGHT:
+        against = claim.side and best < 15 and min(ways) < -35
+        return "contradicts" if against else "agrees" if best >= 15 else "silent", found
+    if claim.degrees:
+        close = [a for a in amounts if 0.6 * claim.degrees <= a <= 1.4 * claim.degrees + 20]
+        return "agrees" if close else "contradicts", found
+    least = 200.0 if claim.kind == "circle" else 30.0
+    if best >= least:
+        return "agrees", found
+    return "silent" if best >= 0.6 * least else "contradicts", found
 
 
 def _check_stop(claim: Claim, description: Description) -> tuple[Verdict, str]:
     moves = description.moves
-    stops = any(one.kind != "stand" and two.kind == "stand" for one, two in zip(moves, moves[1:]))
+    stops = any(one.kind != "stand" and two.kind == "stand" for one, two in pairwise(moves))
     if stops:
         return "agrees", "moves, then stands"
     return "silent", "no stop found"

@@ -118,10 +118,14 @@ _LIMB = re.compile(
 _BOTH_LIMBS = re.compile(
     r"\b(?:both|his|her|their|the|two)? ?(?:hands|arms|fists|legs|feet|knees)\b"
 )
+SLIGHT = 25.0
+"""Degrees of a turn that is called slight."""
+
+_GAITS = ("walk", "jog", "run", "move", "turn", "circle", "stop", "stand")
 _LEG = ("leg", "foot", "feet", "knee")
 _FORWARD = re.compile(r"\b(?:for?wards?|ahead|straight|front)\b")
 _BACKWARD = re.compile(r"\bback ?wards?\b|\bin reverse\b|\bbacks? (?:up|away)\b|\bretreat")
-_SIDEWAYS = re.compile(r"\bsideways?\b|\blaterally\b|\bside-?steps?\b|\bside to side\b")
+_SIDEWAYS = re.compile(r"\bsideways?\b|\blaterally\b|\bside-?steps?\b")
 _SIDE = re.compile(r"\b(left|right|(?:counter|anti)[- ]?clock-?wise|clock-?wise)(?:wards?)?\b")
 _SLOW = re.compile(r"\bslow(?:ly)?\b|\bgingerly\b|\bleisurely\b|\bcautiously\b|\bcarefully\b")
 _FAST = re.compile(r"\b(?:quick|brisk|rapid|hurried)(?:ly)?\b|\bfast(?:er)?\b|\bat speed\b")
@@ -168,8 +172,9 @@ def _own_start(gap: str) -> str:
 
 
 def _claim(kind: str, before: str, verb: str, after: str) -> Claim:
-    whole = f"{before} {verb} {after}"
-    limb = _LIMB.search(after) or _LIMB.search(before)
+    near = re.split(r",|;|\. |\bwhile\b|\bas (?:he|she|they)\b", after)[0]
+    whole = f"{before} {verb} {near}"
+    limb = None if kind in _GAITS else _LIMB.search(after) or _LIMB.search(before)
     side, direction = _sides(kind, before, verb, after, limb)
     if kind == "raise" and (
         limb and limb[2] in _LEG or not limb and re.search(r"\b(?:legs?|knees?|foot|feet)\b", after)
@@ -179,6 +184,8 @@ def _claim(kind: str, before: str, verb: str, after: str) -> Claim:
         r"\b(?:hand|arm|fist|elbow|wrist)s?\b|\bup\b|\babove\b", after
     ):
         kind = "lift"
+    if kind in ("turn", "circle") and re.search(r"\barms?\b|\bhands?\b", before):
+        kind = "twist"
     if kind == "turn" and re.search(
         r"\b(?:head|torso|waist|hips?|upper body|wrist|hands?|arms?|cap|bottle|wheel)\b", after
     ):
@@ -249,6 +256,8 @@ def _count(kind: str, before: str, verb: str, after: str) -> int:
 def _degrees(text: str) -> float:
     if match := _DEGREES.search(text):
         return float(match[1])
+    if re.search(r"\bslight(?:ly)?\b|\ba (?:little|bit)\b", text):
+        return SLIGHT
     return next((amount for pattern, amount in _DEGREE_WORDS if pattern.search(text)), 0.0)
 
 

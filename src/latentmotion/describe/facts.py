@@ -80,10 +80,12 @@ class Description:
     postures: tuple[Event, ...]
     """`stand`, `crouch`, `bend`, `kneel`, `sit`, `floor` (sitting on it), `lie`, without gaps."""
     events: tuple[Event, ...]
-    """All else, by start: jump, hop, kick, knee, balance, raise, wave, punch, arm_circle, clap,
-    squat, bow, pick_up, sit_down, stand_up, lie_down, get_up, kneel_down."""
+    """All else, by start: jump, hop, kick, knee, balance, climb, raise, wave, punch, arm_circle,
+    clap, squat, bow, pick_up, sit_down, stand_up, lie_down, get_up, kneel_down."""
     steps: int
     """Number of steps of both feet."""
+    activity: float = 1.0
+    """Mean speed of hands, feet and head, m/s; below 0.12 the body is as good as still."""
 
     @property
     def seconds(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.describe.facts import BOTH, FPS, LEFT, RIGHT, Event
-from latentmotion.describe.signals import JOINT, Signals, bend, peaks, smooth, spans
+from latentmotion.describe.signals import JOINT, Signals, bend, closed_gaps, peaks, smooth, spans
 
 _SIDES = (LEFT, RIGHT)
 
@@ -76,11 +76,16 @@ def running_of(flights: list[Flight], signals: Signals) -> Float[np.ndarray, " f
     return running
 
 
-def jumps_of(flights: list[Flight], running: Float[np.ndarray, " frames"]) -> list[Event]:
+def jumps_of(
+    signals: Signals, flights: list[Flight], running: Float[np.ndarray, " frames"]
+) -> list[Event]:
     """Returns jumps from both feet, hops on one, and leaps from one foot to the other."""
     out = []
     for flight in flights:
-        high = flight.rise > 0.12 and flight.end - flight.start >= 4
+        fast = signals.speed[flight.start : flight.end].mean() > 0.9
+        crossed = flight.leaves != flight.lands
+        least = (0.2, 6) if fast and crossed else (0.12, 4)
+        high = flight.rise > least[0] and flight.end - flight.start >= least[1]
         stride = _is_stride(flight) and running[flight.start : flight.end].mean() > 0.5
         if (stride and not high) or flight.rise < 0.02:
             continue
@@ -135,10 +140,15 @@ def _low_kicks(
     out = []
     for top in peaks(ahead, 0.3, 0.45):
         around = slice(max(top - 7, 0), top + 1)
-        slow = signals.speed[around].mean() < 2.0
-        lifted = height[top] > 0.16
+        slow = signals.speed[around].mean() < 2.6
+        lifted = height[top] > 0.1
         free = not any(k.side == side and k.start - 6 <= top < k.end + 6 for k in taken)
-        if free and slow and lifted and pace[around].max() > 3.6 + 0.8 * signals.speed[top]:
+        if (
+            free
+            and slow
+            and lifted
+            and pace[around].max() > 3.4 + 0.8 * signals.speed[around].mean()
+        ):
             end = min(top + 4, signals.frames)
             out.append(Event("kick", around.start, end, side, "forward", float(height[top])))
     return out
@@ -168,6 +178,45 @@ def balances_of(signals: Signals) -> list[Event]:
         upright = signals.joints[:, 0, 1] > 0.6
         for start, end in spans(stands & still & upright, 22):
             out.append(Event("balance", start, end, side=side))
+    return out
+
+
+def treading_of(signals: Signals) -> list[Event]:
+    """Returns times of steps on the spot: feet lifted in turn, four times and more."""
+    lifts = sorted(
+        (top, index)
+        for index in (0, 1)
+        for top in peaks(signals.feet[:, index], 0.08, 0.06)
+        if signals.speed[top] < 0.5 and signals.feet[top, 1 - index] < 0.12
+    )
+    out, run = [], lifts[:1]
+    for lift in [*lifts[1:], (10**6, -1)]:
+        if run and lift[0] - run[-1][0] < 1.1 * FPS and lift[1] != run[-1][1]:
+            run.append(lift)
+            continue
+        if len(run) >= 4:
+            pace = FPS * (len(run) - 1) / (run[-1][0] - run[0][0])
+            kind = "jog" if pace > 2.3 else "walk"
+            start, end = max(run[0][0] - 4, 0), min(run[-1][0] + 5, signals.frames)
+            out.append(Event(kind, start, end, direction="place", amount=0.1, count=len(run)))
+        run = [lift]
+    return out
+
+
+def climbs_of(signals: Signals) -> list[Event]:
+    """Returns ways up and down a stair, ladder or seat: the ground under the lower foot changes.
+
+    The amount is the meters climbed, `up` or `down`.
+    """
+    level = smooth(_level(signals.feet.min(axis=1)), 4.0)
+    pelvis = smooth(signals.joints[:, 0, 1], 4.0)
+    rate = np.gradient(level) * FPS
+    out = []
+    for sign, direction in ((1, "up"), (-1, "down")):
+        for start, end in spans(closed_gaps(sign * rate > 0.04, 20), 6):
+            rise = sign * (level[end - 1] - level[start])
+            if rise > 0.14 and sign * (pelvis[end - 1] - pelvis[start]) > 0.1:
+                out.append(Event("climb", start, end, direction=direction, amount=float(rise)))
     return out
 
 

@@ -81,10 +81,13 @@ def dips_of(signals: Signals, changes: list[Event]) -> list[Event]:
         *(bend(signals, f"{s}_hip", f"{s}_knee", f"{s}_ankle") for s in (LEFT, RIGHT))
     )
     reach = np.maximum(0.9 - hands.min(axis=1), 0)
-    for top in peaks_apart(np.maximum(depth / 0.25, lean / 45), 1.0, 0.45):
+    dip = np.maximum(depth / 0.25, lean / 45)
+    free = 0
+    for top in peaks_apart(dip, 1.0, 0.45):
         if any(c.start - 4 <= top < c.end + 4 for c in changes):
             continue
-        start, end = _valley(np.maximum(depth / 0.25, lean / 45), top)
+        start, end = _valley(dip, top)
+        start, free = max(start, free), end
         around = slice(start, end)
         low = int(np.argmax(reach[around])) + start
         if hands[around].min() < 0.32 and lean[around].max() > 35:
@@ -131,10 +134,18 @@ def _behind_feet(signals: Signals) -> Float[np.ndarray, " frames"]:
 
 
 def _valley(curve: Float[np.ndarray, " frames"], top: int) -> tuple[int, int]:
+    """Returns where a curve leaves and comes back to a third of a peak, or turns up again."""
     low = curve < 0.35 * curve[top]
     before, after = np.flatnonzero(low[:top]), np.flatnonzero(low[top:])
     start = int(before[-1]) if len(before) else 0
-    return start, top + int(after[0]) if len(after) else len(curve)
+    end = top + int(after[0]) if len(after) else len(curve)
+    higher = np.flatnonzero(curve > 1.001 * curve[top])
+    left, right = higher[higher < top], higher[higher > top]
+    if len(left) and left[-1] >= start:
+        start = int(left[-1] + np.argmin(curve[left[-1] : top + 1]))
+    if len(right) and right[0] < end:
+        end = int(top + np.argmin(curve[top : right[0] + 1]))
+    return start, end
 
 
 def _lower(hands: Float[np.ndarray, " 2"]) -> str:

@@ -9,15 +9,17 @@ from latentmotion.describe.arms import arm_circles_of, claps_of, punches_of, rai
 from latentmotion.describe.facts import Description, Event
 from latentmotion.describe.legs import (
     balances_of,
+    climbs_of,
     flights_of,
     jumps_of,
     kicks_of,
     knees_of,
     running_of,
     steps_of,
+    treading_of,
 )
 from latentmotion.describe.postures import changes_of, dips_of, postures_of
-from latentmotion.describe.signals import measure
+from latentmotion.describe.signals import activity_of, measure
 from latentmotion.describe.travel import moves_of, path_of, turns_of
 
 
@@ -39,10 +41,11 @@ def describe(joints: Float[np.ndarray, "frames 22 3"]) -> Description:
     changes = changes_of(postures)
     kicks = kicks_of(signals)
     events: list[Event] = [
-        *jumps_of(flights, running),
+        *jumps_of(signals, flights, running),
         *kicks,
         *knees_of(signals, kicks),
         *balances_of(signals),
+        *climbs_of(signals),
         *raises_of(signals),
         *waves_of(signals),
         *punches_of(signals),
@@ -54,9 +57,10 @@ def describe(joints: Float[np.ndarray, "frames 22 3"]) -> Description:
     return Description(
         frames=signals.frames,
         path=path_of(signals, turns),
-        moves=moves_of(signals, running),
+        moves=moves_of(signals, running, treading_of(signals)),
         turns=turns,
         postures=postures,
         events=tuple(sorted(events, key=lambda event: (event.start, event.kind, event.side))),
         steps=steps_of(signals),
+        activity=activity_of(signals),
     )

@@ -138,6 +138,12 @@ def bend(signals: Signals, first: str, middle: str, last: str) -> Float[np.ndarr
     return np.degrees(np.arccos(np.clip((a * b).sum(axis=1) / length, -1, 1)))
 
 
+def activity_of(signals: Signals) -> float:
+    """Returns the mean speed of hands, feet and head, m/s."""
+    ends = signals.joints[:, [10, 11, 15, 20, 21]]
+    return float(np.linalg.norm(np.gradient(ends, axis=0), axis=-1).mean() * FPS)
+
+
 def _floor(joints: Float[np.ndarray, "frames 22 3"]) -> float:
     """Zero is taken for the floor, up to what a badly placed body is off by."""
     lowest = float(np.percentile(joints[:, [7, 8, 10, 11], 1].min(axis=1), 5))

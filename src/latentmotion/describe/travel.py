@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,16 +29,20 @@ LEAST_TURN = 25.0
 _DIRECTIONS = ("forward", "left", "backward", "right")
 
 
-def moves_of(signals: Signals, running: Float[np.ndarray, " frames"]) -> tuple[Event, ...]:
+def moves_of(
+    signals: Signals, running: Float[np.ndarray, " frames"], treading: list[Event]
+) -> tuple[Event, ...]:
     """Cuts a motion into moves.
 
     Args:
         signals: Its curves.
-        running: Where both feet leave the floor in turn, 1, else 0.
+        running: Where the gait is a jog or run, 1, else 0.
+        treading: Steps on the spot.
     """
     codes = _codes(signals)
     cut = [(start, end) for start, end in _stretches(_merged(codes))]
-    return _joined([_move(signals, codes, running, start, end) for start, end in cut])
+    moves = [_move(signals, codes, running, start, end) for start, end in cut]
+    return _joined([part for move in moves for part in _treaded(move, treading)])
 
 
 def turns_of(signals: Signals) -> tuple[Event, ...]:
@@ -112,6 +117,22 @@ def _move(
     if kind == "walk" and speed > 2.3:
         kind = "run" if speed > RUN else "jog"
     return Event(kind, start, end, direction=direction, amount=speed)
+
+
+def _treaded(move: Event, treading: list[Event]) -> list[Event]:
+    """Cuts steps on the spot out of standing."""
+    if move.kind != "stand":
+        return [move]
+    parts, start = [], move.start
+    for event in treading:
+        first, last = max(event.start, start), min(event.end, move.end)
+        if last - first < 2 * SHORTEST:
+            continue
+        if first > start:
+            parts.append(replace(move, start=start, end=first))
+        parts.append(replace(event, start=first, end=last, count=1))
+        start = last
+    return [*parts, replace(move, start=start)] if start < move.end else parts
 
 
 def _direction(signals: Signals, start: int, end: int) -> str:

@@ -1,216 +1,349 @@
-"""Captions in other words that mean the same, as users type them.
-
-    "the person walks forward slowly, then turns to the left."
-    → "walk ahead at a slow pace, then turn left"    "a woman walks forward slowly and then turns
-    left"    "walking forwards slowly, then turning to the left"
-
-Who acts, the form of the verb, synonyms, counts as digits and how clauses are joined may change;
-actions, their order, sides, directions and counts stay. A sentence that is not understood word by
-word (`clauses.py`) gets another subject at most.
-"""
+"""Acts → verb phrases, several for each, and the forms of English verbs."""
 
 from __future__ import annotations
 
-import re
+from latentmotion.describe.acts import Act
+from latentmotion.describe.facts import BOTH, LEFT, Event
+from latentmotion.describe.travel import FAST, SLOW
 
-import numpy as np
+Phrase = tuple[str, str]
+"""Verb in base form and the rest; `{his}` stands for a possessive."""
 
-from latentmotion.describe.clauses import SUBJECT, Clause, Sentence, read_clauses, words_of
-from latentmotion.describe.synonyms import PHRASES, VERB_GROUPS, VerbGroup, other_number
-from latentmotion.describe.verbs import present_participle, third_person
-
-_SUBJECTS = {
-    "neutral": ("a person", "the person", "someone", "a figure", "the figure", "a human", "person"),
-    "male": ("a man", "the man", "he"),
-    "female": ("a woman", "the woman", "she"),
+_IRREGULAR = {
+    "lie": ("lies", "lying"),
+    "do": ("does", "doing"),
+    "go": ("goes", "going"),
+    "be": ("is", "being"),
 }
-
-_OWN = {
-    "male": ("his", "him", "himself"),
-    "female": ("her", "her", "herself"),
-    "neutral": ("their", "them", "themselves"),
-    "you": ("your", "you", "yourself"),
-}
-
-_SELF = {"himself", "herself", "themselves", "themself", "oneself"}
-
-_NEAR = {"of", "behind", "beside", "above", "around", "to", "towards", "toward", "at", "near",
-         "over", "below", "with", "under"}  # fmt: skip
-"""Words after which "them" is taken for the person, not for things."""
-
-_NOT_GOING = {"start", "begin", "continue", "stop", "proceed", "try", "end", "remain", "finish",
-              "let", "land", "attempt", "hold", "keep", "come", "halt", "resume", "use",
-              "regain", "lose"}  # fmt: skip
-"""Verbs that nobody puts into the progressive in a row of actions."""
-
-_DROPPED = re.compile(
-    r"\b(raise|lift|lower|wave|swing|bend|move|with|using|shake|stretch|kick) (?:your|the) "
-    r"(?=left|right|arms?|hands?|legs?|knees?)"
+_DOUBLED = (
+    "run",
+    "jog",
+    "hop",
+    "clap",
+    "squat",
+    "spin",
+    "sit",
+    "stop",
+    "get",
+    "step",
+    "jab",
+    "put",
 )
-"""Where short commands leave out "your" and "the"."""
+_TIMES = (
+    "",
+    "once",
+    "twice",
+    "three times",
+    "four times",
+    "five times",
+    "six times",
+    "seven times",
+    "eight times",
+    "nine times",
+    "ten times",
+)
+_WORDS = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
-_ATTEMPTS = 8
+
+def third(verb: str) -> str:
+    """Returns `walks` for `walk`."""
+    if verb in _IRREGULAR:
+        return _IRREGULAR[verb][0]
+    return verb + ("es" if verb.endswith(("ch", "sh", "s", "x", "o")) else "s")
 
 
-def rewordings(sentence: str, generator: np.random.Generator, count: int) -> list[str]:
-    """Returns sentences that say the same in other words.
+def ing(verb: str) -> str:
+    """Returns `walking` for `walk`."""
+    if verb in _IRREGULAR:
+        return _IRREGULAR[verb][1]
+    if verb in _DOUBLED:
+        return f"{verb}{verb[-1]}ing"
+    return (verb[:-1] if verb.endswith("e") and not verb.endswith("ee") else verb) + "ing"
 
-    Args:
-        sentence: A caption.
-        generator: Source of every choice.
-        count: How many are wanted.
 
-    Returns:
-        Different sentences, none of them the given one; fewer than `count` where there is doubt.
-    """
-    read = read_clauses(sentence)
-    known = {_bare(sentence)}
-    found: list[str] = []
-    for _ in range(count * _ATTEMPTS):
-        if len(found) == count:
-            break
-        text = _other_subject(sentence, generator) if read is None else reworded(read, generator)
-        if text and _bare(text) not in known:
-            known.add(_bare(text))
-            found.append(text)
+def phrases(act: Act) -> list[Phrase]:
+    """Returns ways to tell an act, the plainest first."""
+    event = act.event
+    if event.kind == "turn":
+        return _turn(event, act.gait)
+    if event.kind in ("walk", "jog", "run"):
+        return _gait(event, act.posture)
+    if event.kind in ("kick", "punch", "knee"):
+        return _limb(event)
+    if event.kind in ("jump", "hop"):
+        return _jump(event)
+    if event.kind in ("raise", "wave", "arm_circle", "clap"):
+        return _arms(event)
+    if event.kind == "climb":
+        return [
+            ("climb", event.direction),
+            ("go", event.direction),
+            ("climb", f"{event.direction} something"),
+        ]
+    return _counted(_PLAIN[event.kind], event) if event.kind in _PLAIN else _sided(event)
+
+
+_PLAIN: dict[str, list[Phrase]] = {
+    "squat": [("squat", ""), ("squat", "down"), ("bend", "{his} knees deeply")],
+    "bow": [("bend", "forward"), ("bow", ""), ("lean", "forward"), ("bend", "over")],
+    "sit_down": [("sit", "down"), ("take", "a seat")],
+    "stand_up": [("stand", "up"), ("get", "up")],
+    "get_up": [("get", "up from the floor"), ("stand", "up from the ground"), ("get", "up")],
+    "sit_up": [("sit", "up")],
+    "lie_down": [("lie", "down"), ("lie", "down on the floor"), ("get", "down on the floor")],
+    "kneel_down": [("kneel", "down"), ("kneel", ""), ("get", "down on {his} knees")],
+    "stay_crouch": [("crouch", ""), ("stay", "crouched"), ("crouch", "low")],
+    "stay_bend": [("bend", "forward"), ("stay", "bent over"), ("lean", "forward")],
+    "stay_kneel": [("kneel", ""), ("kneel", "on the floor")],
+    "stay_sit": [("sit", ""), ("sit", "on a seat"), ("remain", "seated")],
+    "stay_floor": [("sit", "on the floor"), ("sit", "on the ground")],
+    "stay_lie": [("lie", "on the floor"), ("lie", "on the ground"), ("lie", "down")],
+    "still": [("stand", "still"), ("stand", "in place without moving"), ("stay", "still")],
+    "stand": [("stand", "in place"), ("stand", "on the spot"), ("stand", "")],
+    "stop": [("stop", ""), ("come", "to a stop"), ("stand", "still")],
+}
+
+
+def _pace(event: Event) -> list[str]:
+    if event.kind == "walk" and event.amount < SLOW:
+        return ["slowly", "slowly", "at a slow pace"]
+    if event.kind == "walk" and event.amount > FAST:
+        return ["quickly", "briskly", "fast", "at a fast pace"]
+    if event.kind == "run" and event.amount > 3.6:
+        return ["", "fast", "quickly"]
+    return ["", "", "", "", "at a normal pace" if event.kind == "walk" else ""]
+
+
+_WAYS = {
+    "forward": ("forward", "forward", "straight ahead", "forwards"),
+    "backward": ("backward", "backwards", "backwards"),
+    "left": ("sideways to the left", "to the left sideways", "left sideways"),
+    "right": ("sideways to the right", "to the right sideways", "right sideways"),
+    "place": ("in place", "on the spot"),
+}
+_LOW = {"crouch": ("crouched", "in a crouch"), "bend": ("bent forward", "bent over"), "": ("",)}
+
+
+def _gait(event: Event, posture: str) -> list[Phrase]:
+    verbs = [event.kind]
+    if event.direction in ("left", "right") and event.kind == "walk":
+        verbs = ["step", "walk", "move"]
+    found = [
+        (verb, _words(way, pace, low))
+        for verb in verbs
+        for way in _WAYS[event.direction]
+        for pace in _pace(event)
+        for low in _LOW[posture]
+    ]
+    if event.kind == "walk" and event.direction == "forward" and not posture:
+        found += [(event.kind, _words(pace)) for pace in _pace(event)]
+        found += [(event.kind, _words("in a straight line", pace)) for pace in _pace(event)]
+    if event.direction == "left" or event.direction == "right":
+        found += [("sidestep", f"to the {event.direction}")] if event.kind == "walk" else []
     return found
 
 
-def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
-    """Returns one random wording of a caption in clauses."""
-    form = _form(sentence, generator)
-    gender = _gender(sentence, generator)
-    owner = {"go": "you", "going": "neutral"}.get(form, gender)
-    if not _keeps_owner(sentence, owner):
-        return ""
-    subject = ""
-    if form in ("goes", "is going"):
-        subject = str(generator.choice(_SUBJECTS[gender]))
-    clauses = [_varied(clause, sentence, owner, generator) for clause in sentence.clauses]
-    short = form == "go" and generator.random() < 0.4
-    return _joined(clauses, subject, form, short, generator)
+def _turn(event: Event, gait: Event | None) -> list[Phrase]:
+    side, degrees = event.side, event.amount
+    clock = "counterclockwise" if side == LEFT else "clockwise"
+    verb, pace = (gait.kind, _pace(gait)[0]) if gait else ("turn", "")
+    onward = gait if gait and gait.direction == "forward" else None
+    far = gait is not None and gait.amount * gait.seconds / max(degrees / 57.3, 0.3) > 0.4
+    if degrees >= 290:
+        return _circles(event, onward if far else None, clock, verb, pace)
+    out: list[Phrase]
+    if degrees >= 150:
+        out = [
+            ("turn", "around"),
+            ("turn", f"around to the {side}"),
+            ("turn", "around"),
+            ("make", f"a half turn to the {side}"),
+            ("turn", f"{side} by 180 degrees"),
+            ("turn", f"{side} and {{face}} the other way"),
+        ]
+        if degrees > 220:
+            out = [("turn", f"around to the {side}"), ("turn", f"far to the {side}")]
+        if onward and far:
+            out += (
+                [
+                    (verb, _words(f"in a half circle to the {side}", pace)),
+                    (verb, f"around to the {side} in a half circle"),
+                    ("make", f"a u-turn to the {side}"),
+                    (verb, f"in a {clock} half circle"),
+                ]
+                if degrees < 220
+                else [(verb, f"in a wide curve to the {side}")]
+            )
+    elif degrees >= 65:
+        out = [("turn", side), ("turn", f"to the {side}"), ("make", f"a {side} turn")]
+        if 78 <= degrees <= 104:
+            out += [
+                ("turn", f"{side} by 90 degrees"),
+                ("make", f"a quarter turn to the {side}"),
+                ("turn", f"90 degrees to the {side}"),
+            ]
+    elif degrees >= 45:
+        out = [("turn", side), ("turn", f"to the {side}"), ("turn", f"a bit to the {side}")]
+    else:
+        out = [
+            ("turn", f"slightly to the {side}"),
+            ("veer", f"slightly to the {side}"),
+            ("turn", f"slightly {side}"),
+        ]
+    if onward and degrees < 150:
+        out += [
+            (verb, _words(f"in a curve to the {side}", pace)),
+            (verb, _words(f"forward and {{turn}} {_slightly(degrees)}{side}", "")),
+        ]
+        out += [("curve", f"to the {side}")]
+    return out
 
 
-def inflected(phrase: str, form: str) -> str:
-    """Returns a clause, its verb first in base form, as `go`, `goes` or `going`."""
-    verb, _, rest = phrase.partition(" ")
-    forms = {"goes": third_person, "going": present_participle}
-    return f"{forms[form](verb) if form in forms else verb} {rest}".strip()
+def _slightly(degrees: float) -> str:
+    return "slightly " if degrees < 45 else ""
 
 
-def _form(sentence: Sentence, generator: np.random.Generator) -> str:
-    """Returns `goes`, `is going`, `going` or `go`, whichever the sentence allows."""
-    static = _NOT_GOING & {clause.verb for clause in sentence.clauses}
-    forms = ["goes", "goes"] + ([] if static else ["is going"])
-    if not sentence.referring:
-        forms += ["go", "go", "go"] + ([] if static else ["going"])
-    return str(generator.choice(forms))
+def _circles(event: Event, gait: Event | None, clock: str, verb: str, pace: str) -> list[Phrase]:
+    side, rounds = event.side, event.amount / 360
+    if gait is None:
+        out = [
+            ("spin", f"around to the {side}"),
+            ("turn", f"all the way around to the {side}"),
+            ("make", f"a full turn to the {side}"),
+            ("spin", f"around {clock}"),
+        ]
+        if 1.75 < rounds < 2.25:
+            out = [
+                ("spin", f"around twice to the {side}"),
+                ("make", f"two full turns to the {side}"),
+            ]
+        elif rounds >= 1.75:
+            out = [("spin", f"around several times to the {side}"), ("spin", f"around {clock}")]
+        return out
+    out = [
+        (verb, _words(f"in a circle to the {side}", pace)),
+        (verb, f"in a {clock} circle"),
+        (verb, _words("in a circle", pace)),
+        (verb, f"around in a circle to the {side}"),
+    ]
+    if rounds >= 1.75:
+        out += [(verb, f"in circles to the {side}"), (verb, f"around in circles {clock}")]
+    return out
 
 
-def _gender(sentence: Sentence, generator: np.random.Generator) -> str:
-    """Returns who acts; a pronoun inside the sentence has to fit."""
-    inside = [word for clause in sentence.clauses for word in clause.rest]
-    if sentence.referring or {"him", "themself"} & set(inside):
-        return {"male": "male", "female": "female"}.get(sentence.gender, "neutral")
-    return str(generator.choice(["neutral", "neutral", "neutral", "male", "female"]))
+def _limb(event: Event) -> list[Phrase]:
+    side, many = event.side, event.count
+    where = f" {event.direction}" if event.direction == "forward" else ""
+    out: list[Phrase]
+    if event.kind == "knee":
+        out = [
+            ("raise", f"{{his}} {side} knee"),
+            ("lift", f"{{his}} {side} knee"),
+            ("bring", f"{{his}} {side} knee up"),
+        ]
+        return _counted(out, event)
+    limbs = ("leg", "foot") if event.kind == "kick" else ("hand", "fist", "arm")
+    out = [(event.kind, f"{where.strip()} with {{his}} {side} {limb}".strip()) for limb in limbs]
+    if event.kind == "kick" and event.direction == "side":
+        out += [("kick", f"to the side with {{his}} {side} leg")]
+    out = _counted(out, event)
+    if many == 1:
+        out += [("throw", f"a {side} {event.kind}")]
+    elif many < len(_WORDS):
+        out += [
+            (
+                "do",
+                f"{_WORDS[many]} {event.kind}{'es' if event.kind == 'punch' else 's'} "
+                f"with {{his}} {side} {limbs[0]}",
+            )
+        ]
+    return out
 
 
-def _keeps_owner(sentence: Sentence, owner: str) -> bool:
-    """Whether every "her" and "them" is clear enough to be given to another owner."""
-    words = [word for clause in sentence.clauses for word in clause.rest]
-    return not ({"herself", "hers", "theirs"} & set(words) and owner == "you")
+def _jump(event: Event) -> list[Phrase]:
+    on = ""
+    if event.kind == "hop":
+        on = f"on {{his}} {event.side} foot"
+    way = {
+        "forward": "forward",
+        "backward": "backward",
+        "place": "",
+        "left": "to the left",
+        "right": "to the right",
+    }.get(event.direction, "")
+    ups = ["up", "up and down", "in place"] if event.direction == "place" and not on else [way]
+    if event.count == 1:
+        ups = [word.replace("up and down", "up into the air") for word in ups]
+    out = _counted([(event.kind, _words(up, on)) for up in ups], event)
+    if on:
+        out += _counted(
+            [
+                ("hop", _words(way, f"on {{his}} {event.side} leg")),
+                ("hop", _words(way, "on one leg")),
+            ],
+            event,
+        )
+    elif event.side == BOTH and event.direction == "forward":
+        out += _counted([("jump", "forward with both feet"), ("hop", "forward")], event)
+    return out
 
 
-def _varied(
-    clause: Clause, sentence: Sentence, owner: str, generator: np.random.Generator
-) -> Clause:
-    """Returns the clause with other owners, synonyms and numbers."""
-    rest = clause.rest if sentence.referring else _owned(clause.rest, owner, sentence)
-    text = " ".join((clause.verb, *rest)).replace(" ,", ",")
-    for group in VERB_GROUPS:
-        if generator.random() < 0.6:
-            text = _swapped(text, group, generator)
-    for pattern, choices in PHRASES:
-        if generator.random() < 0.6:
-            choice = str(generator.choice(choices))
-            text = re.sub(pattern, choice, text, count=1)
-    if generator.random() < 0.4:
-        text = other_number(text)
-    verb, *words = text.split()
-    return Clause(clause.link, verb, tuple(words), clause.before)
+def _arms(event: Event) -> list[Phrase]:
+    both = event.side == BOTH
+    hand = "both hands" if both else f"{{his}} {event.side} hand"
+    arm = "both arms" if both else f"{{his}} {event.side} arm"
+    if event.kind == "raise":
+        above = ["above {his} head", "up high", "up"] if event.amount > 0.25 else ["", "up", ""]
+        if event.direction == "side" and event.amount < 0.2:
+            above = ["to the side" if not both else "to the sides", ""]
+        if event.direction == "forward" and event.amount < 0.2:
+            above = ["in front of {him}", ""]
+        out = [("raise", _words(limb, where)) for limb in (hand, arm) for where in above]
+        return _counted([*out, ("lift", _words(arm, above[-1]))], event)
+    if event.kind == "wave":
+        return [
+            ("wave", hand),
+            ("wave", f"with {hand}"),
+            ("wave", f"{hand} from side to side"),
+            ("wave", arm),
+        ]
+    if event.kind == "clap":
+        return [("clap", "{his} hands"), ("clap", ""), *_counted([("clap", "{his} hands")], event)]
+    way = f" {event.direction}" if event.direction else ""
+    out = [
+        ("circle", f"{arm}{way}"),
+        ("rotate", f"{arm}{way} in a circle"),
+        ("swing", f"{arm}{way} in a big circle"),
+    ]
+    return _counted(out, event) if event.count > 1 else out
 
 
-def _swapped(text: str, group: VerbGroup, generator: np.random.Generator) -> str:
-    if group.unless and re.search(group.unless, text.partition(" ")[2]):
-        return text
-    for phrase in sorted(group.phrases, key=len, reverse=True):
-        following = text[len(phrase) :]
-        if not re.match(rf"{phrase}(?![a-z-])", text):
-            continue
-        if group.following and not re.match(group.following, following.strip()):
-            continue
-        return str(generator.choice(group.phrases)) + following
-    return text
+def _sided(event: Event) -> list[Phrase]:
+    if event.kind == "pick_up":
+        hand = "both hands" if event.side == BOTH else f"{{his}} {event.side} hand"
+        out = [
+            ("bend", f"down and {{reach}} to the floor with {hand}"),
+            ("reach", f"down to the floor with {hand}"),
+            ("bend", f"down and {{touch}} the floor with {hand}"),
+        ]
+        return _counted(out, event)
+    if event.kind == "balance":
+        return [
+            ("stand", f"on {{his}} {event.side} leg"),
+            ("balance", f"on {{his}} {event.side} foot"),
+            ("balance", "on one leg"),
+        ]
+    return [("do", event.kind.replace("_", " "))]
 
 
-def _owned(words: tuple[str, ...], owner: str, sentence: Sentence) -> tuple[str, ...]:
-    """Returns the words with "his", "their" and the like given to another owner."""
-    own, person, self_ = _OWN[owner]
-    result = []
-    for place, word in enumerate(words):
-        last = place + 1 == len(words) or words[place + 1] in ("and", "then", ",", "while", "with")
-        near = place > 0 and words[place - 1] in _NEAR
-        if word in _SELF:
-            word = self_
-        elif word in ("his", "their") or (word == "her" and not last):
-            word = own
-        elif word in ("him", "her") or (word == "them" and near and sentence.gender == "neutral"):
-            word = person
-        result.append(word)
-    return tuple(result)
+def _counted(found: list[Phrase], event: Event) -> list[Phrase]:
+    """Tells how often, once it is more than one time."""
+    if event.count == 1:
+        return found
+    often = _TIMES[event.count] if event.count < len(_TIMES) else "several times"
+    vague = ["repeatedly", "several times"] if event.count > 3 else []
+    return [(verb, _words(rest, word)) for verb, rest in found for word in (often, often, *vague)]
 
 
-def _joined(
-    clauses: list[Clause], subject: str, form: str, short: bool, generator: np.random.Generator
-) -> str:
-    """Writes the clauses one after another."""
-    chain = str(generator.choice([", then", " then", " and then", ", and then"]))
-    verb_form = form.split()[-1]
-    text = f"{subject} is" if form == "is going" and subject else subject
-    for number, clause in enumerate(clauses):
-        link = {"then": chain, "and": " and", "": "", ",": ","}.get(clause.link, " and")
-        if short and clause.link == "then":
-            link = ","
-        spoken = inflected(" ".join((clause.verb, *clause.rest)), verb_form)
-        before = " ".join(word for word in clause.before)
-        if clause.link == "," and number == len(clauses) - 1 and not short:
-            link = ", and" if number > 1 else " and"
-        text += f"{link} {before} {spoken}" if before else f"{link} {spoken}"
-    if short:
-        text = _DROPPED.sub(r"\1 ", text)
-    text = re.sub(r"\ban? (?=anti)", "an ", re.sub(r"\ban? (?=counter)", "a ", text))
-    text = re.sub(r"\s+", " ", text).replace(" ,", ",").strip(" ,")
-    return text + (str(generator.choice([".", ""])) if not short else "")
-
-
-def _other_subject(sentence: str, generator: np.random.Generator) -> str:
-    """Returns the sentence with another subject, where the first word after it is plain."""
-    words = words_of(sentence)
-    if words is None:
-        return ""
-    text = " ".join(words)
-    match = SUBJECT.match(text)
-    if not match or match.group("pronoun") or " and " in match.group(0):
-        return ""
-    after = text[match.end() :].split()
-    if not after or after[0] in ("and", ",", "with", "or", "s", "s'") or "." in words:
-        return ""
-    noun = match.group("noun")
-    if noun in ("man", "woman", "guy", "boy", "girl", "lady", "dude"):
-        return ""
-    chosen = str(generator.choice(_SUBJECTS["neutral"][:6]))
-    return (chosen + text[match.end() :]).replace(" ,", ",")
-
-
-def _bare(text: str) -> str:
-    return " ".join(words_of(text) or text.lower().split())
+def _words(*parts: str) -> str:
+    return " ".join(part for part in parts if part)
