@@ -12,6 +12,9 @@ from latentmotion.errors import DataError, InputError
 MANIFEST = "manifest.json"
 FORMAT = "latentmotion dataset 1"
 
+COMPOSED = "composed"
+"""Source of synthetic sequences, which only train: a test set holds what people did."""
+
 CaptionRow = tuple[str, int, int, str]
 """Text, first frame, one past the last frame, tokens."""
 
@@ -135,3 +138,8 @@ def _check_manifest(path: Path, manifest: Manifest) -> None:
         rows = manifest.shards[clip.shard].frames if clip.shard < len(manifest.shards) else 0
         if not 0 <= clip.offset <= clip.offset + clip.frames <= rows:
             raise DataError(f"{path}: clip {clip.id} lies outside its shard; prepare again")
+        if clip.source == COMPOSED and clip.split != "train":
+            raise DataError(
+                f"{path}: synthetic clip {clip.id} is in the split {clip.split!r}, expected "
+                "'train'; compose again"
+            )

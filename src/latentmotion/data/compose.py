@@ -1,0 +1,257 @@
+"""Synthetic sequences: two single actions of the train split, one after the other, with sentences.
+
+Which actions fit is decided by the poses at their ends, seen from the body: all places where one
+may end and another begin are compared, and only near ones are joined (`splicing.py`). A sequence
+whose feet slide or whose joints jerk at the seam more than in real motion is left out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import Caption, Source
+from latentmotion.data.composable import Cut, Part, interest, parts_of_dataset
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.manifest import COMPOSED, StoredClip
+from latentmotion.data.splicing import pose_descriptors, seam_of, splice
+from latentmotion.data.store import StoredMotion, caption_rows
+from latentmotion.describe.ordering import in_order
+from latentmotion.errors import DataError
+
+_SEAMS = 8
+"""Places at which a part may end, and as many at which it may begin."""
+
+_ORDERED = 4
+"""Sentences about a whole sequence."""
+
+_OWN = 2
+"""Sentences about each part of it."""
+
+
+@dataclass(frozen=True)
+class Composition:
+    """What sequences are made."""
+
+    count: int
+    """How many are wanted."""
+    seed: int = 0
+    """Source of every choice."""
+    seconds: tuple[float, float] = (2.0, 9.8)
+    """Shortest and longest sequence."""
+    transition: float = 0.4
+    """Seconds in which the second motion takes over."""
+    distance: float = 0.3
+    """Largest distance of poses with their speeds that may be joined, meters."""
+    slide: float = 0.3
+    """Most that feet on the floor may slide in the transition on average, m/s."""
+    jerk: float = 1200.0
+    """Most that a joint may jerk in the transition, m/s³."""
+    uses: int = 12
+    """How often one clip may occur."""
+
+
+@dataclass(frozen=True)
+class Composed:
+    """What came of it besides the motions."""
+
+    motions: tuple[StoredMotion, ...]
+    """The sequences."""
+    source: Source
+    """`composed`, with the terms of all owners."""
+    refused: Counter[str] = field(default_factory=Counter)
+    """How many pairs were left out, by reason."""
+
+
+def compose(dataset: Dataset, wanted: Composition) -> Composed:
+    """Makes sequences of the train split of a prepared folder.
+
+    Args:
+        dataset: Clips with captions, in HumanML3D's features.
+        wanted: How many, and what is good enough.
+
+    Raises:
+        DataError: Too few clips tell of a single action.
+    """
+    parts = parts_of_dataset(dataset)
+    if len(parts) < 2:
+        raise DataError(
+            f"{dataset.folder}: {len(parts)} train clips tell of a single action, expected at "
+            "least 2; add captions (`latentmotion data describe`) or more clips"
+        )
+    composer = _Composer(dataset, parts, wanted)
+    motions = tuple(composer.sequences())
+    return Composed(motions, _source(dataset.sources), composer.refused)
+
+
+def _source(sources: Sequence[Source]) -> Source:
+    return Source(
+        name=COMPOSED,
+        license="; ".join(dict.fromkeys(source.license for source in sources)),
+        credit="synthetic, two clips in a row; "
+        + " ".join(f"{s.name}: {s.credit}" for s in sources),
+    )
+
+
+class _Composer:
+    """Draws a first part, finds what may follow, joins and checks."""
+
+    def __init__(self, dataset: Dataset, parts: list[Part], wanted: Composition) -> None:
+        self.representation = dataset.representation
+        self.parts, self.wanted = parts, wanted
+        self.generator = np.random.default_rng(wanted.seed)
+        self.refused: Counter[str] = Counter()
+        self.used: Counter[str] = Counter()
+        self.joined: set[tuple[str, str]] = set()
+        self.beginnings = [self._beginnings(part) for part in parts]
+        self.owners = np.repeat(np.arange(len(parts)), [len(f) for f, _ in self.beginnings])
+        self.poses = np.concatenate([poses for _, poses in self.beginnings]).astype(np.float32)
+        self.frames = np.concatenate([frames for frames, _ in self.beginnings])
+
+    def sequences(self) -> Iterator[StoredMotion]:
+        """Yields sequences until there are enough, or until no more are found."""
+        made, in_vain = 0, 0
+        while made < self.wanted.count and in_vain < 40 * len(self.parts):
+            motion = self._one(made)
+            in_vain = 0 if motion else in_vain + 1
+            made += motion is not None
+            if motion:
+                yield motion
+
+    def _one(self, number: int) -> StoredMotion | None:
+        first = self.parts[int(self.generator.integers(len(self.parts)))]
+        if self.used[first.name] >= self.wanted.uses:
+            return None
+        found = self._follower(first)
+        if found is None:
+            return None
+        second, end, start = found
+        one, other = first.joints[: end + 1], self._kept(second, start, end)
+        joints = splice(one, other, self.wanted.transition, self.representation)
+        reason = self._objection(joints, end)
+        if reason:
+            self.refused[reason] += 1
+            return None
+        self.used.update((first.name, second.name))
+        self.joined.add((first.name, second.name))
+        return self._stored(
+            number, joints, first.cut(0, end), second.cut(start, start + len(other))
+        )
+
+    def _objection(self, joints: Float[np.ndarray, "frames joints 3"], seam: int) -> str:
+        """Returns why a sequence is not good enough; empty where it is."""
+        fps, skeleton = self.representation.fps, self.representation.skeleton
+        shortest, longest = self.wanted.seconds
+        if not shortest * fps <= len(joints) - 1 <= longest * fps:
+            return "too short or too long"
+        fit = seam_of(joints, seam, fps, skeleton, round(self.wanted.transition * fps))
+        if fit.slide > self.wanted.slide:
+            return "feet slide"
+        return "jerk" if fit.jerk > self.wanted.jerk else ""
+
+    def _stored(
+        self, number: int, joints: Float[np.ndarray, "frames joints 3"], first: Cut, second: Cut
+    ) -> StoredMotion:
+        """Returns a sequence with its sentences and where it comes from."""
+        features = self.representation.encode(joints)
+        captions = self._captions(first, second, len(features))
+        mirrored = [replace(caption, text=mirror_words(caption.text)) for caption in captions]
+        clip = StoredClip(
+            id=f"{COMPOSED}-{self.wanted.seed}-{number:05d}",
+            source=COMPOSED,
+            origin=f"{first.origin} + {second.origin}",
+            split="train",
+            frames=len(features),
+            shard=0,
+            offset=0,
+            captions=caption_rows(captions),
+            mirrored_captions=caption_rows(mirrored),
+        )
+        return StoredMotion(clip, features)
+
+    def _captions(self, first: Cut, second: Cut, frames: int) -> list[Caption]:
+        """Returns sentences about both parts together, then about each of them."""
+        seam, generator = first.end - first.start, self.generator
+        texts: dict[str, None] = {}
+        for _ in range(_ORDERED):
+            one, other = (
+                cut.part.sentences[int(generator.integers(len(cut.part.sentences)))]
+                for cut in (first, second)
+            )
+            texts.update(dict.fromkeys(in_order(one, other, generator, 1)))
+        captions = [Caption(text, 0, frames) for text in texts]
+        for cut, (start, end) in ((first, (0, seam)), (second, (seam, frames))):
+            captions += [Caption(text, start, end) for text in cut.part.texts[:_OWN]]
+        return captions
+
+    def _follower(self, first: Part) -> tuple[Part, int, int] | None:
+        """Returns a part, the frame at which the first ends and at which the part begins."""
+        ends = self._ends(first)
+        poses = self._poses(first, ends)
+        distance = _distances(poses.astype(np.float32), self.poses)
+        distance[:, ~self._allowed(first)[self.owners]] = np.inf
+        best = np.full(len(self.parts), np.inf)
+        np.minimum.at(best, self.owners, distance.min(axis=0))
+        near = np.flatnonzero(best < self.wanted.distance)
+        if not len(near):
+            self.refused["no pose near enough"] += 1
+            return None
+        weights = np.array([interest(first, self.parts[n]) for n in near]) / (0.05 + best[near])
+        chosen = int(self.generator.choice(near, p=weights / weights.sum()))
+        columns = np.flatnonzero(self.owners == chosen)
+        row, column = np.unravel_index(distance[:, columns].argmin(), (len(ends), len(columns)))
+        return self.parts[chosen], int(ends[row]), int(self.frames[columns[column]])
+
+    def _allowed(self, first: Part) -> np.ndarray:
+        """Says which parts may follow: other actions, not yet joined, not too often used."""
+        return np.array(
+            [
+                part.name != first.name
+                and part.verbs != first.verbs
+                and (first.name, part.name) not in self.joined
+                and self.used[part.name] < self.wanted.uses
+                for part in self.parts
+            ]
+        )
+
+    def _kept(self, second: Part, start: int, before: int) -> Float[np.ndarray, "frames joints 3"]:
+        """Returns the second part from its start on, cut where the sequence gets too long."""
+        longest = int(self.wanted.seconds[1] * self.representation.fps) - before
+        rest = second.joints[start:]
+        if second.steady:
+            wanted = int(self.generator.integers(second.least, max(len(rest), second.least) + 1))
+            return rest[: min(wanted, longest)]
+        return rest
+
+    def _ends(self, part: Part) -> np.ndarray:
+        """Returns frames at which a part may end: late ones, or any of a steady movement."""
+        last = len(part.joints) - 1
+        earliest = part.least if part.steady else last - part.slack
+        return self._some(earliest, last)
+
+    def _beginnings(self, part: Part) -> tuple[np.ndarray, Float[np.ndarray, "chosen numbers"]]:
+        latest = len(part.joints) - 1 - part.least if part.steady else part.slack
+        frames = self._some(0, max(latest, 0))
+        return frames, self._poses(part, frames)
+
+    def _some(self, first: int, last: int) -> np.ndarray:
+        frames = np.arange(first, last + 1)
+        if len(frames) > _SEAMS:
+            frames = np.sort(self.generator.choice(frames, _SEAMS, replace=False))
+        return frames
+
+    def _poses(self, part: Part, frames: np.ndarray) -> Float[np.ndarray, "chosen numbers"]:
+        representation = self.representation
+        return pose_descriptors(part.joints, representation.fps, representation.skeleton, frames)
+
+
+def _distances(
+    some: Float[np.ndarray, "some numbers"], others: Float[np.ndarray, "others numbers"]
+) -> Float[np.ndarray, "some others"]:
+    squares = (some**2).sum(1)[:, None] + (others**2).sum(1) - 2 * some @ others.T
+    return np.sqrt(np.maximum(squares, 0))
