@@ -88,6 +88,8 @@ def dips_of(signals: Signals, changes: list[Event]) -> list[Event]:
             continue
         start, end = _valley(dip, top)
         start, free = max(start, free), end
+        if start >= end:
+            continue  # a second peak of the same dip
         around = slice(start, end)
         low = int(np.argmax(reach[around])) + start
         if hands[around].min() < 0.32 and lean[around].max() > 35:
