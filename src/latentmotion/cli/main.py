@@ -52,6 +52,9 @@ VERBS = {
     "data pack": Verb(f"{_CLI}.data_pack:PackData", "Write a prepared folder as one small file."),
     "data unpack": Verb(f"{_CLI}.data_pack:UnpackData", "Write the folder that a pack holds."),
     "data compose": Verb(f"{_CLI}.compose:Compose", "Join two actions in a row, for training."),
+    "data describe": Verb(
+        f"{_CLI}.describe:Describe", "Write captions measured from the motions."
+    ),
     "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
     "train vae": Verb(f"{_CLI}.train:TrainVAE", "Train a motion VAE (stage 1)."),
     "train denoiser": Verb(f"{_CLI}.train:TrainDenoiser", "Train the diffusion (stage 2)."),

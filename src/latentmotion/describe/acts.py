@@ -10,11 +10,25 @@ from latentmotion.describe.facts import BOTH, FPS, Description, Event
 STILL = 0.12
 """Mean speed of hands, feet and head, m/s, below which a body stands still."""
 
+LIVELY = 0.45
+"""The same, above which a body that stays where it is does something with its arms."""
+
 _LEAST_WAY = 0.5
 """Meters of the shortest move that is told."""
 
-_WHOLE_BODY = ("jump", "hop", "kick", "squat", "pick_up", "sit_down", "stand_up", "lie_down")
+_WHOLE_BODY = (
+    "jump",
+    "hop",
+    "kick",
+    "squat",
+    "pick_up",
+    "sit_down",
+    "stand_up",
+    "lie_down",
+    "climb",
+)
 _ARMS = ("raise", "wave", "punch", "clap", "arm_circle")
+_REPEATED = (*_ARMS, "jump", "hop", "kick", "knee", "squat", "bow", "pick_up")
 _FLOOR = ("sit", "floor", "lie", "kneel")
 
 
@@ -78,24 +92,59 @@ def _meets(event: Event, events: Iterable[Event], kinds: tuple[str, ...], gap: i
 
 
 def _grouped(events: list[Event]) -> list[Event]:
-    """Counts events that follow each other and are alike."""
+    """Counts events that follow each other and are alike; legs in turn are legs of both sides."""
     out: list[Event] = []
     for event in sorted(events, key=lambda one: one.start):
-        for index in range(len(out) - 1, -1, -1):
-            last = out[index]
-            alike = (last.kind, last.side) == (event.kind, event.side)
-            if alike and event.start - last.end < 2.0 * FPS:
-                same = last.direction == event.direction
-                out[index] = replace(
-                    last,
-                    end=max(last.end, event.end),
-                    direction=last.direction if same else "",
-                    amount=max(last.amount, event.amount),
-                    count=last.count + event.count,
-                )
-                break
-        else:
+        index = _same_series(out, event)
+        if index is None:
             out.append(event)
+            continue
+        last = out[index]
+        out[index] = replace(
+            last,
+            end=max(last.end, event.end),
+            direction=last.direction if last.direction == event.direction else "",
+            amount=max(last.amount, event.amount),
+            count=last.count + event.count,
+        )
+    return _in_turn(out)
+
+
+def _same_series(out: list[Event], event: Event) -> int | None:
+    """Returns which of the events so far goes on with this one."""
+    if event.kind not in _REPEATED:
+        return None
+    arms = event.kind in _ARMS
+    for index in range(len(out) - 1, -1, -1):
+        last = out[index]
+        if (last.kind, last.side) == (event.kind, event.side):
+            return index if event.start - last.end < 2.0 * FPS else None
+        if not arms and last.kind not in _ARMS:
+            return None
+    return None
+
+
+def _in_turn(events: list[Event]) -> list[Event]:
+    """Joins three and more single kicks, knees or punches of changing sides."""
+    out: list[Event] = []
+    run: list[Event] = []
+    for event in [*events, None]:
+        last = run[-1] if run else None
+        if (
+            event
+            and last
+            and event.kind == last.kind
+            and event.side != last.side
+            and event.start - last.end < 2.0 * FPS
+        ):
+            run.append(event)
+            continue
+        if len(run) >= 3 and run[0].kind in ("kick", "knee", "punch"):
+            count, end = sum(one.count for one in run), max(one.end for one in run)
+            out.append(replace(run[0], end=end, side=BOTH, direction="", count=count))
+        else:
+            out += run
+        run = [event] if event else []
     return out
 
 
@@ -204,6 +253,7 @@ def _held(description: Description, acts: list[Act]) -> list[Act]:
             out.append(Act(replace(posture, kind=f"stay_{posture.kind}")))
     if not acts and not out:
         kind = "still" if description.activity < STILL else "stand"
+        kind = "gesture" if description.activity > LIVELY else kind
         out.append(Act(Event(kind, 0, description.frames)))
     return out
 

@@ -100,6 +100,11 @@ _PLAIN: dict[str, list[Phrase]] = {
     "stay_lie": [("lie", "on the floor"), ("lie", "on the ground"), ("lie", "down")],
     "still": [("stand", "still"), ("stand", "in place without moving"), ("stay", "still")],
     "stand": [("stand", "in place"), ("stand", "on the spot"), ("stand", "")],
+    "gesture": [
+        ("move", "{his} arms"),
+        ("stand", "in place and {move} {his} arms"),
+        ("move", "{his} arms around"),
+    ],
     "stop": [("stop", ""), ("come", "to a stop"), ("stand", "still")],
 }
 
@@ -231,7 +236,28 @@ def _circles(event: Event, gait: Event | None, clock: str, verb: str, pace: str)
     return out
 
 
+def _limbs_in_turn(event: Event) -> list[Phrase]:
+    if event.kind == "knee":
+        return [
+            ("raise", "{his} knees one after the other"),
+            ("lift", "{his} knees in turn"),
+            ("bring", "{his} left and right knee up in turn"),
+        ]
+    limbs = "legs" if event.kind == "kick" else "hands"
+    one = "leg" if event.kind == "kick" else "hand"
+    out = [
+        (event.kind, f"with both {limbs} in turn"),
+        (event.kind, f"with {{his}} left and right {one} in turn"),
+        (event.kind, f"several times with both {limbs}"),
+    ]
+    if event.count < len(_TIMES):
+        out.append((event.kind, f"{_TIMES[event.count]} with both {limbs} in turn"))
+    return out
+
+
 def _limb(event: Event) -> list[Phrase]:
+    if event.side == BOTH:
+        return _limbs_in_turn(event)
     side, many = event.side, event.count
     where = f" {event.direction}" if event.direction == "forward" else ""
     out: list[Phrase]

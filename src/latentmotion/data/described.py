@@ -1,0 +1,186 @@
+"""Sentences measured from the motions of a prepared folder, or of a folder of motion files.
+
+In the train split each clip gets sentences about itself and about parts of random length and
+place; its own captions go with the parts of which they are still true. Clips of val and test keep
+their captions, and get measured ones only where they have none.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import shutil
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.configuration import read_json, write_json
+from latentmotion.data.captions import mirror_words
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.manifest import MANIFEST, CaptionRow, StoredClip
+from latentmotion.data.own import FPS, OwnMotions
+from latentmotion.data.recording import Dropped
+from latentmotion.data.report import REPORT, Report, parts_of
+from latentmotion.describe.reading import describe
+from latentmotion.describe.sentences import sentences
+from latentmotion.describe.windows import Row, Windows, caption_windows
+from latentmotion.errors import DataError
+from latentmotion.files import atomic_file, atomic_folder
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+
+COLUMNS = ("file", "caption", "from", "to")
+"""What `data prepare own --captions` reads."""
+
+LONGEST_FILE = 200
+"""Frames of the longest motion file that is described whole; longer ones in parts."""
+
+
+@dataclass(frozen=True)
+class FileRow:
+    """One line of a CSV of captions."""
+
+    file: str
+    """A motion file's path in its folder, or a clip's name."""
+    caption: str
+    """A sentence."""
+    start: float
+    """Seconds; zero in both means the whole motion."""
+    end: float
+    """Seconds."""
+
+
+def describe_folder(
+    folder: str | Path, out: str | Path, windows: Windows = Windows(), seed: int = 0
+) -> Report:
+    """Adds measured sentences to a prepared folder.
+
+    Args:
+        folder: A prepared folder of HumanML3D features.
+        out: The folder to write; features and normalizer are copied as they are.
+        windows: How many parts per clip, and how many sentences.
+        seed: What draws parts and wording; each clip draws for itself.
+
+    Raises:
+        DataError: The folder is not a prepared one, or of another representation.
+        InputError: The folder cannot be written.
+    """
+    dataset = Dataset.load(folder)
+    clips = tuple(described_clips(dataset, windows, seed))
+    manifest = replace(dataset.manifest, clips=clips)
+    path = dataset.folder / REPORT
+    old = read_json(Report, path) if path.is_file() else Report((), (), None)
+    added = sum(len(clip.captions) for clip in clips)
+    added -= sum(len(clip.captions) for clip in dataset.manifest.clips)
+    note = f"{added} captions measured from the motion (latentmotion data describe, seed {seed})"
+    report = replace(old, parts=parts_of(manifest), notes=(*old.notes, note))
+    with atomic_folder(out, MANIFEST) as temporary:
+        for shard in manifest.shards:
+            shutil.copyfile(dataset.folder / shard.file, temporary / shard.file)
+        write_json(temporary / REPORT, report)
+        write_json(temporary / MANIFEST, manifest)
+    return report
+
+
+def described_clips(dataset: Dataset, windows: Windows, seed: int) -> Iterator[StoredClip]:
+    """Yields the clips of a prepared folder with measured sentences.
+
+    Raises:
+        DataError: The folder is of another representation.
+    """
+    if dataset.representation.name != HUMANML3D_FEATURES.name:
+        raise DataError(
+            f"{dataset.folder}: found {dataset.representation.name!r} features; only "
+            f"{HUMANML3D_FEATURES.name!r} can be described, as they are of its 22 joints"
+        )
+    for clip in dataset.manifest.clips:
+        if clip.split != "train" and clip.captions:
+            yield clip
+            continue
+        joints = dataset.representation.decode(dataset.features(clip.clip()))
+        generator = _generator(seed, clip.id)
+        if clip.split == "train":
+            known: list[Row] = [row[:3] for row in clip.captions]
+            rows = caption_windows(joints, known, generator, windows)
+        else:
+            whole = describe(joints)
+            rows = [(text, 0, clip.frames) for text in sentences(whole, generator, count=3)]
+        yield _with_rows(clip, rows)
+
+
+def describe_files(motions: OwnMotions, seed: int = 0) -> list[FileRow | Dropped]:
+    """Describes motion files; what cannot be read comes with the reason.
+
+    Raises:
+        DataError: There is no such folder or no motion file in it.
+    """
+    out: list[FileRow | Dropped] = []
+    for item in motions.recordings():
+        if isinstance(item, Dropped):
+            out.append(item)
+            continue
+        joints = HUMANML3D_FEATURES.canonicalize(HUMANML3D_FEATURES.retarget(item.joints))
+        out += _file_rows(item.label.origin, joints, _generator(seed, item.label.id))
+    return out
+
+
+def write_captions(path: str | Path, rows: Iterable[FileRow]) -> None:
+    """Writes a CSV that `data prepare own --captions` reads.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    with atomic_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(COLUMNS)
+        for row in rows:
+            part = ("", "") if row.start == row.end == 0 else (f"{row.start:g}", f"{row.end:g}")
+            table.writerow((row.file, row.caption, *part))
+
+
+def folder_rows(folder: str | Path, windows: Windows, seed: int) -> list[FileRow]:
+    """Returns measured sentences of a prepared folder's clips as lines of a CSV."""
+    dataset = Dataset.load(folder)
+    return [
+        FileRow(
+            clip.id, text, *((0.0, 0.0) if end - start == clip.frames else _seconds(start, end))
+        )
+        for clip in described_clips(dataset, windows, seed)
+        for text, start, end, _ in clip.captions
+    ]
+
+
+def _file_rows(
+    file: str, joints: Float[np.ndarray, "frames 22 3"], generator: np.random.Generator
+) -> list[FileRow]:
+    """Files longer than a clip are described in parts of equal length."""
+    frames = len(joints)
+    parts = -(-frames // LONGEST_FILE)
+    edges = np.linspace(0, frames, parts + 1).astype(int).tolist()
+    out = []
+    for start, end in zip(edges[:-1], edges[1:], strict=True):
+        seconds = (0.0, 0.0) if parts == 1 else _seconds(start, end)
+        texts = sentences(describe(joints[start:end]), generator, count=3)
+        out += [FileRow(file, text, *seconds) for text in texts]
+    return out
+
+
+def _seconds(start: int, end: int) -> tuple[float, float]:
+    return start / FPS, end / FPS
+
+
+def _with_rows(clip: StoredClip, rows: list[Row]) -> StoredClip:
+    added: tuple[CaptionRow, ...] = tuple((*row, "") for row in rows)
+    mirrored = tuple((mirror_words(text), start, end, "") for text, start, end in rows)
+    return replace(
+        clip,
+        captions=(*clip.captions, *added),
+        mirrored_captions=(*clip.mirrored_captions, *mirrored),
+    )
+
+
+def _generator(seed: int, name: str) -> np.random.Generator:
+    number = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+    return np.random.default_rng([seed, number])
