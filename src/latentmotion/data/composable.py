@@ -27,6 +27,9 @@ _STEADY_FRAMES = 24
 _TRIMMED = (8, 0.12)
 """Most frames, and most of its length, that an action loses at either end for a better seam."""
 
+_SHORTEST_BONE = 0.005
+"""Meters; some recordings have a bone without length, which gives it no direction."""
+
 _GOING = {"walk", "run", "jog", "march", "sneak", "crawl", "creep", "sprint", "stroll", "stride",
           "tiptoe", "limp", "saunter", "shuffle", "skip"}  # fmt: skip
 _STEADY = _GOING | {"stand", "dance", "swim", "dribble"}
@@ -127,7 +130,10 @@ def _part(dataset: Dataset, item: Item) -> Part | None:
     if not read or 3 * len(read) < len(item.captions) or item.frames < _FRAMES[0]:
         return None
     joints = dataset.representation.decode(dataset.features(item.clip)[item.start : item.end])
-    joints = np.asarray(joints, np.float64)
+    parents = [max(parent, 0) for parent in dataset.representation.skeleton.parents]
+    if np.linalg.norm(joints - joints[:, parents], axis=-1)[:, 1:].min() < _SHORTEST_BONE:
+        return None
+    joints = dataset.representation.retarget(joints)  # a mirrored copy has the other side's bones
     sentences, texts = zip(*read, strict=True)
     steady = _is_steady(sentences, joints, dataset.representation.skeleton)
     if not steady and item.frames > _FRAMES[1]:

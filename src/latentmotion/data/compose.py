@@ -12,20 +12,21 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from latentmotion.data.captions import mirror_words
 from latentmotion.data.clip import Caption, Source
-from latentmotion.data.composable import Cut, Part, interest, parts_of_dataset
+from latentmotion.data.composable import Cut, Part, parts_of_dataset
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import COMPOSED, StoredClip
-from latentmotion.data.splicing import pose_descriptors, seam_of, splice
+from latentmotion.data.pairing import Pairing
+from latentmotion.data.splicing import seam_of, splice
 from latentmotion.data.store import StoredMotion, caption_rows
 from latentmotion.describe.ordering import in_order
 from latentmotion.errors import DataError
 
-_SEAMS = 8
-"""Places at which a part may end, and as many at which it may begin."""
+_DIP = 0.015
+"""Meters that a joint may go below the floor in the transition."""
 
 _ORDERED = 4
 """Sentences about a whole sequence."""
@@ -105,13 +106,10 @@ class _Composer:
         self.representation = dataset.representation
         self.parts, self.wanted = parts, wanted
         self.generator = np.random.default_rng(wanted.seed)
+        self.pairing = Pairing(parts, dataset.representation, self.generator, wanted.distance)
         self.refused: Counter[str] = Counter()
         self.used: Counter[str] = Counter()
         self.joined: set[tuple[str, str]] = set()
-        self.beginnings = [self._beginnings(part) for part in parts]
-        self.owners = np.repeat(np.arange(len(parts)), [len(f) for f, _ in self.beginnings])
-        self.poses = np.concatenate([poses for _, poses in self.beginnings]).astype(np.float32)
-        self.frames = np.concatenate([frames for frames, _ in self.beginnings])
 
     def sequences(self) -> Iterator[StoredMotion]:
         """Yields sequences until there are enough, or until no more are found."""
@@ -127,8 +125,9 @@ class _Composer:
         first = self.parts[int(self.generator.integers(len(self.parts)))]
         if self.used[first.name] >= self.wanted.uses:
             return None
-        found = self._follower(first)
+        found = self.pairing.follower(first, self._allowed(first))
         if found is None:
+            self.refused["no pose near enough"] += 1
             return None
         second, end, start = found
         one, other = first.joints[: end + 1], self._kept(second, start, end)
@@ -150,6 +149,8 @@ class _Composer:
         if not shortest * fps <= len(joints) - 1 <= longest * fps:
             return "too short or too long"
         fit = seam_of(joints, seam, fps, skeleton, round(self.wanted.transition * fps))
+        if fit.lowest < -_DIP:
+            return "below the floor"
         if fit.slide > self.wanted.slide:
             return "feet slide"
         return "jerk" if fit.jerk > self.wanted.jerk else ""
@@ -189,25 +190,7 @@ class _Composer:
             captions += [Caption(text, start, end) for text in cut.part.texts[:_OWN]]
         return captions
 
-    def _follower(self, first: Part) -> tuple[Part, int, int] | None:
-        """Returns a part, the frame at which the first ends and at which the part begins."""
-        ends = self._ends(first)
-        poses = self._poses(first, ends)
-        distance = _distances(poses.astype(np.float32), self.poses)
-        distance[:, ~self._allowed(first)[self.owners]] = np.inf
-        best = np.full(len(self.parts), np.inf)
-        np.minimum.at(best, self.owners, distance.min(axis=0))
-        near = np.flatnonzero(best < self.wanted.distance)
-        if not len(near):
-            self.refused["no pose near enough"] += 1
-            return None
-        weights = np.array([interest(first, self.parts[n]) for n in near]) / (0.05 + best[near])
-        chosen = int(self.generator.choice(near, p=weights / weights.sum()))
-        columns = np.flatnonzero(self.owners == chosen)
-        row, column = np.unravel_index(distance[:, columns].argmin(), (len(ends), len(columns)))
-        return self.parts[chosen], int(ends[row]), int(self.frames[columns[column]])
-
-    def _allowed(self, first: Part) -> np.ndarray:
+    def _allowed(self, first: Part) -> Bool[np.ndarray, " parts"]:
         """Says which parts may follow: other actions, not yet joined, not too often used."""
         return np.array(
             [
@@ -227,31 +210,3 @@ class _Composer:
             wanted = int(self.generator.integers(second.least, max(len(rest), second.least) + 1))
             return rest[: min(wanted, longest)]
         return rest
-
-    def _ends(self, part: Part) -> np.ndarray:
-        """Returns frames at which a part may end: late ones, or any of a steady movement."""
-        last = len(part.joints) - 1
-        earliest = part.least if part.steady else last - part.slack
-        return self._some(earliest, last)
-
-    def _beginnings(self, part: Part) -> tuple[np.ndarray, Float[np.ndarray, "chosen numbers"]]:
-        latest = len(part.joints) - 1 - part.least if part.steady else part.slack
-        frames = self._some(0, max(latest, 0))
-        return frames, self._poses(part, frames)
-
-    def _some(self, first: int, last: int) -> np.ndarray:
-        frames = np.arange(first, last + 1)
-        if len(frames) > _SEAMS:
-            frames = np.sort(self.generator.choice(frames, _SEAMS, replace=False))
-        return frames
-
-    def _poses(self, part: Part, frames: np.ndarray) -> Float[np.ndarray, "chosen numbers"]:
-        representation = self.representation
-        return pose_descriptors(part.joints, representation.fps, representation.skeleton, frames)
-
-
-def _distances(
-    some: Float[np.ndarray, "some numbers"], others: Float[np.ndarray, "others numbers"]
-) -> Float[np.ndarray, "some others"]:
-    squares = (some**2).sum(1)[:, None] + (others**2).sum(1) - 2 * some @ others.T
-    return np.sqrt(np.maximum(squares, 0))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from latentmotion.data.clip import Caption
-from latentmotion.describe.wording import rewordings
+from latentmotion.describe.rewording import rewordings
 
 
 def reworded_captions(

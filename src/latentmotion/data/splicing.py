@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from latentmotion.representation.facing import heading, turn
 from latentmotion.representation.interface import Representation
@@ -37,10 +37,12 @@ class Seam:
     """Mean horizontal speed of foot joints on the floor in the transition, m/s."""
     jerk: float
     """Largest jerk of any joint in the transition, m/s³."""
+    lowest: float
+    """Height of the lowest joint in the transition, meters."""
 
 
 def pose_descriptors(
-    joints: Joints, fps: float, skeleton: Skeleton, frames: np.ndarray
+    joints: Joints, fps: float, skeleton: Skeleton, frames: Int[np.ndarray, " chosen"]
 ) -> Float[np.ndarray, "chosen numbers"]:
     """Returns poses with their speeds as seen by the body, to compare by their distance.
 
@@ -62,7 +64,12 @@ def pose_descriptors(
     return np.concatenate(rows, axis=1) / np.sqrt(len(skeleton))
 
 
-def splice(first: Joints, second: Joints, seconds: float, representation: Representation) -> Joints:
+def splice(
+    first: Float[np.ndarray, "before joints 3"],
+    second: Float[np.ndarray, "after joints 3"],
+    seconds: float,
+    representation: Representation,
+) -> Float[np.ndarray, "total joints 3"]:
     """Returns the first motion up to its last frame, which is the second's first from then on.
 
     Args:
@@ -75,6 +82,7 @@ def splice(first: Joints, second: Joints, seconds: float, representation: Repres
         `len(first) + len(second) - 1` frames; the first `len(first) - 1` are the first's own.
     """
     fps, skeleton = representation.fps, representation.skeleton
+    first, second = first.astype(np.float64), second.astype(np.float64)
     second = _aligned(first, second, fps, skeleton)
     offset = first[-1] - second[0]
     speed = _speed(first, -1) - _speed(second, 0)
@@ -95,10 +103,15 @@ def seam_of(joints: Joints, seam: int, fps: float, skeleton: Skeleton, frames: i
     still = low & (np.abs(np.diff(feet[..., 1], axis=0)) * fps < _STANDING_SPEED)
     slide = float(steps[still].mean()) if still.any() else 0.0
     jerk = np.linalg.norm(np.diff(window, n=3, axis=0), axis=-1).max() * fps**3
-    return Seam(slide, float(jerk))
+    return Seam(slide, float(jerk), float(window[..., 1].min()))
 
 
-def _aligned(first: Joints, second: Joints, fps: float, skeleton: Skeleton) -> Joints:
+def _aligned(
+    first: Float[np.ndarray, "before joints 3"],
+    second: Float[np.ndarray, "after joints 3"],
+    fps: float,
+    skeleton: Skeleton,
+) -> Float[np.ndarray, "after joints 3"]:
     """Turns and moves the second so that its first pose lies on the first's last one."""
     goal, found = first[-1], second[0]
     weights = np.ones(len(skeleton))

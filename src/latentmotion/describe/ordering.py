@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from latentmotion.describe.clauses import Sentence
-from latentmotion.describe.wording import predicate, reworded
+from latentmotion.describe.rewording import predicate, reworded
 
 _ACTORS: dict[str, tuple[tuple[str, str], ...]] = {
     "neutral": (

@@ -10,8 +10,8 @@ import pytest
 from latentmotion.data.clip import Caption
 from latentmotion.data.rewording import reworded_captions
 from latentmotion.describe.clauses import read_clauses
+from latentmotion.describe.rewording import rewordings
 from latentmotion.describe.verbs import present_participle, third_person
-from latentmotion.describe.wording import rewordings
 
 SENTENCE = "the person walks forward slowly, then turns to the left."
 
