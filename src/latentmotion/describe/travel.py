@@ -237,7 +237,7 @@ def _with_feet(turn: Event, feet: Float[np.ndarray, "frames 2"]) -> bool:
     """Says whether the feet turned as well; else the body only twists."""
     start, end = max(turn.start - 3, 0), min(turn.end + 2, len(feet) - 1)
     turned = (feet[end] - feet[start]).mean() * (1 if turn.side == LEFT else -1)
-    return turn.direction == "walking" or turned > 0.5 * turn.amount
+    return bool(turn.direction == "walking" or turned > 0.5 * turn.amount)
 
 
 def _widening(way: Float[np.ndarray, "frames 2"], turns: tuple[Event, ...]) -> float:
