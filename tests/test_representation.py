@@ -164,6 +164,17 @@ def test_smoothing_is_scipys():
         np.testing.assert_allclose(gaussian_smooth(signal, sigma), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-15])
+def test_a_bone_that_the_source_lacks_goes_straight_on(noise: float) -> None:
+    """Two joints in one place, but for rounding, as spine3 is in some BVH of CMU."""
+    generator = np.random.default_rng(0)
+    joints = HUMANML3D_FEATURES.skeleton.rest_joints()[None].repeat(30, 0)
+    joints[:, [9, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21]] -= [0, 0.0574, 0]
+    joints[:, 9] += noise * generator.normal(size=(30, 3))
+    found = HUMANML3D_FEATURES.retarget(joints)
+    np.testing.assert_allclose(found[:, 9] - found[:, 6], [[0, 0.0574, 0]] * 30, atol=1e-9)
+
+
 @REPRESENTATIONS
 def test_retargeting_changes_lengths_and_keeps_directions(representation):
     skeleton = representation.skeleton

@@ -32,11 +32,19 @@ class Dataset:
 
     @classmethod
     def load(cls, folder: str | Path) -> Dataset:
-        """Opens a folder that `latentmotion data prepare` made.
+        """Opens a folder that `latentmotion data prepare` made, or a pack of one.
+
+        A pack is unpacked into the user's cache when it is opened for the first time.
 
         Raises:
             DataError: It is not such a folder, or it is damaged.
+            FileFormatError: The file is no pack, of another version or damaged.
         """
+        if Path(folder).is_file():
+            # Looked up only here: packs are made of data sets.
+            from latentmotion.data.pack.packing import unpacked
+
+            folder = unpacked(Path(folder))
         manifest = read_manifest(folder)
         try:
             representation = representation_named(manifest.representation)

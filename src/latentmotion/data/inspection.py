@@ -33,10 +33,10 @@ def inspect_folder(folder: Path) -> list[str]:
     Raises:
         DataError: There is no such folder, nothing known in it, or it is damaged.
     """
+    if folder.is_file() or (folder / MANIFEST).is_file():
+        return list(_prepared(Dataset.load(folder)))
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; {_EXPECTED}")
-    if (folder / MANIFEST).is_file():
-        return list(_prepared(folder))
     looks = (_annotations, _official, _poses, _motions)
     lines = [line for look in looks for line in look(folder)]
     if not lines:
@@ -44,8 +44,8 @@ def inspect_folder(folder: Path) -> list[str]:
     return lines
 
 
-def _prepared(folder: Path) -> Iterator[str]:
-    dataset = Dataset.load(folder)
+def _prepared(dataset: Dataset) -> Iterator[str]:
+    folder = dataset.folder
     for shard in dataset.manifest.shards:
         if sha256(folder / shard.file) != shard.sha256:
             raise DataError(f"{folder / shard.file} is damaged (hash); copy it or prepare again")
@@ -61,7 +61,9 @@ def _prepared(folder: Path) -> Iterator[str]:
         every = ", ".join(f"{action} {count}" for action, count in sorted(counts.items()))
         yield f"actions: {len(counts)} ({every})"
     for source in manifest.sources:
-        yield f"source {source.name}: {source.license}. Credit: {source.credit}"
+        yield f"source {source.name}{f', {source.url}' if source.url else ''}"
+        yield f"  terms: {source.license}"
+        yield f"  credit: {source.credit or 'nobody is named'}"
 
 
 def _annotations(folder: Path) -> Iterator[str]:

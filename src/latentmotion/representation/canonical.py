@@ -11,13 +11,17 @@ from latentmotion.arrays import array_namespace, device
 from latentmotion.representation.facing import heading, turn
 from latentmotion.skeleton import Skeleton
 
+_SHORTEST = 0.02
+"""Part of the leg's length below which a bone is taken to be none; the shortest real one is 0.06."""
+
 
 def retarget(
     joints: Float[Any, "frames joints 3"], skeleton: Skeleton, leg: tuple[int, ...]
 ) -> Float[Any, "frames joints 3"]:
     """Gives a body the bone lengths of a skeleton; bones keep their directions.
 
-    The path of the root is scaled by the ratio of the leg lengths, the source's in frame 0.
+    The path of the root is scaled by the ratio of the leg lengths, the source's in frame 0. A bone
+    that the source lacks, where two joints are in one place, goes on as the bone above it does.
 
     Args:
         joints: Positions of the same joints in another body, in any unit.
@@ -28,14 +32,17 @@ def retarget(
     target = np.linalg.norm(skeleton.offsets, axis=-1)
     bones = joints - joints[:, [max(parent, 0) for parent in skeleton.parents], :]
     lengths = xp.sqrt(xp.sum(bones * bones, axis=-1))
-    scale = float(sum(target[j] for j in leg)) / sum(lengths[0, j] for j in leg)
+    own_leg = sum(lengths[0, j] for j in leg)
     goal = xp.asarray(target, dtype=joints.dtype, device=device(joints))
-    # A bone of length zero has no direction; it stays a point.
+    # What is left of a bone of length zero is rounding, which points anywhere.
+    lacking = (lengths <= _SHORTEST * own_leg)[..., None]
     safe = xp.where(lengths > 0, lengths, xp.ones_like(lengths))
-    bones = bones * (goal / safe)[..., None]
-    placed = [joints[:, 0, :] * scale]
+    directions = [bones[:, j, :] / safe[:, j, None] for j in range(len(skeleton))]
+    placed = [joints[:, 0, :] * (float(sum(target[j] for j in leg)) / own_leg)]
     for joint, parent in list(enumerate(skeleton.parents))[1:]:
-        placed.append(placed[parent] + bones[:, joint, :])
+        above = directions[parent]
+        directions[joint] = xp.where(lacking[:, joint, :], above, directions[joint])
+        placed.append(placed[parent] + goal[joint] * directions[joint])
     return xp.stack(placed, axis=1)
 
 

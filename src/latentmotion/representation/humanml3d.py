@@ -93,7 +93,18 @@ class HumanML3DRepresentation:
         self._check(joints)
         joints = self.canonicalize(xp.astype(joints, xp.float64))
         yaw = smooth_heading(joints, self.skeleton)
-        yaw = xp.concat([xp.zeros_like(yaw[:1]), yaw[1:]])
+        return self.describe(joints, xp.concat([xp.zeros_like(yaw[:1]), yaw[1:]]))
+
+    def describe(
+        self, joints: Float[Any, "frames joints 3"], yaw: Float[Any, " frames"]
+    ) -> Float[Any, "frames_less_one features"]:
+        """Describes a clip that stands where it shall and whose heading is known.
+
+        Args:
+            joints: Global positions, meters, y up, the floor at 0.
+            yaw: Heading of the body, radians; 0 towards +z, positive towards +x.
+        """
+        xp = array_namespace(joints)
         steps = joints[1:] - joints[:-1]
         parts = [
             _half_turns(yaw),
