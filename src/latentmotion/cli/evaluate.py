@@ -1,48 +1,20 @@
-"""`latentmotion evaluate`: measures a model on a prepared data set and reports."""
+"""`latentmotion evaluate`: measures a model, by metrics on a data set or by instructions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from latentmotion.body.smpl_model import load_smpl
-from latentmotion.checkpoint import TrainedModel, load_model
-from latentmotion.cli.loading import load_generator
-from latentmotion.cli.train import text_encoder_named
-from latentmotion.condition.interface import TextEncoder
-from latentmotion.configuration import to_json
+from latentmotion.cli.instructions import measure_instructions
 from latentmotion.data.clip import Split
-from latentmotion.data.dataset import Dataset
 from latentmotion.diffusion.sampler import SamplerName
-from latentmotion.errors import ModelError
-from latentmotion.evaluation.bodies import seen_on
-from latentmotion.evaluation.card import card_figures
-from latentmotion.evaluation.cost import Cost, cost_of, some_of
-from latentmotion.evaluation.extractors.interface import load_extractor
-from latentmotion.evaluation.origin import weights_hash
-from latentmotion.evaluation.protocol import (
-    PROTOCOLS,
-    Generated,
-    Prior,
-    Protocol,
-    Reconstructed,
-    Report,
-    Subject,
-    compare,
-    plan_of,
-)
-from latentmotion.evaluation.report import REPORT_FILE
+from latentmotion.errors import InputError
 from latentmotion.evaluation.settings import ProtocolName
-from latentmotion.evaluation.trials import Trial
-from latentmotion.files import check_replaceable
-from latentmotion.model_card import read_card
-from latentmotion.models import find_model
-from latentmotion.runtime.computing import Computing, Launch, Precision
-from latentmotion.runtime.eager import eager_prior
-from latentmotion.vae.identity import IdentityVAE
+from latentmotion.runtime.computing import Launch, Precision
 
 
 @dataclass(frozen=True)
@@ -52,13 +24,16 @@ class Evaluate:
     A model with a denoiser answers the split's sentences, labels or lengths; a VAE repeats its
     motions. Without an evaluator, only joints are looked at.
 
-    Example: latentmotion evaluate my_model --data my_data --evaluator my_evaluator -o report
+    Examples:
+        latentmotion evaluate my_model --data my_data --evaluator my_evaluator -o report
+        latentmotion evaluate my_model --instructions -o report
     """
 
-    model: Annotated[Positional[str], arg(metavar="MODEL")]
+    model: Annotated[Positional[str | None], arg(metavar="MODEL")] = None
     """Name or folder of a model: exported, trained or converted."""
-    data: Annotated[Path, arg(aliases=["-d"])]
-    """Folder that `latentmotion data prepare` wrote."""
+    data: Annotated[Path | None, arg(aliases=["-d"])] = None
+    """Folder that `latentmotion data prepare` wrote; with --instructions its captions' claims are
+    the ceiling, and it may be left out."""
     evaluator: Annotated[Path | None, arg(aliases=["-e"])] = None
     """Folder of an evaluator, for FID, R-precision, accuracy and the like."""
     protocol: ProtocolName = "clean"
@@ -95,8 +70,22 @@ class Evaluate:
     """How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled."""
     cost: bool = False
     """Measure parameters, FLOPs and seconds too."""
+    instructions: bool = False
+    """Ask for some 250 instructions (turn left, kick twice, walk and then sit down) and check in
+    the motion whether it does them (docs/instructions.md); needs no PyTorch."""
+    takes: int = 5
+    """Instructions: motions of each prompt."""
+    clean: bool = True
+    """Instructions: clean motions up, as users get them."""
+    joints: Path | None = None
+    """Instructions: in place of MODEL a folder of any model's joint positions, a file per prompt
+    and take, e.g. side-01_0.npy of shape (frames, 22, 3)."""
+    fps: float = 20.0
+    """Instructions: frames per second of such files that do not say."""
+    prompts: Path | None = None
+    """Instructions: write the prompts, checks, lengths and seeds to this CSV file and stop."""
     output: Annotated[Path | None, arg(aliases=["-o"])] = None
-    """Folder to write report.json and report.md to."""
+    """Folder to write report.json and report.md to (instructions.json and instructions.md)."""
     card: bool = False
     """Write the figures into the model's model.json."""
 
@@ -104,79 +93,15 @@ class Evaluate:
         """Prints the report, and writes it where asked.
 
         Raises:
+            InputError: Neither model nor joints are given, or no data.
             ModelError: The model has nothing to measure.
         """
-        if self.output is not None:
-            check_replaceable(self.output, REPORT_FILE)
-        folder, dataset = find_model(self.model), Dataset.load(self.data)
-        extractor = load_extractor(self.evaluator) if self.evaluator else None
-        if self.body is not None:
-            dataset, extractor = seen_on(load_smpl(self.body), dataset, extractor)
-        subjects = self._subjects(folder)
-        protocol = self._protocol()
-        report = compare(subjects, dataset, extractor, protocol)
-        if self.cost:
-            trial = plan_of(subjects, dataset, extractor, protocol).trial(0)
-            report = replace(report, cost=self._cost(folder, subjects[0], trial))
-        print(report.markdown(), end="")
-        self._keep(folder, report)
-
-    def _protocol(self) -> Protocol:
-        protocol, repeats = PROTOCOLS[self.protocol], PROTOCOLS[self.protocol].repeats
-        if self.multimodality is not None:
-            repeats = replace(repeats, texts=self.multimodality)
-        usual = protocol.replications if self.evaluator else 1
-        return replace(
-            protocol,
-            split=self.split,
-            replications=usual if self.replications is None else self.replications,
-            seed=self.seed,
-            repeats=repeats,
-            max_frames=self.max_frames,
-        )
-
-    def _subjects(self, folder: Path) -> list[Subject]:
-        model, weights = load_model(folder), weights_hash(folder)
-        rebuilt = self._rebuilt(model, weights)
-        if self.prior:
-            return [Prior(eager_prior(folder, self._computing()), weights), *rebuilt]
-        if model.denoiser is None and not rebuilt:
-            raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
-        if model.denoiser is None:
-            return rebuilt
-        generator = load_generator(
-            folder, text_encoder=self.text_encoder, computing=self._computing()
-        )
-        made = Generated(generator, self.steps, self.guidance, self.sampler, weights)
-        return [made, *rebuilt]
-
-    def _computing(self) -> Computing:
-        return Computing(self.device, self.precision, self.launch)
-
-    def _rebuilt(self, model: TrainedModel, weights: str) -> list[Subject]:
-        if model.vae is None or isinstance(model.vae, IdentityVAE):
-            return []
-        usual, other = ("mean", "sampled") if self.protocol == "clean" else ("sampled", "mean")
-        row = f"reconstruction ({usual} z)", f"reconstruction ({other} z)"
-        vae, card = model.vae, model.card
-        return [
-            Reconstructed(vae, card, usual == "sampled", weights, row[0]),
-            Reconstructed(vae, card, other == "sampled", weights, row[1]),
-        ]
-
-    def _cost(self, folder: Path, subject: Subject, trial: Trial) -> Cost:
-        generated = subject if isinstance(subject, Generated) else None
-        return cost_of(folder, generated, some_of(trial.questions), self._encoder())
-
-    def _encoder(self) -> TextEncoder | None:
-        return text_encoder_named(self.text_encoder) if self.text_encoder else None
-
-    def _keep(self, folder: Path, report: Report) -> None:
-        if self.output is not None:
-            report.write(self.output)
-            print(f"\nwrote {self.output / 'report.json'} and report.md")
-        if self.card:
-            card = read_card(folder)
-            figures = {**card.figures, "evaluation": card_figures(report)}
-            replace(card, figures=to_json(figures)).write(folder)
-            print(f"\nwrote the figures into {folder / 'model.json'}")
+        if self.instructions or self.joints or self.prompts:
+            measure_instructions(self)
+            return
+        if self.model is None or self.data is None:
+            lacking = "MODEL" if self.model is None else "--data"
+            raise InputError(f"{lacking} is missing; see latentmotion evaluate --help")
+        # Looked up only here, so that instructions need no PyTorch.
+        metrics = import_module("latentmotion.cli.evaluate_metrics")
+        metrics.Measuring(self, self.model, self.data).run()

@@ -16,6 +16,9 @@ SIDES = (LEFT, RIGHT, BOTH, "any")
 WAYS = ("forward", "backward", LEFT, RIGHT)
 TURNS = (LEFT, RIGHT, "either")
 
+_RISE = {"jump": 0.08, "hop": 0.03}
+"""Meters by which the pelvis rises in the lowest jump."""
+
 
 @dataclass(frozen=True)
 class Act:
@@ -52,6 +55,11 @@ def _standing(scene: Scene) -> list[Event]:
     return lasting([part for part in scene.facts.postures if part.kind == "stand"], 0.3)
 
 
+def _jumps(scene: Scene) -> list[Event]:
+    """Jumps in which the pelvis rises, and hops; feet drawn off the floor alone are none."""
+    return [event for event in scene.find("jump", "hop") if event.amount >= _RISE[event.kind]]
+
+
 def _bends(scene: Scene) -> list[Event]:
     """Bows and reaches down, and where the trunk stays bent without coming up again."""
     dips = scene.find("bow", "pick_up")
@@ -72,7 +80,7 @@ ACTS: dict[str, Act] = {
     "hop": Act(_of("hop"), (SIDES,)),
     "one_leg": Act(_of("balance"), (SIDES,)),
     "touch": Act(_of("touch_head"), (SIDES, ("head",))),
-    "jump": Act(_of("jump", "hop")),
+    "jump": Act(_jumps),
     "clap": Act(_of("clap")),
     "squat": Act(_of("squat")),
     "jack": Act(_of("jack")),
@@ -132,11 +140,11 @@ def _is_of(event: Event, side: str) -> bool:
 
 
 def _follows(scene: Scene, first: Term, second: Term) -> bool:
-    """What happens must not happen the other way round first; what goes on may have before."""
+    """Of what happens, the first time counts; what goes on may do so before and after."""
     before, after = found(scene, first), found(scene, second)
     goes_on = ACTS[first.name].lasts, ACTS[second.name].lasts
-    if not any(goes_on) and before and after:
-        before, after = before[:1], after[:1]
+    before = before if goes_on[0] else before[:1]
+    after = after if goes_on[1] else after[:1]
     return any(_precedes(one, two, goes_on) for one in before for two in after)
 
 

@@ -11,13 +11,14 @@ from jaxtyping import Float
 
 from latentmotion.data.resampling import interpolate
 from latentmotion.describe.facts import FPS
+from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.instructions.prompts import Instruction
 from latentmotion.generator import MotionGenerator
 from latentmotion.motion import Motion
 from latentmotion.skeleton import HUMANML3D
 
-Joints = Float[np.ndarray, "frames 22 3"]
+Joints = Float[np.ndarray, "_ 22 3"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class Asking:
     """Sampling steps; by default the model's own."""
     guidance: float | None = None
     """How strongly the prompt steers; by default the model's own."""
+    sampler: SamplerName | None = None
+    """Rule of a sampling step; by default the model's own."""
 
 
 def answers(
@@ -71,6 +74,7 @@ def _made(
         [seed for one in instructions for seed in one.seeds(takes)],
         asking.steps,
         asking.guidance,
+        asking.sampler,
     )
     joints = [_seen(motion.cleaned() if asking.clean else motion) for motion in motions]
     return {one.id: joints[n * takes :][:takes] for n, one in enumerate(instructions)}

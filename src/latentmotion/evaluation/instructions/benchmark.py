@@ -14,7 +14,7 @@ from latentmotion.evaluation.instructions.prompts import GROUPS, VERSION, Instru
 from latentmotion.evaluation.instructions.scene import Scene, scene_of
 from latentmotion.evaluation.instructions.truth import Claimed
 
-Joints = Float[np.ndarray, "frames 22 3"]
+Joints = Float[np.ndarray, "_ 22 3"]
 Verdicts = Mapping[str, Sequence[Sequence[bool]]]
 
 OVERALL = "overall"

@@ -1,7 +1,7 @@
 """Motions of other models: a folder of joint positions, a file per prompt and take.
 
-    FOLDER/side-01_0.npy   (frames, 22, 3) meters, y up, SMPL's body joints as HumanML3D orders them
-    FOLDER/side-01_1.npz   the same as `joints`, with `fps` if it wants
+FOLDER/side-01_0.npy   (frames, 22, 3) meters, y up, SMPL's body joints as HumanML3D orders them
+FOLDER/side-01_1.npz   the same as `joints`, with `fps` if it wants
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from latentmotion.describe.facts import FPS
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.evaluation.instructions.prompts import Instruction
 
-Joints = Float[np.ndarray, "frames 22 3"]
+Joints = Float[np.ndarray, "_ 22 3"]
 
 LONGEST = 200_000
 """Frames of a file that are read."""

@@ -76,4 +76,4 @@ def write_prompts(path: str | Path, takes: int) -> None:
 
 
 def _text() -> str:
-    return files(__package__).joinpath(_LIST).read_text(encoding="utf-8")
+    return files("latentmotion.evaluation.instructions").joinpath(_LIST).read_text(encoding="utf-8")

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from latentmotion.configuration import to_json
 from latentmotion.evaluation.instructions.benchmark import OVERALL, Benchmark
-from latentmotion.evaluation.instructions.prompts import GROUPS
 from latentmotion.files import atomic_folder
 
 REPORT_FILE = "instructions.json"
@@ -18,8 +17,8 @@ def table(found: Benchmark) -> str:
     """Returns the figures as a Markdown table, a group a line."""
     head = ["group", "prompts", found.subject, "in some take", "real motions", "other prompts'"]
     lines = [_line(head), "|---" * len(head) + "|"]
-    for group in (*GROUPS, OVERALL):
-        share, real = found.model[group], found.real.get(group)
+    for group, share in found.model.items():
+        real = found.real.get(group)
         lines.append(
             _line(
                 [

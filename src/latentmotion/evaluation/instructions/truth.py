@@ -21,7 +21,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError
 from latentmotion.evaluation.instructions.expressions import Check, parse
 
-Joints = Float[np.ndarray, "frames 22 3"]
+Joints = Float[np.ndarray, "_ 22 3"]
 
 _NEGATED = re.compile(r"\b(without|not|no|doesn't|never|or|as if|like)\b")
 
@@ -56,7 +56,11 @@ class Claimed:
 
 def patterns() -> tuple[Pattern, ...]:
     """Returns the claims that are looked for."""
-    text = files(__package__).joinpath("captions.csv").read_text(encoding="utf-8")
+    text = (
+        files("latentmotion.evaluation.instructions")
+        .joinpath("captions.csv")
+        .read_text(encoding="utf-8")
+    )
     return tuple(
         Pattern(row["group"], re.compile(row["pattern"]), parse(row["check"]))
         for row in csv.DictReader(text.splitlines())
@@ -88,7 +92,7 @@ def _of_clip(
     dataset: Dataset, clip: Clip, known: tuple[Pattern, ...], tagged: bool
 ) -> Iterator[Claimed]:
     seen: set[tuple[str, int, int]] = set()
-    joints: Joints | None = None
+    joints: Joints = np.zeros((0, 22, 3))
     for caption in (one for one in clip.captions if one.tokens or not tagged):
         text = caption.text.lower()
         for pattern in known:
@@ -96,7 +100,7 @@ def _of_clip(
             if key in seen or _NEGATED.search(text) or not pattern.words.search(text):
                 continue
             seen.add(key)
-            if joints is None:
+            if not len(joints):
                 joints = dataset.representation.decode(dataset.features(clip))
             part = joints[caption.start_frame : caption.end_frame]
             if len(part) >= 8:
