@@ -56,6 +56,7 @@ def test_sentence_is_read_in_clauses() -> None:
         "a man crouching down reaches up",
         "a person walks forward and faces left",
         "a person frobs the widget",
+        "a person walks then turns around runs back",
         "from a standing position, someone sits",
         "",
     ],

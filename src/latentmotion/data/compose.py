@@ -19,7 +19,7 @@ from latentmotion.data.clip import Caption, Source
 from latentmotion.data.composable import Cut, Part, parts_of_dataset
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import COMPOSED, StoredClip
-from latentmotion.data.pairing import Pairing
+from latentmotion.data.pairing import Pairing, rarity
 from latentmotion.data.splicing import seam_of, splice
 from latentmotion.data.store import StoredMotion, caption_rows
 from latentmotion.describe.ordering import in_order
@@ -106,6 +106,7 @@ class _Composer:
         self.representation = dataset.representation
         self.parts, self.wanted = parts, wanted
         self.generator = np.random.default_rng(wanted.seed)
+        self.rarity = rarity(parts)
         self.pairing = Pairing(parts, dataset.representation, self.generator, wanted.distance)
         self.refused: Counter[str] = Counter()
         self.used: Counter[str] = Counter()
@@ -122,7 +123,7 @@ class _Composer:
                 yield motion
 
     def _one(self, number: int) -> StoredMotion | None:
-        first = self.parts[int(self.generator.integers(len(self.parts)))]
+        first = self.parts[int(self.generator.choice(len(self.parts), p=self.rarity))]
         if self.used[first.name] >= self.wanted.uses:
             return None
         found = self.pairing.follower(first, self._allowed(first))

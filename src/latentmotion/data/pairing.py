@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +14,13 @@ from latentmotion.representation.interface import Representation
 
 _SEAMS = 8
 """Places at which a part may end, and as many at which it may begin."""
+
+
+def rarity(parts: Sequence[Part]) -> Float[np.ndarray, " parts"]:
+    """Returns how often each part is drawn, so that frequent actions do not crowd out the rest."""
+    frequency = Counter(part.verbs for part in parts)
+    weights = np.array([frequency[part.verbs] ** -0.7 for part in parts])
+    return weights / weights.sum()
 
 
 class Pairing:
@@ -33,7 +41,7 @@ class Pairing:
         distance: float,
     ) -> None:
         self.parts, self.representation = parts, representation
-        self.generator, self.distance = generator, distance
+        self.generator, self.distance, self.rarity = generator, distance, rarity(parts)
         beginnings = [self._beginnings(part) for part in parts]
         self.owners = np.repeat(np.arange(len(parts)), [len(frames) for frames, _ in beginnings])
         self.poses = np.concatenate([poses for _, poses in beginnings]).astype(np.float32)
@@ -57,9 +65,8 @@ class Pairing:
         near = np.flatnonzero(best < self.distance)
         if not len(near):
             return None
-        weights = np.array([interest(first, self.parts[n]) for n in near.tolist()]) / (
-            0.05 + best[near]
-        )
+        wanted = np.array([interest(first, self.parts[n]) for n in near.tolist()])
+        weights = wanted * self.rarity[near] / (0.05 + best[near])
         chosen = int(self.generator.choice(near, p=weights / weights.sum()))
         columns = np.flatnonzero(self.owners == chosen)
         row, column = np.unravel_index(distance[:, columns].argmin(), (len(ends), len(columns)))

@@ -51,6 +51,10 @@ _PLURAL_WORDS = """
 _PLURALS = set(_PLURAL_WORDS.split())
 """Words that end as a third person does and are none."""
 
+_WAYS = {"around", "forward", "forwards", "back", "backward", "backwards", "down", "up", "still"}
+
+_FINITE = set(BASE_OF_THIRD) - _PLURALS
+
 _NOMINAL_VERBS = {"do", "perform", "make", "practice", "throw", "mime", "imitate", "demonstrate"}
 """Verbs after which "kicks and punches" may be things."""
 
@@ -108,7 +112,7 @@ def read_clauses(text: str) -> Sentence | None:
     clauses = _Reader(words, plural=subject == "they", bare=not subject).read()
     if not clauses or any(_doubtful(clause) for clause in clauses):
         return None
-    if words[0] in BASE_OF_PARTICIPLE and _has_finite(clauses):
+    if (words[0] in BASE_OF_PARTICIPLE and _has_finite(clauses)) or _runs_on(words):
         return None
     inside = {word for clause in clauses for word in clause.rest}
     return Sentence(subject, gender or "neutral", tuple(clauses), bool(inside & _PRONOUNS))
@@ -238,7 +242,13 @@ def _link(linked: list[str], between: list[str]) -> str:
 def _has_finite(clauses: list[Clause]) -> bool:
     """Whether a third person is left inside, as in "a man crouching down reaches up"."""
     words = {word for clause in clauses for word in clause.rest}
-    return bool((words & set(BASE_OF_THIRD)) - _PLURALS)
+    return bool(words & _FINITE)
+
+
+def _runs_on(words: list[str]) -> bool:
+    """Whether a verb follows without a comma, as in "turns around runs back"."""
+    pairs = zip(words, words[1:], strict=False)
+    return any(place in _WAYS and verb in _FINITE for place, verb in pairs)
 
 
 def _doubtful(clause: Clause) -> bool:

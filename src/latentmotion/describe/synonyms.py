@@ -44,7 +44,7 @@ VERB_GROUPS = (
     VerbGroup(("jump up", "leap up"), _END, r"and down|\bjumps?\b|\bleaps?\b"),
     VerbGroup(("jump over", "leap over")),
     VerbGroup(("stumble", "stagger"), _WAY, r"stumbl|stagger|stead|trip"),
-    VerbGroup(("place", "put"), _BODY),
+    VerbGroup(("place", "put"), _BODY, r"\b(?:air|out|up|down|back|forwards?|together)\b"),
     VerbGroup(("grab", "take hold of", "grasp"), _OBJECT),
     VerbGroup(("stop", "come to a stop", "halt"), r"(?:$|\.)"),
     VerbGroup(("sneak", "creep"), _WAY, r"sneak|creep"),
