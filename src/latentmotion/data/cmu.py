@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.annotations import IndexRow, read_splits, read_texts, sentences_of
+from latentmotion.data.captions import TaggedSentence, mirror_sentence
 from latentmotion.data.clip import Split
 from latentmotion.data.cmu_trials import (
     CMU,
@@ -25,7 +26,9 @@ from latentmotion.data.cmu_trials import (
     rows_by_trial,
     trial_joints,
 )
+from latentmotion.data.glitches import find_glitch
 from latentmotion.data.joining import joined
+from latentmotion.data.mocap6 import read_exercises
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.segments import LONGEST, pieces
 from latentmotion.errors import DataError, FileFormatError
@@ -48,6 +51,8 @@ class CmuTrials:
     """Split of each id."""
     texts: Mapping[str, str]
     """Caption file of each id."""
+    exercises: Mapping[str, Sequence[tuple[int, int, str]]]
+    """Labeled stretches of a few trials: first frame, one past the last, what the person does."""
 
     @classmethod
     def load(cls, trials: Path, humanml3d: Path, rates: Path | None = None) -> CmuTrials:
@@ -67,6 +72,7 @@ class CmuTrials:
             rows=rows_by_trial(humanml3d),
             splits=read_splits(humanml3d),
             texts=read_texts(humanml3d),
+            exercises=read_exercises(trials, FPS),
         )
 
     @property
@@ -96,7 +102,7 @@ class CmuTrials:
             yield from clips
             yield from _touching([clip for clip in clips if isinstance(clip, Recording)], rows)
             if uncaptioned and all(self.splits.get(row.id, "train") == "train" for row in rows):
-                yield from _without_captions(trial, rows, joints)
+                yield from _rest(trial, rows, joints, self.exercises.get(trial, ()))
 
     def _cut(
         self, trial: str, row: IndexRow, joints: Float[np.ndarray, "frames joints 3"]
@@ -113,11 +119,21 @@ class CmuTrials:
             id=row.id,
             source=CMU.name,
             origin=f"{trial}[{row.start}:{end}]",
-            split=self.splits[row.id],
+            split=self._split(trial, row),
             sentences=sentences_of(self.texts, row.id),
             mirrored_sentences=sentences_of(self.texts, f"M{row.id}"),
         )
         return Recording(label, joints[row.start : end])
+
+    def _split(self, trial: str, row: IndexRow) -> Split:
+        """Keeps training apart by recording: HumanML3D cuts 47 recordings into both.
+
+        Some of its train clips even overlap a test clip of the same trial; they become val here,
+        so that test is HumanML3D's to the clip.
+        """
+        others = {self.splits.get(other.id, "train") for other in self.rows[trial]}
+        split = self.splits[row.id]
+        return "val" if split == "train" and others != {"train"} else split
 
 
 def _touching(clips: Sequence[Recording], rows: Sequence[IndexRow]) -> Iterator[Recording]:
@@ -132,22 +148,29 @@ def _touching(clips: Sequence[Recording], rows: Sequence[IndexRow]) -> Iterator[
             yield both
 
 
-def _without_captions(
-    trial: str, rows: Sequence[IndexRow], joints: Float[np.ndarray, "frames joints 3"]
+def _rest(
+    trial: str,
+    rows: Sequence[IndexRow],
+    joints: Float[np.ndarray, "frames joints 3"],
+    exercises: Sequence[tuple[int, int, str]],
 ) -> Iterator[Recording | Dropped]:
+    """Yields what the rows leave of a trial, with sentences where somebody labeled exercises."""
     gaps = list(_gaps(rows, len(joints)))
-    found = list(pieces(joints, FPS, gaps))
+    found = list(pieces(joints, FPS, gaps, [start for start, _, _ in exercises]))
     lost = sum(end - start for start, end in gaps) - sum(end - start for start, end in found)
     if lost:
-        yield Dropped(
-            f"cmu-{trial}", "part", f"{lost} uncaptioned frames: glitches and what they leave"
-        )
+        reason = find_glitch(joints, FPS) or "shorter than a second"
+        yield Dropped(f"cmu-{trial}", "part", f"{lost} uncaptioned frames: {reason}")
     for first, last in found:
+        done = [t for start, end, t in exercises if start - 4 <= first and last <= end + 4]
+        sentences = tuple(TaggedSentence(f"a person {text}.") for text in done)
         label = Label(
             id=f"cmu-{trial}-{first:05d}",
             source=CMU.name,
             origin=f"{trial}[{first}:{last}]",
             split="train",
+            sentences=sentences,
+            mirrored_sentences=tuple(map(mirror_sentence, sentences)),
         )
         yield Recording(label, joints[first:last])
 
