@@ -18,12 +18,14 @@ from jaxtyping import Float
 from latentmotion.animation import Animation
 from latentmotion.data.captions import TaggedSentence, mirror_sentence
 from latentmotion.data.clip import Source
+from latentmotion.data.evidence import floor_of
 from latentmotion.data.finding import files_below
 from latentmotion.data.glitches import find_glitch
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.resampling import joints_at
 from latentmotion.data.segments import pieces
-from latentmotion.data.snu_annotations import Span, read_annotations
+from latentmotion.data.snu_actions import sentences_of
+from latentmotion.data.snu_annotations import Group, Span, grouped, read_annotations
 from latentmotion.data.snu_names import sentences_for
 from latentmotion.data.splits import split_of
 from latentmotion.data.t_pose import held_t_pose
@@ -41,8 +43,8 @@ SNU = Source(
 FPS = 20
 STILL = 0.3
 """Meters per second below which nobody moves in a take, not even a hand."""
-SAME = 0.02
-"""Meters by which two files of one take may differ."""
+SAME = 0.04
+"""Meters by which two files of one take may differ on average; skeletons differ in the head."""
 HELD = 8
 """Frames of a calibration pose in the middle of a take; arms pass through it faster."""
 EDGE = 5
@@ -142,34 +144,49 @@ def _check_new(
     if fastest < STILL:
         raise DataError(f"nothing moves faster than {fastest:.2g} m/s in {len(joints)} frames")
     for name, other in seen:
-        if np.abs(joints - other).max() < SAME:
+        if np.abs(joints - other).mean() < SAME:
             raise DataError(f"the same motion as {name}")
 
 
 def _pieces(
     path: Path, joints: Float[np.ndarray, "frames joints 3"], spans: Sequence[Span]
 ) -> Iterator[Recording | Dropped]:
-    take = recording_of(path.stem)
-    kept = _without_t_poses(joints)
-    found = list(pieces(joints, FPS, kept, cuts=[span.start for span in spans]))
-    posed = len(joints) - sum(end - start for start, end in kept)
-    lost = len(joints) - posed - sum(end - start for start, end in found)
-    if posed:
-        yield Dropped(path.stem, "part", f"{posed} of {len(joints)} frames: calibration pose")
+    stretches = _without_t_poses(joints)
+    told = [group for group in grouped(spans, len(joints)) if _inside(group, stretches)]
+    found = list(pieces(joints, FPS, stretches, [e for g in told for e in (g.start, g.end)]))
+    kept = sum(end - start for start, end in stretches)
+    lost = kept - sum(end - start for start, end in found)
+    if kept < len(joints):
+        posed = f"{len(joints) - kept} of {len(joints)} frames: calibration pose"
+        yield Dropped(path.stem, "part", posed)
     if lost:
         reason = find_glitch(joints, FPS) or "shorter than a second"
         yield Dropped(path.stem, "part", f"{lost} of {len(joints)} frames: {reason}")
+    floor, groups = floor_of(joints), {(group.start, group.end): group for group in told}
     for first, last in found:
-        sentences = sentences_for(path.stem)
-        label = Label(
-            id=f"snu-{path.stem}-{first:05d}",
-            source=SNU.name,
-            origin=f"{path.parent.name}/{path.name}[{first}:{last}]",
-            split=split_of("snu", take),
-            sentences=tuple(map(TaggedSentence, sentences)),
-            mirrored_sentences=tuple(mirror_sentence(TaggedSentence(text)) for text in sentences),
-        )
-        yield Recording(label, joints[first:last])
+        piece = joints[first:last]
+        if (first, last) in groups:
+            sentences = sentences_of(groups[first, last].actions)
+        else:
+            name, whole = recording_of(path.stem), last - first > 0.8 * kept
+            sentences = sentences_for(name, piece, floor, whole)
+        yield Recording(_label(path, first, last, sentences), piece)
+
+
+def _label(path: Path, first: int, last: int, texts: Sequence[str]) -> Label:
+    sentences = tuple(map(TaggedSentence, texts))
+    return Label(
+        id=f"snu-{path.stem}-{first:05d}",
+        source=SNU.name,
+        origin=f"{path.parent.name}/{path.name}[{first}:{last}]",
+        split=split_of(SNU.name, recording_of(path.stem)),
+        sentences=sentences,
+        mirrored_sentences=tuple(map(mirror_sentence, sentences)),
+    )
+
+
+def _inside(group: Group, stretches: Sequence[tuple[int, int]]) -> bool:
+    return any(first <= group.start and group.end <= last for first, last in stretches)
 
 
 def _without_t_poses(joints: Float[np.ndarray, "frames joints 3"]) -> list[tuple[int, int]]:

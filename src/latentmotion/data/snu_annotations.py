@@ -7,12 +7,16 @@ which, what the person does there.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from latentmotion.data.finding import files_below
+from latentmotion.data.segments import LONGEST
 from latentmotion.errors import FileFormatError
+
+GAP, AROUND, LEAST = 12, 4, 24
+"""Frames between stretches of one group, taken before and after it, and of the shortest one."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,41 @@ class Span:
     def at(self, part: float) -> Span:
         """Returns the same stretch at `part` times as many frames per second."""
         return Span(round(self.start * part), round(self.end * part), self.action)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Labeled stretches that follow each other closely."""
+
+    start: int
+    """First frame."""
+    end: int
+    """One past the last frame."""
+    actions: tuple[str, ...]
+    """What the person does, in order."""
+
+
+def grouped(spans: Sequence[Span], frames: int) -> list[Group]:
+    """Joins stretches that are less than `GAP` apart, and makes each at least `LEAST` long.
+
+    Args:
+        spans: Stretches at 20 frames per second, in order.
+        frames: Length of the take.
+    """
+    groups: list[Group] = []
+    for span in spans:
+        last = groups[-1] if groups else None
+        if last and span.start - last.end < GAP and span.end - last.start + 2 * AROUND <= LONGEST:
+            end = max(last.end, span.end)
+            groups[-1] = Group(last.start, end, (*last.actions, span.action))
+        else:
+            groups.append(Group(span.start, span.end, (span.action,)))
+    return [_widened(group, frames) for group in groups]
+
+
+def _widened(group: Group, frames: int) -> Group:
+    around = max(AROUND, (LEAST - group.end + group.start + 1) // 2)
+    return replace(group, start=max(0, group.start - around), end=min(frames, group.end + around))
 
 
 def read_annotations(folder: Path) -> dict[str, list[Span]]:
