@@ -15,7 +15,7 @@ Verdict = Literal["agrees", "contradicts", "silent"]
 
 _GAITS = ("walk", "jog", "run")
 _LIMBS = ("kick", "hop", "punch", "raise", "wave", "knee", "balance", "pick_up", "arm_circle")
-_COUNTED = ("jump", "hop", "kick", "squat", "arm_circle", "knee", "punch")
+_COUNTED = ("jump", "hop", "kick", "squat", "arm_circle", "knee")
 _SURE = ("jump", "hop", "kick", "squat", "sit", "lie_down", "kneel_down")
 """Kinds of events that are hardly ever overlooked, so that absence contradicts."""
 
@@ -95,7 +95,8 @@ def check_claim(
         return special(claim, description)
     found = events_for(claim.kind, description)
     if not found:
-        sure = claim.kind in _SURE and not _may_hide(claim, description)
+        behind = claim.kind == "kick" and claim.direction == "backward"
+        sure = claim.kind in _SURE and not behind and not _may_hide(claim, description)
         return ("contradicts" if sure else "silent"), "not found"
     return _check_details(claim, found, repeated)
 
@@ -107,9 +108,7 @@ def events_for(kind: str, description: Description) -> tuple[Event, ...]:
     return tuple(sorted(found, key=lambda event: event.start))
 
 
-def _check_details(
-    claim: Claim, found: tuple[Event, ...], repeated: bool
-) -> tuple[Verdict, str]:
+def _check_details(claim: Claim, found: tuple[Event, ...], repeated: bool) -> tuple[Verdict, str]:
     told = ", ".join(sorted({event.side or "?" for event in found}))
     if claim.side and claim.kind in _LIMBS:
         if claim.side == BOTH:
@@ -117,7 +116,9 @@ def _check_details(
                 return "agrees", f"found, {told}"
             if not any(event.side == BOTH for event in found):
                 sides = {event.side for event in found}
-                return ("agrees" if {LEFT, RIGHT} <= sides else "contradicts"), f"found {told}"
+                unsure = claim.kind in ("raise", "wave")
+                missing = "silent" if unsure else "contradicts"
+                return ("agrees" if {LEFT, RIGHT} <= sides else missing), f"found {told}"
         same = [e for e in found if e.side in (claim.side, BOTH, "")]
         if not same:
             return "contradicts", f"found {told}, expected {claim.side}"
@@ -165,7 +166,9 @@ def _gait(claim: Claim, description: Description, moving: list[Event]) -> tuple[
         return "agrees", found
     if claim.kind == "walk":
         walked = any(move.kind == "walk" for move in moving)
-        return ("agrees" if walked or fastest < 2.0 else "contradicts"), found
+        if not walked and fastest >= 2.0:
+            return ("silent" if fastest < 2.6 else "contradicts"), found
+        return "agrees", found
     ran = any(move.kind in ("jog", "run") for move in moving)
     if ran:
         return "agrees", found
@@ -191,7 +194,8 @@ def _way(claim: Claim, description: Description, moving: list[Event]) -> tuple[V
     sides = ways.get(LEFT, 0) + ways.get(RIGHT, 0)
     if told == "side":
         return ("agrees" if sides > 0.25 else "contradicts" if path.length > 1 else "silent"), found
-    return _to_side(told, description, ways), found
+    verdict = _to_side(told, description, ways)
+    return ("silent" if claim.kind == "move" and verdict == "contradicts" else verdict), found
 
 
 def _to_side(told: str, description: Description, ways: dict[str, float]) -> Verdict:
@@ -213,7 +217,9 @@ def _pace(claim: Claim, moving: list[Event]) -> tuple[Verdict, str]:
     total = sum(move.frames for move in moving)
     speed = sum(move.amount * move.frames for move in moving) / total
     fast, slow = claim.pace == "fast", claim.pace == "slow"
-    if claim.kind in ("jog", "run"):
+    if claim.kind == "move":
+        wrong = False
+    elif claim.kind in ("jog", "run"):
         wrong = slow and speed > 3.3
     else:
         wrong = (slow and speed > FAST - 0.1) or (fast and speed < SLOW)
@@ -235,9 +241,16 @@ def _check_turn(claim: Claim, description: Description) -> tuple[Verdict, str]:
         close = [a for a in amounts if 0.6 * claim.degrees <= a <= 1.4 * claim.degrees + 20]
         return "agrees" if close else "contradicts", found
     least = 200.0 if claim.kind == "circle" else 30.0
-    if best >= least:
+    if best >= least or (claim.kind == "circle" and description.path.closed):
         return "agrees", found
+    if claim.kind == "turn" and _twists(claim, description):
+        return "silent", f"{found}, but the trunk twists"
     return "silent" if best >= 0.6 * least else "contradicts", found
+
+
+def _twists(claim: Claim, description: Description) -> bool:
+    left, right = description.twist
+    return claim.side != RIGHT and left > 25 or claim.side != LEFT and right > 25
 
 
 def _check_stop(claim: Claim, description: Description) -> tuple[Verdict, str]:
@@ -252,7 +265,7 @@ def _check_stand(claim: Claim, description: Description) -> tuple[Verdict, str]:
     share = description.share("stand")
     stays = sum(move.frames for move in description.moves if move.kind == "stand")
     share = stays / description.frames
-    if description.path.length > 1.0 and share < 0.25:
+    if description.path.length > 1.0 and share < 0.25 and not claim.then:
         return "contradicts", f"stands {100 * share:.0f} % of the time"
     return ("agrees" if share > 0.3 else "silent"), f"stands {100 * share:.0f} % of the time"
 

@@ -34,74 +34,109 @@ class Claim:
     """Whether it comes after the claim before it."""
 
 
-_VERBS: tuple[tuple[str, str], ...] = (
-    (
-        "",
-        r"jumping[- ]jacks?|jump ?(?:shot|rop)\w*|sit[- ]?ups?|push[- ]?ups?|run\w* (?:his|her|their|its|both|one|the) (?:\w+ )?(?:hand|finger|arm)s?|short|walkman|foot ?step\w*",
-    ),
-    ("place", r"(?:in|on) (?:place|the spot|one place|the same (?:place|spot))"),
+_NOT_MEANT = (
+    r"jumping[- ]jacks?|jump ?(?:shot|rop)\w*|sit[- ]?ups?|push[- ]?ups?|run ?ways?|foot ?step\w*",
+    r"run\w* (?:his|her|their|its|both|one|the|a|them|it) ?(?:\w+ )?(?:hands?|fingers?|arms?)?",
+    r"(?:left|right|upper) (?:hand )?side(?= of)|walkman|stand ?point|in ?position",
+)
+"""Words with a verb in them that tell of something else."""
+
+_VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("", _NOT_MEANT),
+    ("place", (r"(?:in|on) (?:place|the spot|one place|one spot|the same (?:place|spot))",)),
     (
         "circle",
-        r"(?:half|semi|full|quarter|three[- ]quarter)?[- ]?(?:of a |an? )?(?<!arm )(?<!hand )(?:semi-?)?circ(?:les?\b(?! (?:his|her|their|the|both|its))|ular (?:path|pattern|motion|route))|circling|u[- ]shape\w*",
+        (
+            r"(?:(?:half|semi|full|quarter)[- ]?|half (?:of )?a )?(?:semi-?)?circles?(?! (?:his|her|their|the|both|its)\b)",
+            r"circular (?:path|pattern|route|direction|motion)|u[- ]shape\w*",
+        ),
     ),
-    ("jog", r"jog(?:s|ged|ging)?|trot(?:s|ting)?"),
-    ("run", r"run(?:s|ning)?|ran|sprint(?:s|ed|ing)?|dash(?:es|ing)?"),
+    ("jog", (r"jog(?:s|ged|ging)?|trot(?:s|ting)?",)),
+    ("run", (r"run(?:s|ning)?|ran|sprint(?:s|ed|ing)?|dash(?:es|ing)?",)),
     (
         "walk",
-        r"walk(?:s|ed|ing|es)?|stroll(?:s|ed|ing)?|saunter\w*|march(?:es|ed|ing)?|strid(?:es?|ing)|strut\w*|(?:tip)?toes? (?=forward)|tip-?toe(?:s|ing)?|sneak(?:s|ing)?|creep(?:s|ing)?|wander(?:s|ed|ing)?|trudg\w+|limp(?:s|ing)?|stagger(?:s|ing)?|stumbl\w+",
+        (
+            r"walk(?:s|ed|ing|es)?|stroll(?:s|ed|ing)?|saunter\w*|march(?:es|ed|ing)?|strid(?:es?|ing)",
+            r"strut\w*|tip-?toe(?:s|ing)?|sneak(?:s|ing)?|creep(?:s|ing)?|wander(?:s|ed|ing)?|trudg\w+",
+            r"limp(?:s|ing)?",
+        ),
     ),
     (
         "stand_up",
-        r"(?:stand|stood|stands|standing|get|gets|getting|got|rise|rises|rising)(?: back)? up(?: again)?(?! ?right)|rises? to (?:his|her|their) feet",
+        (
+            r"(?:stand|stood|stands|standing|get|gets|getting|got|rise|rises|rising)(?: back)? up"
+            r"(?: again)?(?! ?(?:right|straight))|rises? to (?:his|her|their) feet",
+        ),
     ),
-    ("lie_down", r"lie|lies|lying|lays?|laying"),
-    ("sit", r"sit|sits|sat|sitting|takes? a seat|seated|seating"),
-    ("kneel_down", r"kneel(?:s|ed|ing)?|knelt"),
-    (
-        "squat",
-        r"squat(?:s|ted|ting)?|bends? (?:(?:his|her|their|both|the) )?knees|bend(?:s|ing) (?:his|her|their|both|the)? ?knees",
-    ),
-    ("crouch", r"crouch(?:es|ed|ing)?|duck(?:s|ing)?(?= down)"),
+    ("lie_down", (r"lie|lies|lying|lays?|laying",)),
+    ("sit", (r"sit|sits|sat|sitting|takes? a seat|seated|seating",)),
+    ("kneel_down", (r"kneel(?:s|ed|ing)?|knelt",)),
+    ("squat", (r"squat(?:s|ted|ting)?|bend(?:s|ing)? (?:(?:his|her|their|both|the) )?knees",)),
+    ("crouch", (r"crouch(?:es|ed|ing)?|duck(?:s|ing)?(?= down)",)),
     (
         "pick_up",
-        r"pick(?:s|ed|ing)?(?: \w+){0,4}? up|picks? up|(?:from|off|on|onto|to|touch\w*) (?:of )?the (?:floor|ground)",
+        (
+            r"pick(?:s|ed|ing)?(?: \w+){0,4}? up",
+            r"(?:from|off|on|onto|to|touch\w*) (?:of )?the (?:floor|ground)",
+        ),
     ),
-    ("bow", r"bow(?:s|ed|ing)?|(?:bend|lean)(?:s|ing)? (?:over|down|forwards?)|bent over"),
-    ("hop", r"hop(?:s|ped|ping)?"),
-    ("jump", r"jump(?:s|ed|ing)?|leap(?:s|ed|ing|t)?"),
-    ("kick", r"kick(?:s|ed|ing)?"),
-    ("punch", r"punch(?:es|ed|ing)?|jab(?:s|bed|bing)?|uppercuts?"),
-    ("clap", r"clap(?:s|ped|ping)?|applau\w+"),
-    ("wave", r"wav(?:e|es|ed|ing)"),
+    ("bow", (r"bow(?:s|ed|ing)?|(?:bend|lean)(?:s|ing)? (?:over|down|forwards?)|bent over",)),
+    ("hop", (r"hop(?:s|ped|ping)?",)),
+    ("jump", (r"jump(?:s|ed|ing)?|leap(?:s|ed|ing|t)?",)),
+    ("kick", (r"kick(?:s|ed|ing)?",)),
+    ("punch", (r"punch(?:es|ed|ing)?|jab(?:s|bed|bing)?|uppercuts?",)),
+    ("clap", (r"clap(?:s|ped|ping)?|applau\w+",)),
+    ("wave", (r"wav(?:e|es|ed|ing)",)),
     (
         "arm_circle",
-        r"(?:rotat|circl|swing|windmill|spin)\w* (?:both |(?:his|her|their|the) )?(?:\w+ )?(?:straight )?arms?(?= .{0,25}circ)|arm circles?|circles? (?:both |his |her |their |the )?(?:\w+ )?arms?|rotat\w+ (?:both |(?:his|her|their|the) )?(?:\w+ )?arms?",
+        (
+            r"(?:rotat|circl|swing|windmill|spin)\w* (?:both |(?:his|her|their|the) )?(?:\w+ )?"
+            r"(?:straight )?arms?(?= .{0,25}circ)|arm circles?",
+            r"(?:circl|rotat)\w+ (?:both |(?:his|her|their|the) )?(?:\w+ )?arms?",
+        ),
     ),
     (
         "balance",
-        r"balanc(?:e|es|ing)(?= on)|stand(?:s|ing)? on (?:one|(?:his|her|their|the) (?:left|right)) (?:leg|foot)",
+        (
+            r"balanc(?:e|es|ing)(?= on)",
+            r"stand(?:s|ing)? on (?:one|(?:his|her|their|the) (?:left|right)) (?:leg|foot)",
+        ),
     ),
     (
         "turn",
-        r"turn(?:s|ed|ing)?|rotat(?:e|es|ed|ing)|pivot(?:s|ed|ing)?|spin(?:s|ning)?|spun|twirl(?:s|ed|ing)?|swivel\w*|about[- ]face|u[- ]?turns?|veer(?:s|ed|ing)?|curv(?:e|es|ed|ing)",
+        (
+            r"turn(?:s|ed|ing)?|rotat(?:e|es|ed|ing)|pivot(?:s|ed|ing)?|spin(?:s|ning)?|spun",
+            r"twirl(?:s|ed|ing)?|swivel(?:s|ed|ing)|about[- ]face|u[- ]?turns?|veer(?:s|ed|ing)?",
+            r"curv(?:e|es|ed|ing)",
+        ),
     ),
     (
         "raise",
-        r"rais(?:e|es|ed|ing)|lift(?:s|ed|ing)?|put(?:s|ting)?(?= (?:\w+ ){0,3}(?:hands?|arms?) up)|reach(?:es|ed|ing)?(?= (?:up|high|above|over))|hold(?:s|ing)?(?= (?:\w+ ){0,3}(?:hands?|arms?) (?:up|high|above|over))",
+        (
+            r"rais(?:e|es|ed|ing)|lift(?:s|ed|ing)?|reach(?:es|ed|ing)?(?= (?:up|high|above|over))",
+            r"(?:put(?:s|ting)?|hold(?:s|ing)?)(?= (?:\w+ ){0,3}(?:hands?|arms?) (?:up|high|above|over))",
+        ),
     ),
-    ("stop", r"stop(?:s|ped|ping)?|halt(?:s|ed|ing)?|comes? to a (?:stop|halt|standstill)|pauses?"),
+    ("stop", (r"stop(?:s|ped|ping)?|halt(?:s|ed|ing)?|comes? to a (?:stop|halt|standstill)",)),
     (
         "stand",
-        r"(?:stand|stands|standing|stay|stays|remain|remains)(?: \w+ly)? (?:still|motionless|in place)|(?:does|do)(?: not|n't) move|motionless|hardly moves?|stands? there|idle\w*|idling",
+        (
+            r"(?:stand|stands|standing|stay|stays|remain|remains)(?: \w+ly)? (?:still|motionless|in place)",
+            r"(?:does|do)(?: not|n't) move|motionless|hardly moves?|stands? there|idle\w*|idling",
+        ),
     ),
     (
         "move",
-        r"step(?:s|ped|ping)?|mov(?:e|es|ed|ing)|side-?steps?|shuffl\w+|advanc\w+|retreat\w*|back(?:s|ed|ing)(?= (?:up|away))|goes|paces|pacing",
+        (
+            r"step(?:s|ped|ping)?|mov(?:e|es|ed|ing)|side-?steps?|shuffl\w+|advanc\w+|retreat\w*",
+            r"back(?:s|ed|ing)(?= (?:up|away))|goes|paces|pacing|stagger(?:s|ing)?|stumbl\w+",
+        ),
     ),
 )
+"""Kinds of claims and the words for them; what comes first wins where two begin together."""
 
 _PATTERN = re.compile(
-    "|".join(rf"(?P<v{n}>\b(?:{pattern})\b)" for n, (_, pattern) in enumerate(_VERBS))
+    "|".join(rf"(?P<v{n}>\b(?:{'|'.join(words)})\b)" for n, (_, words) in enumerate(_VERBS))
 )
 _NUMBERS = {
     **{"once": 1, "one": 1, "single": 1, "twice": 2, "two": 2, "three": 3, "thrice": 3},
@@ -122,7 +157,13 @@ SLIGHT = 25.0
 """Degrees of a turn that is called slight."""
 
 _GAITS = ("walk", "jog", "run", "move", "turn", "circle", "stop", "stand")
-_LEG = ("leg", "foot", "feet", "knee")
+_HANDS = re.compile(r"\b(?:hand|arm|fist|elbow|wrist)s?\b")
+_LEGS = re.compile(r"\b(?:legs?|knees?|foot|feet)\b")
+_TURNED = re.compile(
+    r"\b(?:head|torso|trunk|waist|hips?|upper body|wrists?|hands?|arms?|cap|bottle|wheel|knobs?|dial"
+    r"|key|page|valve|handle|lid|foot|them|it|leg|shoulders?|neck)\b"
+)
+_VIEW = re.compile(r"\b(?:top|bottom|screen|camera|viewer|upper|lower)\b")
 _FORWARD = re.compile(r"\b(?:for?wards?|ahead|straight|front)\b")
 _BACKWARD = re.compile(r"\bback ?wards?\b|\bin reverse\b|\bbacks? (?:up|away)\b|\bretreat")
 _SIDEWAYS = re.compile(r"\bsideways?\b|\blaterally\b|\bside-?steps?\b")
@@ -176,28 +217,38 @@ def _claim(kind: str, before: str, verb: str, after: str) -> Claim:
     whole = f"{before} {verb} {near}"
     limb = None if kind in _GAITS else _LIMB.search(after) or _LIMB.search(before)
     side, direction = _sides(kind, before, verb, after, limb)
-    if kind == "raise" and (
-        limb and limb[2] in _LEG or not limb and re.search(r"\b(?:legs?|knees?|foot|feet)\b", after)
-    ):
-        kind = "knee"
-    if kind == "raise" and not re.search(
-        r"\b(?:hand|arm|fist|elbow|wrist)s?\b|\bup\b|\babove\b", after
-    ):
-        kind = "lift"
-    if kind in ("turn", "circle") and re.search(r"\barms?\b|\bhands?\b", before):
-        kind = "twist"
-    if kind == "turn" and re.search(
-        r"\b(?:head|torso|waist|hips?|upper body|wrist|hands?|arms?|cap|bottle|wheel)\b", after
-    ):
-        kind = "twist"
+    if kind == "kick" and re.search(r"\bback\b(?! leg| foot)", near):
+        direction = "backward"
     return Claim(
-        kind,
+        _meant(kind, before, verb, near, after),
         side=side,
         direction=direction,
         count=_count(kind, before, verb, after),
         degrees=_degrees(whole) if kind in ("turn", "circle") else 0.0,
         pace="slow" if _SLOW.search(whole) else "fast" if _FAST.search(whole) else "",
     )
+
+
+def _meant(kind: str, before: str, verb: str, near: str, after: str) -> str:
+    """Returns the kind of a claim by what the verb acts upon.
+
+    A raised leg is a `knee`, a lifted thing a `lift`, a turned wheel or waist a `twist`.
+    """
+    if kind == "raise":
+        if _LEGS.search(near) and not _HANDS.search(near):
+            return "knee"
+        return kind if re.search(rf"{_HANDS.pattern}|\bup\b|\babove\b", after) else "lift"
+    if kind in ("turn", "circle"):
+        both = re.search(
+            r"\bleft (?:and|to|or) (?:the )?right\b|\bright (?:and|to|or) (?:the )?left\b", near
+        )
+        held = _HANDS.search(before) or (kind == "turn" and _TURNED.search(near))
+        moved = kind == "circle" and (
+            re.search(r"\b(?:leg|foot|body|head|hips?|waist|it|them)\b", before)
+            or ("motion" in verb and not re.search(r"\b(?:walk|run|jog|step|turn|spin)", before))
+        )
+        return "twist" if both or held or moved else kind
+    return kind
 
 
 def _sides(
@@ -229,6 +280,8 @@ def _direction(text: str) -> str:
         return way[1] if way else "side"
     if _FORWARD.search(text):
         return "forward"
+    if _VIEW.search(text):
+        return ""
     way = re.search(
         r"\b(?:to|towards?|in)(?: \w+){0,2} (left|right)\b|\b(left|right)(?:wards?)?$",
         text.strip(" .,"),

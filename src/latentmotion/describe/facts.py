@@ -84,6 +84,8 @@ class Description:
     clap, squat, bow, pick_up, sit_down, stand_up, lie_down, get_up, kneel_down."""
     steps: int
     """Number of steps of both feet."""
+    twist: tuple[float, float] = (0.0, 0.0)
+    """Degrees by which the shoulders turn at most to the left and right of the hips."""
     activity: float = 1.0
     """Mean speed of hands, feet and head, m/s; below 0.12 the body is as good as still."""
 

@@ -19,7 +19,7 @@ from latentmotion.describe.legs import (
     treading_of,
 )
 from latentmotion.describe.postures import changes_of, dips_of, postures_of
-from latentmotion.describe.signals import activity_of, measure
+from latentmotion.describe.signals import activity_of, measure, twist_of
 from latentmotion.describe.travel import moves_of, path_of, turns_of
 
 
@@ -62,5 +62,6 @@ def describe(joints: Float[np.ndarray, "frames 22 3"]) -> Description:
         postures=postures,
         events=tuple(sorted(events, key=lambda event: (event.start, event.kind, event.side))),
         steps=steps_of(signals),
+        twist=twist_of(signals),
         activity=activity_of(signals),
     )

@@ -138,6 +138,13 @@ def bend(signals: Signals, first: str, middle: str, last: str) -> Float[np.ndarr
     return np.degrees(np.arccos(np.clip((a * b).sum(axis=1) / length, -1, 1)))
 
 
+def twist_of(signals: Signals) -> tuple[float, float]:
+    """Returns how far the shoulders turn to the left and right of the hips, degrees."""
+    across = signals.of("right_shoulder") - signals.of("left_shoulder")
+    angle = smooth(np.degrees(np.arctan2(across[:, 2], -across[:, 0])), 2.0)
+    return float(max(angle.max(), 0)), float(max(-angle.min(), 0))
+
+
 def activity_of(signals: Signals) -> float:
     """Returns the mean speed of hands, feet and head, m/s."""
     ends = signals.joints[:, [10, 11, 15, 20, 21]]
