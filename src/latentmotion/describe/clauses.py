@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 
 from latentmotion.describe.verbs import BASE_OF_PARTICIPLE, BASE_OF_THIRD, VERBS
 
@@ -51,7 +52,9 @@ _PLURAL_WORDS = """
 _PLURALS = set(_PLURAL_WORDS.split())
 """Words that end as a third person does and are none."""
 
-_WAYS = {"around", "forward", "forwards", "back", "backward", "backwards", "down", "up", "still"}
+_WAYS = {"around", "forward", "forwards", "back", "backward", "backwards", "down", "up", "still",
+         "arms", "hands", "legs", "knees", "feet", "head"}  # fmt: skip
+"""Words after which a third person can only be a verb."""
 
 _FINITE = set(BASE_OF_THIRD) - _PLURALS
 
@@ -247,8 +250,7 @@ def _has_finite(clauses: list[Clause]) -> bool:
 
 def _runs_on(words: list[str]) -> bool:
     """Whether a verb follows without a comma, as in "turns around runs back"."""
-    pairs = zip(words, words[1:], strict=False)
-    return any(place in _WAYS and verb in _FINITE for place, verb in pairs)
+    return any(place in _WAYS and verb in _FINITE for place, verb in pairwise(words))
 
 
 def _doubtful(clause: Clause) -> bool:
