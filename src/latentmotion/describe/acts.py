@@ -26,6 +26,7 @@ _WHOLE_BODY = (
     "stand_up",
     "lie_down",
     "climb",
+    "get_up",
 )
 _ARMS = ("raise", "wave", "punch", "clap", "arm_circle")
 _REPEATED = (*_ARMS, "jump", "hop", "kick", "knee", "squat", "bow", "pick_up")
@@ -42,6 +43,8 @@ class Act:
     """The move that a turn is part of, or during which the hands act."""
     posture: str = ""
     """`crouch` or `bend`, if a move happens so."""
+    on: bool = False
+    """Whether a move only goes on after a turn."""
 
     @property
     def kind(self) -> str:
@@ -155,11 +158,23 @@ def _told_moves(description: Description, events: list[Event]) -> list[Event]:
     for move in description.moves:
         if move.kind == "stand":
             continue
+        move = _trimmed(move, whole)
         far = move.amount * move.seconds
         taken = sum(_shared(move, event, 8) for event in whole)
         if move.direction == "place" or (far > _LEAST_WAY and taken < 0.6 * move.frames):
             moves.append(move)
     return _joined(moves)
+
+
+def _trimmed(move: Event, events: list[Event]) -> Event:
+    """Lets a move begin after the body got up, and end before it goes down."""
+    for event in events:
+        early = event.end < move.start + 0.6 * move.frames
+        if event.kind in ("stand_up", "get_up") and move.start < event.end and early:
+            move = replace(move, start=event.end)
+        if event.kind in ("sit_down", "lie_down") and move.start < event.start < move.end:
+            move = replace(move, end=event.start)
+    return move
 
 
 def _joined(moves: list[Event]) -> list[Event]:
@@ -201,16 +216,37 @@ def _ways(description: Description, moves: list[Event], turns: list[Event]) -> l
     """Puts moves and turns together: curves and circles, or one after the other."""
     acts, used = [], set()
     for move in moves:
-        inside = [t for t in turns if _shared(move, t) > 0.5 * t.frames]
+        inside = [t for t in turns if _shared(move, t) > 0.5 * t.frames and id(t) not in used]
+        used |= {id(turn) for turn in inside}
         posture = _posture(description, move)
         curve = [t for t in inside if _shared(move, t) > 0.6 * move.frames]
-        used |= {id(turn) for turn in inside}
-        if curve and len(inside) == 1:
+        if len(curve) == len(inside) == 1:
             acts.append(Act(replace(curve[0], start=move.start, end=move.end), move, posture))
-            continue
-        acts.append(Act(move, posture=posture))
-        acts += [Act(turn, move if turn.direction == "walking" else None) for turn in inside]
+        else:
+            acts += _cut_at_turns(move, inside, posture)
     return acts + [Act(turn) for turn in turns if id(turn) not in used]
+
+
+def _cut_at_turns(move: Event, turns: list[Event], posture: str) -> list[Act]:
+    """A move before, between and after the turns in it; short parts belong to the turn."""
+    acts: list[Act] = []
+    at = move.start
+    for turn in turns:
+        before = replace(move, start=at, end=max(min(turn.start, move.end), at))
+        if _is_way(before, 0.8):
+            acts.append(Act(before, posture=posture, on=bool(acts)))
+            acts.append(Act(turn))
+        else:
+            acts.append(Act(turn, move if turn.direction == "walking" else None, posture))
+        at = max(at, turn.end)
+    rest = replace(move, start=min(at, move.end))
+    if not acts or _is_way(rest, 1.2):
+        acts.append(Act(rest, posture=posture, on=bool(acts)))
+    return acts
+
+
+def _is_way(move: Event, seconds: float) -> bool:
+    return move.seconds >= seconds and move.amount * move.seconds > _LEAST_WAY
 
 
 def _posture(description: Description, move: Event) -> str:

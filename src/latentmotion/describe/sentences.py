@@ -10,7 +10,7 @@ import numpy as np
 from latentmotion.describe.acts import Act, acts_of
 from latentmotion.describe.agreement import check
 from latentmotion.describe.facts import Description
-from latentmotion.describe.wording import Phrase, ing, phrases, third
+from latentmotion.describe.wording import Phrase, ing, meanwhile, phrases, third
 
 Form = Callable[[str], str]
 """How a verb is written."""
@@ -124,7 +124,8 @@ def _part(
 ) -> tuple[str, str]:
     """Returns the act in the form of the sentence, and with -ing."""
     verb, rest = _draw(phrases(act), generator)
-    return _filled(form(verb), rest, his, him, form), _filled(ing(verb), rest, his, him, ing)
+    during, how = _draw(meanwhile(act), generator)
+    return _filled(form(verb), rest, his, him, form), _filled(ing(during), how, his, him, ing)
 
 
 def _draw(found: list[Phrase], generator: np.random.Generator) -> Phrase:

@@ -66,6 +66,8 @@ def phrases(act: Act) -> list[Phrase]:
     event = act.event
     if event.kind == "turn":
         return _turn(event, act.gait)
+    if act.on:
+        return _onward(event)
     if event.kind in ("walk", "jog", "run"):
         return _gait(event, act.posture)
     if event.kind in ("kick", "punch", "knee"):
@@ -117,6 +119,27 @@ def _pace(event: Event) -> list[str]:
     if event.kind == "run" and event.amount > 3.6:
         return ["", "fast", "quickly"]
     return ["", "", "", "", "at a normal pace" if event.kind == "walk" else ""]
+
+
+def _onward(event: Event) -> list[Phrase]:
+    way = "" if event.direction in ("forward", "place") else f" {event.direction}"
+    return [
+        ("keep", f"{ing(event.kind)}{way}"),
+        (event.kind, f"on{way}"),
+        ("continue", f"{ing(event.kind)}{way}"),
+        (event.kind, way.strip() or "forward"),
+    ]
+
+
+def meanwhile(act: Act) -> list[Phrase]:
+    """Returns ways to tell an act that happens during another, after "while"."""
+    event = act.event
+    if event.kind != "turn":
+        return phrases(act)
+    if event.amount < 45:
+        return [("turn", f"slightly to the {event.side}"), ("veer", f"to the {event.side}")]
+    around = "around to the" if event.amount >= 150 else "to the"
+    return [("turn", f"{around} {event.side}")]
 
 
 _WAYS = {
