@@ -30,6 +30,9 @@ _TRIMMED = (8, 0.12)
 _SHORTEST_BONE = 0.005
 """Meters; some recordings have a bone without length, which gives it no direction."""
 
+_BROKEN_OFF = 0.9
+"""Share of the greatest speed of a limb that an action has where it is cut in two."""
+
 _GOING = {"walk", "run", "jog", "march", "sneak", "crawl", "creep", "sprint", "stroll", "stride",
           "tiptoe", "limp", "saunter", "shuffle", "skip"}  # fmt: skip
 _STEADY = _GOING | {"stand", "dance", "swim", "dribble"}
@@ -136,7 +139,7 @@ def _part(dataset: Dataset, item: Item) -> Part | None:
     joints = dataset.representation.retarget(joints)  # a mirrored copy has the other side's bones
     sentences, texts = zip(*read, strict=True)
     steady = _is_steady(sentences, joints, dataset.representation.skeleton)
-    if not steady and item.frames > _FRAMES[1]:
+    if not steady and (item.frames > _FRAMES[1] or _is_broken_off(sentences, joints)):
         return None
     return Part(item.clip, item.start, joints, sentences, texts, steady)
 
@@ -150,6 +153,17 @@ def _single(text: str) -> Sentence | None:
     ordered = any(clause.link in ("then", ".", ",") for clause in sentence.clauses)
     plain = len(words) <= _WORDS and not _REFUSED & set(words[:-1]) and "," not in text
     return sentence if plain and not ordered else None
+
+
+def _is_broken_off(
+    sentences: tuple[Sentence, ...], joints: Float[np.ndarray, "frames joints 3"]
+) -> bool:
+    """Whether limbs are fastest where the clip ends, as in a kick that is cut at its height."""
+    if any(clause.verb in _GOING for sentence in sentences for clause in sentence.clauses):
+        return False
+    steps = np.linalg.norm(np.diff(joints - joints[:, :1], axis=0), axis=-1).max(axis=1)
+    speeds = np.convolve(steps, np.full(3, 1 / 3), "valid")
+    return bool(speeds[-1] > _BROKEN_OFF * speeds.max())
 
 
 def _is_steady(
