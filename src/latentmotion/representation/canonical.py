@@ -12,7 +12,7 @@ from latentmotion.representation.facing import heading, turn
 from latentmotion.skeleton import Skeleton
 
 _SHORTEST = 0.02
-"""Part of the leg's length below which a bone is taken to be none; the shortest real one is 0.06."""
+"""Part of the length of a leg below which a bone is none; the shortest real one is 0.06 of it."""
 
 
 def retarget(
