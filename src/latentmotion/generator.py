@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Condition, Conditioning
+from latentmotion.condition.sentence import SentenceCondition
+from latentmotion.condition.text.lengths import LengthFile
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, GuidanceAsInput
 from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.leaps import Leap, LeapTimes
@@ -29,7 +31,7 @@ from latentmotion.motion import Motion
 from latentmotion.order import Order, batches, check_frames, check_prompts, frames_of
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
-from latentmotion.runtime.conditions import condition_of
+from latentmotion.runtime.conditions import condition_of, find_lengths
 from latentmotion.runtime.session import OpenedWhenCalled, Runtime, Session, open_decoder
 from latentmotion.runtime.walks import Walks, open_walks
 
@@ -55,6 +57,8 @@ class MotionGenerator:
     """Whose joints motions have, in place of the skeleton's that ships."""
     walks: Walks = field(default_factory=dict)
     """Graphs from noise to features, by number of steps."""
+    lengths: LengthFile | None = None
+    """Sentences to usual lengths, for motions whose length is not given."""
 
     @classmethod
     def load(
@@ -85,6 +89,7 @@ class MotionGenerator:
             OpenedWhenCalled(folder / "denoiser.onnx", runtime, threads),
             open_decoder(card, folder, runtime, threads),
             walks=open_walks(card, folder, runtime, threads),
+            lengths=find_lengths(card, folder),
         )
 
     def __call__(
@@ -101,7 +106,8 @@ class MotionGenerator:
         Args:
             prompt: What the person does, e.g. `a person walks forward and kicks`; for a model of
                 actions one of its labels; for an unconditional model nothing.
-            seconds: Length of the motion; by default 4, or the nearest that the model makes.
+            seconds: Length of the motion; by default what is usual for the sentence, or 4 s where
+                the model has no `lengths.safetensors`, within what the model makes.
             seed: Another number, another motion; the same number, the same motion.
             steps: Sampling steps; more is slower and finer. By default the model's own.
             guidance: How strongly the prompt steers (paper eq. 6). By default the model's own.
@@ -135,7 +141,8 @@ class MotionGenerator:
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
-        frames = frames_of(self.card, seconds, len(prompts), self.representation.fps)
+        usual = self._usual_seconds(prompts) if seconds is None else None
+        frames = frames_of(self.card, seconds, len(prompts), self.representation.fps, usual)
         seeds = range(len(prompts)) if seeds is None else seeds
         order = self._order(prompts, frames, seeds, steps, guidance, sampler)
         return [
@@ -208,6 +215,12 @@ class MotionGenerator:
     def representation(self) -> Representation:
         """What the features mean."""
         return self._features.representation
+
+    def _usual_seconds(self, prompts: Sequence[str]) -> list[float] | None:
+        check_prompts(self.card, prompts)
+        if self.lengths is None or not prompts or not isinstance(self.condition, SentenceCondition):
+            return None
+        return self.lengths.usual(self.condition.encoder(prompts).pooled)
 
     def _tokens(self, order: Order) -> list[int]:
         return [self.card.latents.tokens_of(length) for length in order.frames]

@@ -65,20 +65,32 @@ def batches(frames: Sequence[int], most: int, mixed: bool = True) -> list[list[i
 
 
 USUAL_SECONDS = 4.0
-"""Length of a motion, where nothing is said and the model makes such."""
+"""Length of a motion, where nothing is said, predicted or known of its like."""
 
 
 def frames_of(
-    card: ModelCard, seconds: float | Sequence[float] | None, count: int, fps: float
+    card: ModelCard,
+    seconds: float | Sequence[float] | None,
+    count: int,
+    fps: float,
+    usual: Sequence[float] | None = None,
 ) -> list[int]:
-    """Returns the lengths of `count` motions in frames; the usual one where nothing is said.
+    """Returns the lengths of `count` motions in frames.
+
+    Args:
+        card: The model.
+        seconds: Length of all, or of each.
+        count: Number of motions.
+        fps: Frames per second.
+        usual: Lengths where `seconds` is None, moved to what the model makes; by default 4 s.
 
     Raises:
         InputError: One is no finite number, or there are not as many as motions.
     """
     if seconds is None:
         shortest, longest = card.frames
-        return [min(max(round(USUAL_SECONDS * fps), shortest), longest)] * count
+        each = [USUAL_SECONDS] * count if usual is None else usual
+        return [min(max(round(length * fps), shortest), longest) for length in each]
     each = [seconds] * count if isinstance(seconds, int | float) else list(seconds)
     if not np.isfinite(each).all():
         raise InputError(f"{seconds} seconds: expected a number")

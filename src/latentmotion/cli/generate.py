@@ -43,7 +43,8 @@ class Generate:
     file: Annotated[Path | None, arg(aliases=["-f"])] = None
     """Text file with one prompt per line, in place of prompts."""
     seconds: float | None = None
-    """Length of each motion; by default 4, or the nearest that the model makes."""
+    """Length of each motion; by default what is usual for the sentence, or 4 where the model does
+    not predict it."""
     count: int = 1
     """Motions per prompt."""
     seed: int = 0

@@ -52,9 +52,7 @@ VERBS = {
     "data pack": Verb(f"{_CLI}.data_pack:PackData", "Write a prepared folder as one small file."),
     "data unpack": Verb(f"{_CLI}.data_pack:UnpackData", "Write the folder that a pack holds."),
     "data compose": Verb(f"{_CLI}.compose:Compose", "Join two actions in a row, for training."),
-    "data describe": Verb(
-        f"{_CLI}.describe:Describe", "Write captions measured from the motions."
-    ),
+    "data describe": Verb(f"{_CLI}.describe:Describe", "Write captions measured from the motions."),
     "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
     "train vae": Verb(f"{_CLI}.train:TrainVAE", "Train a motion VAE (stage 1)."),
     "train denoiser": Verb(f"{_CLI}.train:TrainDenoiser", "Train the diffusion (stage 2)."),
@@ -64,6 +62,9 @@ VERBS = {
     "train distill": Verb(f"{_CLI}.train_distill:TrainDistill", "Distill a model to few steps."),
     "train text-encoder": Verb(
         f"{_CLI}.train_text_encoder:TrainTextEncoder", "Distill a small sentence encoder."
+    ),
+    "train length": Verb(
+        f"{_CLI}.train_length:TrainLength", "Train how long a sentence's motion is."
     ),
     "train evaluator": Verb(
         f"{_CLI}.train_evaluator:TrainEvaluator", "Train what FID and R-precision look through."

@@ -10,6 +10,7 @@ from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.interface import Condition, TextEncoder
 from latentmotion.condition.sentence import SentenceCondition, SentenceReading
 from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
+from latentmotion.condition.text.lengths import LENGTHS_FILE, LengthFile
 from latentmotion.condition.text.prompt_cache import KnowingEncoder, RememberingTextEncoder
 from latentmotion.condition.unconditional import Unconditional
 from latentmotion.configuration import from_json
@@ -55,6 +56,16 @@ def encoder_folder(card: ModelCard, folder: Path) -> Path | None:
     shipped = (find_model(model) for model in shipped_models())
     holding = (place for place in shipped if (place / GRAPH_FILE).is_file())
     return next((place for place in holding if _encoder_named_in(place) == name), None)
+
+
+def find_lengths(card: ModelCard, folder: Path) -> LengthFile | None:
+    """Returns what predicts lengths, from the model's folder or from its text encoder's."""
+    if card.task != "text":
+        return None
+    places = folder, encoder_folder(card, folder)
+    found = [place / LENGTHS_FILE for place in places if place is not None]
+    path = next((path for path in found if path.is_file()), None)
+    return path and LengthFile(path, card.condition.get("encoder"))
 
 
 def _encoder_named_in(folder: Path) -> str | None:

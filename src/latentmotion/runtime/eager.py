@@ -25,7 +25,7 @@ from latentmotion.models import find_model
 from latentmotion.prior import MotionPrior
 from latentmotion.runtime.buckets import Buckets, Exact
 from latentmotion.runtime.computing import ON_CPU, Computing
-from latentmotion.runtime.conditions import build_condition, encoder_folder
+from latentmotion.runtime.conditions import build_condition, encoder_folder, find_lengths
 from latentmotion.runtime.device import device_named
 from latentmotion.runtime.launch import Recorder, directly, on_gpu
 from latentmotion.runtime.network import network_session
@@ -67,6 +67,7 @@ def eager_generator(
         denoiser_session(model.denoiser, computing),
         _decoder(model, computing),
         _at_once(computing),
+        lengths=find_lengths(model.card, place),
         device=device,
         sizes=Buckets(model.card) if repeats else Exact(),
         launch=Recorder(on_gpu(device)) if repeats and computing.on_gpu else directly,

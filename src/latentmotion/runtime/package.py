@@ -6,7 +6,7 @@ Weights are kept in 16 bits and the graphs are made from the rounded ones, so bo
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,19 @@ import onnx
 import torch
 from safetensors.torch import save_file
 
-from latentmotion.checkpoint import WEIGHTS_FILE, TrainedModel, load_model, read_weights
+from latentmotion.checkpoint import (
+    ENCODER_HASH,
+    WEIGHTS_FILE,
+    TrainedModel,
+    encoder_hash,
+    encoder_holder,
+    encoder_weights,
+    load_model,
+    model_weights,
+)
 from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
+from latentmotion.condition.text.lengths import LENGTHS_FILE
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.context import LeapEmbedding
 from latentmotion.diffusion.denoiser import Denoiser
@@ -43,7 +53,11 @@ WriteTextEncoder = Callable[[Path], None]
 
 
 def package_model(
-    source: Path, card: ModelCard, text_encoder: WriteTextEncoder | None, output: Path
+    source: Path,
+    card: ModelCard,
+    text_encoder: WriteTextEncoder | None,
+    output: Path,
+    share_encoder: bool = False,
 ) -> None:
     """Writes a folder from which `MotionGenerator.load` generates.
 
@@ -52,9 +66,11 @@ def package_model(
         card: The card to write, as read from `source` or changed; it says in which precision.
         text_encoder: Writes the text encoder; None for models of actions and unconditional ones.
         output: Folder to write, replaced as a whole.
+        share_encoder: Whether to leave the VAE's encoder to a shipped model that has the same.
 
     Raises:
-        ModelError: A file or network is missing, or a graph does not repeat its network.
+        ModelError: A file or network is missing, a graph does not repeat its network, or no
+            shipped model has the encoder.
     """
     if not card.denoiser:
         raise ModelError(f"model {card.name!r} lacks a denoiser; train both stages first")
@@ -62,8 +78,11 @@ def package_model(
         raise ModelError(f"model {card.name!r} reads sentences; pass its text encoder")
     with atomic_folder(output, CARD_FILE) as folder:
         card.write(folder)
-        weights = read_weights(source / WEIGHTS_FILE)
-        save_file({key: _halved(value) for key, value in weights.items()}, folder / WEIGHTS_FILE)
+        weights = {key: _halved(value) for key, value in model_weights(source).items()}
+        left_out = _shared_encoder(weights, output) if share_encoder else {}
+        kept = {key: value for key, value in weights.items() if key not in left_out}
+        metadata = {ENCODER_HASH: encoder_hash(left_out)} if left_out else None
+        save_file(kept, folder / WEIGHTS_FILE, metadata)
         if text_encoder is not None:
             text_encoder(folder)
             _check_width(card, folder)
@@ -71,7 +90,7 @@ def package_model(
 
 
 def copied(folder: Path) -> WriteTextEncoder:
-    """Returns what copies a text encoder from another folder.
+    """Returns what copies a text encoder, and lengths beside it, from another folder.
 
     Raises:
         ModelError: It is not there.
@@ -86,8 +105,20 @@ def copied(folder: Path) -> WriteTextEncoder:
     def write(target: Path) -> None:
         onnx.save(anonymous(onnx.load(folder / GRAPH_FILE)), target / GRAPH_FILE)
         shutil.copyfile(folder / TOKENIZER_FILE, target / TOKENIZER_FILE)
+        if (folder / LENGTHS_FILE).is_file():
+            shutil.copyfile(folder / LENGTHS_FILE, target / LENGTHS_FILE)
 
     return write
+
+
+def _shared_encoder(weights: Mapping[str, torch.Tensor], output: Path) -> dict[str, torch.Tensor]:
+    encoder = encoder_weights(weights)
+    if not encoder or encoder_holder(encoder_hash(encoder), besides=output) is None:
+        raise ModelError(
+            "no shipped model has this VAE's encoder, so it cannot be left out; export without "
+            "--share-encoder"
+        )
+    return encoder
 
 
 def _halved(weights: torch.Tensor) -> torch.Tensor:

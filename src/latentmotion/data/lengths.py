@@ -1,0 +1,72 @@
+"""HumanML3D's captions with the lengths of their motions, without the motions.
+
+Lengths follow from index.csv as HumanML3D's own readers make them: features have one frame less
+than the clip, a sentence tagged with a span lasts as long as that, items under 40 or from 200
+frames on are left out, what is longer than 196 is cut. Clips of 10 s are mostly cut from longer
+ones, so the longest length means "that or more".
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.annotations import (
+    IndexRow,
+    read_index,
+    read_splits,
+    read_texts,
+    sentences_of,
+)
+from latentmotion.data.captions import TAG_RATE, fit_sentences
+from latentmotion.data.clip import Split
+from latentmotion.errors import DataError
+
+SHORTEST, TOO_LONG, LONGEST = 40, 200, 196
+"""Frames of HumanML3D's items: fewer are left out, so many are left out, more are cut."""
+
+
+@dataclass(frozen=True)
+class CaptionLengths:
+    """Sentences and how long each one's motion is."""
+
+    sentences: tuple[str, ...]
+    """The sentences; several may tell of one motion."""
+    seconds: Float[np.ndarray, " sentences"]
+    """Lengths."""
+
+
+def read_caption_lengths(folder: Path, split: Split) -> CaptionLengths:
+    """Reads the sentences of a split with lengths, unmirrored.
+
+    Args:
+        folder: HumanML3D's folder with texts, train.txt, val.txt, test.txt and index.csv.
+        split: Which part.
+
+    Raises:
+        DataError: A file is missing or damaged, or the split has no sentence.
+    """
+    splits, texts = read_splits(folder), read_texts(folder)
+    found = [
+        (caption.text, min(caption.end_frame - caption.start_frame, LONGEST) / TAG_RATE)
+        for row in read_index(folder)
+        if splits.get(row.id) == split and (frames := _frames(row))
+        for caption in fit_sentences(sentences_of(texts, row.id), frames)[0]
+        if SHORTEST <= caption.end_frame - caption.start_frame < TOO_LONG
+    ]
+    if not found:
+        raise DataError(f"{folder}: no sentence of the split {split} has a length in index.csv")
+    sentences, seconds = zip(*found, strict=True)
+    return CaptionLengths(sentences, np.array(seconds, np.float32))
+
+
+def _frames(row: IndexRow) -> int:
+    """Returns how many frames of features a clip has; 0 where the index does not tell."""
+    if row.end >= 0:
+        return max(row.end - row.start - 1, 0)
+    span = re.search(r"F(\d+)T(\d+)", row.path)  # HumanAct12's names tell
+    return max(int(span[2]) - int(span[1]), 0) if span else 0
