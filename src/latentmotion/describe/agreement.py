@@ -241,7 +241,8 @@ def _check_turn(claim: Claim, description: Description) -> tuple[Verdict, str]:
         close = [a for a in amounts if 0.6 * claim.degrees <= a <= 1.4 * claim.degrees + 20]
         return "agrees" if close else "contradicts", found
     least = 200.0 if claim.kind == "circle" else 30.0
-    if best >= least or (claim.kind == "circle" and description.path.closed):
+    closed = claim.kind == "circle" and not claim.side and description.path.closed
+    if best >= least or closed:
         return "agrees", found
     if claim.kind == "turn" and _twists(claim, description):
         return "silent", f"{found}, but the trunk twists"
@@ -250,7 +251,7 @@ def _check_turn(claim: Claim, description: Description) -> tuple[Verdict, str]:
 
 def _twists(claim: Claim, description: Description) -> bool:
     left, right = description.twist
-    return claim.side != RIGHT and left > 25 or claim.side != LEFT and right > 25
+    return (claim.side != RIGHT and left > 25) or (claim.side != LEFT and right > 25)
 
 
 def _check_stop(claim: Claim, description: Description) -> tuple[Verdict, str]:

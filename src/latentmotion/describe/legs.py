@@ -124,7 +124,8 @@ def _is_kick(
     near, reach = slice(max(top - 4, 0), top + 5), np.linalg.norm(away, axis=1)
     fast = swing[max(top - 8, 0) : top + 6].max() > 2.6
     behind = away[top, 2] < -0.2 and abs(away[top, 0]) < 0.35
-    return fast and not behind and straight[near].max() > 125 and reach[near].max() > 0.6
+    stretched = straight[near].max() > 125 and reach[near].max() > 0.6
+    return bool(fast and not behind and stretched)
 
 
 def _low_kicks(

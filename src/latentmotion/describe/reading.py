@@ -23,7 +23,7 @@ from latentmotion.describe.signals import activity_of, measure, twist_of
 from latentmotion.describe.travel import moves_of, path_of, turns_of
 
 
-def describe(joints: Float[np.ndarray, "frames 22 3"]) -> Description:
+def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Description:
     """Measures what a motion does.
 
     Args:

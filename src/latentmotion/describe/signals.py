@@ -56,7 +56,7 @@ class Signals:
         return self.local[:, JOINT[name]]
 
 
-def measure(joints: Float[np.ndarray, "frames 22 3"]) -> Signals:
+def measure(joints: Float[np.ndarray, "frames joints 3"]) -> Signals:
     """Computes the curves.
 
     Raises:
