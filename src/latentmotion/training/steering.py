@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import torch
 
 from latentmotion.condition.action import ActionCondition
@@ -21,9 +22,11 @@ from latentmotion.configuration import to_json
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Item, items_of
-from latentmotion.diffusion.guidance import align
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
+
+AT_ONCE = 512
+"""Prompts that are encoded together."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,9 @@ _TASKS: dict[str, Callable[[Experiment, Dataset, TextEncoder | None], Steering]]
 class PromptTable:
     """What the denoiser sees of prompts; the empty one has the row of the null condition.
 
+    Words of all prompts lie one after another without padding, so that 100,000 prompts of a dozen
+    words fit in memory.
+
     Args:
         condition: Turns prompts into tokens.
         prompts: Those that will be asked for.
@@ -124,19 +130,28 @@ class PromptTable:
 
     def __init__(self, condition: Condition, prompts: Iterable[str], device: torch.device) -> None:
         known = sorted({*prompts} - {""})
-        null = condition.null(1)
         with warnings.catch_warnings():
             # Data sets are full of misspelled words, which nobody can help here.
             warnings.simplefilter("ignore", UserWarning)
-            parts = align(null, condition(known)) if known else (null,)
+            groups = [known[i : i + AT_ONCE] for i in range(0, len(known), AT_ONCE)]
+            parts = [_real(condition.null(1)), *(_real(condition(group)) for group in groups)]
         self._rows = {prompt: row for row, prompt in enumerate(["", *known])}
-        tokens, mask = ([getattr(part, name) for part in parts] for name in ("tokens", "mask"))
-        self._tokens = torch.cat([torch.from_numpy(array) for array in tokens]).to(device)
-        self._mask = torch.cat([torch.from_numpy(array) for array in mask]).to(device)
+        words, counts = (
+            torch.from_numpy(np.concatenate(arrays)) for arrays in zip(*parts, strict=True)
+        )
+        self._words, self._counts = words.to(device), counts.to(device)
+        self._starts = self._counts.cumsum(0) - self._counts
 
     def __call__(self, prompts: Sequence[str]) -> Conditioning:
         """Returns the tokens of each prompt, with no more padding than these need."""
         rows = [self._rows[prompt] for prompt in prompts]
-        mask = self._mask[rows]
-        longest = int(mask.sum(dim=1).max())
-        return Conditioning(self._tokens[rows][:, :longest], mask[:, :longest])
+        starts, counts = self._starts[rows, None], self._counts[rows, None]
+        place = torch.arange(int(counts.max()), device=counts.device)
+        mask = place < counts
+        tokens = self._words[torch.where(mask, starts + place, 0)]
+        return Conditioning(tokens * mask[..., None], mask)
+
+
+def _real(condition: Conditioning) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the words of a batch without padding, and how many each row has."""
+    return condition.tokens[condition.mask], condition.mask.sum(axis=1)
