@@ -43,6 +43,8 @@ class Describe:
     """Parts of random length and place per clip of the train split that get captions."""
     sentences: int = 2
     """Measured sentences per clip and per part."""
+    rewordings: int = 2
+    """How often each caption that the train split has is said in other words."""
     seed: int = 0
     """What draws parts and wording."""
     fps: float | None = None
@@ -54,16 +56,19 @@ class Describe:
 
     def run(self) -> None:
         """Writes the captions."""
-        if self.windows < 0 or self.sentences < 1:
-            raise InputError("expected --windows of 0 or more and --sentences of 1 or more")
+        if min(self.windows, self.rewordings) < 0 or self.sentences < 1:
+            raise InputError(
+                "expected --windows and --rewordings of 0 or more and --sentences of 1 or more"
+            )
         windows = Windows(self.windows, sentences=self.sentences, whole=self.sentences)
         if not (self.folder / MANIFEST).is_file():
             self._write_csv(self._files())
         elif self.edit:
-            self._write_csv(folder_rows(self.folder, windows, self.seed))
+            self._write_csv(folder_rows(self.folder, windows, self.seed, self.rewordings))
         else:
             check_replaceable(self.out, MANIFEST)
-            print(describe_folder(self.folder, self.out, windows, self.seed).table())
+            report = describe_folder(self.folder, self.out, windows, self.seed, self.rewordings)
+            print(report.table())
             print(f"wrote {self.out}")
 
     def _files(self) -> list[FileRow]:

@@ -19,11 +19,13 @@ from jaxtyping import Float
 
 from latentmotion.configuration import read_json, write_json
 from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import MANIFEST, CaptionRow, StoredClip
 from latentmotion.data.own import FPS, OwnMotions
 from latentmotion.data.recording import Dropped
 from latentmotion.data.report import REPORT, Report, parts_of
+from latentmotion.data.rewording import reworded_captions
 from latentmotion.describe.reading import describe
 from latentmotion.describe.sentences import sentences
 from latentmotion.describe.windows import Row, Windows, caption_windows
@@ -53,7 +55,11 @@ class FileRow:
 
 
 def describe_folder(
-    folder: str | Path, out: str | Path, windows: Windows = Windows(), seed: int = 0
+    folder: str | Path,
+    out: str | Path,
+    windows: Windows = Windows(),
+    seed: int = 0,
+    rewordings: int = 0,
 ) -> Report:
     """Adds measured sentences to a prepared folder.
 
@@ -62,13 +68,14 @@ def describe_folder(
         out: The folder to write; features and normalizer are copied as they are.
         windows: How many parts per clip, and how many sentences.
         seed: What draws parts and wording; each clip draws for itself.
+        rewordings: How often each caption of the train split is said in other words.
 
     Raises:
         DataError: The folder is not a prepared one, or of another representation.
         InputError: The folder cannot be written.
     """
     dataset = Dataset.load(folder)
-    clips = tuple(described_clips(dataset, windows, seed))
+    clips = tuple(described_clips(dataset, windows, seed, rewordings))
     manifest = replace(dataset.manifest, clips=clips)
     path = dataset.folder / REPORT
     old = read_json(Report, path) if path.is_file() else Report((), (), None)
@@ -84,7 +91,9 @@ def describe_folder(
     return report
 
 
-def described_clips(dataset: Dataset, windows: Windows, seed: int) -> Iterator[StoredClip]:
+def described_clips(
+    dataset: Dataset, windows: Windows, seed: int, rewordings: int = 0
+) -> Iterator[StoredClip]:
     """Yields the clips of a prepared folder with measured sentences.
 
     Raises:
@@ -102,8 +111,15 @@ def described_clips(dataset: Dataset, windows: Windows, seed: int) -> Iterator[S
         joints = dataset.representation.decode(dataset.features(clip.clip()))
         generator = _generator(seed, clip.id)
         if clip.split == "train":
-            known: list[Row] = [row[:3] for row in clip.captions]
-            rows = caption_windows(joints, known, generator, windows)
+            own = [Caption(*row) for row in clip.captions]
+            new = reworded_captions(own, generator, rewordings)
+            known, reworded = (
+                [(c.text, c.start_frame, c.end_frame) for c in captions] for captions in (own, new)
+            )
+            rows = [
+                *reworded,
+                *caption_windows(joints, [*known, *reworded], generator, windows),
+            ]
         else:
             whole = describe(joints)
             rows = [(text, 0, clip.frames) for text in sentences(whole, generator, count=3)]
@@ -140,14 +156,16 @@ def write_captions(path: str | Path, rows: Iterable[FileRow]) -> None:
             table.writerow((row.file, row.caption, *part))
 
 
-def folder_rows(folder: str | Path, windows: Windows, seed: int) -> list[FileRow]:
+def folder_rows(
+    folder: str | Path, windows: Windows, seed: int, rewordings: int = 0
+) -> list[FileRow]:
     """Returns measured sentences of a prepared folder's clips as lines of a CSV."""
     dataset = Dataset.load(folder)
     return [
         FileRow(
             clip.id, text, *((0.0, 0.0) if end - start == clip.frames else _seconds(start, end))
         )
-        for clip in described_clips(dataset, windows, seed)
+        for clip in described_clips(dataset, windows, seed, rewordings)
         for text, start, end, _ in clip.captions
     ]
 
