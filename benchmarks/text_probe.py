@@ -13,7 +13,6 @@ classes. A probe of few sentences tells what is easy to read, not all that is th
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -225,7 +224,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         shares = _shares(encoder, question)
         figures = [f"{100 * share:.0f} %" for share in shares]
         rows.append([name, str(len(question.sentences)), f"{100 / classes:.0f} %", *figures])
-        print(rows[-1], file=sys.stderr)
     print(table(["distinction", "sentences", "chance", *PROBES], rows))
 
 
