@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -27,10 +26,10 @@ from latentmotion.data.cmu_trials import (
     trial_joints,
 )
 from latentmotion.data.glitches import find_glitch
-from latentmotion.data.joining import joined
+from latentmotion.data.joining import touching
 from latentmotion.data.mocap6 import read_exercises
 from latentmotion.data.recording import Dropped, Label, Recording
-from latentmotion.data.segments import LONGEST, pieces
+from latentmotion.data.segments import pieces
 from latentmotion.errors import DataError, FileFormatError
 
 SHORTEST = 40
@@ -83,7 +82,7 @@ class CmuTrials:
     def recordings(self, uncaptioned: bool = False) -> Iterator[Recording | Dropped]:
         """Yields every clip that the index cuts from a trial on disk.
 
-        Two train clips that touch, and are together no longer than `LONGEST`, come also as one.
+        Two train clips that touch come also as one, where it is no longer than `LONGEST`.
 
         Args:
             uncaptioned: Whether to yield also what the index leaves of each trial, in pieces
@@ -98,11 +97,11 @@ class CmuTrials:
             except (FileFormatError, DataError) as error:
                 yield Dropped(trial, "clip", str(error))
                 continue
-            clips = [self._cut(trial, row, joints) for row in rows]
-            yield from clips
-            yield from _touching([clip for clip in clips if isinstance(clip, Recording)], rows)
+            found = [(row.start, row.end, self._cut(trial, row, joints)) for row in rows]
             if uncaptioned and all(self.splits.get(row.id, "train") == "train" for row in rows):
-                yield from _rest(trial, rows, joints, self.exercises.get(trial, ()))
+                found += _rest(trial, rows, joints, self.exercises.get(trial, ()))
+            yield from (item for _, _, item in found)
+            yield from touching([(a, b, it) for a, b, it in found if isinstance(it, Recording)])
 
     def _cut(
         self, trial: str, row: IndexRow, joints: Float[np.ndarray, "frames joints 3"]
@@ -136,31 +135,20 @@ class CmuTrials:
         return "val" if split == "train" and others != {"train"} else split
 
 
-def _touching(clips: Sequence[Recording], rows: Sequence[IndexRow]) -> Iterator[Recording]:
-    spans = {row.id: (row.start, row.end) for row in rows}
-    clips = sorted(clips, key=lambda clip: spans[clip.label.id])
-    for first, second in pairwise(clips):
-        ours, theirs = spans[first.label.id], spans[second.label.id]
-        both_train = first.label.split == second.label.split == "train"
-        # Features are a frame shorter than joints.
-        short = len(first.joints) + len(second.joints) <= LONGEST + 1
-        if both_train and short and ours[1] == theirs[0] and (both := joined(first, second)):
-            yield both
-
-
 def _rest(
     trial: str,
     rows: Sequence[IndexRow],
     joints: Float[np.ndarray, "frames joints 3"],
     exercises: Sequence[tuple[int, int, str]],
-) -> Iterator[Recording | Dropped]:
+) -> Iterator[tuple[int, int, Recording | Dropped]]:
     """Yields what the rows leave of a trial, with sentences where somebody labeled exercises."""
     gaps = list(_gaps(rows, len(joints)))
     found = list(pieces(joints, FPS, gaps, [start for start, _, _ in exercises]))
     lost = sum(end - start for start, end in gaps) - sum(end - start for start, end in found)
     if lost:
         reason = find_glitch(joints, FPS) or "shorter than a second"
-        yield Dropped(f"cmu-{trial}", "part", f"{lost} uncaptioned frames: {reason}")
+        told = f"{lost} uncaptioned frames: {reason}"
+        yield 0, 0, Dropped(f"cmu-{trial}", "part", told)
     for first, last in found:
         done = [t for start, end, t in exercises if start - 4 <= first and last <= end + 4]
         sentences = tuple(TaggedSentence(f"a person {text}.") for text in done)
@@ -172,7 +160,7 @@ def _rest(
             sentences=sentences,
             mirrored_sentences=tuple(map(mirror_sentence, sentences)),
         )
-        yield Recording(label, joints[first:last])
+        yield first, last, Recording(label, joints[first:last])
 
 
 def _gaps(rows: Sequence[IndexRow], frames: int) -> Iterator[tuple[int, int]]:

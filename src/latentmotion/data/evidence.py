@@ -107,6 +107,7 @@ EVIDENCE: Mapping[str, Callable[[Joints], bool]] = {
     "reaches": lambda j: _reach(j) > 0.5,
     "hands_up": lambda j: bool((j[:, _WRISTS, 1].max(1) > j[:, _J["neck"], 1]).sum() > 6),
     "kicks": lambda j: bool(j[:, _ANKLES, 1].max() > 0.55),
+    "one_leg": lambda j: bool((j[:, _ANKLES, 1].max(1) > 0.35).mean() > 0.5),
     "jumps": lambda j: bool(j[:, _FEET, 1].min(1).max() > 0.1),
     "bends": lambda j: _bend(j) > 50,
     "lowers": lambda j: bool(_height(j).min() < 0.75),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from latentmotion.data.captions import TaggedSentence
 from latentmotion.data.recording import Label, Recording
+from latentmotion.data.segments import LONGEST
 
 _SUBJECT = re.compile(
     r"(?:(?P<article>an?|the|this|one)\s+)?"
@@ -19,8 +21,21 @@ _SUBJECT = re.compile(
 _NOT_A_VERB = frozenset(("is", "was", "has", "his", "across", "towards", "forwards", "backwards"))
 
 
+def touching(clips: Sequence[tuple[int, int, Recording]]) -> Iterator[Recording]:
+    """Yields every two train clips that touch as one, where both have sentences that differ.
+
+    Args:
+        clips: First frame in the recording, one past the last, and the clip.
+    """
+    for (_, end, first), (start, _, second) in pairwise(sorted(clips, key=lambda clip: clip[:2])):
+        both_train = first.label.split == second.label.split == "train"
+        short = len(first.joints) + len(second.joints) <= LONGEST
+        if start == end and both_train and short and (both := joined(first, second)):
+            yield both
+
+
 def joined(first: Recording, second: Recording) -> Recording | None:
-    """Returns both as one recording, or None if either has no sentence about all of it.
+    """Returns both as one recording, or None if they have no sentences that tell two things.
 
     Args:
         first: A clip.
@@ -28,7 +43,7 @@ def joined(first: Recording, second: Recording) -> Recording | None:
     """
     ours, theirs = first.label, second.label
     sentences = _pairs(ours.sentences, theirs.sentences)
-    if not sentences:
+    if not sentences or ours.sentences == theirs.sentences:
         return None
     label = Label(
         id=f"{ours.id}+{theirs.id}",

@@ -21,13 +21,14 @@ from latentmotion.data.clip import Source
 from latentmotion.data.evidence import floor_of
 from latentmotion.data.finding import files_below
 from latentmotion.data.glitches import find_glitch
+from latentmotion.data.held_out import pieces_of, split_of
+from latentmotion.data.joining import touching
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.resampling import joints_at
 from latentmotion.data.segments import pieces
 from latentmotion.data.snu_actions import sentences_of
 from latentmotion.data.snu_annotations import Group, Span, grouped, read_annotations
 from latentmotion.data.snu_names import sentences_for
-from latentmotion.data.splits import split_of
 from latentmotion.data.t_pose import held_t_pose
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
@@ -153,7 +154,8 @@ def _pieces(
 ) -> Iterator[Recording | Dropped]:
     stretches = _without_t_poses(joints)
     told = [group for group in grouped(spans, len(joints)) if _inside(group, stretches)]
-    found = list(pieces(joints, FPS, stretches, [e for g in told for e in (g.start, g.end)]))
+    cuts = [edge for group in told for edge in (group.start, group.end)]
+    found = pieces_of(f"{SNU.name}-{path.stem}") or list(pieces(joints, FPS, stretches, cuts))
     kept = sum(end - start for start, end in stretches)
     lost = kept - sum(end - start for start, end in found)
     if kept < len(joints):
@@ -163,14 +165,21 @@ def _pieces(
         reason = find_glitch(joints, FPS) or "shorter than a second"
         yield Dropped(path.stem, "part", f"{lost} of {len(joints)} frames: {reason}")
     floor, groups = floor_of(joints), {(group.start, group.end): group for group in told}
+    clips = []
     for first, last in found:
+        if last > len(joints):
+            reason = f"{len(joints)} frames at 20 fps, the list of held-out clips wants {last}"
+            yield Dropped(f"{SNU.name}-{path.stem}-{first:05d}", "clip", reason)
+            continue
         piece = joints[first:last]
         if (first, last) in groups:
             sentences = sentences_of(groups[first, last].actions)
         else:
             name, whole = recording_of(path.stem), last - first > 0.8 * kept
             sentences = sentences_for(name, piece, floor, whole)
-        yield Recording(_label(path, first, last, sentences), piece)
+        clips.append((first, last, Recording(_label(path, first, last, sentences), piece)))
+    yield from (clip for _, _, clip in clips)
+    yield from touching(clips)
 
 
 def _label(path: Path, first: int, last: int, texts: Sequence[str]) -> Label:
