@@ -6,12 +6,13 @@ Nothing is ever unpickled here; foreign checkpoints are the business of `upstrea
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
@@ -21,6 +22,7 @@ from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
 from latentmotion.errors import InputError, ModelError
 from latentmotion.files import atomic_folder
 from latentmotion.model_card import CARD_FILE, ModelCard, read_card
+from latentmotion.models import find_model, shipped_models
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.interface import MotionVAE
@@ -30,6 +32,11 @@ VAEConfig = TransformerVAEConfig | ConvolutionalVAEConfig | VPoserTConfig | Iden
 """Every kind of VAE that a model folder can name."""
 
 WEIGHTS_FILE = "weights.safetensors"
+
+ENCODER_HASH = "vae_encoder"
+"""Where a file of weights says which encoder it leaves to a shipped model."""
+
+_ENCODER = "vae.encoder."
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,7 @@ def load_model(folder: str | Path) -> TrainedModel:
     card = read_card(Path(folder))
     networks = read_networks(card)
     path = Path(folder) / WEIGHTS_FILE
-    weights = read_weights(path)
+    weights = model_weights(Path(folder))
     vae = networks.vae.build() if networks.vae else None
     denoiser = networks.denoiser.build() if networks.denoiser else None
     parts = {"vae": vae, "denoiser": denoiser}
@@ -137,6 +144,55 @@ def check_keys(found: Iterable[str], expected: Iterable[str], source: str) -> No
         raise ModelError(f"{source}: {len(unknown)} unknown weights, first {unknown[0]!r}{hint}")
     if missing:
         raise ModelError(f"{source}: {len(missing)} weights missing, first {missing[0]!r}")
+
+
+def model_weights(folder: Path) -> dict[str, Tensor]:
+    """Reads the weights of a model folder; a VAE's encoder may lie in a shipped model's instead.
+
+    Raises:
+        ModelError: A file is missing or damaged, or no shipped model has that encoder.
+    """
+    weights = read_weights(folder / WEIGHTS_FILE)
+    with safe_open(folder / WEIGHTS_FILE, "pt") as file:
+        wanted = (file.metadata() or {}).get(ENCODER_HASH)
+    if wanted is None:
+        return weights
+    if (holder := encoder_holder(wanted)) is None:
+        raise ModelError(
+            f"{folder} has its VAE's encoder in common with a shipped model, and none of them has "
+            "it; install the version of latentmotion that the model came with"
+        )
+    return weights | encoder_weights(read_weights(holder / WEIGHTS_FILE))
+
+
+def encoder_holder(wanted: str, besides: Path | None = None) -> Path | None:
+    """Returns the folder of a shipped model that holds a VAE's encoder, told by its hash.
+
+    Args:
+        wanted: `encoder_hash` of the encoder.
+        besides: A folder that does not count.
+    """
+    for name in shipped_models():
+        folder = find_model(name)
+        if besides is None or folder.resolve() != besides.resolve():
+            kept = encoder_weights(read_weights(folder / WEIGHTS_FILE))
+            if kept and encoder_hash(kept) == wanted:
+                return folder
+    return None
+
+
+def encoder_weights(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Returns what belongs to a VAE's encoder, which only training and evaluation need."""
+    return {key: value for key, value in weights.items() if key.startswith(_ENCODER)}
+
+
+def encoder_hash(weights: Mapping[str, Tensor]) -> str:
+    """Returns a SHA-256 over names, shapes and numbers."""
+    digest = sha256()
+    for key in sorted(weights):
+        digest.update(f"{key} {tuple(weights[key].shape)} {weights[key].dtype}".encode())
+        digest.update(weights[key].contiguous().numpy().tobytes())
+    return digest.hexdigest()
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:

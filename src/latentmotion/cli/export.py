@@ -62,7 +62,7 @@ class Export:
         card = replace(read_card(source), name=name, precision=self.precision)
         if self.license:
             card = replace(card, provenance=replace(card.provenance, license=self.license))
-        package_model(source, card, self._texts(card, source), self.output)
+        package_model(source, card, self._texts(card, source), self.output, self.share_encoder)
         size = sum(file.stat().st_size for file in self.output.iterdir()) / 1e6
         print(f"wrote {self.output} ({size:.1f} MB)")
 
