@@ -12,6 +12,7 @@ import hashlib
 import shutil
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,7 @@ class FileRow:
 def describe_folder(
     folder: str | Path,
     out: str | Path,
-    windows: Windows = Windows(),
+    windows: Windows,
     seed: int = 0,
     rewordings: int = 0,
 ) -> Report:
@@ -178,7 +179,7 @@ def _file_rows(
     parts = -(-frames // LONGEST_FILE)
     edges = np.linspace(0, frames, parts + 1).astype(int).tolist()
     out = []
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         seconds = (0.0, 0.0) if parts == 1 else _seconds(start, end)
         texts = sentences(describe(joints[start:end]), generator, count=3)
         out += [FileRow(file, text, *seconds) for text in texts]

@@ -47,7 +47,8 @@ _VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
         "circle",
         (
-            r"(?:(?:half|semi|full|quarter)[- ]?|half (?:of )?a )?(?:semi-?)?circles?(?! (?:his|her|their|the|both|its)\b)",
+            r"(?:(?:half|semi|full|quarter)[- ]?|half (?:of )?a )?(?:semi-?)?circles?"
+            r"(?! (?:his|her|their|the|both|its)\b)",
             r"circular (?:path|pattern|route|direction|motion)|u[- ]shape\w*",
         ),
     ),
@@ -114,14 +115,16 @@ _VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
         "raise",
         (
             r"rais(?:e|es|ed|ing)|lift(?:s|ed|ing)?|reach(?:es|ed|ing)?(?= (?:up|high|above|over))",
-            r"(?:put(?:s|ting)?|hold(?:s|ing)?)(?= (?:\w+ ){0,3}(?:hands?|arms?) (?:up|high|above|over))",
+            r"(?:put(?:s|ting)?|hold(?:s|ing)?)"
+            r"(?= (?:\w+ ){0,3}(?:hands?|arms?) (?:up|high|above|over))",
         ),
     ),
     ("stop", (r"stop(?:s|ped|ping)?|halt(?:s|ed|ing)?|comes? to a (?:stop|halt|standstill)",)),
     (
         "stand",
         (
-            r"(?:stand|stands|standing|stay|stays|remain|remains)(?: \w+ly)? (?:still|motionless|in place)",
+            r"(?:stand|stands|standing|stay|stays|remain|remains)(?: \w+ly)?"
+            r" (?:still|motionless|in place)",
             r"(?:does|do)(?: not|n't) move|motionless|hardly moves?|stands? there|idle\w*|idling",
         ),
     ),
@@ -143,7 +146,8 @@ _NUMBERS = {
     **{"four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8, "nine": 9, "ten": 10},
 }
 _COUNT = re.compile(
-    rf"\b(?P<word>{'|'.join(_NUMBERS)}|\d{{1,2}})\b(?P<times> times| (?:\w+ ){{0,2}}(?:kick|punch|jab"
+    rf"\b(?P<word>{'|'.join(_NUMBERS)}|\d{{1,2}})\b"
+    r"(?P<times> times| (?:\w+ ){0,2}(?:kick|punch|jab"
     r"|jump|hop|leap|step|squat|clap|circle|wave|swing|turn|spin|rep|wide|pace|stride)\w*)?"
 )
 _LIMB = re.compile(
@@ -160,8 +164,11 @@ _GAITS = ("walk", "jog", "run", "move", "turn", "circle", "stop", "stand")
 _HANDS = re.compile(r"\b(?:hand|arm|fist|elbow|wrist)s?\b")
 _LEGS = re.compile(r"\b(?:legs?|knees?|foot|feet)\b")
 _TURNED = re.compile(
-    r"\b(?:head|torso|trunk|waist|hips?|upper body|wrists?|hands?|arms?|cap|bottle|wheel|knobs?|dial"
-    r"|key|page|valve|handle|lid|foot|them|it|leg|shoulders?|neck)\b"
+    r"\b(?:head|torso|trunk|waist|hips?|upper body|wrists?|hands?|arms?|cap|bottle|wheel|knobs?"
+    r"|dial|key|page|valve|handle|lid|foot|them|it|leg|shoulders?|neck)\b"
+)
+_LEFT_AND_RIGHT = re.compile(
+    r"\bleft (?:and|to|or) (?:the )?right\b|\bright (?:and|to|or) (?:the )?left\b"
 )
 _VIEW = re.compile(r"\b(?:top|bottom|screen|camera|viewer|upper|lower)\b")
 _FORWARD = re.compile(r"\b(?:for?wards?|ahead|straight|front)\b")
@@ -177,7 +184,8 @@ _THEN = re.compile(
 _DEGREE_WORDS = (
     (
         re.compile(
-            r"\bhalf[- ](?:turn|circle)|\bsemi-?circ|\bu[- ]?turn|\babout[- ]face|\b180|half of a circle|half a circle"
+            r"\bhalf[- ](?:turn|circle)|\bsemi-?circ|\bu[- ]?turn|\babout[- ]face|\b180"
+            r"|half (?:of )?a circle"
         ),
         180.0,
     ),
@@ -239,15 +247,15 @@ def _meant(kind: str, before: str, verb: str, near: str, after: str) -> str:
             return "knee"
         return kind if re.search(rf"{_HANDS.pattern}|\bup\b|\babove\b", after) else "lift"
     if kind in ("turn", "circle"):
-        both = re.search(
-            r"\bleft (?:and|to|or) (?:the )?right\b|\bright (?:and|to|or) (?:the )?left\b", near
-        )
+        whole = f"{before} {verb} {near}"
+        both = _LEFT_AND_RIGHT.search(near)
         held = _HANDS.search(before) or (kind == "turn" and _TURNED.search(near))
         moved = kind == "circle" and (
             re.search(r"\b(?:leg|foot|body|head|hips?|waist|it|them)\b", before)
             or ("motion" in verb and not re.search(r"\b(?:walk|run|jog|step|turn|spin)", before))
         )
-        return "twist" if both or held or moved else kind
+        drawn = kind == "circle" and re.search(r"\bwith (?:\w+ ){0,2}hands?\b|\bopposite", whole)
+        return "twist" if both or held or moved or drawn else kind
     return kind
 
 
@@ -257,9 +265,8 @@ def _sides(
     """Returns side and direction."""
     rest = after if limb is None else after.replace(limb.group(), " ")
     direction = ""
-    if kind in ("turn", "circle", "arm_circle") and (way := _SIDE.search(f"{before} {rest}")):
-        if kind != "arm_circle":
-            return _CLOCK.get(way[1][:5], way[1]), ""
+    if kind in ("turn", "circle") and (way := _SIDE.search(f"{before} {rest}")):
+        return _CLOCK.get(way[1][:5], way[1]), ""
     if kind in ("walk", "jog", "run", "move", "jump", "hop", "kick", "arm_circle"):
         whole = f"{before if kind == 'move' else ''} {verb} {rest}"
         direction = _direction(whole)

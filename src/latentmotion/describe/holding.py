@@ -16,9 +16,11 @@ LONG_ENOUGH = 2.5
 
 _REPEATING = re.compile(
     r"\b(?:danc|box(?:es|ing)|fight|karate|martial|swim|dribbl|exercis|play|wash|wip|stir|mop|sweep"
-    r"|conduct|direct|juggl|swing(?:s|ing) (?:his|her|their|both|the)|sway|laugh|talk|row|paddl|cycl"
-    r"|skat|march|jumping jack|stretch|practic|pretend|imitat|act(?:s|ing)|wander|pac(?:es|ing)"
-    r"|limp|stagger|sneak|strut|drum|guitar|violin|chop|saw|hammer|cheer|protest|gestur)"
+    r"|conduct|direct|juggl|swing(?:s|ing) (?:his|her|their|both|the)|sway|laugh|talk|row|paddl"
+    r"|cycl|skat|march|jumping jack|stretch|practic|pretend|imitat"
+    r"|act(?:s|ing)|wander|pac(?:es|ing)"
+    r"|limp|stagger|sneak|strut|drum|guitar|violin|chop|saw|hammer"
+    r"|cheer|protest|gestur)"
 )
 _CLAUSES = re.compile(r",|;|\. |\bthen\b|\band\b|\bbefore\b|\bafter\b|\bfollowed by\b|\bwhile\b")
 
