@@ -169,13 +169,15 @@ def test_wrong_checks_are_refused(text: str, told: str) -> None:
 def test_captions_of_real_motions_are_read() -> None:
     def claims(caption: str) -> set[str]:
         text = Caption(caption, 0, 80).text
-        return {f"{one.group}: {one.check}" for one in patterns() if one.words.search(text)}
+        return {
+            f"{one.group}: {one.check}" for one in patterns("captions") if one.words.search(text)
+        }
 
     assert "side: turn(left, 20, 400)" in claims("a man turns to his left and stops.")
     assert "side: kick(right)" in claims("someone kicks with their right leg")
     assert claims("a person waves") == set()
     assert any(one.startswith("order: walk > sit") for one in claims("he walks over and sits down"))
-    for pattern in patterns():
+    for pattern in (*patterns("captions"), *patterns("labels")):
         validate(pattern.check)
         assert pattern.group in GROUPS
 

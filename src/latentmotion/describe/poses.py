@@ -70,8 +70,14 @@ def _jacks(signals: Signals) -> list[Event]:
     feet = signals.joints[:, JOINT["left_ankle"]] - signals.joints[:, JOINT["right_ankle"]]
     apart = np.linalg.norm(feet[:, ::2], axis=1)
     arms = np.minimum(_raised(signals, LEFT), _raised(signals, RIGHT))
-    tops = [t for t in peaks(arms, 0.0, 0.3) if apart[max(t - 5, 0) : t + 6].max() > 0.4]
+    tops = [t for t in peaks(arms, 0.0, 0.3) if _spread(apart, t)]
     return [Event("jack", max(t - 5, 0), min(t + 6, signals.frames), amount=0.0) for t in tops]
+
+
+def _spread(apart: Float[np.ndarray, " frames"], top: int) -> bool:
+    """Feet are far apart around a frame, and not long before or after."""
+    near, around = apart[max(top - 5, 0) : top + 6], apart[max(top - 14, 0) : top + 15]
+    return bool(near.max() > 0.4 and around.min() < near.max() - 0.15)
 
 
 def _raised(signals: Signals, side: str) -> Float[np.ndarray, " frames"]:

@@ -6,7 +6,7 @@ An act of one side is only that side's: who raises both hands does not raise the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from latentmotion.describe.facts import BOTH, FPS, LEFT, RIGHT, Event
 from latentmotion.evaluation.instructions.expressions import Check, Term
@@ -39,12 +39,25 @@ def _of(*kinds: str, seconds: float = 0.0) -> Callable[[Scene], list[Event]]:
 
 
 def _moves(*kinds: str) -> Callable[[Scene], list[Event]]:
-    """Moves that go somewhere; standing is a move as well, and so is running on the spot."""
+    """Moves that go somewhere on the feet; standing is a move as well, and so is a run in place."""
     return lambda scene: [
-        move
+        part
         for move in scene.facts.moves
         if move.kind in kinds and move.direction not in ("", "place")
+        for part in _on_feet(scene, move)
     ]
+
+
+def _on_feet(scene: Scene, move: Event) -> list[Event]:
+    """The parts of a move, 0.4 s and longer, in which the body is not bent, down or seated."""
+    found = []
+    for posture in scene.facts.postures:
+        start, end = max(move.start, posture.start), min(move.end, posture.end)
+        if posture.kind in ("stand", "crouch") and end > start:
+            joined = found and found[-1].end == start
+            first = found.pop().start if joined else start
+            found.append(replace(move, start=first, end=end))
+    return lasting(found, 0.4)
 
 
 def _halts(scene: Scene) -> list[Event]:

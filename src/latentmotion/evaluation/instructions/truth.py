@@ -1,8 +1,9 @@
 """The ceiling: real motions, and what people's captions claim of them, by the same checks.
 
-People's captions are found by regular expressions (`captions.csv`), which read nothing but the
-prompts' kind of claims; a caption counts once a check. Annotators err and tell a part of a clip
-alone, so that the figures are below 100 % even where every check is right.
+Captions are read by regular expressions (`captions.csv`), and so are labels of actions that name
+sides and counts as HDM05's do (`labels.csv`); a caption counts once a check. That somebody stops is
+not looked for: people say it where a clip ends. Annotators err and tell of a part of a clip alone,
+so that the figures are below 100 % even where every check is right.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -43,9 +45,9 @@ class Claimed:
     """A real motion of which a caption claims something."""
 
     clip: str
-    """Name of the clip."""
+    """Name of the clip, or its label."""
     caption: str
-    """The sentence."""
+    """The sentence; the clip's name where a label claims it."""
     group: str
     """Group of the claim."""
     check: Check
@@ -54,16 +56,12 @@ class Claimed:
     """The motion."""
 
 
-def patterns() -> tuple[Pattern, ...]:
+def patterns(of: Literal["captions", "labels"]) -> tuple[Pattern, ...]:
     """Returns the claims that are looked for."""
-    text = (
-        files("latentmotion.evaluation.instructions")
-        .joinpath("captions.csv")
-        .read_text(encoding="utf-8")
-    )
+    table = files("latentmotion.evaluation.instructions").joinpath(f"{of}.csv")
     return tuple(
         Pattern(row["group"], re.compile(row["pattern"]), parse(row["check"]))
-        for row in csv.DictReader(text.splitlines())
+        for row in csv.DictReader(table.read_text(encoding="utf-8").splitlines())
     )
 
 
@@ -77,9 +75,10 @@ def claimed(dataset: Dataset, split: str) -> list[Claimed]:
     Raises:
         DataError: No caption of the split claims any of it.
     """
-    known, clips = patterns(), dataset.clips(split)
+    known, clips = patterns("captions"), dataset.clips(split)
     tagged = any(caption.tokens for clip in clips for caption in clip.captions)
     found = [one for clip in clips for one in _of_clip(dataset, clip, known, tagged)]
+    found += [one for clip in clips for one in _of_label(dataset, clip, patterns("labels"))]
     if not found:
         raise DataError(
             f"{dataset.folder}: no caption of the {split} split claims what can be checked; "
@@ -93,11 +92,13 @@ def _of_clip(
 ) -> Iterator[Claimed]:
     seen: set[tuple[str, int, int]] = set()
     joints: Joints = np.zeros((0, 22, 3))
-    for caption in (one for one in clip.captions if one.tokens or not tagged):
+    # Of labeled clips the label tells; their captions are made from it.
+    written = () if clip.action else clip.captions
+    for caption in (one for one in written if one.tokens or not tagged):
         text = caption.text.lower()
         for pattern in known:
             key = (str(pattern.check), caption.start_frame, caption.end_frame)
-            if key in seen or _NEGATED.search(text) or not pattern.words.search(text):
+            if key in seen or not _claims(text, pattern):
                 continue
             seen.add(key)
             if not len(joints):
@@ -105,3 +106,20 @@ def _of_clip(
             part = joints[caption.start_frame : caption.end_frame]
             if len(part) >= 8:
                 yield Claimed(clip.id, caption.text, pattern.group, pattern.check, part)
+
+
+def _of_label(dataset: Dataset, clip: Clip, known: tuple[Pattern, ...]) -> Iterator[Claimed]:
+    """Clips of one label resemble each other, and count as takes of it."""
+    fitting = [pattern for pattern in known if clip.action and pattern.words.match(clip.action)]
+    if fitting and clip.frames >= 8:
+        joints = dataset.representation.decode(dataset.features(clip))
+        for pattern in fitting:
+            yield Claimed(str(clip.action), clip.id, pattern.group, pattern.check, joints)
+
+
+def _claims(text: str, pattern: Pattern) -> bool:
+    """A caption of both sides tells of more than the one side that prompts ask for."""
+    if _NEGATED.search(text) or not pattern.words.search(text):
+        return False
+    both = re.search(r"\bleft\b", text) and re.search(r"\bright\b", text)
+    return not (both and pattern.group == "side")
