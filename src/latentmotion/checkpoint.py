@@ -191,7 +191,8 @@ def encoder_hash(weights: Mapping[str, Tensor]) -> str:
     digest = sha256()
     for key in sorted(weights):
         digest.update(f"{key} {tuple(weights[key].shape)} {weights[key].dtype}".encode())
-        digest.update(weights[key].contiguous().numpy().tobytes())
+        # Adding zero makes -0 the 0 that it equals.
+        digest.update((weights[key] + 0).contiguous().numpy().tobytes())
     return digest.hexdigest()
 
 
