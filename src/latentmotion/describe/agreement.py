@@ -246,7 +246,8 @@ def _check_turn(claim: Claim, description: Description) -> tuple[Verdict, str]:
         return "agrees", found
     if claim.kind == "turn" and _twists(claim, description):
         return "silent", f"{found}, but the trunk twists"
-    return "silent" if best >= 0.6 * least else "contradicts", found
+    arc = 45.0 if claim.kind == "circle" else 0.6 * least
+    return "silent" if best >= arc else "contradicts", found
 
 
 def _twists(claim: Claim, description: Description) -> bool:

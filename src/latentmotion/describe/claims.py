@@ -243,7 +243,8 @@ def _meant(kind: str, before: str, verb: str, near: str, after: str) -> str:
     A raised leg is a `knee`, a lifted thing a `lift`, a turned wheel or waist a `twist`.
     """
     if kind == "raise":
-        if _LEGS.search(near) and not _HANDS.search(near):
+        leg, hand = _LEGS.search(near), _HANDS.search(near)
+        if leg and (hand is None or leg.start() < hand.start()):
             return "knee"
         return kind if re.search(rf"{_HANDS.pattern}|\bup\b|\babove\b", after) else "lift"
     if kind in ("turn", "circle"):
@@ -328,6 +329,8 @@ def _joined(claims: list[Claim]) -> Iterator[Claim]:
         if claim.kind == "place":
             if last is not None and last.kind in ("walk", "jog", "run", "jump", "hop", "move"):
                 last = replace(last, direction="place")
+            continue
+        if claim.kind == "circle" and last is not None and last.kind == "arm_circle":
             continue
         if last is not None:
             yield last
