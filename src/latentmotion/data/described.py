@@ -22,6 +22,7 @@ from latentmotion.configuration import read_json, write_json
 from latentmotion.data.captions import mirror_words
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.encoding import encode_all
 from latentmotion.data.manifest import MANIFEST, CaptionRow, StoredClip
 from latentmotion.data.own import FPS, OwnMotions
 from latentmotion.data.recording import Dropped
@@ -128,17 +129,17 @@ def described_clips(
 
 
 def describe_files(motions: OwnMotions, seed: int = 0) -> list[FileRow | Dropped]:
-    """Describes motion files; what cannot be read comes with the reason.
+    """Describes motion files; what `data prepare` would drop comes with the reason.
 
     Raises:
         DataError: There is no such folder or no motion file in it.
     """
     out: list[FileRow | Dropped] = []
-    for item in motions.recordings():
+    for item in encode_all(motions.recordings(), HUMANML3D_FEATURES):
         if isinstance(item, Dropped):
             out.append(item)
             continue
-        joints = HUMANML3D_FEATURES.canonicalize(HUMANML3D_FEATURES.retarget(item.joints))
+        joints = HUMANML3D_FEATURES.decode(item.features)
         out += _file_rows(item.label.origin, joints, _generator(seed, item.label.id))
     return out
 
