@@ -24,7 +24,8 @@ CMU = Source(
     name="cmu",
     license=(
         "free for all uses; the data itself may not be resold, even converted; "
-        "captions: HumanML3D, MIT, (c) 2022 Chuan Guo"
+        "captions: HumanML3D, MIT, (c) 2022 Chuan Guo; labels of exercises: BSD 2-clause, "
+        "(c) 2015 Mike Hughes; trials at 30 frames per second: Apache 2.0, SNU"
     ),
     credit=(
         "The data used in this project was obtained from mocap.cs.cmu.edu. The database was "

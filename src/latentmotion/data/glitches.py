@@ -55,7 +55,7 @@ def clean_spans(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> lis
         joints: Joint positions, meters.
         fps: Frames per second.
     """
-    bad = ~np.isfinite(joints).all(axis=(1, 2))
+    bad = np.logical_not(np.isfinite(joints).all(axis=(1, 2)))
     joints = np.where(bad[:, None, None], 0.0, joints)
     if len(joints) < 3 or bad.all() or _wrong_size(joints[~bad]):
         return []

@@ -11,11 +11,13 @@ import numpy as np
 from latentmotion.data.annotations import GET_IT, read_index, read_splits, read_texts
 from latentmotion.data.cmu_trials import CMU, find_trials, rows_by_trial
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.finding import files_below
 from latentmotion.data.hdm05 import find_clips
 from latentmotion.data.humanml3d import FEATURES
 from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.own import find_motions
 from latentmotion.data.report import Report, parts_of
+from latentmotion.data.snu import find_takes
 from latentmotion.data.uestc import ACTIONS, FRAMES, NAMES, POSES, UESTC
 from latentmotion.errors import DataError
 from latentmotion.files import sha256
@@ -23,7 +25,8 @@ from latentmotion.files import sha256
 _EXPECTED = (
     f"expected a prepared folder ({MANIFEST}), HumanML3D's captions (index.csv, texts, train.txt), "
     f"an official processed folder ({FEATURES}), humanact12poses.pkl or {POSES}, CMU "
-    "trials (SS_TT.amc or .bvh), HDM05's clips (HDM_ACTOR_CLASS_NNN_120.amc) or your own BVH files"
+    "trials (SS_TT.amc or .bvh), HDM05's clips (HDM_ACTOR_CLASS_NNN_120.amc), SNU's takes or your "
+    "own BVH files"
 )
 
 
@@ -103,7 +106,7 @@ def _poses(folder: Path) -> Iterator[str]:
 
 
 def _motions(folder: Path) -> Iterator[str]:
-    lines = [line for look in (_cmu, _hdm05) for line in _found(look, folder)]
+    lines = [line for look in (_cmu, _hdm05, _snu) for line in _found(look, folder)]
     yield from lines or _found(_own, folder)
 
 
@@ -144,6 +147,13 @@ def _hdm05(folder: Path) -> Iterator[str]:
     clips = find_clips(folder)
     yield f"HDM05: {len(clips)} cut clips"
     yield f"next: latentmotion data prepare hdm05 --clips {folder} -o OUT"
+
+
+def _snu(folder: Path) -> Iterator[str]:
+    takes = find_takes(folder)
+    labels = sum(path.parent.name == "annotation" for path in files_below(folder, [".lab"]))
+    yield f"SNU: {len(takes)} takes on its skeletons, {labels} files of annotations"
+    yield f"next: latentmotion data prepare snu {folder} -o OUT"
 
 
 def _own(folder: Path) -> Iterator[str]:

@@ -27,7 +27,7 @@ BLENDS = 0.8
 def begins_with_t_pose(animation: Animation) -> bool:
     """Returns whether frame 0 is the skeleton's rest pose and the motion is far from it."""
     turns = _turns(animation)
-    return len(turns) > BLENDED and turns[0] < REST and bool(turns[BLENDED] > 2 * turns[0])
+    return bool(len(turns) > BLENDED and turns[0] < REST and turns[BLENDED] > 2 * turns[0])
 
 
 def is_blended(animation: Animation) -> bool:
