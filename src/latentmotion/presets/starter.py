@@ -33,7 +33,7 @@ def starter() -> Experiment:
         denoiser=DenoiserConfig(
             latent_width=24,
             condition_width=384,
-            transformer=TransformerConfig(width=256, layers=6, hidden=512, dropout=0.1),
+            transformer=TransformerConfig(width=256, layers=5, hidden=768, dropout=0.1),
             time_scale=1000.0,
             length_token=True,
         ),
