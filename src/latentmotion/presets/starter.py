@@ -48,5 +48,5 @@ def starter() -> Experiment:
             precision="bfloat16",
         ),
         sampling=Sampling(steps=50, guidance=3.0),
-        reading=SentenceReading(pooled=True, words=32),
+        reading=SentenceReading(pooled=True, words=24),
     )
