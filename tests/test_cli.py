@@ -29,7 +29,7 @@ def test_a_group_lists_its_verbs(capsys: pytest.CaptureFixture[str]) -> None:
     main(["train"])
     assert "train text-encoder" in capsys.readouterr().out
     main(["data", "prepare"])
-    assert len(capsys.readouterr().out.splitlines()) == 2 + 8
+    assert len(capsys.readouterr().out.splitlines()) == 2 + 9
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pytest
 
 from latentmotion.data.annotations import read_index, read_splits
 from latentmotion.data.cmu import CmuTrials
-from latentmotion.data.cmu_trials import find_trials, trial_of
 from latentmotion.data.cmu_rates import native_fps
+from latentmotion.data.cmu_trials import find_trials, trial_of
 from latentmotion.data.encoding import encode
 from latentmotion.data.recording import Dropped, EncodedRecording, Recording
 from latentmotion.errors import DataError
