@@ -14,7 +14,7 @@ from latentmotion.nn.masked import mean_of_real
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.interface import MotionVAE
-from latentmotion.vae.loss import VAEObjective, vae_losses
+from latentmotion.vae.loss import VAEObjective, feature_losses, vae_losses
 from latentmotion.vae.posterior import Posterior
 
 
@@ -53,6 +53,33 @@ def test_the_total_is_the_weighted_sum() -> None:
     weights = {"features": 1.0, "joints": 1.0, "steps": 0.5, "divergence": 1e-4}
     total = sum(weight * parts[name] for name, weight in weights.items())
     assert torch.allclose(parts["total"], torch.as_tensor(total))
+
+
+def test_only_feet_that_stand_and_bones_that_change_cost() -> None:
+    """A body that is moved as a whole slides with its feet, and keeps the lengths of its bones."""
+    skeleton = HUMANML3D_FEATURES.skeleton
+    rest = torch.from_numpy(skeleton.rest_joints()).float().expand(1, 8, -1, -1)
+    slide = rest + torch.linspace(0, 0.7, 8)[None, :, None, None] * torch.tensor([1.0, 0, 0])
+    mask, features = torch.ones(1, 8, dtype=torch.bool), torch.zeros(1, 8, 1)
+
+    def compare(found: torch.Tensor, true: torch.Tensor) -> dict[str, torch.Tensor]:
+        bodies = iter((found, true))
+        objective = VAEObjective(contacts=1.0, bones=1.0)
+        joints_of = lambda _: next(bodies)  # noqa: E731
+        return feature_losses(features, features, mask, joints_of, 20.0, objective, skeleton)
+
+    stood, went = compare(slide, rest), compare(rest, slide)
+    assert float(stood["contacts"]) > 0.1 and float(stood["bones"]) < 1e-6
+    assert float(went["contacts"]) == 0.0, "a foot that truly moves is no contact"
+    assert float(compare(1.1 * rest, rest)["bones"]) > 1e-3
+
+
+def test_a_posterior_stays_finite_however_far_off_a_motion_is() -> None:
+    torch.manual_seed(0)
+    vae = ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)).build()
+    far = 1e6 * torch.randn(1, 16, 263)
+    posterior = vae.encode(far, torch.ones(1, 16, dtype=torch.bool))
+    assert torch.isfinite(posterior.std).all() and torch.isfinite(posterior.divergence()).all()
 
 
 def test_the_authors_means_run_over_padding() -> None:

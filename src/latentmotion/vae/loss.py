@@ -123,10 +123,10 @@ def feature_losses(
     feet = [*skeleton.left_foot, *skeleton.right_foot]
     found_feet, true_feet = (velocity[:, :, feet] for velocity in velocities)
     stands = (true_feet.norm(dim=-1, keepdim=True) < STANDING).to(found_feet.dtype)
-    lengths = [_bone_lengths(positions, skeleton) for positions in joints]
+    found_bones, true_bones = (_bone_lengths(positions, skeleton) for positions in joints)
     return losses | {
         "contacts": mean(stands * _distance(found_feet, true_feet, STANDING), mask[:, 1:]),
-        "bones": mean(_distance(*lengths, knee), mask),
+        "bones": mean(_distance(found_bones, true_bones, knee), mask),
     }
 
 
