@@ -10,6 +10,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from PIL import Image
+
 from latentmotion import MotionGenerator, formats
 from latentmotion.formats import video
 from latentmotion.models import DEFAULT
@@ -42,6 +44,8 @@ PROMPTS = (
 )
 MOVING = (3, 7, 12, 14)
 SEED = 0
+COLORS = 32
+"""Of the pictures, which are a third as large as in true color."""
 
 
 def main(folder: Path, model: str = DEFAULT) -> None:
@@ -49,10 +53,10 @@ def main(folder: Path, model: str = DEFAULT) -> None:
     generate = MotionGenerator.load(model)
     motions = generate.batch(PROMPTS, seconds=4, seeds=[SEED] * len(PROMPTS))
     for sheet in range(3):
-        formats.save(
-            folder / f"{generate.card.name}_{sheet + 1}.png", motions[8 * sheet : 8 * sheet + 8]
-        )
-    video.write(folder / f"{generate.card.name}.gif", [motions[n] for n in MOVING], size=280)
+        path = folder / f"{generate.card.name}_{sheet + 1}.png"
+        formats.save(path, motions[8 * sheet : 8 * sheet + 8])
+        Image.open(path).quantize(COLORS).save(path, optimize=True)
+    video.write(folder / f"{generate.card.name}.gif", [motions[n] for n in MOVING], size=220)
 
 
 if __name__ == "__main__":
