@@ -239,3 +239,11 @@ def test_hdm05_is_read_as_its_classes_say(shared: Path) -> None:
                 seen += 1
                 right += bool(describe(joints).find(kind, side))
     assert right >= 0.95 * seen
+
+
+def test_a_verb_of_two_parts_doubles_its_last_letter() -> None:
+    left = figure(4, speed=0.7, way=90)
+    texts = sentences(describe(left), np.random.default_rng(0), count=200)
+    going = [text for text in texts if "sidestepp" in text]
+    assert going, texts[:5]
+    assert not [text for text in texts if "sidesteping" in text]

@@ -10,7 +10,8 @@ import numpy as np
 from latentmotion.describe.acts import Act, acts_of
 from latentmotion.describe.agreement import check
 from latentmotion.describe.facts import Description
-from latentmotion.describe.wording import Phrase, ing, meanwhile, phrases, third
+from latentmotion.describe.verbs import present_participle, third_person
+from latentmotion.describe.wording import Phrase, meanwhile, phrases
 
 Form = Callable[[str], str]
 """How a verb is written."""
@@ -89,7 +90,7 @@ def _with_action(
     out = [known]
     if ways and not told & {"walk", "jog", "run", "turn", "circle", "move", "sit"}:
         verb, rest = _draw(phrases(ways[0]), generator)
-        tail = _filled(ing(verb), rest, "the", "them", ing)
+        tail = _filled(present_participle(verb), rest, "the", "them", present_participle)
         out.append(f"{known.rstrip('. ')} while {tail}")
     return out
 
@@ -103,7 +104,7 @@ def _sentence(acts: Sequence[Act], generator: np.random.Generator) -> str:
         if who
         else (str(generator.choice(["third", "base", "base", "ing"])))
     )
-    form = {"third": third, "base": _same, "ing": ing}[style]
+    form = {"third": third_person, "base": _same, "ing": present_participle}[style]
     parts = [_part(act, form, his, him, generator) for act in told]
     text = _join(parts, told, generator)
     who = f"{who} is" if who and style == "ing" else who
@@ -125,7 +126,11 @@ def _part(
     """Returns the act in the form of the sentence, and with -ing."""
     verb, rest = _draw(phrases(act), generator)
     during, how = _draw(meanwhile(act), generator)
-    return _filled(form(verb), rest, his, him, form), _filled(ing(during), how, his, him, ing)
+    going = present_participle(during)
+    return (
+        _filled(form(verb), rest, his, him, form),
+        _filled(going, how, his, him, present_participle),
+    )
 
 
 def _draw(found: list[Phrase], generator: np.random.Generator) -> Phrase:

@@ -26,8 +26,6 @@ SHORTEST = 8
 LEAST_TURN = 25.0
 """Degrees of the smallest turn that is told."""
 
-_DIRECTIONS = ("forward", "left", "backward", "right")
-
 
 def moves_of(
     signals: Signals, running: Float[np.ndarray, " frames"], treading: list[Event]

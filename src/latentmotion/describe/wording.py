@@ -1,34 +1,15 @@
-"""Acts → verb phrases, several for each, and the forms of English verbs."""
+"""Acts → verb phrases, several for each."""
 
 from __future__ import annotations
 
 from latentmotion.describe.acts import Act
 from latentmotion.describe.facts import BOTH, LEFT, Event
 from latentmotion.describe.travel import FAST, SLOW
+from latentmotion.describe.verbs import present_participle
 
 Phrase = tuple[str, str]
 """Verb in base form and the rest; `{his}` stands for a possessive."""
 
-_IRREGULAR = {
-    "lie": ("lies", "lying"),
-    "do": ("does", "doing"),
-    "go": ("goes", "going"),
-    "be": ("is", "being"),
-}
-_DOUBLED = (
-    "run",
-    "jog",
-    "hop",
-    "clap",
-    "squat",
-    "spin",
-    "sit",
-    "stop",
-    "get",
-    "step",
-    "jab",
-    "put",
-)
 _TIMES = (
     "",
     "once",
@@ -43,22 +24,6 @@ _TIMES = (
     "ten times",
 )
 _WORDS = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-
-
-def third(verb: str) -> str:
-    """Returns `walks` for `walk`."""
-    if verb in _IRREGULAR:
-        return _IRREGULAR[verb][0]
-    return verb + ("es" if verb.endswith(("ch", "sh", "s", "x", "o")) else "s")
-
-
-def ing(verb: str) -> str:
-    """Returns `walking` for `walk`."""
-    if verb in _IRREGULAR:
-        return _IRREGULAR[verb][1]
-    if verb in _DOUBLED:
-        return f"{verb}{verb[-1]}ing"
-    return (verb[:-1] if verb.endswith("e") and not verb.endswith("ee") else verb) + "ing"
 
 
 def phrases(act: Act) -> list[Phrase]:
@@ -124,9 +89,9 @@ def _pace(event: Event) -> list[str]:
 def _onward(event: Event) -> list[Phrase]:
     way = "" if event.direction in ("forward", "place") else f" {event.direction}"
     return [
-        ("keep", f"{ing(event.kind)}{way}"),
+        ("keep", f"{present_participle(event.kind)}{way}"),
         (event.kind, f"on{way}"),
-        ("continue", f"{ing(event.kind)}{way}"),
+        ("continue", f"{present_participle(event.kind)}{way}"),
         (event.kind, way.strip() or "forward"),
     ]
 

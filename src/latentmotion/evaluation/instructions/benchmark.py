@@ -15,7 +15,6 @@ from latentmotion.evaluation.instructions.scene import Scene, scene_of
 from latentmotion.evaluation.instructions.truth import Claimed
 
 Joints = Float[np.ndarray, "_ 22 3"]
-Verdicts = Mapping[str, Sequence[Sequence[bool]]]
 
 OVERALL = "overall"
 """Name of all groups together."""
