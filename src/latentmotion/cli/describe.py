@@ -34,11 +34,15 @@ class Describe:
     """
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FOLDER")]
-    """A prepared folder, or one of motion files."""
+    """A prepared folder or a pack, or a folder of motion files."""
     out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """The prepared folder, or the CSV, to write."""
     edit: bool = False
     """Of a prepared folder, too, write a CSV, to read and correct by hand."""
+    check: bool = False
+    """Leave out captions that the motion contradicts, and say why; of the train split alone."""
+    names: bool = False
+    """Take motion files' names (`wave_hello_02.bvh`) for what they show, unless contradicted."""
     windows: int = 3
     """Parts of random length and place per clip of the train split that get captions."""
     sentences: int = 2
@@ -61,28 +65,34 @@ class Describe:
                 "expected --windows and --rewordings of 0 or more and --sentences of 1 or more"
             )
         windows = Windows(self.windows, sentences=self.sentences, whole=self.sentences)
-        if not (self.folder / MANIFEST).is_file():
+        if not (self.folder.is_file() or (self.folder / MANIFEST).is_file()):
             self._write_csv(self._files())
-        elif self.edit:
-            self._write_csv(folder_rows(self.folder, windows, self.seed, self.rewordings))
-        else:
-            check_replaceable(self.out, MANIFEST)
-            report = describe_folder(self.folder, self.out, windows, self.seed, self.rewordings)
-            print(report.table())
-            print(f"wrote {self.out}")
+            return
+        if self.names:
+            raise InputError(f"{self.folder}: --names is for motion files, not for prepared ones")
+        options = (windows, self.seed, self.rewordings, self.check)
+        if self.edit:
+            self._write_csv(folder_rows(self.folder, *options))
+            return
+        if self.out.suffix.lower() == ".csv":
+            raise InputError(f"{self.out}: a prepared folder becomes one; add --edit for a CSV")
+        check_replaceable(self.out, MANIFEST)
+        report = describe_folder(self.folder, self.out, *options)
+        print(report.text() if self.check else report.table())
+        print(f"wrote {self.out}")
 
-    def _files(self) -> list[FileRow]:
-        """Describes motion files and tells which cannot be read."""
+    def _files(self) -> list[FileRow | Dropped]:
         joint_map = load_joint_map(self.joint_map) if self.joint_map else None
         source = Source("own", "unknown", "")
         motions = OwnMotions(self.folder, source, fps=self.fps, unit=self.unit, joint_map=joint_map)
-        found = describe_files(motions, self.seed)
+        return describe_files(motions, self.seed, self.check, self.names)
+
+    def _write_csv(self, found: list[FileRow | Dropped]) -> None:
+        """Writes the captions and tells what was left out."""
         for item in found:
             if isinstance(item, Dropped):
                 print(f"{item.id}: {item.reason}")
-        return [item for item in found if isinstance(item, FileRow)]
-
-    def _write_csv(self, rows: list[FileRow]) -> None:
+        rows = [item for item in found if isinstance(item, FileRow)]
         if not rows:
             raise InputError(f"{self.folder}: no motion in it can be described")
         write_captions(self.out, rows)

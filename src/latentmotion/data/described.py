@@ -19,8 +19,9 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.configuration import read_json, write_json
-from latentmotion.data.captions import mirror_words
+from latentmotion.data.captions import TaggedSentence, fit_sentences, mirror_words
 from latentmotion.data.clip import Caption
+from latentmotion.data.contradictions import contradiction, without_contradicted
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.encoding import encode_all
 from latentmotion.data.manifest import MANIFEST, CaptionRow, StoredClip
@@ -29,7 +30,7 @@ from latentmotion.data.recording import Dropped
 from latentmotion.data.report import REPORT, Report, parts_of
 from latentmotion.data.rewording import reworded_captions
 from latentmotion.describe.reading import describe
-from latentmotion.describe.sentences import sentences
+from latentmotion.describe.sentences import plain_action, sentences
 from latentmotion.describe.windows import Row, Windows, caption_windows
 from latentmotion.errors import DataError
 from latentmotion.files import atomic_file, atomic_folder
@@ -62,6 +63,7 @@ def describe_folder(
     windows: Windows,
     seed: int = 0,
     rewordings: int = 0,
+    check: bool = False,
 ) -> Report:
     """Adds measured sentences to a prepared folder.
 
@@ -71,12 +73,13 @@ def describe_folder(
         windows: How many parts per clip, and how many sentences.
         seed: What draws parts and wording; each clip draws for itself.
         rewordings: How often each caption of the train split is said in other words.
+        check: Whether captions of the train split that the motion contradicts are left out.
 
     Raises:
         DataError: The folder is not a prepared one, or of another representation.
         InputError: The folder cannot be written.
     """
-    dataset = Dataset.load(folder)
+    dataset, refused = _loaded(folder, check)
     clips = tuple(described_clips(dataset, windows, seed, rewordings))
     manifest = replace(dataset.manifest, clips=clips)
     path = dataset.folder / REPORT
@@ -84,7 +87,8 @@ def describe_folder(
     added = sum(len(clip.captions) for clip in clips)
     added -= sum(len(clip.captions) for clip in dataset.manifest.clips)
     note = f"{added} captions measured from the motion (latentmotion data describe, seed {seed})"
-    report = replace(old, parts=parts_of(manifest), notes=(*old.notes, note))
+    report = replace(old, parts=parts_of(manifest), dropped=(*old.dropped, *refused))
+    report = replace(report, notes=(*old.notes, note))
     with atomic_folder(out, MANIFEST) as temporary:
         for shard in manifest.shards:
             shutil.copyfile(dataset.folder / shard.file, temporary / shard.file)
@@ -96,16 +100,7 @@ def describe_folder(
 def described_clips(
     dataset: Dataset, windows: Windows, seed: int, rewordings: int = 0
 ) -> Iterator[StoredClip]:
-    """Yields the clips of a prepared folder with measured sentences.
-
-    Raises:
-        DataError: The folder is of another representation.
-    """
-    if dataset.representation.name != HUMANML3D_FEATURES.name:
-        raise DataError(
-            f"{dataset.folder}: found {dataset.representation.name!r} features; only "
-            f"{HUMANML3D_FEATURES.name!r} can be described, as they are of its 22 joints"
-        )
+    """Yields the clips of a prepared folder of HumanML3D's features with measured sentences."""
     for clip in dataset.manifest.clips:
         if clip.split != "train" and clip.captions:
             yield clip
@@ -128,8 +123,19 @@ def described_clips(
         yield _with_rows(clip, rows)
 
 
-def describe_files(motions: OwnMotions, seed: int = 0) -> list[FileRow | Dropped]:
+def describe_files(
+    motions: OwnMotions, seed: int = 0, check: bool = False, names: bool = False
+) -> list[FileRow | Dropped]:
     """Describes motion files; what `data prepare` would drop comes with the reason.
+
+    Sentences in text files beside the motions stay, before the measured ones.
+
+    Args:
+        motions: The files.
+        seed: What draws the wording.
+        check: Whether sentences beside a motion that it contradicts are left out.
+        names: Whether a file's name (`wave_hello_02.bvh`) says what it shows; a name that the
+            motion contradicts is left out.
 
     Raises:
         DataError: There is no such folder or no motion file in it.
@@ -140,7 +146,13 @@ def describe_files(motions: OwnMotions, seed: int = 0) -> list[FileRow | Dropped
             out.append(item)
             continue
         joints = HUMANML3D_FEATURES.decode(item.features)
-        out += _file_rows(item.label.origin, joints, _generator(seed, item.label.id))
+        file = item.label.origin
+        out += _known_rows(file, joints, item.label.sentences, check)
+        action = plain_action(Path(file).stem) if names else ""
+        if action and (reason := contradiction(action, joints)):
+            out.append(Dropped(item.label.id, "caption", f"name {action!r}, but {reason}"))
+            action = ""
+        out += _file_rows(file, joints, _generator(seed, item.label.id), action)
     return out
 
 
@@ -159,21 +171,55 @@ def write_captions(path: str | Path, rows: Iterable[FileRow]) -> None:
 
 
 def folder_rows(
-    folder: str | Path, windows: Windows, seed: int, rewordings: int = 0
-) -> list[FileRow]:
-    """Returns measured sentences of a prepared folder's clips as lines of a CSV."""
-    dataset = Dataset.load(folder)
-    return [
-        FileRow(
-            clip.id, text, *((0.0, 0.0) if end - start == clip.frames else _seconds(start, end))
-        )
+    folder: str | Path, windows: Windows, seed: int, rewordings: int = 0, check: bool = False
+) -> list[FileRow | Dropped]:
+    """Returns the captions that `describe_folder` would write, and what it would leave out."""
+    dataset, refused = _loaded(folder, check)
+    rows = [
+        FileRow(clip.id, text, *_span(start, end, clip.frames))
         for clip in described_clips(dataset, windows, seed, rewordings)
         for text, start, end, _ in clip.captions
     ]
+    return [*refused, *rows]
+
+
+def _loaded(folder: str | Path, check: bool) -> tuple[Dataset, tuple[Dropped, ...]]:
+    """Opens a prepared folder of HumanML3D's features, without contradicted captions if asked.
+
+    Raises:
+        DataError: The folder is not a prepared one, or of another representation.
+    """
+    dataset = Dataset.load(folder)
+    if dataset.representation.name != HUMANML3D_FEATURES.name:
+        raise DataError(
+            f"{dataset.folder}: found {dataset.representation.name!r} features; only "
+            f"{HUMANML3D_FEATURES.name!r} can be described, as they are of its 22 joints"
+        )
+    return without_contradicted(dataset) if check else (dataset, ())
+
+
+def _known_rows(
+    file: str,
+    joints: Float[np.ndarray, "frames 22 3"],
+    known: tuple[TaggedSentence, ...],
+    check: bool,
+) -> Iterator[FileRow | Dropped]:
+    """Yields the sentences that lie beside a motion, or why one is left out."""
+    captions, reasons = fit_sentences(known, len(joints))
+    yield from (Dropped(file, "caption", reason) for reason in reasons)
+    for caption in captions:
+        start, end = caption.start_frame, caption.end_frame
+        if check and (reason := contradiction(caption.text, joints[start:end])):
+            yield Dropped(file, "caption", f"{caption.text!r}, but {reason}")
+        else:
+            yield FileRow(file, caption.text, *_span(start, end, len(joints)))
 
 
 def _file_rows(
-    file: str, joints: Float[np.ndarray, "frames 22 3"], generator: np.random.Generator
+    file: str,
+    joints: Float[np.ndarray, "frames 22 3"],
+    generator: np.random.Generator,
+    action: str = "",
 ) -> list[FileRow]:
     """Files longer than a clip are described in parts of equal length."""
     frames = len(joints)
@@ -181,14 +227,14 @@ def _file_rows(
     edges = np.linspace(0, frames, parts + 1).astype(int).tolist()
     out = []
     for start, end in pairwise(edges):
-        seconds = (0.0, 0.0) if parts == 1 else _seconds(start, end)
-        texts = sentences(describe(joints[start:end]), generator, count=3)
-        out += [FileRow(file, text, *seconds) for text in texts]
+        texts = sentences(describe(joints[start:end]), generator, action or None, count=3)
+        out += [FileRow(file, text, *_span(start, end, frames)) for text in texts]
     return out
 
 
-def _seconds(start: int, end: int) -> tuple[float, float]:
-    return start / FPS, end / FPS
+def _span(start: int, end: int, frames: int) -> tuple[float, float]:
+    """Returns seconds as a CSV has them: zero in both for the whole motion."""
+    return (0.0, 0.0) if end - start == frames else (start / FPS, end / FPS)
 
 
 def _with_rows(clip: StoredClip, rows: list[Row]) -> StoredClip:

@@ -135,7 +135,9 @@ def _content(path: Path) -> bytes:
             raise FileFormatError(path, f"{size} bytes; a pack has at most {_MOST_FILE}")
         return path.read_bytes()
     except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
+        raise InputError(
+            f"{path}: expected a data pack, cannot read it: {error.strerror}"
+        ) from error
 
 
 def _header(path: Path, plain: bytes) -> PackHeader:
