@@ -39,9 +39,12 @@ class TrainLength:
         from latentmotion.condition.text.lengths import LengthModel
         from latentmotion.condition.text.unknown_words import UnknownWordsWarning
         from latentmotion.data.lengths import read_caption_lengths
+        from latentmotion.errors import InputError
         from latentmotion.files import check_writable
         from latentmotion.training.lengths import LengthRecipe, measured, train_lengths
 
+        if self.output.is_dir():
+            raise InputError(f"cannot write {self.output}: it is a folder; name a file")
         check_writable(self.output)
         warnings.simplefilter("ignore", UnknownWordsWarning)  # captions have typing errors
         encoder = text_encoder_named(self.text_encoder)
