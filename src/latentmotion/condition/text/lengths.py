@@ -73,11 +73,13 @@ class LengthModel:
 
         Args:
             path: The file.
-            encoder: The text encoder whose embeddings it shall read; any, where None.
+            encoder: The text encoder whose embeddings it must read; any, where None.
 
         Raises:
-            ModelError: It is damaged, or was made for another encoder.
+            ModelError: It is missing or damaged, or was made for another encoder.
         """
+        if not path.is_file():
+            raise ModelError(f"{path} is no file; make one: latentmotion train length")
         try:
             with safe_open(path, "numpy") as file:
                 about = file.metadata() or {}
