@@ -207,6 +207,8 @@ def test_trained_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
         main(["train", "length", "--captions", str(tmp_path / "none"), "-o", str(output)])
 
 
+# People's captions are full of misspelled words.
+@pytest.mark.filterwarnings("ignore::latentmotion.condition.text.unknown_words.UnknownWordsWarning")
 def test_the_shipped_file_tells_lengths_as_documented(shared: Path) -> None:
     if not (shared / "data" / "humanml3d").is_dir():
         pytest.skip("needs HumanML3D's captions")

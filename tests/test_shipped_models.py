@@ -57,5 +57,10 @@ def test_the_text_encoder_is_in_the_package_once(tmp_path: Path, generate: Motio
 def test_cards_name_data_license_and_no_path_of_a_machine(name: str) -> None:
     provenance = read_card(find_model(name)).provenance
     assert provenance.license == "CC BY-SA 3.0 Unported"
-    assert {entry.partition(":")[0] for entry in provenance.data} == {"cmu", "hdm05"}
+    assert {entry.partition(":")[0] for entry in provenance.data} == {
+        "cmu",
+        "snu",
+        "hdm05",
+        "composed",
+    }
     assert provenance.commands and not any(" /" in command for command in provenance.commands)

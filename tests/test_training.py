@@ -181,7 +181,7 @@ def test_each_rank_has_its_share_of_the_batch(figures: Path, vae_run: Path) -> N
 
 def test_another_configuration_is_refused(figures: Path, vae_run: Path) -> None:
     changed = small(**{"vae_training.learning_rate": 0.5})
-    with pytest.raises(InputError, match=r"vae_training.learning_rate \(0.001 → 0.5\)"):
+    with pytest.raises(InputError, match=r"vae_training.learning_rate \(0.0007 → 0.5\)"):
         train_vae(changed, figures, vae_run, PLACE)
 
 

@@ -11,8 +11,7 @@ from dataclasses import replace
 from latentmotion.data.sampling import Cropping
 from latentmotion.experiment import Experiment, LatentSettings, Sampling, TrainingSettings
 from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.presets.starter import starter
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.presets.starter import VAE, starter
 from latentmotion.vae.loss import VAEObjective
 from latentmotion.vae.transformer import TransformerVAEConfig
 
@@ -21,9 +20,9 @@ _MOTIONS = Cropping(unit=4, max_frames=196, min_frames=40)
 
 
 def fast() -> Experiment:
-    """Convolutional latents, T/4 × 16, and a flow of nine layers over them.
+    """Convolutional latents, T/4 × 24, and a flow of nine layers over them.
 
-    * VAE: 512 wide with dilations 1, 3 and 9, as T2M-GPT's and MoMask's convolutions are; 16
+    * VAE: 512 wide with dilations 1, 3 and 9, as T2M-GPT's and MoMask's convolutions are; 24
       numbers per four frames (MoLingo has 16 or 32); windows of 64 frames, 128 a step, at 2e-4
       with 1,000 steps of warm-up (MLD++); the starter's loss.
     * Denoiser: MLD's nine layers of 256, which FlashMo's comparison of depths favors too.
@@ -47,7 +46,7 @@ def fast() -> Experiment:
     return replace(
         small,
         name="fast",
-        vae=ConvolutionalVAEConfig(width=512),
+        vae=replace(VAE, width=512),
         vae_cropping=Cropping(unit=4, max_frames=64, min_frames=40),
         vae_training=training,
         latents=LatentSettings(_MOTIONS, per_item=8),

@@ -13,6 +13,9 @@ from latentmotion.nn.transformer import TransformerConfig
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig, QuarterRateDecoder
 from latentmotion.vae.loss import VAEObjective
 
+VAE = ConvolutionalVAEConfig(channels=24, decoder=QuarterRateDecoder((9, 3, 1, 3, 1)))
+"""24 numbers for 4 frames, and a decoder at a quarter of the frame rate."""
+
 
 def starter() -> Experiment:
     """Learns from seven hours of motion on two cores in two hours.
@@ -21,7 +24,7 @@ def starter() -> Experiment:
     """
     return Experiment(
         name="starter",
-        vae=ConvolutionalVAEConfig(channels=24, decoder=QuarterRateDecoder((9, 3, 1, 3, 1))),
+        vae=VAE,
         vae_objective=VAEObjective(
             joints=1.0, steps=0.5, contacts=0.5, bones=1.0, divergence=1e-3, joints_knee=0.01
         ),
