@@ -44,8 +44,8 @@ PROMPTS = (
 )
 MOVING = (3, 7, 12, 14)
 SEED = 0
-COLORS = 32
-"""Of the pictures, which are a third as large as in true color."""
+WIDTH, COLORS = 900, 32
+"""Of the pictures, which stay small so that the repository does."""
 
 
 def main(folder: Path, model: str = DEFAULT) -> None:
@@ -55,8 +55,10 @@ def main(folder: Path, model: str = DEFAULT) -> None:
     for sheet in range(3):
         path = folder / f"{generate.card.name}_{sheet + 1}.png"
         formats.save(path, motions[8 * sheet : 8 * sheet + 8])
-        Image.open(path).quantize(COLORS).save(path, optimize=True)
-    video.write(folder / f"{generate.card.name}.gif", [motions[n] for n in MOVING], size=220)
+        picture = Image.open(path).convert("RGB")
+        picture.thumbnail((WIDTH, picture.height))
+        picture.quantize(COLORS).save(path, optimize=True)
+    video.write(folder / f"{generate.card.name}.gif", [motions[n] for n in MOVING], size=180)
 
 
 if __name__ == "__main__":

@@ -49,7 +49,10 @@ def test_a_session_answers_in_kind() -> None:
     model = load_model(find_model("starter"))
     assert model.denoiser is not None
     session = denoiser_session(model.denoiser)
-    inputs = {"z": np.ones((1, 3, 16), np.float32), "t": np.ones(1, np.float32)}
+    inputs = {
+        "z": np.ones((1, 3, model.card.latents.width), np.float32),
+        "t": np.ones(1, np.float32),
+    }
     inputs |= {"words": np.ones((1, 2, 384), np.float32), "words_mask": np.ones((1, 2), bool)}
     inputs |= {"mask": np.ones((1, 3), bool)}
     arrays = session(**inputs)
