@@ -104,9 +104,9 @@ def test_it_learns_from_the_other_decoder_on_generated_latents(
 ) -> None:
     experiment = settings(model)
     longer = replace(
-        experiment.vae_training, steps=30, learning_rate=1e-2, warm_up=100, validate_every=30
+        experiment.vae_training, steps=90, learning_rate=1e-2, warm_up=30, validate_every=90
     )
-    # What 30 steps reach depends on the objective and its rate, so the preset's are not taken.
+    # What some steps reach depends on the objective and its rate, so the preset's are not taken.
     objective = VAEObjective(steps=0.1, divergence=1e-3, joints_knee=0.05)
     experiment = replace(experiment, vae_training=longer, vae_objective=objective)
     old, imitation = load_model(model), load_imitation(generated, load_model(model))

@@ -55,12 +55,12 @@ def test_both_stages_are_trained_by_command(name: str, figures: Path, tmp_path: 
     assert model.vae is not None and model.denoiser is not None
     latents = model.card.latents
     assert (latents.width, latents.tokens, latents.frames_per_token) == (
-        (16, None, 4) if name == "fast" else (32, 16, None)
+        (24, None, 4) if name == "fast" else (32, 16, None)
     )
     assert len(set(latents.std)) == latents.width  # normalized per channel
     assert (model.card.steps, model.card.sampler) == (10, "dpm++")
     cost = {key: figure.mean for key, figure in vae_cost(model.vae, 263, 20).items()}
-    assert cost["Latent numbers"] == (20 * 16 if name == "fast" else 16 * 32)
+    assert cost["Latent numbers"] == (20 * 24 if name == "fast" else 16 * 32)
     assert cost["Parameters"] == sum(p.numel() for p in model.vae.parameters()) / 1e6
     assert cost["Decoding"] > 0 and cost["Training step"] > 0
 
