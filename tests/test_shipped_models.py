@@ -7,11 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from safetensors import safe_open
 
 from latentmotion import MotionGenerator
+from latentmotion.checkpoint import WEIGHTS_FILE, load_model
 from latentmotion.errors import InputError
 from latentmotion.model_card import read_card
 from latentmotion.models import DEFAULT, find_model, shipped_models
+from latentmotion.vae.convolutional import ConvolutionalVAE
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +68,13 @@ def test_cards_name_data_license_and_no_path_of_a_machine(name: str) -> None:
         "composed",
     }
     assert provenance.commands and not any(" /" in command for command in provenance.commands)
+
+
+def test_fast_finds_its_encoder_in_the_starters_folder() -> None:
+    """`export --share-encoder` left it out of `fast`; the same weights come back."""
+    with safe_open(find_model("fast") / WEIGHTS_FILE, "np") as file:
+        assert not any(name.startswith("vae.encoder") for name in file.keys())  # noqa: SIM118
+    fast, starter = (load_model(find_model(name)).vae for name in ("fast", "starter"))
+    assert isinstance(fast, ConvolutionalVAE) and isinstance(starter, ConvolutionalVAE)
+    pairs = zip(fast.encoder.parameters(), starter.encoder.parameters(), strict=True)
+    assert all(torch.equal(one, other) for one, other in pairs)
