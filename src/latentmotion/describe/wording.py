@@ -144,51 +144,65 @@ def _turn(event: Event, gait: Event | None) -> list[Phrase]:
     far = gait is not None and gait.amount * gait.seconds / max(degrees / 57.3, 0.3) > 0.4
     if degrees >= 290:
         return _circles(event, onward if far else None, clock, verb, pace)
-    out: list[Phrase]
     if degrees >= 150:
-        out = [
-            ("turn", "around"),
-            ("turn", f"around to the {side}"),
-            ("turn", "around"),
-            ("make", f"a half turn to the {side}"),
-            ("turn", f"{side} by 180 degrees"),
-            ("turn", f"{side} and {{face}} the other way"),
-        ]
-        if degrees > 220:
-            out = [("turn", f"around to the {side}"), ("turn", f"far to the {side}")]
+        out = _turn_around(side, degrees)
         if onward and far:
-            out += (
-                [
-                    (verb, _words(f"in a half circle to the {side}", pace)),
-                    (verb, f"around to the {side} in a half circle"),
-                    ("make", f"a u-turn to the {side}"),
-                    (verb, f"in a {clock} half circle"),
-                ]
-                if degrees < 220
-                else [(verb, f"in a wide curve to the {side}")]
-            )
-    elif degrees >= 65:
-        out = [("turn", side), ("turn", f"to the {side}"), ("make", f"a {side} turn")]
-        if 78 <= degrees <= 104:
-            out += [
-                ("turn", f"{side} by 90 degrees"),
-                ("make", f"a quarter turn to the {side}"),
-                ("turn", f"90 degrees to the {side}"),
-            ]
-    elif degrees >= 45:
-        out = [("turn", side), ("turn", f"to the {side}"), ("turn", f"a bit to the {side}")]
+            out += _half_circle(side, degrees, clock, verb, pace)
     else:
-        out = [
-            ("turn", f"slightly to the {side}"),
-            ("veer", f"slightly to the {side}"),
-            ("turn", f"slightly {side}"),
-        ]
+        out = _turn_aside(side, degrees)
     if onward and degrees < 150:
         out += [
             (verb, _words(f"in a curve to the {side}", pace)),
             (verb, _words(f"forward and {{turn}} {_slightly(degrees)}{side}", "")),
         ]
         out += [("curve", f"to the {side}")]
+    return out
+
+
+def _turn_around(side: str, degrees: float) -> list[Phrase]:
+    """Turns of 150 to 290 degrees."""
+    if degrees > 220:
+        return [("turn", f"around to the {side}"), ("turn", f"far to the {side}")]
+    return [
+        ("turn", "around"),
+        ("turn", f"around to the {side}"),
+        ("turn", "around"),
+        ("make", f"a half turn to the {side}"),
+        ("turn", f"{side} by 180 degrees"),
+        ("turn", f"{side} and {{face}} the other way"),
+    ]
+
+
+def _half_circle(side: str, degrees: float, clock: str, verb: str, pace: str) -> list[Phrase]:
+    """The same while walking or running on."""
+    if degrees >= 220:
+        return [(verb, f"in a wide curve to the {side}")]
+    return [
+        (verb, _words(f"in a half circle to the {side}", pace)),
+        (verb, f"around to the {side} in a half circle"),
+        ("make", f"a u-turn to the {side}"),
+        (verb, f"in a {clock} half circle"),
+    ]
+
+
+def _turn_aside(side: str, degrees: float) -> list[Phrase]:
+    """Turns of less than 150 degrees."""
+    if degrees < 45:
+        return [
+            ("turn", f"slightly to the {side}"),
+            ("veer", f"slightly to the {side}"),
+            ("turn", f"slightly {side}"),
+        ]
+    out = [("turn", side), ("turn", f"to the {side}")]
+    if degrees < 65:
+        return [*out, ("turn", f"a bit to the {side}")]
+    out += [("make", f"a {side} turn")]
+    if 78 <= degrees <= 104:
+        out += [
+            ("turn", f"{side} by 90 degrees"),
+            ("make", f"a quarter turn to the {side}"),
+            ("turn", f"90 degrees to the {side}"),
+        ]
     return out
 
 
