@@ -34,7 +34,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
 from latentmotion.evaluation.metrics.jitter import jitter
 from latentmotion.evaluation.metrics.penetration import penetration
-from latentmotion.inverse_kinematics import solve
+from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
 from starter_motions import starter_features

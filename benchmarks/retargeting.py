@@ -26,13 +26,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.data.dataset import Dataset
 from latentmotion.formats.bvh import write_bvh
+from latentmotion.kinematics.animation import Animation
 from latentmotion.motion import Motion
 from latentmotion.retarget import Rig, read_rig, retarget
-from latentmotion.retarget.actor import Actor
+from latentmotion.retarget.source import Actor
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from rigs import RIGS, write_rig

@@ -25,9 +25,9 @@ from latentmotion.evaluation.extractors.action_classifier import (
 from latentmotion.evaluation.extractors.action_network import Recognizer
 from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.evaluation.extractors.interface import load_extractor
-from latentmotion.files import sha256
 from latentmotion.formats import load
 from latentmotion.model_card import LatentSpace
+from latentmotion.storage.files import sha256
 from latentmotion.vae.transformer import TransformerVAEConfig
 from moving_figures import write_moving_figures
 from synthetic_smpl import synthetic_arrays, write_synthetic_smpl

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.body.skinning import Body
 from latentmotion.body.smpl_model import load_smpl
 from latentmotion.errors import FileFormatError
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import BODY
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import BODY
+from latentmotion.kinematics.smpl import Body
 from synthetic_smpl import synthetic_arrays, write_synthetic_smpl
 
 

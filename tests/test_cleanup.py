@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 
 from latentmotion.cleanup import CleanUp, CleanUpWarning, clean
-from latentmotion.cleanup.bones import constant_bones
+from latentmotion.cleanup.bone_lengths import constant_bones
 from latentmotion.cleanup.contacts import foot_contacts, spans
 from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import lock_feet
 from latentmotion.cleanup.foot_shift import FootLock
 from latentmotion.cleanup.hands import lift_hands
 from latentmotion.cleanup.knees import keep_ahead
+from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.legs import find_legs
 from latentmotion.cleanup.root import ground_path, in_place
 from latentmotion.cleanup.smoothing import smooth, upper_envelope
-from latentmotion.cleanup.two_bone import reach
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError
 from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
 from latentmotion.evaluation.metrics.jitter import jitter
 from latentmotion.evaluation.metrics.penetration import penetration
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D, KIT, Skeleton
 
 NAMES = HUMANML3D.names
 FPS = 20.0

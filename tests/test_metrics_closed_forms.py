@@ -17,7 +17,7 @@ from latentmotion.evaluation.metrics.mm_dist import mm_dist
 from latentmotion.evaluation.metrics.multimodality import label_pairs, multimodality
 from latentmotion.evaluation.metrics.pa_mpjpe import pa_mpjpe
 from latentmotion.evaluation.metrics.r_precision import r_precision, ranks
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D
 from moving_figures import joints_of
 
 

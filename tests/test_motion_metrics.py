@@ -8,7 +8,7 @@ import pytest
 from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
 from latentmotion.evaluation.metrics.jitter import jitter
 from latentmotion.evaluation.metrics.penetration import penetration
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 FPS = 20.0
 FEET = [*HUMANML3D.left_foot, *HUMANML3D.right_foot]

@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.animation import Animation
 from latentmotion.cli.main import main
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import read_animations
-from latentmotion.joint_map import to_humanml3d
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import to_humanml3d
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.retarget import Rig, find_body, read_rig, retarget
-from latentmotion.retarget.actor import Actor
 from latentmotion.retarget.draft import draft_map
 from latentmotion.retarget.rig import open_rig
+from latentmotion.retarget.source import Actor
 from latentmotion.retarget.writing import write
-from latentmotion.skeleton import Skeleton
 from rigs import CHILD, MIXAMO, RIGS, UNREAL, RigShape, write_rig
 from walker import t_pose, walker
 

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int
 
-from latentmotion.body.skinning import Body
-from latentmotion.data import restricted_pickle
 from latentmotion.errors import FileFormatError
-from latentmotion.files import sha256
+from latentmotion.kinematics.skeleton import BODY, Skeleton
+from latentmotion.kinematics.smpl import Body
 from latentmotion.representation.smpl import SMPL_FEATURES, SmplRepresentation
-from latentmotion.skeleton import BODY, Skeleton
+from latentmotion.storage import pickles
+from latentmotion.storage.files import sha256
 
 _SHAPES = {
     "v_template": ("V", 3),
@@ -89,7 +89,7 @@ def _content(path: Path) -> Mapping[str, Any]:
     if path.suffix.lower() == ".npz":
         content: Any = _npz(path)
     elif path.suffix.lower() == ".pkl":
-        content = restricted_pickle.load(path)
+        content = pickles.load(path)
     else:
         raise FileFormatError(path, f"the ending {path.suffix!r} is unknown; {_HOW}")
     if not isinstance(content, Mapping):

@@ -7,6 +7,6 @@ measured alone (`benchmarks/cleanup.py`).
 """
 
 from latentmotion.cleanup.foot_shift import FootLock
-from latentmotion.cleanup.steps import CleanUp, CleanUpWarning, clean
+from latentmotion.cleanup.pipeline import CleanUp, CleanUpWarning, clean
 
 __all__ = ["CleanUp", "CleanUpWarning", "FootLock", "clean"]

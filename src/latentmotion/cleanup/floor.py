@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from latentmotion.cleanup.hands import find_arms, lift_hands
 from latentmotion.cleanup.smoothing import gaussian, upper_envelope
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 Heights = Float[np.ndarray, " frames"]
 

@@ -14,10 +14,10 @@ from latentmotion.cleanup.bearing import Path, bearing
 from latentmotion.cleanup.drift import drift_correction
 from latentmotion.cleanup.foot_shift import FootLock, foot_shift
 from latentmotion.cleanup.knees import keep_ahead
+from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.legs import Leg, find_legs
 from latentmotion.cleanup.smoothing import upper_envelope
-from latentmotion.cleanup.two_bone import reach
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 Joints = Float[np.ndarray, "frames joints 3"]
 Lengths = Float[np.ndarray, " frames"]

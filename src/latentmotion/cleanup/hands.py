@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.smoothing import upper_envelope
-from latentmotion.cleanup.two_bone import reach
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 _ARM = ("shoulder", "elbow", "wrist")
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.cleanup.legs import find_legs
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 Joints = Float[np.ndarray, "frames joints 3"]
 Points = Float[np.ndarray, "frames 3"]

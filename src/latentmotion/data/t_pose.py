@@ -7,8 +7,8 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.animation import Animation
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 BLENDED = 6
 """Frames of a BVH file after the T-pose that may be drawn towards it, at the native rate."""

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.lines import numbers, read_lines
-from latentmotion.rotations import matrix_from_euler
+from latentmotion.kinematics.rotations import matrix_from_euler
 
 _INCH = 0.0254
 _TURNS = frozenset({"RX", "RY", "RZ"})

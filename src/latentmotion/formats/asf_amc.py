@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats.asf import Bone, Figure, read_asf, turned_in_order
 from latentmotion.formats.lines import numbers, read_lines
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import Skeleton
 
 
 def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 120.0) -> Animation:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 _AHEAD, _UP = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
 

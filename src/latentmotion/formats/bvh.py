@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError
-from latentmotion.files import atomic_file
 from latentmotion.formats.bvh_hierarchy import Node, hierarchy_lines, read_hierarchy
 from latentmotion.formats.lines import meters_per_unit, numbers, read_lines, table
-from latentmotion.rotations import euler_from_matrix, matrix_from_euler
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.storage.files import atomic_file
 
 WRITTEN_ORDER = "ZXY"
 """Rotation order of the files we write: an upright body is far from its singularity."""

@@ -16,11 +16,11 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
-from latentmotion.files import atomic_file
 from latentmotion.formats.lines import numbers, read_lines
 from latentmotion.formats.takes import OURS, numbered
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import Skeleton
+from latentmotion.storage.files import atomic_file
 
 _TIME = "time"
 _SINGLE_FPS = 20.0

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from latentmotion.formats import figure
-from latentmotion.formats.camera import Camera, camera_around
 from latentmotion.motion import Motion
+from latentmotion.render import painter
+from latentmotion.render.camera import Camera, camera_around
 
 _SHORT = 0.8
 """Meters of path below which a motion counts as on the spot."""
 
 
 def camera_of_all(
-    motion: Motion, bodies: figure.Bodies, size: tuple[int, int]
+    motion: Motion, bodies: painter.Bodies, size: tuple[int, int]
 ) -> tuple[Camera, float]:
     """Looks across the path, from as far as it takes to see all figures.
 
@@ -37,7 +37,7 @@ def camera_of_all(
 
 def half_front(motion: Motion) -> float:
     """Returns the azimuth from which the person is seen half from the front at the start."""
-    return figure.facing(motion.joints, motion.skeleton.names) - np.radians(38)
+    return painter.facing(motion.joints, motion.skeleton.names) - np.radians(38)
 
 
 def _across(motion: Motion) -> float:

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import InputError
 from latentmotion.formats.bone_axes import BoneAxes, bone_axes
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
-from latentmotion.formats.mannequin import Mannequin, make_mannequin
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
-from latentmotion.skeleton import Skeleton
+from latentmotion.render.mannequin import Mannequin, make_mannequin
 
 _COLOR = (0.10, 0.215, 0.552, 1.0)
 """Linear RGB of the mannequin."""

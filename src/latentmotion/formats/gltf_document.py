@@ -21,7 +21,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from latentmotion.errors import FileFormatError
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 VERTICES, INDICES = 34962, 34963
 """Targets of `add_array` for the arrays of a mesh."""

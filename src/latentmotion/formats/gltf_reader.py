@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.bones import Pose, plain_animation, plain_skeleton
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_tracks import Track, clock, read_tracks
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_quaternion, quaternion_from_matrix
 
 Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Where a node is in the world: its position, its rotation, and its matrix with all scales."""

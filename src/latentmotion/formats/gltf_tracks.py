@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from latentmotion.formats.bones import even_rate
 from latentmotion.formats.gltf_document import Document
-from latentmotion.rotations import slerp
+from latentmotion.kinematics.rotations import slerp
 
 _PATHS = ("translation", "rotation", "scale")
 

@@ -22,9 +22,9 @@ from typing import BinaryIO
 import numpy as np
 
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError
-from latentmotion.files import atomic_file
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D, KIT, Skeleton
+from latentmotion.storage.files import atomic_file
 
 _KNOWN = {len(skeleton): skeleton for skeleton in (HUMANML3D, KIT)}
 

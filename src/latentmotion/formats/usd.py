@@ -25,14 +25,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import InputError, MissingExtraError
-from latentmotion.files import atomic_file
 from latentmotion.formats.bone_axes import BoneAxes, bone_axes
-from latentmotion.formats.mannequin import Mannequin, make_mannequin
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
-from latentmotion.skeleton import Skeleton
+from latentmotion.render.mannequin import Mannequin, make_mannequin
+from latentmotion.storage.files import atomic_file
 
 try:
     from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel, UsdUtils, Vt

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError, MissingExtraError
 from latentmotion.formats.bones import Pose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.takes import motion_of
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_quaternion, quaternion_from_matrix
 
 try:
     from pxr import Tf, Usd, UsdGeom, UsdSkel

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
-from latentmotion.rotations import (
+from latentmotion.kinematics.rotations import (
     matrix_from_quaternion,
     quaternion_between,
     quaternion_conjugate,

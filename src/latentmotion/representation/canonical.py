@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.facing import heading, turn
-from latentmotion.skeleton import Skeleton
 
 _SHORTEST = 0.02
 """Part of the length of a leg below which a bone is none; the shortest real one is 0.06 of it."""

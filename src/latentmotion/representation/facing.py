@@ -11,7 +11,7 @@ from typing import Any
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 SMOOTHING_FRAMES = 20.0
 """Standard deviation of the Gaussian that HumanML3D smooths the heading with."""

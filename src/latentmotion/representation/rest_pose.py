@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.rotations import matrix_from_quaternion, quaternion_between
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_between
+from latentmotion.kinematics.skeleton import Skeleton
 
 
 def rotations_from(

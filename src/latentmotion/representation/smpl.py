@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion import skeleton
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
-from latentmotion.inverse_kinematics import solve
+from latentmotion.kinematics import skeleton
+from latentmotion.kinematics.inverse_kinematics import solve
+from latentmotion.kinematics.rotations import matrix_from_sixd, sixd_from_matrix
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation import canonical
 from latentmotion.representation.rest_pose import rotations_from
-from latentmotion.rotations import matrix_from_sixd, sixd_from_matrix
-from latentmotion.skeleton import Skeleton
 
 TOKENS = 25
 """Joints that turn, and the way of the root."""

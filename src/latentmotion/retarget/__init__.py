@@ -6,7 +6,7 @@
 NumPy only.
 """
 
-from latentmotion.retarget.body import Body, find_body
+from latentmotion.retarget.humanoid import Body, find_body
 from latentmotion.retarget.rig import Rig, read_rig
 from latentmotion.retarget.transfer import retarget
 

@@ -11,7 +11,7 @@ from latentmotion.formats.asf import read_asf
 from latentmotion.formats.asf_amc import figure_skeleton
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.formats.takes import numbered
-from latentmotion.retarget.rig_file import Take
+from latentmotion.retarget.rig_files import Take
 
 
 class AsfFile:

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.files import atomic_file
 from latentmotion.formats.bvh import continuous_euler
 from latentmotion.formats.bvh_hierarchy import Node, read_hierarchy
 from latentmotion.formats.lines import read_lines
 from latentmotion.formats.takes import numbered
-from latentmotion.retarget.rig_file import Take
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.retarget.rig_files import Take
+from latentmotion.storage.files import atomic_file
 
 
 class BvhFile:

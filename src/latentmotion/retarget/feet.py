@@ -8,7 +8,7 @@ foot about the vertical, held while the foot stands:
 
 seen at the ankle while the toes point up, or are far above the floor. So a foot that stands is as
 still as the source's, one that rolls over its toes stays on them, and longer feet do not enter the
-floor. Hip and knee bend for the ankle to be there (`cleanup/two_bone.py`).
+floor. Hip and knee bend for the ankle to be there (`cleanup/leg_ik.py`).
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.cleanup.contacts import spans
+from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.smoothing import upper_envelope
-from latentmotion.cleanup.two_bone import reach
-from latentmotion.retarget.actor import Actor
-from latentmotion.retarget.body import SIDES
-from latentmotion.retarget.pose import Pose, Turns
-from latentmotion.retarget.rig import Rig
-from latentmotion.rotations import (
+from latentmotion.kinematics.rotations import (
     matrix_from_axis_angle,
     matrix_from_quaternion,
     quaternion_between,
     quaternion_from_matrix,
 )
+from latentmotion.retarget.humanoid import SIDES
+from latentmotion.retarget.pose import Pose, Turns
+from latentmotion.retarget.rig import Rig
+from latentmotion.retarget.source import Actor
 
 Points = Float[np.ndarray, "frames 3"]
 Shares = Float[np.ndarray, " frames"]

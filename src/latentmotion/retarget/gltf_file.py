@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import Scene
-from latentmotion.retarget.rig_file import Take
-from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.retarget.rig_files import Take
 
 _STILL = 1e-6
 """Changes of a rotation or a place below which a bone rests."""

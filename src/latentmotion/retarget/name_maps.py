@@ -9,8 +9,8 @@ import re
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from latentmotion.joint_map import JOINT_MAPS
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.humanoid import JOINT_MAPS
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 NameMap = Mapping[str, tuple[str, ...]]
 """One of our joints → the names it may have, `plain`, the likeliest first."""

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.retarget.body import SIDES
+from latentmotion.kinematics.animation import Animation
+from latentmotion.retarget.humanoid import SIDES
 from latentmotion.retarget.rig import Rig
 
 Turns = Float[np.ndarray, "frames 3 3"]

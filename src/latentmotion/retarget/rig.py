@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import DataError, InputError
-from latentmotion.joint_map import JointMap
-from latentmotion.retarget.body import SIDES, Body, body_of_map, find_body
-from latentmotion.retarget.rig_file import RigFile
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import JointMap
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.retarget.humanoid import SIDES, Body, body_of_map, find_body
+from latentmotion.retarget.rig_files import RigFile
 
 _UNITS: Mapping[str, float] = {
     **{"meters": 1.0, "centimeters": 0.01, "inches": 0.0254, "decimeters": 0.1},

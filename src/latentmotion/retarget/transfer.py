@@ -22,19 +22,19 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.motion import Motion
-from latentmotion.retarget.actor import Actor
-from latentmotion.retarget.body import SIDES, Body
-from latentmotion.retarget.feet import align_foot, ground_feet
-from latentmotion.retarget.pose import Pose
-from latentmotion.retarget.rig import Rig
-from latentmotion.rotations import (
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import (
     matrix_from_quaternion,
     quaternion_between,
     quaternion_from_matrix,
     slerp,
 )
+from latentmotion.motion import Motion
+from latentmotion.retarget.feet import align_foot, ground_feet
+from latentmotion.retarget.humanoid import SIDES, Body
+from latentmotion.retarget.pose import Pose
+from latentmotion.retarget.rig import Rig
+from latentmotion.retarget.source import Actor
 
 Turns = Float[np.ndarray, "frames 3 3"]
 

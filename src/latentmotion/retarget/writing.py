@@ -10,7 +10,7 @@ from latentmotion.formats.bvh import write_bvh
 from latentmotion.formats.takes import numbered
 from latentmotion.motion import Motion
 from latentmotion.retarget.rig import Rig
-from latentmotion.retarget.rig_file import Take
+from latentmotion.retarget.rig_files import Take
 from latentmotion.retarget.transfer import retarget
 
 

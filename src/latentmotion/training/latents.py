@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from safetensors.torch import load_file, save_file
 
 from latentmotion.data.sampling import Crop, Cropping, Item
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 from latentmotion.training.crops import FeatureMemory
 from latentmotion.training.devices import Place
 from latentmotion.vae.interface import MotionVAE

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float, Int
 from tokenizers import Tokenizer
 
-from latentmotion.files import atomic_folder
+from latentmotion.storage.files import atomic_folder
 
 TeacherCall = Callable[
     [torch.Tensor, torch.Tensor], tuple[torch.Tensor, torch.Tensor]

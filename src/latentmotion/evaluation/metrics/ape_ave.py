@@ -19,8 +19,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.facing import heading, turn
-from latentmotion.skeleton import Skeleton
 
 Parts = Mapping[str, Float[np.ndarray, "frames points axes"]]
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
 _FADING_HEIGHT = 0.025
 _CONTACT_HEIGHT, _SKATING_SPEED = 0.05, 0.5

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import DataError, FileFormatError
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 JointMap = Mapping[str, str | Mapping[str, float]]
 """HumanML3D's name → a source joint, or the weights of several that sum to 1."""

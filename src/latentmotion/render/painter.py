@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.errors import InputError, MissingExtraError
-from latentmotion.formats.camera import Camera, unit
-from latentmotion.formats.mannequin import make_mannequin
 from latentmotion.motion import Motion
+from latentmotion.render.camera import Camera, unit
+from latentmotion.render.mannequin import make_mannequin
 
 try:
     from PIL import Image, ImageDraw, ImageFilter, ImageFont

@@ -10,8 +10,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import Skeleton
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.files import atomic_file
-from latentmotion.formats import figure
-from latentmotion.formats.camera import Camera, camera_around
 from latentmotion.formats.framing import camera_of_all, half_front
 from latentmotion.motion import Motion
+from latentmotion.render import painter
+from latentmotion.render.camera import Camera, camera_around
+from latentmotion.storage.files import atomic_file
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
@@ -61,7 +61,7 @@ def write(
     if not WIDTHS[0] <= width <= WIDTHS[1]:
         raise InputError(f"a strip {width} pixels wide; expected {WIDTHS[0]} to {WIDTHS[1]}")
     strips = [_captioned(painters[style](m, figures, width), m.caption) for m in motions]
-    sheet = figure.Image.new("RGB", (strips[0].width, sum(strip.height for strip in strips)))
+    sheet = painter.Image.new("RGB", (strips[0].width, sum(strip.height for strip in strips)))
     for number, strip in enumerate(strips):
         sheet.paste(strip, (0, number * strip.height))
     with atomic_file(path) as temporary:
@@ -71,31 +71,31 @@ def write(
 
 def _row(motion: Motion, figures: int, across: int) -> Picture:
     frames = np.unique(np.linspace(0, len(motion) - 1, figures).round().astype(int)).tolist()
-    bodies = figure.make_bodies(motion, frames)
+    bodies = painter.make_bodies(motion, frames)
     floor = bodies.floor
     height = max(1.7, float(bodies.vertices[..., 1].max()) - floor) + 0.36
     size = across, round(_ROW * across)
     width = height * size[0] / size[1]
     target = np.array([0.0, floor + height / 2 - 0.26, 0.0])
-    pixels = figure.oversampled(size)
+    pixels = painter.oversampled(size)
     camera = camera_around(target, half_front(motion), np.radians(9), 40, pixels, height)
     places = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
     steps = places[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
     moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
-    picture = _painted(size, camera, moved, [figure.COLORS[0]] * len(moved), floor, 0.62 * width)
+    picture = _painted(size, camera, moved, [painter.COLORS[0]] * len(moved), floor, 0.62 * width)
     for frame, place in zip(frames, places, strict=True):
         spot = (size[0] * (0.5 + place / width), size[1] - across * 11 / WIDTH)
-        figure.paint_text(picture, f"{frame / motion.fps:.1f} s", spot, _text(13, across), "mm")
+        painter.paint_text(picture, f"{frame / motion.fps:.1f} s", spot, _text(13, across), "mm")
     return picture
 
 
 def _path(motion: Motion, figures: int, across: int) -> Picture:
-    bodies = figure.make_bodies(motion, _along_path(motion, figures), cell=0.017)
+    bodies = painter.make_bodies(motion, _along_path(motion, figures), cell=0.017)
     count = len(bodies.joints)
     size = across, round(_PATH * across)
-    camera, height = camera_of_all(motion, bodies, figure.oversampled(size))
+    camera, height = camera_of_all(motion, bodies, painter.oversampled(size))
     moved = [bodies.moved(number, np.zeros(3)) for number in range(count)]
-    colors = [figure.faded(figure.COLORS[0], s) for s in np.linspace(0.35, 1, count).tolist()]
+    colors = [painter.faded(painter.COLORS[0], s) for s in np.linspace(0.35, 1, count).tolist()]
     trail = motion.joints[:, 0].astype(np.float64)
     return _painted(size, camera, moved, colors, bodies.floor, 1.6 * height, trail)
 
@@ -103,19 +103,19 @@ def _path(motion: Motion, figures: int, across: int) -> Picture:
 def _painted(
     size: tuple[int, int],
     camera: Camera,
-    bodies: Sequence[figure.Bodies],
+    bodies: Sequence[painter.Bodies],
     colors: Sequence[tuple[int, int, int]],
     floor: float,
     reach: float,
     trail: Float[np.ndarray, "frames 3"] | None = None,
 ) -> Picture:
-    picture = figure.new_picture(size)
-    figure.paint_floor(picture, camera, floor, reach)
-    figure.paint_shadow(picture, camera, bodies, 0, floor)
+    picture = painter.new_picture(size)
+    painter.paint_floor(picture, camera, floor, reach)
+    painter.paint_shadow(picture, camera, bodies, 0, floor)
     if trail is not None:
-        figure.paint_trail(picture, camera, trail, floor)
-    figure.paint_bodies(picture, camera, bodies, 0, colors)
-    return figure.reduced(picture)
+        painter.paint_trail(picture, camera, trail, floor)
+    painter.paint_bodies(picture, camera, bodies, 0, colors)
+    return painter.reduced(picture)
 
 
 def _along_path(motion: Motion, figures: int) -> list[int]:
@@ -133,8 +133,8 @@ def _text(size: int, across: int) -> int:
 
 def _captioned(strip: Picture, caption: str) -> Picture:
     band, letters = round(_BAND * strip.width), _text(18, strip.width)
-    whole = figure.Image.new("RGB", (strip.width, strip.height + band), figure.BACKGROUND)
+    whole = painter.Image.new("RGB", (strip.width, strip.height + band), painter.BACKGROUND)
     whole.paste(strip, (0, band))
     spot, room = (letters, 0.6 * band), strip.width - 2 * letters
-    figure.paint_text(whole, caption, spot, letters, "lm", room)
+    painter.paint_text(whole, caption, spot, letters, "lm", room)
     return whole

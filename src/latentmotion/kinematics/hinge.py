@@ -32,7 +32,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.rotations import matrix_from_quaternion, quaternion_between
+from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_between
 
 _PRIOR, _CONTINUITY = 0.1, 5.0
 """μ and κ."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.animation import Animation
 from latentmotion.cleanup.contacts import foot_contacts
+from latentmotion.kinematics.animation import Animation
 from latentmotion.motion import Motion
-from latentmotion.retarget.body import SIDES, Body, find_body
+from latentmotion.retarget.humanoid import SIDES, Body, find_body
 from latentmotion.retarget.rig import Stance
 
 Turns = Float[np.ndarray, "frames 3 3"]

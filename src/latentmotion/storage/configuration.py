@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from latentmotion.errors import InputError, hint
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 T = TypeVar("T")
 

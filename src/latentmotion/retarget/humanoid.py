@@ -9,9 +9,9 @@ from functools import cached_property
 from itertools import pairwise
 
 from latentmotion.errors import DataError
-from latentmotion.joint_map import JointMap
+from latentmotion.kinematics.humanoid import JointMap
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.retarget.name_maps import NAME_MAPS, OPTIONAL, REQUIRED, VRM, match, plain
-from latentmotion.skeleton import Skeleton
 
 SIDES = ("left", "right")
 

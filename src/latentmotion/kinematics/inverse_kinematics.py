@@ -19,15 +19,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.hinge import hinge
-from latentmotion.rotations import (
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.hinge import hinge
+from latentmotion.kinematics.rotations import (
     matrix_from_quaternion,
     quaternion_between,
     quaternion_from_matrix,
     slerp,
 )
-from latentmotion.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
 RIGID_TOLERANCE = 0.002
 """Meters that the bones leaving pelvis or chest may move against each other before the animation

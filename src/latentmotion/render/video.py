@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError, MissingExtraError
-from latentmotion.files import atomic_file
-from latentmotion.formats import figure
-from latentmotion.formats.camera import Camera, camera_around
 from latentmotion.formats.framing import camera_of_all, half_front
 from latentmotion.motion import Motion
+from latentmotion.render import painter
+from latentmotion.render.camera import Camera, camera_around
+from latentmotion.storage.files import atomic_file
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
@@ -84,11 +84,11 @@ def frames(motions: Sequence[Motion], size: int = 512, view: View = "follow") ->
     """Yields the pictures of a video, drawn as they are asked for."""
     width = size if len(motions) == 1 else size * 3 // 8 * 2
     panels = [
-        _Panel(motion, (width, size - _CAPTION), figure.COLORS[number % len(figure.COLORS)], view)
+        _Panel(motion, (width, size - _CAPTION), painter.COLORS[number % len(painter.COLORS)], view)
         for number, motion in enumerate(motions)
     ]
     for frame in range(max(len(motion) for motion in motions)):
-        whole = figure.Image.new("RGB", (width * len(panels), size), figure.BACKGROUND)
+        whole = painter.Image.new("RGB", (width * len(panels), size), painter.BACKGROUND)
         for number, panel in enumerate(panels):
             whole.paste(panel.draw(frame), (number * width, 0))
         _write_captions(whole, motions, size - _CAPTION / 2)
@@ -102,27 +102,27 @@ class _Panel:
         self, motion: Motion, size: tuple[int, int], color: tuple[int, int, int], view: View
     ) -> None:
         self.size, self.color = size, color
-        self.bodies = figure.make_bodies(motion, cell=_CELL)
+        self.bodies = painter.make_bodies(motion, cell=_CELL)
         self.way = _smooth(self.bodies.joints[:, 0] * (1, 0, 1), _FOLLOWING * motion.fps)
         self.azimuth = half_front(motion)
         above = self.bodies.vertices[..., 1].max() - self.bodies.floor
         self.height = max(1.75, float(above)) + 0.35
         self.still: Camera | None = None
         if view == "still":
-            self.still, self.height = camera_of_all(motion, self.bodies, figure.oversampled(size))
+            self.still, self.height = camera_of_all(motion, self.bodies, painter.oversampled(size))
 
     def draw(self, frame: int) -> Picture:
         frame = min(frame, len(self.way) - 1)
         floor, camera = self.bodies.floor, self.still or self._following(frame)
-        picture = figure.new_picture(self.size)
-        figure.paint_floor(picture, camera, floor, reach=max(3.2, 1.3 * self.height))
-        figure.paint_shadow(picture, camera, [self.bodies], frame, floor)
-        figure.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
-        return figure.reduced(picture)
+        picture = painter.new_picture(self.size)
+        painter.paint_floor(picture, camera, floor, reach=max(3.2, 1.3 * self.height))
+        painter.paint_shadow(picture, camera, [self.bodies], frame, floor)
+        painter.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
+        return painter.reduced(picture)
 
     def _following(self, frame: int) -> Camera:
         target = self.way[frame] + (0, self.bodies.floor + self.height / 2 - 0.17, 0)
-        pixels = figure.oversampled(self.size)
+        pixels = painter.oversampled(self.size)
         return camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
 
 
@@ -134,7 +134,7 @@ def _write_captions(whole: Picture, motions: Sequence[Motion], height: float) ->
     width = whole.width / len(captions)
     for number, caption in enumerate(captions):
         place = ((number + 0.5) * width, height)
-        figure.paint_text(whole, caption, place, 17, "mm", room=0.94 * width)
+        painter.paint_text(whole, caption, place, 17, "mm", room=0.94 * width)
 
 
 def _smooth(way: Float[np.ndarray, "frames 3"], reach: float) -> Float[np.ndarray, "frames 3"]:
@@ -148,7 +148,7 @@ def _smooth(way: Float[np.ndarray, "frames 3"], reach: float) -> Float[np.ndarra
 
 def _write_gif(path: Path, pictures: Iterator[Picture], fps: float) -> None:
     first = next(pictures).quantize(128)
-    plain = figure.Image.Dither.NONE
+    plain = painter.Image.Dither.NONE
     rest = [picture.quantize(palette=first, dither=plain) for picture in pictures]
     # GIF counts in hundredths of a second: frames differ by one, so that the whole keeps its speed.
     ends = [round(100 * frame / fps) * 10 for frame in range(len(rest) + 2)]

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.animation import Animation
-from latentmotion.formats.surface_net import surface_net
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.render.surface_nets import surface_net
 
 _BLEND = 0.013
 """k, meters: how widely neighboring capsules flow into one another."""

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from latentmotion.cleanup.knees import keep_ahead
 from latentmotion.cleanup.smoothing import gaussian
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 _ROUNDS = 10
 _SHRUNK = 0.7

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
+from latentmotion.kinematics.skeleton import Skeleton
 
 MOST_FPS = 1000.0
 """Frames per second above which a rate is taken for a mistake."""

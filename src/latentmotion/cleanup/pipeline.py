@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.cleanup.bones import constant_bones
+from latentmotion.cleanup.bone_lengths import constant_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
 from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import lock_feet

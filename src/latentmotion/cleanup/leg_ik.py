@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.rotations import quaternion_between, quaternion_rotate
+from latentmotion.kinematics.rotations import quaternion_between, quaternion_rotate
 
 Points = Float[np.ndarray, "frames 3"]
 
