@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.errors import InputError
-from latentmotion.masks import mask_of
 from latentmotion.model_card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
@@ -46,7 +46,7 @@ class FeatureDecoder:
         self, latents: Float[np.ndarray, "batch tokens width"], frames: Sequence[int]
     ) -> Float[np.ndarray, "batch longest features"]:
         """Returns features in their own units; beyond a motion's length they mean nothing."""
-        normalized = self.network(latents=latents, mask=mask_of(frames))
+        normalized = self.network(latents=latents, mask=prefix_mask(frames))
         return self._normalizer.denormalize(normalized)
 
     def joints(

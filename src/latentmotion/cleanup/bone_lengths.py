@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.cleanup.knees import keep_ahead
+from latentmotion.arrays import unit
+from latentmotion.cleanup.leg_ik import keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.kinematics.skeleton import Skeleton
 
@@ -43,10 +44,14 @@ def constant_bones(
             share = ease[joint] / (ease[joint] + ease[parent])
             moved[:, joint] -= share * pull
             moved[:, parent] += (1 - share) * pull
-    directions = _directions(moved[:, 1:] - moved[:, parents], bones, lengths, fps)
+    # Bones that had shrunk point where their neighbors in time do, too.
+    pointing = unit(moved[:, 1:] - moved[:, parents])
+    trust = np.clip(_norm(bones) / (_SHRUNK * lengths[:, None]), 0, 1) ** 2
+    around = gaussian(trust * pointing, _MEMORY * fps)
+    directions = unit(trust * pointing + (1 - trust) * unit(around))
     for joint, (parent, length) in enumerate(zip(parents, lengths, strict=True), start=1):
         moved[:, joint] = moved[:, parent] + length * directions[:, joint - 1]
-    return keep_ahead(moved, joints, skeleton)
+    return keep_knee_direction(moved, joints, skeleton)
 
 
 def _ease(skeleton: Skeleton) -> list[float]:
@@ -63,21 +68,5 @@ def _ease(skeleton: Skeleton) -> list[float]:
     ]
 
 
-def _directions(
-    moved: Float[np.ndarray, "frames bones 3"],
-    bones: Float[np.ndarray, "frames bones 3"],
-    lengths: Float[np.ndarray, " bones"],
-    fps: float,
-) -> Float[np.ndarray, "frames bones 3"]:
-    """Returns where bones point; for those that had shrunk also after their neighbors in time."""
-    trust = np.clip(_norm(bones) / (_SHRUNK * lengths[:, None]), 0, 1) ** 2
-    around = gaussian(trust * _unit(moved), _MEMORY * fps)
-    return _unit(trust * _unit(moved) + (1 - trust) * _unit(around))
-
-
 def _norm(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 1"]:
     return np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def _unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
-    return vectors / np.maximum(_norm(vectors), 1e-9)

@@ -13,10 +13,8 @@ from latentmotion.cleanup.contacts import Contacts, foot_contacts
 from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import lock_feet
 from latentmotion.cleanup.foot_shift import FootLock
-from latentmotion.cleanup.knees import keep_ahead
-from latentmotion.cleanup.legs import find_legs
-from latentmotion.cleanup.root import in_place
-from latentmotion.cleanup.smoothing import smooth
+from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
+from latentmotion.cleanup.smoothing import gaussian, smooth
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 
@@ -71,7 +69,7 @@ def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
     fps, skeleton = motion.fps, motion.skeleton
     joints = motion.joints.astype(np.float64)
     if steps.smooth:
-        joints = keep_ahead(smooth(joints, fps, steps.cutoff), joints, skeleton)
+        joints = keep_knee_direction(smooth(joints, fps, steps.cutoff), joints, skeleton)
     if steps.bones:
         joints = _keep_bones(joints, motion)
     if steps.floor:
@@ -112,3 +110,23 @@ def _hold_feet(
         return joints
     contacts = foot_contacts(joints, motion.fps, motion.skeleton, steps.contacts)
     return lock_feet(joints, contacts, motion.fps, motion.skeleton, steps.lock)
+
+
+def ground_path(
+    joints: Float[np.ndarray, "frames joints 3"], fps: float, seconds: float = 0.25
+) -> Float[np.ndarray, "frames 3"]:
+    """Returns the path of the root along the floor, without the sway of its steps.
+
+    Args:
+        joints: Positions, meters, y up; joint 0 is the root.
+        fps: Frames per second.
+        seconds: Deviation of the Gaussian that takes out the sway; 0 keeps it.
+    """
+    return gaussian(joints[:, 0] * (1, 0, 1), seconds * fps)
+
+
+def in_place(
+    joints: Float[np.ndarray, "frames joints 3"], fps: float, seconds: float = 0.25
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns the joints with the path taken away: the figure stays above the origin."""
+    return joints - ground_path(joints, fps, seconds)[:, None]

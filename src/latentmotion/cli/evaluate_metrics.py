@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from latentmotion.body.smpl_model import load_smpl
 from latentmotion.checkpoint import TrainedModel, load_model
 from latentmotion.cli.evaluate import Evaluate
 from latentmotion.cli.loading import load_generator
@@ -31,6 +30,7 @@ from latentmotion.evaluation.protocol import (
 )
 from latentmotion.evaluation.report import REPORT_FILE
 from latentmotion.evaluation.trials import Trial
+from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model_card import read_card
 from latentmotion.models import find_model
 from latentmotion.runtime.computing import Computing

@@ -20,7 +20,8 @@ from latentmotion.evaluation.report import Provenance
 from latentmotion.evaluation.subject import Generated, Subject
 from latentmotion.model_card import ModelCard
 from latentmotion.storage.files import sha256
-from latentmotion.training.provenance import commit, describe_machine
+from latentmotion.storage.provenance import commit
+from latentmotion.training.provenance import describe_machine
 
 _WEIGHTS = ("*.safetensors", "*.onnx", "tokenizer.json")
 

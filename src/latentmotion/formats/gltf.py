@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.formats.bone_axes import BoneAxes, bone_axes
+from latentmotion.formats.bones import BoneAxes, bone_axes
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix

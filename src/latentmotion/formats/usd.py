@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError, MissingExtraError
-from latentmotion.formats.bone_axes import BoneAxes, bone_axes
+from latentmotion.formats.bones import BoneAxes, bone_axes
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Skeleton

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, MissingExtraError
-from latentmotion.formats.bones import Pose, even_rate, plain_animation, plain_skeleton
+from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.takes import motion_of
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
@@ -73,7 +73,7 @@ class _Figure:
         )
         self.places = self._rest(bones)
         self.rest = self._pose(*(part[None] for part in _parts(self.places)))
-        self.rest = Pose(self.rest.positions[0], self.rest.turns[0])
+        self.rest = WorldPose(self.rest.positions[0], self.rest.turns[0])
         names = [joint.rpartition("/")[2] for joint in self.joints]
         self.skeleton = plain_skeleton(path.stem, names, self.topology, self.rest)
         takes = [UsdSkel.Animation(prim) for prim in prims if prim.IsA(UsdSkel.Animation)]
@@ -112,7 +112,7 @@ class _Figure:
             raise FileFormatError(self.path, f"{take.GetPath()} holds NaN or infinite numbers")
         return whole[0], whole[1], whole[2]
 
-    def _pose(self, places: np.ndarray, turns: np.ndarray, scales: np.ndarray) -> Pose:
+    def _pose(self, places: np.ndarray, turns: np.ndarray, scales: np.ndarray) -> WorldPose:
         """Returns where joints are and how they are turned in the world."""
         base = self.above[:3, :3]
         world = {-1: (self.above[:3, 3], _rotation(base), base)}
@@ -124,7 +124,7 @@ class _Figure:
                 linear @ (turns[:, joint] * scales[:, joint, None, :]),
             )
         joints = [world[joint] for joint in range(len(self.joints))]
-        return Pose(*(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1)))
+        return WorldPose(*(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1)))
 
     def _known(self, take: Any) -> list[str]:
         """Returns the joints of an animation that are joints of the skeleton."""

@@ -32,7 +32,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_between
+from latentmotion.arrays import unit
+from latentmotion.kinematics.rotations import matrix_between
 
 _PRIOR, _CONTINUITY = 0.1, 5.0
 """μ and κ."""
@@ -66,7 +67,7 @@ def hinge(
     first = _transport(axis)
     frame = np.stack([first, np.cross(axis, first)], axis=1)
     weight, trust = (normal**2).sum(-1), np.linalg.norm(prior, axis=-1)
-    plane, prior = (_unit(np.einsum("tij,tj->ti", frame, x)) for x in (normal, prior))
+    plane, prior = (unit(np.einsum("tij,tj->ti", frame, x)) for x in (normal, prior))
     signed = plane * (weight * _signs(plane, weight, prior))[:, None]
     every = np.full(len(pace), stiffness)
     found = _solve_chain(weight + trust, every, signed + prior * trust[:, None])
@@ -98,8 +99,8 @@ def _spread(
 def _transport(axis: Float[np.ndarray, "frames 3"]) -> Float[np.ndarray, "frames 3"]:
     """Carries a normal along a turning axis by the smallest rotation from frame to frame."""
     across = np.eye(3)[np.argmin(np.abs(axis[0]))]
-    carried = [_unit(np.cross(axis[0], across))]
-    for step in matrix_from_quaternion(quaternion_between(axis[:-1], axis[1:])):
+    carried = [unit(np.cross(axis[0], across))]
+    for step in matrix_between(axis[:-1], axis[1:]):
         carried.append(step @ carried[-1])
     return np.stack(carried)
 
@@ -146,7 +147,3 @@ def _substitute(diagonal: list[float], factors: list[float], right: list[float])
     for t in range(len(factors) - 1, -1, -1):
         right[t] += factors[t] * right[t + 1]
     return right
-
-
-def _unit(vectors: Float[np.ndarray, "*batch width"]) -> Float[np.ndarray, "*batch width"]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

@@ -19,11 +19,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import unit
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.hinge import hinge
 from latentmotion.kinematics.rotations import (
+    matrix_between,
     matrix_from_quaternion,
-    quaternion_between,
     quaternion_from_matrix,
     slerp,
 )
@@ -109,9 +110,10 @@ class _Solver:
         for joint in range(len(self.skeleton)):
             if joint not in self.world:
                 self.world[joint] = self._turn(joint)
+        world = np.stack([self.world[joint] for joint in range(len(self.skeleton))], axis=1)
         return Animation(
             skeleton=replace(self.skeleton, offsets=self.rest * self.lengths[:, None]),
-            rotations=self._local(),
+            rotations=self.skeleton.local_rotations(world),
             root_positions=self.joints[:, 0],
             fps=self.fps,
             translations=self._translations(),
@@ -124,7 +126,7 @@ class _Solver:
         seen = self.bones[:, children]
         for _ in range(3):
             turn = _kabsch(self.rest[children], seen, weights)
-            self.rest[children] = _unit(np.einsum("tij,tci->cj", turn, seen))
+            self.rest[children] = unit(np.einsum("tij,tci->cj", turn, seen))
         return turn
 
     def _turn(self, joint: int) -> Float[np.ndarray, "frames 3 3"]:
@@ -136,7 +138,7 @@ class _Solver:
         if limb is not None and set(limb.joints) <= set(self.skeleton.names):
             return self._turn_limb(limb, parent)
         reference = self._reference(joint, parent)
-        return _align(reference @ self.rest[child], self.bones[:, child]) @ reference
+        return matrix_between(reference @ self.rest[child], self.bones[:, child]) @ reference
 
     def _reference(self, joint: int, parent: int) -> Float[np.ndarray, "frames 3 3"]:
         """The parent's rotation, or on the way to a branch its share of the turn to there."""
@@ -155,8 +157,8 @@ class _Solver:
         tip = self._local_bone(names.index(limb.tip), parent) if limb.tip in names else None
         upper, lower = self._local_bone(middle, parent), self._local_bone(end, parent)
         rest = self.rest[middle]
-        rest_hinge = _unit(np.cross(np.cross(rest, limb.hinge), rest))
-        swing = _align(rest, upper) @ rest_hinge
+        rest_hinge = unit(np.cross(np.cross(rest, limb.hinge), rest))
+        swing = matrix_between(rest, upper) @ rest_hinge
         prior = _SWING_PRIOR * (1 + upper @ rest)[:, None] * swing
         if tip is not None:
             prior = prior + _TOE_PRIOR * np.cross(tip, lower)
@@ -200,13 +202,6 @@ class _Solver:
         lean = np.clip(np.arctan2(carried[2], carried[1]), -np.pi / 4, np.pi / 4)
         self.rest[head] = (0.0, np.cos(lean), np.sin(lean))
 
-    def _local(self) -> Float[np.ndarray, "frames joints 3 3"]:
-        world = np.stack([self.world[joint] for joint in range(len(self.skeleton))], axis=1)
-        local = world.copy()
-        inner = list(self.skeleton.parents[1:])
-        local[:, 1:] = np.swapaxes(world[:, inner], -1, -2) @ world[:, 1:]
-        return local
-
     def _translations(self) -> Float[np.ndarray, "frames joints 3"] | None:
         """Moves the joints around pelvis and chest where turning alone cannot reach them."""
         offsets = self.rest * self.lengths[:, None]
@@ -220,13 +215,13 @@ class _Solver:
 
 def _rest_directions(skeleton: Skeleton) -> Float[np.ndarray, "joints 3"]:
     """Returns the bone directions of a T-pose."""
-    rest = _unit(np.array(skeleton.offsets, dtype=np.float64))
+    rest = unit(np.array(skeleton.offsets, dtype=np.float64))
     for joint, name in enumerate(skeleton.names):
         side = {"left": 1.0, "right": -1.0}.get(name.partition("_")[0], 0.0)
         if name.endswith(("shoulder", "elbow", "wrist")):
             rest[joint] = (side, 0, 0)
         elif name.endswith("collar"):
-            rest[joint] = _unit(np.array([side, 1.0, 0.0]))
+            rest[joint] = unit(np.array([side, 1.0, 0.0]))
         elif (lean := _STRADDLE.get(name.rpartition("_")[2])) is not None:
             rest[joint] = (side * np.sin(lean), -np.cos(lean), 0)
         elif name in ("head", "neck"):
@@ -250,18 +245,7 @@ def _kabsch(
     return u @ vt
 
 
-def _align(
-    source: Float[np.ndarray, "*#frames 3"], target: Float[np.ndarray, "*#frames 3"]
-) -> Float[np.ndarray, "*frames 3 3"]:
-    """Returns the smallest rotation from one direction to another."""
-    return matrix_from_quaternion(quaternion_between(*np.broadcast_arrays(source, target)))
-
-
 def _frame(
     axis: Float[np.ndarray, "*frames 3"], normal: Float[np.ndarray, "*frames 3"]
 ) -> Float[np.ndarray, "*frames 3 3"]:
     return np.stack([axis, normal, np.cross(axis, normal)], axis=-1)
-
-
-def _unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

@@ -63,6 +63,13 @@ def quaternion_between(
     return _normalize(xp.concat([w, axis], axis=-1))
 
 
+def matrix_between(
+    a: Float[Any, "*#batch 3"], b: Float[Any, "*#batch 3"]
+) -> Float[Any, "*batch 3 3"]:
+    """Returns the shortest rotation that takes one direction to another, as a matrix."""
+    return matrix_from_quaternion(quaternion_between(a, b))
+
+
 def quaternion_from_matrix(m: Float[Any, "*batch 3 3"]) -> Float[Any, "*batch 4"]:
     """Turns rotation matrices into unit quaternions with the largest component positive."""
     xp = array_namespace(m)

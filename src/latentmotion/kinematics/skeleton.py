@@ -53,6 +53,24 @@ class Skeleton:
                 joints[joint] += joints[parent]
         return joints
 
+    def world_rotations(
+        self, rotations: Float[np.ndarray, "*batch joints 3 3"]
+    ) -> Float[np.ndarray, "*batch joints 3 3"]:
+        """Turns rotations relative to the parents into rotations in the world, float64."""
+        world = np.array(rotations, dtype=np.float64)
+        for joint, parent in list(enumerate(self.parents))[1:]:
+            world[..., joint, :, :] = world[..., parent, :, :] @ rotations[..., joint, :, :]
+        return world
+
+    def local_rotations(
+        self, world: Float[np.ndarray, "*batch joints 3 3"]
+    ) -> Float[np.ndarray, "*batch joints 3 3"]:
+        """Turns rotations in the world into rotations relative to the parents."""
+        above = world[..., list(self.parents[1:]), :, :]
+        local = world.copy()
+        local[..., 1:, :, :] = np.swapaxes(above, -1, -2) @ world[..., 1:, :, :]
+        return local
+
     def forward_kinematics(
         self,
         rotations: Float[Any, "*batch joints 3 3"],

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
+from latentmotion.arrays import unit
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.motion import Motion
-from latentmotion.render.camera import Camera, unit
+from latentmotion.render.camera import Camera
 from latentmotion.render.mannequin import make_mannequin
 
 try:
@@ -117,7 +118,16 @@ def paint_floor(
     picture: Picture, camera: Camera, height: float, reach: float, spacing: float = 0.5
 ) -> None:
     """Draws a grid on the floor around the camera's target that fades with the distance."""
-    lines = _grid_lines(camera.target, height, reach, spacing)
+    # Lines along x and z stay where they are when the target moves.
+    across = np.arange(-np.ceil(reach / spacing), np.ceil(reach / spacing) + 1) * spacing
+    still, moving = np.meshgrid(across, np.linspace(-reach, reach, 17), indexing="ij")
+    grids = []
+    for axis in (0, 2):
+        points = np.full((*still.shape, 3), height)
+        points[..., axis] = still + np.round(camera.target[axis] / spacing) * spacing
+        points[..., 2 - axis] = moving + camera.target[2 - axis]
+        grids.append(points)
+    lines = np.concatenate(grids)
     pixels, depth = camera.project(lines)
     away = np.linalg.norm((lines - camera.target)[..., [0, 2]], axis=-1) / reach
     strength = np.clip(1 - away**2, 0, 1)
@@ -126,22 +136,6 @@ def paint_floor(
     draw = ImageDraw.Draw(picture)
     for line, share in zip(ends, strength[:, 1:][seen].tolist(), strict=True):
         draw.line(line, fill=faded(_GRID, share), width=OVERSAMPLING)
-
-
-def _grid_lines(
-    target: Float[np.ndarray, " width"], height: float, reach: float, spacing: float
-) -> Float[np.ndarray, "lines points 3"]:
-    """Returns lines along x and z that stay where they are when the target moves."""
-    across = np.arange(-np.ceil(reach / spacing), np.ceil(reach / spacing) + 1) * spacing
-    along = np.linspace(-reach, reach, 17)
-    lines = []
-    for axis in (0, 2):
-        still, moving = np.meshgrid(across, along, indexing="ij")
-        points = np.full((*still.shape, 3), height)
-        points[..., axis] = still + np.round(target[axis] / spacing) * spacing
-        points[..., 2 - axis] = moving + target[2 - axis]
-        lines.append(points)
-    return np.concatenate(lines)
 
 
 def paint_shadow(
@@ -188,25 +182,21 @@ def paint_bodies(
     colors: Sequence[tuple[int, int, int]],
 ) -> None:
     """Draws one frame of each body, the farthest face first."""
-    faces = [_visible_faces(camera, b, frame, c) for b, c in zip(bodies, colors, strict=True)]
+    faces = []
+    for body, color in zip(bodies, colors, strict=True):
+        pixels, depth = camera.project(body.vertices[frame])
+        corners = pixels[body.quads]
+        first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+        front = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
+        quads = body.quads[front]
+        light = _light(camera, unit(body.normals[frame][quads].sum(1)), color)
+        faces.append((corners[front], depth[quads].mean(1), light))
     pixels, depth, shade = (np.concatenate(part) for part in zip(*faces, strict=True))
     order = np.argsort(-depth)
     draw = ImageDraw.Draw(picture)
     corners = pixels[order].reshape(-1, 8).tolist()
     for polygon, color in zip(corners, shade[order].tolist(), strict=True):
         draw.polygon(polygon, fill=tuple(color))
-
-
-def _visible_faces(
-    camera: Camera, body: Bodies, frame: int, color: tuple[int, int, int]
-) -> tuple[Float[np.ndarray, "faces 4 2"], Float[np.ndarray, " faces"], Int[np.ndarray, "faces 3"]]:
-    pixels, depth = camera.project(body.vertices[frame])
-    corners = pixels[body.quads]
-    first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-    front = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
-    quads = body.quads[front]
-    normals = unit(body.normals[frame][quads].sum(1))
-    return corners[front], depth[quads].mean(1), _light(camera, normals, color)
 
 
 def _light(
@@ -255,17 +245,9 @@ def paint_text(
     draw.text(place, text, fill=INK, font=font, anchor=anchor)
 
 
-def facing(joints: Float[np.ndarray, "frames joints 3"], names: Sequence[str]) -> float:
-    """Returns where the first frame faces: the angle about the vertical from +z towards +x."""
-    across = joints[0, names.index("left_hip")] - joints[0, names.index("right_hip")]
-    return float(np.arctan2(-across[2], across[0]))
-
-
 def faded(color: tuple[int, int, int], strength: float) -> tuple[int, int, int]:
     """Returns a color on its way from the background (0) to itself (1)."""
-    return _mixed(BACKGROUND, color, strength)
-
-
-def _mixed(a: tuple[int, int, int], b: tuple[int, int, int], share: float) -> tuple[int, int, int]:
-    red, green, blue = (round(x + (y - x) * share) for x, y in zip(a, b, strict=True))
+    red, green, blue = (
+        round(x + (y - x) * strength) for x, y in zip(BACKGROUND, color, strict=True)
+    )
     return red, green, blue

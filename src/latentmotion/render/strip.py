@@ -10,10 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.formats.framing import camera_of_all, half_front
 from latentmotion.motion import Motion
 from latentmotion.render import painter
-from latentmotion.render.camera import Camera, camera_around
+from latentmotion.render.camera import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
 if TYPE_CHECKING:
@@ -93,7 +92,7 @@ def _path(motion: Motion, figures: int, across: int) -> Picture:
     bodies = painter.make_bodies(motion, _along_path(motion, figures), cell=0.017)
     count = len(bodies.joints)
     size = across, round(_PATH * across)
-    camera, height = camera_of_all(motion, bodies, painter.oversampled(size))
+    camera, height = camera_of_all(motion, bodies.vertices, painter.oversampled(size))
     moved = [bodies.moved(number, np.zeros(3)) for number in range(count)]
     colors = [painter.faded(painter.COLORS[0], s) for s in np.linspace(0.35, 1, count).tolist()]
     trail = motion.joints[:, 0].astype(np.float64)

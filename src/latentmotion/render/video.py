@@ -15,10 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError, MissingExtraError
-from latentmotion.formats.framing import camera_of_all, half_front
 from latentmotion.motion import Motion
 from latentmotion.render import painter
-from latentmotion.render.camera import Camera, camera_around
+from latentmotion.render.camera import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
 if TYPE_CHECKING:
@@ -109,7 +108,9 @@ class _Panel:
         self.height = max(1.75, float(above)) + 0.35
         self.still: Camera | None = None
         if view == "still":
-            self.still, self.height = camera_of_all(motion, self.bodies, painter.oversampled(size))
+            self.still, self.height = camera_of_all(
+                motion, self.bodies.vertices, painter.oversampled(size)
+            )
 
     def draw(self, frame: int) -> Picture:
         frame = min(frame, len(self.way) - 1)

@@ -1,4 +1,4 @@
-"""Body: which joints of a foreign skeleton are ours, and the chains of the others between them."""
+"""Humanoids: which joints of a foreign skeleton are ours, and the chains of joints between them."""
 
 from __future__ import annotations
 
@@ -9,15 +9,22 @@ from functools import cached_property
 from itertools import pairwise
 
 from latentmotion.errors import DataError
-from latentmotion.kinematics.humanoid import JointMap
+from latentmotion.kinematics.humanoid import (
+    NAME_MAPS,
+    OPTIONAL,
+    REQUIRED,
+    VRM,
+    JointMap,
+    match,
+    plain,
+)
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.retarget.name_maps import NAME_MAPS, OPTIONAL, REQUIRED, VRM, match, plain
 
 SIDES = ("left", "right")
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Humanoid:
     """A skeleton whose joints are known by the names of ours.
 
     Raises:
@@ -111,7 +118,7 @@ class Body:
                 )
 
 
-def find_body(skeleton: Skeleton, declared: Mapping[str, int] | None = None) -> Body:
+def find_humanoid(skeleton: Skeleton, declared: Mapping[str, int] | None = None) -> Humanoid:
     """Finds the joints of ours in a skeleton by its names.
 
     Args:
@@ -124,7 +131,7 @@ def find_body(skeleton: Skeleton, declared: Mapping[str, int] | None = None) -> 
     if declared:
         words = {plain(name): joint for name, joint in declared.items()}
         found = {ours: words[name[0]] for ours, name in VRM.items() if name[0] in words}
-        return Body(skeleton, found, "VRM humanoid")
+        return Humanoid(skeleton, found, "VRM humanoid")
     finds = {name: match(skeleton.names, names) for name, names in NAME_MAPS.items()}
     best = max(finds, key=lambda name: (len(set(REQUIRED) & set(finds[name])), len(finds[name])))
     if len(set(REQUIRED) & set(finds[best])) < len(REQUIRED) // 2:
@@ -133,10 +140,10 @@ def find_body(skeleton: Skeleton, declared: Mapping[str, int] | None = None) -> 
             f"{', '.join(NAME_MAPS)}. Draft a map with --draft-map map.json, correct it, pass it "
             "with --map map.json"
         )
-    return Body(skeleton, finds[best], best)
+    return Humanoid(skeleton, finds[best], best)
 
 
-def body_of_map(skeleton: Skeleton, joint_map: JointMap) -> Body:
+def humanoid_of_map(skeleton: Skeleton, joint_map: JointMap) -> Humanoid:
     """Takes the joints that a map names; entries whose name begins with `_` are remarks.
 
     Raises:
@@ -159,7 +166,7 @@ def body_of_map(skeleton: Skeleton, joint_map: JointMap) -> Body:
                 f"{_near(joint, skeleton.names)}; it has {_listed(skeleton)}"
             )
         joints[name] = places[joint]
-    return Body(skeleton, joints)
+    return Humanoid(skeleton, joints)
 
 
 def _check_complete(skeleton: Skeleton, joints: Mapping[str, int]) -> None:

@@ -1,4 +1,4 @@
-"""Actor: the body whose motion is carried over, and how its joints are turned in the world."""
+"""The source character: whose motion is carried over, and its joints' rotations in the world."""
 
 from __future__ import annotations
 
@@ -10,51 +10,51 @@ from jaxtyping import Bool, Float
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.kinematics.animation import Animation
 from latentmotion.motion import Motion
-from latentmotion.retarget.humanoid import SIDES, Body, find_body
-from latentmotion.retarget.rig import Stance
+from latentmotion.retarget.humanoid import SIDES, Humanoid, find_humanoid
+from latentmotion.retarget.rig import RestPose
 
-Turns = Float[np.ndarray, "frames 3 3"]
+Rotations = Float[np.ndarray, "frames 3 3"]
 
 _HIGHEST = {"foot": 0.08, "ankle": 0.2}
 """Of a leg's length: how high a joint that stands is at most."""
 
 
 @dataclass(frozen=True, eq=False)
-class Actor:
+class SourceCharacter:
     """A body that moves, seen as if its rest pose stood upright facing +z."""
 
-    body: Body
+    body: Humanoid
     """Its joints; its skeleton's rest pose is turned to face +z."""
     joints: Float[np.ndarray, "frames joints 3"]
     """Positions, meters, y up, the floor at height 0."""
     world: Float[np.ndarray, "frames joints 3 3"]
-    """Turns away from the rest pose."""
+    """Rotations in the world, away from the rest pose."""
     fps: float
     """Frames per second."""
     leg: float
     """Length of thigh and shank, meters."""
 
     @classmethod
-    def of(cls, source: Motion | Animation, body: Body | None = None) -> Actor:
-        """Sees who moves in a motion; which joint is which is found by the names."""
+    def of(cls, source: Motion | Animation, body: Humanoid | None = None) -> SourceCharacter:
+        """Finds the character that moves in a motion; by default its joints by their names."""
         animation = source.animation() if isinstance(source, Motion) else source
-        body = body or find_body(animation.skeleton)
-        stance = Stance.of(body)
-        world = _world(animation) @ stance.axes
-        return cls(body, animation.joints(), world, animation.fps, stance.leg)
+        body = body or find_humanoid(animation.skeleton)
+        rest_pose = RestPose.of(body)
+        world = animation.skeleton.world_rotations(animation.rotations) @ rest_pose.axes
+        return cls(body, animation.joints(), world, animation.fps, rest_pose.leg)
 
-    def turn(self, name: str) -> Turns | None:
-        """Returns how a joint of ours is turned; none where the body lacks it."""
-        return self.world[:, self.body.joints[name]] if name in self.body.joints else None
+    def rotation(self, name: str) -> Rotations:
+        """Returns how a joint of ours is turned in the world."""
+        return self.world[:, self.body.joints[name]]
 
-    def place(self, name: str) -> Float[np.ndarray, "frames 3"]:
+    def position(self, name: str) -> Float[np.ndarray, "frames 3"]:
         """Returns where a joint of ours is."""
         return self.joints[:, self.body.joints[name]]
 
     def standing_height(self, joint: str) -> float:
         """Returns how high `ankle` or `foot` are above the floor while they stand, meters."""
         tip = "foot" if f"{SIDES[0]}_foot" in self.body.joints else "ankle"
-        heights = np.stack([self.place(f"{side}_{tip}")[:, 1] for side in SIDES])
+        heights = np.stack([self.position(f"{side}_{tip}")[:, 1] for side in SIDES])
         low = float(np.percentile(heights.min(0), 5))
         lowest = float(np.clip(low, 0, _HIGHEST[tip] * self.leg))
         rest = [
@@ -72,11 +72,4 @@ class Actor:
 
     def rest(self) -> Float[np.ndarray, "joints 3"]:
         """Returns the rest pose, facing +z."""
-        return self.body.skeleton.rest_joints() @ Stance.of(self.body).axes
-
-
-def _world(animation: Animation) -> Float[np.ndarray, "frames joints 3 3"]:
-    world = np.array(animation.rotations, dtype=np.float64)
-    for joint, parent in list(enumerate(animation.skeleton.parents))[1:]:
-        world[:, joint] = world[:, parent] @ animation.rotations[:, joint]
-    return world
+        return self.body.skeleton.rest_joints() @ RestPose.of(self.body).axes

@@ -1,14 +1,16 @@
-"""Pickles of arrays, lists, dictionaries, text and numbers, read without running what they say.
+"""Pickles, read without running what they say: arrays, lists, dictionaries, text and numbers.
 
-A pickle is a program that may call any function by name. Here it may only call those that rebuild
-such plain values (`ALLOWED`); the first other name ends the reading. SciPy's sparse matrices, as
-SMPL's joint regressor, come out as dense arrays.
+A pickle is a program that may call any function by name. A `RestrictedUnpickler` looks each name up
+in a list of its own and imports nothing; the first other name ends the reading. `load` allows what
+rebuilds plain values (`ALLOWED`); SciPy's sparse matrices, as SMPL's joint regressor, come out as
+dense arrays.
 """
 
 from __future__ import annotations
 
 import pickle
 from collections import OrderedDict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,7 @@ def _reconstructor(cls: type, base: type, state: Any) -> Any:
 
 
 _PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
+"""Names of modules in pickles of Python 2."""
 
 _REBUILDERS = {
     "multiarray._reconstruct": np.zeros(1).__reduce__()[0],
@@ -82,19 +85,50 @@ ALLOWED: dict[tuple[str, str], Any] = {
 """What a pickle may name, and what it gets for it."""
 
 
-class _Forbidden(pickle.UnpicklingError):
-    """A pickle named something that is not allowed."""
+class ForbiddenName(pickle.UnpicklingError):
+    """A pickle named something that is not allowed.
+
+    Args:
+        name: What it named.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"it names {name}")
+        self.name = name
 
 
-class _Unpickler(pickle.Unpickler):
+class RestrictedUnpickler(pickle.Unpickler):
+    """Gives a pickle what a list says for each name, and imports nothing.
+
+    Args:
+        file: The open pickle.
+        allowed: Module and name → what the pickle gets; raises KeyError for all others.
+        encoding: Of text in pickles of Python 2.
+    """
+
+    def __init__(self, file: Any, allowed: Callable[[str, str], Any], encoding: str) -> None:
+        super().__init__(file, encoding=encoding)
+        self._allowed = allowed
+
     def find_class(self, module: str, name: str) -> Any:
+        """Looks a name up.
+
+        Raises:
+            ForbiddenName: It is not allowed.
+        """
         module = _PYTHON_2.get(module, module)
-        if (module, name) not in ALLOWED:
-            raise _Forbidden(f"{module}.{name}")
-        return ALLOWED[module, name]
+        try:
+            return self._allowed(module, name)
+        except KeyError as error:
+            raise ForbiddenName(f"{module}.{name}") from error
 
     def persistent_load(self, pid: Any) -> Any:
-        raise _Forbidden(f"the outside object {pid!r}")
+        """Refuses what is kept outside of the pickle.
+
+        Raises:
+            ForbiddenName: Always.
+        """
+        raise ForbiddenName(f"the outside object {pid!r}")
 
 
 def load(path: str | Path) -> Any:
@@ -109,9 +143,12 @@ def load(path: str | Path) -> Any:
     """
     try:
         with Path(path).open("rb") as file:
-            return _plain(_Unpickler(file, encoding="latin1").load())
-    except _Forbidden as error:
-        raise FileFormatError(path, _told(str(error), path)) from error
+            content = RestrictedUnpickler(file, lambda *name: ALLOWED[name], "latin1").load()
+            return _plain(content)
+    except ForbiddenName as error:
+        chumpy = error.name.startswith("chumpy")
+        problem = (_CHUMPY if chumpy else _NOT_PLAIN).format(name=error.name, path=path)
+        raise FileFormatError(path, problem) from error
     except OSError as error:
         raise FileFormatError(path, f"cannot be read ({error.strerror or error})") from error
     except Exception as error:  # a damaged pickle fails anywhere inside pickle and NumPy
@@ -128,15 +165,10 @@ def _plain(value: Any) -> Any:
     return [_plain(item) for item in value] if isinstance(value, list) else value
 
 
-def _told(name: str, path: str | Path) -> str:
-    if name.startswith("chumpy"):
-        return _CHUMPY.format(name=name, path=path)
-    return (
-        f"holds {name}, expected only arrays, lists, dictionaries, text and numbers; it was not "
-        "read, because a pickle that names other things can run any program"
-    )
-
-
+_NOT_PLAIN = (
+    "holds {name}, expected only arrays, lists, dictionaries, text and numbers; it was not read, "
+    "because a pickle that names other things can run any program"
+)
 _CHUMPY = (
     "holds {name}; arrays of chumpy cannot be read here, since that package no longer runs. Where "
     'it does (Python 3.10, numpy 1.23, chumpy, scipy), convert the file once: python -c "import '

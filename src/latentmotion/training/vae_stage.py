@@ -13,7 +13,7 @@ from latentmotion.data.sampling import Crop
 from latentmotion.evaluation.metrics.mpjpe import mpjpe
 from latentmotion.experiment import Experiment
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.kinematics.smpl import Body
+from latentmotion.kinematics.smpl import SkinnedBody
 from latentmotion.motion import Motion
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.training.crops import FeatureMemory, Plan, items_by_length
@@ -44,7 +44,7 @@ class VAEStage(Stage[MotionVAE]):
         dataset: Dataset,
         experiment: Experiment,
         place: Place,
-        body: Body | None = None,
+        body: SkinnedBody | None = None,
     ) -> None:
         super().__init__()
         self.network = vae
