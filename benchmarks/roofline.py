@@ -38,9 +38,9 @@ from latentmotion.model_card import ModelCard
 from latentmotion.models import find_model
 from latentmotion.order import Order
 from latentmotion.runtime.computing import ON_CPU, Computing
+from latentmotion.runtime.device import describe_machine
 from latentmotion.runtime.eager import eager_generator, encoder_folder
 from latentmotion.runtime.session import Session
-from latentmotion.training.provenance import describe_machine
 from latentmotion.vae.interface import MotionVAE
 
 CAPTION = "a person walks forward and kicks with the left leg"

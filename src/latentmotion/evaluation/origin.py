@@ -19,9 +19,9 @@ from latentmotion.evaluation.observation import Extractor
 from latentmotion.evaluation.report import Provenance
 from latentmotion.evaluation.subject import Generated, Subject
 from latentmotion.model_card import ModelCard
+from latentmotion.runtime.device import describe_machine
 from latentmotion.storage.files import sha256
 from latentmotion.storage.provenance import commit
-from latentmotion.training.provenance import describe_machine
 
 _WEIGHTS = ("*.safetensors", "*.onnx", "tokenizer.json")
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import torch
-import torch.distributed
-
 from latentmotion.data.dataset import Dataset
 from latentmotion.model_card import Provenance
-from latentmotion.storage.provenance import command_line, commit, processor
+from latentmotion.runtime.device import describe_machine
+from latentmotion.storage.provenance import command_line, commit
 
 
 def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = None) -> Provenance:
@@ -32,12 +30,3 @@ def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = 
         machine=describe_machine(),
         hours=round(before.hours + seconds / 3600, 3),
     )
-
-
-def describe_machine() -> str:
-    """Returns processor, processes with their threads, devices and PyTorch's version."""
-    world = torch.distributed.get_world_size() if torch.distributed.is_initialized() else 1
-    parts = [processor(), f"{world} processes of {torch.get_num_threads()} threads"]
-    if torch.cuda.is_available():
-        parts.append(f"{torch.cuda.device_count()} x {torch.cuda.get_device_name()}")
-    return ", ".join([*parts, f"PyTorch {torch.__version__}"])
