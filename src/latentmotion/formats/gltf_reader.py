@@ -104,14 +104,6 @@ class Scene:
     def animation(self, tracks: Sequence[Track]) -> Animation:
         """Returns how one animation moves the bones."""
         fps, times = clock(tracks)
-        pose = self._world(self._moved(tracks, times))
-        moved = WorldPose(
-            np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
-            np.broadcast_to(pose.turns, (len(times), *pose.turns.shape[-3:])),
-        )
-        return plain_animation(self.skeleton, self.rest, moved, fps)
-
-    def _moved(self, tracks: Sequence[Track], times: Float[np.ndarray, " frames"]) -> list[_Place]:
         values = {(track.node, track.path): track.sample(times) for track in tracks}
         places = []
         for node, rest in enumerate(self.places):
@@ -123,7 +115,12 @@ class Scene:
                     values.get((node, "scale"), rest.scale),
                 )
             )
-        return places
+        pose = self._world(places)
+        moved = WorldPose(
+            np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
+            np.broadcast_to(pose.turns, (len(times), *pose.turns.shape[-3:])),
+        )
+        return plain_animation(self.skeleton, self.rest, moved, fps)
 
     def _world(self, places: Sequence[_Place]) -> WorldPose:
         """Returns positions and rotations of the bones in the world."""
@@ -140,7 +137,8 @@ class Scene:
     def _frames(self, places: Sequence[_Place], nodes: Sequence[int]) -> dict[int, Frame]:
         """Returns where nodes are, and all above them."""
         known: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
-        for node in self._above(nodes):
+        needed = {ancestor for node in nodes for ancestor in self._line(node)}
+        for node in sorted(needed, key=lambda node: len(self._line(node))):
             place = places[node]
             start, turn, linear = known[self.parents[node]]
             known[node] = (
@@ -149,11 +147,6 @@ class Scene:
                 linear @ (place.rotation * place.scale[..., None, :]),
             )
         return known
-
-    def _above(self, nodes: Sequence[int]) -> list[int]:
-        """Returns the nodes and all above them, parents first."""
-        needed = {ancestor for node in nodes for ancestor in self._line(node)}
-        return sorted(needed, key=lambda node: len(self._line(node)))
 
     def _line(self, node: int) -> list[int]:
         """Returns a node and those above it, upward."""
@@ -166,7 +159,10 @@ class Scene:
     def _bones(self, document: Document, path: Path) -> list[int]:
         """Returns the nodes that are bones, the root first and parents before children."""
         groups = [list(skin["joints"]) for skin in document.json.get("skins", [])]
-        groups = groups or [_animated(document)]
+        if not groups:
+            takes = document.json.get("animations", [])
+            targets = [channel["target"] for take in takes for channel in take["channels"]]
+            groups = [sorted({target["node"] for target in targets if "node" in target})]
         main = max(groups, key=len)
         if not main:
             raise FileFormatError(path, "has neither a skin nor an animation; expected a figure")
@@ -189,11 +185,6 @@ class Scene:
         if not shared:
             raise FileFormatError(path, "the joints of its skin hang on no common node")
         return max(shared, key=lambda node: len(self._line(node)))
-
-
-def _animated(document: Document) -> list[int]:
-    channels = [c for take in document.json.get("animations", []) for c in take["channels"]]
-    return sorted({c["target"]["node"] for c in channels if "node" in c["target"]})
 
 
 def _parents(nodes: Sequence[Mapping[str, Any]], path: Path) -> list[int]:
@@ -263,26 +254,23 @@ class Track:
         share = (times - self.times[before]) / np.where(span > 0, span, 1)
         share = np.clip(np.where(span > 0, share, 0), 0, 1)
         if self.interpolation == "CUBICSPLINE":
-            return self._cubic(before, after, span[:, None], share[:, None])
+            keys, s, span = (
+                self.values.reshape(len(self.times), 3, -1),
+                share[:, None],
+                span[:, None],
+            )
+            return (
+                (2 * s**3 - 3 * s**2 + 1) * keys[before, 1]
+                + (s**3 - 2 * s**2 + s) * (span * keys[before, 2])
+                + (3 * s**2 - 2 * s**3) * keys[after, 1]
+                + (s**3 - s**2) * (span * keys[after, 0])
+            )
         if self.interpolation == "STEP":
             return self.values[np.where(share > 1 - 1e-6, after, before)]
         start, end = self.values[before], self.values[after]
         if self.path == "rotation":
             return slerp(start, end, share)
         return start + share[:, None] * (end - start)
-
-    def _cubic(
-        self, before: np.ndarray, after: np.ndarray, span: np.ndarray, s: np.ndarray
-    ) -> Float[np.ndarray, "frames values"]:
-        keys = self.values.reshape(len(self.times), 3, -1)
-        start, end = keys[before, 1], keys[after, 1]
-        leave, arrive = span * keys[before, 2], span * keys[after, 0]
-        return (
-            (2 * s**3 - 3 * s**2 + 1) * start
-            + (s**3 - 2 * s**2 + s) * leave
-            + (3 * s**2 - 2 * s**3) * end
-            + (s**3 - s**2) * arrive
-        )
 
 
 def read_tracks(document: Document, animation: Mapping[str, Any]) -> list[Track]:

@@ -102,10 +102,7 @@ def _read(path: str | Path, opened: BinaryIO) -> list[Motion]:
     file = np.load(opened, allow_pickle=False)
     if smpl_npz.is_smpl(file.files):
         return [smpl_npz.read_arrays(path, file)]
-    return _takes({name: file[name] for name in file.files})
-
-
-def _takes(arrays: dict[str, np.ndarray]) -> list[Motion]:
+    arrays = {name: file[name] for name in file.files}
     skeleton = _skeleton(arrays)
     takes = np.split(arrays["joints"], np.cumsum(arrays["frames"])[:-1])
     facts = zip(arrays["fps"], arrays["caption"], arrays["metadata"], strict=True)

@@ -68,9 +68,11 @@ class _Figure:
         if bones is None or not self.joints:
             raise FileFormatError(path, "has no skeleton; expected a figure of UsdSkel")
         self.topology = self._parents()
-        self.above = self._axes() @ _columns(
-            UsdGeom.XformCache().GetLocalToWorldTransform(bones.GetPrim())
-        )
+        axes = np.eye(4)  # from the file's units and axes to ours
+        up = np.eye(3) if UsdGeom.GetStageUpAxis(self.stage) == "Y" else _Y_FROM_Z
+        axes[:3, :3] = up * UsdGeom.GetStageMetersPerUnit(self.stage)
+        above = UsdGeom.XformCache().GetLocalToWorldTransform(bones.GetPrim())
+        self.above = axes @ _columns(above)
         self.places = self._rest(bones)
         self.rest = self._pose(*(part[None] for part in _parts(self.places)))
         self.rest = WorldPose(self.rest.positions[0], self.rest.turns[0])
@@ -81,17 +83,15 @@ class _Figure:
 
     def animation(self, take: Any | None) -> Animation:
         """Returns how one animation moves the skeleton."""
-        codes = np.array(sorted({*self._codes(take)}), dtype=np.float64)
+        tracks = []
+        if take is not None:
+            tracks = [take.GetRotationsAttr(), take.GetTranslationsAttr(), take.GetScalesAttr()]
+        keys = sorted({code for track in tracks for code in track.GetTimeSamples()})
+        codes = np.array(keys, dtype=np.float64)
         pace = self.stage.GetTimeCodesPerSecond()
         fps, seconds = even_rate(codes / pace)
         moved = self._pose(*self._sampled(take, seconds * pace))
         return plain_animation(self.skeleton, self.rest, moved, fps)
-
-    def _codes(self, take: Any | None) -> list[float]:
-        if take is None:
-            return []
-        tracks = (take.GetRotationsAttr(), take.GetTranslationsAttr(), take.GetScalesAttr())
-        return [code for track in tracks for code in track.GetTimeSamples()]
 
     def _sampled(
         self, take: Any | None, codes: Float[np.ndarray, " frames"]
@@ -139,13 +139,6 @@ class _Figure:
             raise FileFormatError(self.path, f"its joints make no tree: {why or 'several roots'}")
         return parents
 
-    def _axes(self) -> Float[np.ndarray, "4 4"]:
-        """Returns what takes the file's units and axes to ours."""
-        up = np.eye(3) if UsdGeom.GetStageUpAxis(self.stage) == "Y" else _Y_FROM_Z
-        axes = np.eye(4)
-        axes[:3, :3] = up * UsdGeom.GetStageMetersPerUnit(self.stage)
-        return axes
-
     def _rest(self, bones: Any) -> Float[np.ndarray, "joints 4 4"]:
         """Returns the rest pose relative to the parents; from the bind pose where there is none."""
         rest = bones.GetRestTransformsAttr().Get()
@@ -163,15 +156,12 @@ def _opened(path: Path) -> Any:
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        raise FileFormatError(path, f"damaged, or not USD ({_first_line(error)})") from error
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        reason = lines[-1][:200] if lines else "no reason given"
+        raise FileFormatError(path, f"damaged, or not USD ({reason})") from error
     if stage is None:
         raise FileFormatError(path, "damaged, or not USD")
     return stage
-
-
-def _first_line(error: Exception) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[-1][:200] if lines else "no reason given"
 
 
 def _notes(take: Any | None) -> dict[str, Any]:

@@ -122,7 +122,9 @@ class _Solver:
     def _fit_branch(self, joint: int) -> Float[np.ndarray, "frames 3 3"]:
         """Fits rotation and rest directions of the bones that leave a joint, in turn."""
         children = list(self.children[joint])
-        weights = np.array([_weight(self.skeleton.names[child]) for child in children])
+        # The hips say how the pelvis is turned; the spine bends above it and has less of a say.
+        spine = [self.skeleton.names[child].startswith("spine") for child in children]
+        weights = np.where(spine, 0.2, 1.0)
         seen = self.bones[:, children]
         for _ in range(3):
             turn = _kabsch(self.rest[children], seen, weights)
@@ -163,15 +165,11 @@ class _Solver:
         if tip is not None:
             prior = prior + _TOE_PRIOR * np.cross(tip, lower)
         stiffness = _STIFFNESS * (self.fps / 20) ** 2
-        axis = hinge(upper, np.cross(upper, lower), prior, stiffness, self._pace(upper, lower))
+        # A limb may twist a little in a step, and as far as both its bones turn.
+        swings = [np.linalg.norm(np.diff(bone, axis=0), axis=-1) for bone in (upper, lower)]
+        pace = _PACE / self.fps + np.maximum(*swings)
+        axis = hinge(upper, np.cross(upper, lower), prior, stiffness, pace)
         return self.world[parent] @ _frame(upper, axis) @ _frame(rest, rest_hinge).T
-
-    def _pace(
-        self, upper: Float[np.ndarray, "frames 3"], lower: Float[np.ndarray, "frames 3"]
-    ) -> Float[np.ndarray, " steps"]:
-        """How far the upper bone may twist in a step: a little, and as far as both bones turn."""
-        turns = [np.linalg.norm(np.diff(bone, axis=0), axis=-1) for bone in (upper, lower)]
-        return _PACE / self.fps + np.maximum(*turns)
 
     def _local_bone(self, joint: int, frame: int) -> Float[np.ndarray, "frames 3"]:
         return np.einsum("tij,ti->tj", self.world[frame], self.bones[:, joint])
@@ -227,11 +225,6 @@ def _rest_directions(skeleton: Skeleton) -> Float[np.ndarray, "joints 3"]:
         elif name in ("head", "neck"):
             rest[joint] = (0, 1, 0)
     return rest
-
-
-def _weight(name: str) -> float:
-    """The hips say how the pelvis is turned; the spine bends above it and has less of a say."""
-    return 0.2 if name.startswith("spine") else 1.0
 
 
 def _kabsch(

@@ -156,7 +156,7 @@ def load_smpl(path: str | Path) -> SmplModel:
     Raises:
         FileFormatError: It is missing, damaged, holds chumpy's arrays or is not of SMPL's shapes.
     """
-    arrays = {name: _array(path, name, value) for name, value in _content(Path(path)).items()}
+    arrays = {name: np.asarray(value) for name, value in _content(Path(path)).items()}
     _check(path, arrays)
     floats = {name: arrays[name].astype(np.float32) for name in _SHAPES if name in arrays}
     body = SkinnedBody(
@@ -174,7 +174,11 @@ def _content(path: Path) -> Mapping[str, Any]:
     if not path.is_file():
         raise FileFormatError(path, f"there is no such file; {_HOW}")
     if path.suffix.lower() == ".npz":
-        content: Any = _npz(path)
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                content: Any = {name: file[name] for name in file.files if name in _SHAPES}
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise FileFormatError(path, f"no .npz of plain arrays ({error}); {_HOW}") from error
     elif path.suffix.lower() == ".pkl":
         content = pickles.load(path)
     else:
@@ -188,24 +192,13 @@ def _content(path: Path) -> Mapping[str, Any]:
     return {name: content[name] for name in _SHAPES}
 
 
-def _npz(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files if name in _SHAPES}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise FileFormatError(path, f"no .npz of plain arrays ({error}); {_HOW}") from error
-
-
-def _array(path: str | Path, name: str, value: Any) -> np.ndarray:
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiu":
-        raise FileFormatError(path, f"{name} holds {array.dtype}, expected numbers; {_HOW}")
-    return array
-
-
 def _check(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
     sizes: dict[str | int, int] = {}
     for name, shape in _SHAPES.items():
+        if arrays[name].dtype.kind not in "fiu":
+            raise FileFormatError(
+                path, f"{name} holds {arrays[name].dtype}, expected numbers; {_HOW}"
+            )
         found = arrays[name].shape
         pairs = zip(shape, found, strict=False)
         wanted = tuple(sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in pairs)

@@ -217,16 +217,13 @@ class _Body:
         What is right of the middle is not moved by the left limbs, nor the other way around.
         """
         total = share ** (1 / _SOFTNESS) @ np.eye(len(self.skeleton))[self.owner]
-        side = np.array([_side(name) for name in self.skeleton.names])
+        sides = [name.partition("_")[0] for name in self.skeleton.names]
+        side = np.array([{"left": 1, "right": -1}.get(name, 0) for name in sides])
         total /= 1 + np.exp(np.clip(-side * points[:, :1] / (0.012 * self.scale), -30, 30))
         total = np.pad(total, ((0, 0), (0, max(0, _INFLUENCES - total.shape[1]))))
         joints = np.argsort(-total, axis=-1)[:, :_INFLUENCES]
         weights = np.take_along_axis(total, joints, axis=-1)
         return np.minimum(joints, len(self.skeleton) - 1), weights / weights.sum(-1, keepdims=True)
-
-
-def _side(name: str) -> int:
-    return {"left": 1, "right": -1}.get(name.partition("_")[0], 0)
 
 
 def _pieces() -> list[Capsule]:

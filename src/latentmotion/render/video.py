@@ -114,17 +114,16 @@ class _Panel:
 
     def draw(self, frame: int) -> Picture:
         frame = min(frame, len(self.way) - 1)
-        floor, camera = self.bodies.floor, self.still or self._following(frame)
+        floor, camera = self.bodies.floor, self.still
+        if camera is None:  # it follows the person
+            target = self.way[frame] + (0, floor + self.height / 2 - 0.17, 0)
+            pixels = painter.oversampled(self.size)
+            camera = camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
         picture = painter.new_picture(self.size)
         painter.paint_floor(picture, camera, floor, reach=max(3.2, 1.3 * self.height))
         painter.paint_shadow(picture, camera, [self.bodies], frame, floor)
         painter.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
         return painter.reduced(picture)
-
-    def _following(self, frame: int) -> Camera:
-        target = self.way[frame] + (0, self.bodies.floor + self.height / 2 - 0.17, 0)
-        pixels = painter.oversampled(self.size)
-        return camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
 
 
 def _write_captions(whole: Picture, motions: Sequence[Motion], height: float) -> None:

@@ -15,15 +15,12 @@ def cache_folder() -> Path | None:
     said = os.environ.get(VARIABLE)
     if said:
         return None if said == "off" else Path(said)
+    variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
+    named = os.environ.get(variable) if sys.platform != "darwin" else None
+    if named:
+        return Path(named) / "latentmotion"
     try:
-        return _usual() / "latentmotion"
+        caches = "Library/Caches" if sys.platform == "darwin" else ".cache"
+        return Path.home() / caches / "latentmotion"
     except RuntimeError:  # a user without a home
         return None
-
-
-def _usual() -> Path:
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
-    named = os.environ.get(variable)
-    return Path(named) if named else Path.home() / ".cache"

@@ -38,7 +38,14 @@ def from_json(cls: type[T], data: Any, where: str = "") -> T:
         raise InputError(f"{where or cls.__name__}: expected an object, found {data!r}")
     found = {key: value for key, value in data.items() if key != "kind"}
     fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    _check_keys(found, fields, where or cls.__name__)
+    for key in found:
+        if key not in fields:
+            raise InputError(f"{where or cls.__name__}: unknown key {key!r}; {hint(key, fields)}")
+    absent = dataclasses.MISSING
+    needed = [n for n, f in fields.items() if f.default is absent and f.default_factory is absent]
+    missing = ", ".join(repr(name) for name in needed if name not in found)
+    if missing:
+        raise InputError(f"{where or cls.__name__}: missing key {missing}")
     hints = typing.get_type_hints(cls)
     prefix = f"{where}." if where else ""
     values = {key: _convert(hints[key], value, prefix + key) for key, value in found.items()}
@@ -69,22 +76,6 @@ def read_json(cls: type[T], path: str | Path) -> T:
         raise InputError(f"{path}: {error}") from error
 
 
-def _check_keys(
-    found: Mapping[str, Any], fields: Mapping[str, dataclasses.Field[Any]], where: str
-) -> None:
-    for key in found:
-        if key not in fields:
-            raise InputError(f"{where}: unknown key {key!r}; {hint(key, fields)}")
-    missing = [name for name, field in fields.items() if name not in found and _required(field)]
-    if missing:
-        raise InputError(f"{where}: missing key {', '.join(map(repr, missing))}")
-
-
-def _required(field: dataclasses.Field[Any]) -> bool:
-    absent = dataclasses.MISSING
-    return field.default is absent and field.default_factory is absent
-
-
 def _convert(hint: Any, value: Any, where: str) -> Any:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
@@ -96,7 +87,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if origin is typing.Literal:
         return _check(value in arguments, value, f"one of {', '.join(map(str, arguments))}", where)
     if hint is float:
-        return float(_check(_is_number(value), value, "a number", where))
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        return float(_check(number, value, "a number", where))
     plain = origin or hint
     if isinstance(plain, type) and plain is not object:
         fits = isinstance(value, plain) and (plain is bool or not isinstance(value, bool))
@@ -131,7 +123,3 @@ def _check(fits: bool, value: Any, expected: str, where: str) -> Any:
     if not fits:
         raise InputError(f"{where}: expected {expected}, found {value!r}")
     return value
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
