@@ -31,8 +31,7 @@ from latentmotion.checkpoint import load_model
 from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.text.graph import GRAPH_FILE
 from latentmotion.diffusion.leaps import Leap
-from latentmotion.evaluation.metrics.flops import flops
-from latentmotion.evaluation.metrics.traffic import Traffic, traffic
+from latentmotion.evaluation.metrics.cost import Traffic, flops, traffic
 from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import ModelCard
 from latentmotion.models import find_model

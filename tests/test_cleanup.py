@@ -20,9 +20,12 @@ from latentmotion.cleanup.pipeline import ground_path, in_place
 from latentmotion.cleanup.smoothing import smooth, upper_envelope
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError
-from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
-from latentmotion.evaluation.metrics.jitter import jitter
-from latentmotion.evaluation.metrics.penetration import penetration
+from latentmotion.evaluation.metrics.physical import (
+    foot_sliding,
+    jitter,
+    penetration,
+    skating_ratio,
+)
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
 

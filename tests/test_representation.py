@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from latentmotion.errors import InputError
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.representation.canonical import canonicalize
-from latentmotion.representation.facing import gaussian_smooth, heading, turn
+from latentmotion.representation.canonical import canonicalize, gaussian_smooth, heading, turn
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SMPL_FEATURES

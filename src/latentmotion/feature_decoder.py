@@ -13,8 +13,7 @@ from latentmotion.arrays import prefix_mask
 from latentmotion.errors import InputError
 from latentmotion.model_card import ModelCard
 from latentmotion.motion import Motion
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.runtime.session import Session

@@ -18,8 +18,7 @@ from latentmotion.data.preparation import Preparation
 from latentmotion.data.recording import Dropped, EncodedRecording
 from latentmotion.data.uestc import UESTC, uestc_recordings
 from latentmotion.kinematics.humanoid import load_joint_map
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.smpl import SMPL_FEATURES
 from latentmotion.storage.files import check_replaceable
 

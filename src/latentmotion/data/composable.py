@@ -13,7 +13,7 @@ from latentmotion.data.manifest import COMPOSED
 from latentmotion.data.sampling import Item, items_of
 from latentmotion.describe.clauses import Sentence, read_clauses
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.representation.facing import heading
+from latentmotion.representation.canonical import heading
 
 _FRAMES = (12, 130)
 """Shortest and longest single action; of a steady movement a piece is taken."""

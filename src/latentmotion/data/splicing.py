@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.representation.facing import heading, turn
+from latentmotion.representation.canonical import heading, turn
 from latentmotion.representation.interface import Representation
 
 Joints = Float[np.ndarray, "frames joints 3"]

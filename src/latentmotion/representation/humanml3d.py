@@ -28,8 +28,7 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics import skeleton
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation import canonical
-from latentmotion.representation.bone_rotations import bone_rotations
-from latentmotion.representation.facing import smooth_heading, turn
+from latentmotion.representation.canonical import bone_rotations, smooth_heading, turn
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from latentmotion.kinematics.rotations import matrix_from_sixd, sixd_from_matrix
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation import canonical
-from latentmotion.representation.rest_pose import rotations_from
+from latentmotion.representation.canonical import rotations_from
 
 TOKENS = 25
 """Joints that turn, and the way of the root."""

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop
-from latentmotion.evaluation.metrics.mpjpe import mpjpe
+from latentmotion.evaluation.metrics.reconstruction import mpjpe
 from latentmotion.experiment import Experiment
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.kinematics.smpl import SkinnedBody

@@ -26,7 +26,7 @@ from latentmotion.data.report import REPORT, Report
 from latentmotion.data.store import StoredMotion, write_dataset
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import representation_named
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.storage.cache_folder import VARIABLE, cache_folder
 from latentmotion.storage.configuration import read_json, write_json

@@ -26,7 +26,7 @@ from latentmotion.evaluation.extractors.gru import MotionGRUConfig
 from latentmotion.evaluation.extractors.interface import EVALUATOR_FILE, WEIGHTS_FILE
 from latentmotion.evaluation.extractors.stgcn import GraphNetworkConfig
 from latentmotion.evaluation.extractors.temporal import TemporalClassifierConfig
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import representation_named
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.storage.configuration import read_json, to_json
