@@ -29,9 +29,9 @@ from device_training import training_rows
 from latentmotion.condition.interface import Conditioning
 from latentmotion.order import Order
 from latentmotion.runtime.computing import Computing
+from latentmotion.runtime.device import describe_machine
 from latentmotion.runtime.eager import eager_generator
 from latentmotion.runtime.on_device import DeviceGenerator
-from latentmotion.training.provenance import describe_machine
 from roofline import ordered, report
 
 STEPS = 50, 10, 4, 2, 1

@@ -13,8 +13,8 @@ from pathlib import Path
 from PIL import Image
 
 from latentmotion import MotionGenerator, formats
-from latentmotion.formats import video
 from latentmotion.models import DEFAULT
+from latentmotion.render import video
 
 PROMPTS = (
     "a person walks forward",

@@ -10,7 +10,6 @@ import torch
 
 from latentmotion.cli.main import main
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.configuration import read_json
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
@@ -28,6 +27,7 @@ from latentmotion.experiments.run import run_table
 from latentmotion.experiments.table import Model, Row, Table
 from latentmotion.experiments.tables import TABLES, rows_named, table_named
 from latentmotion.experiments.workplace import Workplace
+from latentmotion.storage.configuration import read_json
 from latentmotion.training.devices import Place
 from latentmotion.training.randomness import Ranks
 from latentmotion.vae.transformer import TransformerVAEConfig

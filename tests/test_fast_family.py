@@ -7,7 +7,6 @@ import pytest
 
 from latentmotion.checkpoint import load_model
 from latentmotion.cli.main import main
-from latentmotion.configuration import to_json
 from latentmotion.diffusion.prediction import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.experiment import differing_keys
@@ -16,6 +15,7 @@ from latentmotion.experiments.build import first_stage_of, second_stage_of
 from latentmotion.experiments.models import MODELS
 from latentmotion.experiments.vae_cost import vae_cost
 from latentmotion.presets import preset_named
+from latentmotion.storage.configuration import to_json
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from moving_figures import write_moving_figures
 

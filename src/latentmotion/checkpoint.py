@@ -17,12 +17,12 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from latentmotion.baselines.vposer_t import VPoserTConfig
-from latentmotion.configuration import from_json, to_json
 from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
 from latentmotion.errors import InputError, ModelError
-from latentmotion.files import atomic_folder
 from latentmotion.model_card import CARD_FILE, ModelCard, read_card
 from latentmotion.models import find_model, shipped_models
+from latentmotion.storage.configuration import from_json, to_json
+from latentmotion.storage.files import atomic_folder
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.interface import MotionVAE

@@ -13,12 +13,12 @@ from typing import Any, Literal, TypeVar
 
 from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.condition.sentence import SentenceReading
-from latentmotion.configuration import from_json, to_json
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
+from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.loss import VAEObjective

@@ -9,12 +9,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.errors import InputError
-from latentmotion.masks import mask_of
 from latentmotion.model_card import ModelCard
 from latentmotion.motion import Motion
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.runtime.session import Session
@@ -46,7 +45,7 @@ class FeatureDecoder:
         self, latents: Float[np.ndarray, "batch tokens width"], frames: Sequence[int]
     ) -> Float[np.ndarray, "batch longest features"]:
         """Returns features in their own units; beyond a motion's length they mean nothing."""
-        normalized = self.network(latents=latents, mask=mask_of(frames))
+        normalized = self.network(latents=latents, mask=prefix_mask(frames))
         return self._normalizer.denormalize(normalized)
 
     def joints(

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import Condition, Conditioning
 from latentmotion.condition.sentence import SentenceCondition
 from latentmotion.condition.text.lengths import LengthFile
@@ -24,7 +25,6 @@ from latentmotion.diffusion.leaps import Leap, LeapTimes
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import Sampler, SamplerName, sample, sampler_named
 from latentmotion.feature_decoder import FeatureDecoder
-from latentmotion.masks import mask_of
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import DEFAULT, find_model
 from latentmotion.motion import Motion
@@ -191,7 +191,7 @@ class MotionGenerator:
     ) -> Float[np.ndarray, "batch tokens width"]:
         """Walks from noise to latents, guided (paper eq. 6), in the scale of the VAE."""
         space, tokens = self.card.latents, self._tokens(order)
-        noise, mask = SeededNoise(order.seeds, tokens), mask_of(tokens)
+        noise, mask = SeededNoise(order.seeds, tokens), prefix_mask(tokens)
         z = noise((*mask.shape, space.width))
         guided, sampler = self._guided(order), self._sampler(order)
         z = sample(guided, sampler, z, condition, mask, order.steps, noise)
@@ -201,13 +201,13 @@ class MotionGenerator:
         self, condition: Conditioning, order: Order
     ) -> Float[np.ndarray, "batch frames features"]:
         tokens = self._tokens(order)
-        noise, mask = SeededNoise(order.seeds, tokens), mask_of(tokens)
+        noise, mask = SeededNoise(order.seeds, tokens), prefix_mask(tokens)
         return self.walks[order.steps](
             noise=noise((*mask.shape, self.card.latents.width)),
             words=condition.tokens,
             words_mask=condition.mask,
             mask=mask,
-            frames=mask_of(order.frames),
+            frames=prefix_mask(order.frames),
             guidance=np.full(len(mask), order.guidance, np.float32),
         )
 

@@ -7,12 +7,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from latentmotion.configuration import from_json, read_json, write_json
 from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, ModelError
+from latentmotion.storage.configuration import from_json, read_json, write_json
 
 FORMAT = 1
 """Version of model.json that this code writes and reads."""

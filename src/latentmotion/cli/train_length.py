@@ -47,7 +47,7 @@ class TrainLength:
             read_caption_lengths,
         )
         from latentmotion.errors import InputError
-        from latentmotion.files import check_writable
+        from latentmotion.storage.files import check_writable
         from latentmotion.training.lengths import LengthRecipe, measured, train_lengths
 
         if self.output.is_dir():

@@ -11,14 +11,21 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.dataset import Dataset
-from latentmotion.evaluation.metrics.accl import acceleration_errors
-from latentmotion.evaluation.metrics.ape_ave import ape, ave, parts_of
-from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
-from latentmotion.evaluation.metrics.jitter import jitter
-from latentmotion.evaluation.metrics.mpjpe import joint_errors
 from latentmotion.evaluation.metrics.nearest_clip import TrainingClips
-from latentmotion.evaluation.metrics.pa_mpjpe import pa_errors
-from latentmotion.evaluation.metrics.penetration import penetration
+from latentmotion.evaluation.metrics.physical import (
+    foot_sliding,
+    jitter,
+    penetration,
+    skating_ratio,
+)
+from latentmotion.evaluation.metrics.reconstruction import (
+    acceleration_errors,
+    ape,
+    ave,
+    joint_errors,
+    pa_errors,
+    parts_of,
+)
 
 Motions = Sequence[Float[np.ndarray, "_ features"]]
 Joints = Float[np.ndarray, "_ joints 3"]

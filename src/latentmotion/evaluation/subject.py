@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.evaluation.settings import Protocol as Settings
@@ -162,7 +163,7 @@ class Reconstructed:
         padded = np.zeros((len(motions), max(frames), motions[0].shape[1]), np.float32)
         for row, motion in zip(padded, motions, strict=True):
             row[: len(motion)] = normalizer.normalize(motion)
-        mask = torch.arange(max(frames)) < torch.tensor(frames)[:, None]
+        mask = prefix_mask(torch.tensor(frames))
         posterior = self.vae.encode(torch.from_numpy(padded), mask)
         latents = posterior.mean
         if seeds is not None:

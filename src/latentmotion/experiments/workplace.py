@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.configuration import read_json, to_json
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment, differing_keys
@@ -26,6 +25,7 @@ from latentmotion.experiments.models import MODELS
 from latentmotion.experiments.table import Model
 from latentmotion.model_card import CARD_FILE
 from latentmotion.models import find_model
+from latentmotion.storage.configuration import read_json, to_json
 from latentmotion.training.devices import Place
 from latentmotion.training.run_folder import MODEL, NAME, Run
 from latentmotion.training.stages import train_denoiser, train_vae

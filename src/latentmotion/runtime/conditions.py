@@ -13,9 +13,9 @@ from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.lengths import LENGTHS_FILE, LengthFile
 from latentmotion.condition.text.prompt_cache import KnowingEncoder, RememberingTextEncoder
 from latentmotion.condition.unconditional import Unconditional
-from latentmotion.configuration import from_json
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model, shipped_models
+from latentmotion.storage.configuration import from_json
 
 
 def condition_of(card: ModelCard, folder: Path, cache: Path | None = None) -> Condition:

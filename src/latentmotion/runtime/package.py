@@ -32,13 +32,13 @@ from latentmotion.diffusion.context import LeapEmbedding
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import ModelError
-from latentmotion.files import atomic_folder
 from latentmotion.model_card import CARD_FILE, GraphPrecision, ModelCard, read_card
 from latentmotion.runtime.export import Walk, export_decoder, export_denoiser, export_walk
 from latentmotion.runtime.quantization import quantize
 from latentmotion.runtime.session import has_decoder, open_session
 from latentmotion.runtime.shared_weights import share_weights
 from latentmotion.runtime.walks import walk_file
+from latentmotion.storage.files import atomic_folder
 from latentmotion.tracing import anonymous
 from latentmotion.vae.interface import MotionVAE
 

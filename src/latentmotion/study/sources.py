@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from latentmotion.errors import InputError
-from latentmotion.files import read_lines, sha256
 from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import CARD_FILE
 from latentmotion.models import shipped_models
 from latentmotion.motion import Motion
+from latentmotion.storage.files import read_lines, sha256
 
 
 @dataclass(frozen=True)

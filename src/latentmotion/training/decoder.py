@@ -24,8 +24,8 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.exchange import check_latents, other_figures, scale_of
 from latentmotion.experiment import Experiment, differing_keys
-from latentmotion.files import sha256
 from latentmotion.model_card import ModelCard, read_card
+from latentmotion.storage.files import sha256
 from latentmotion.training.devices import Place
 from latentmotion.training.imitation import ImitatingStage, load_imitation
 from latentmotion.training.loop import train

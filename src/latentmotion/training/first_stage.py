@@ -12,8 +12,8 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Item
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, LatentSettings
-from latentmotion.files import sha256
 from latentmotion.model_card import CARD_FILE, LatentSpace, ModelCard
+from latentmotion.storage.files import sha256
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.denoiser_stage import LatentData
 from latentmotion.training.devices import Place

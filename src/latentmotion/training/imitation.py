@@ -19,8 +19,8 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.exchange import check_latents
 from latentmotion.experiment import Experiment
-from latentmotion.files import sha256
 from latentmotion.model_card import LatentSpace
+from latentmotion.storage.files import sha256
 from latentmotion.training.devices import Place
 from latentmotion.training.run_folder import MODEL
 from latentmotion.training.trajectories import WAYS_FILE, ends_of

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion.model_card import ModelCard
 from latentmotion.motion import Motion
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import representation_named
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.vae.interface import MotionVAE
 

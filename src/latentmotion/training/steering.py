@@ -18,12 +18,12 @@ from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
 from latentmotion.condition.sentence import SentenceCondition
 from latentmotion.condition.unconditional import Unconditional
-from latentmotion.configuration import to_json
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Item, items_of
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
+from latentmotion.storage.configuration import to_json
 
 AT_ONCE = 512
 """Prompts that are encoded together."""

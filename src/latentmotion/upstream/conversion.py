@@ -16,8 +16,8 @@ from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
 from latentmotion.diffusion.prediction import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.errors import InputError, ModelError
-from latentmotion.files import sha256
 from latentmotion.model_card import LatentSpace, ModelCard, Provenance
+from latentmotion.storage.files import sha256
 from latentmotion.upstream import names
 from latentmotion.upstream.configurations import Unstated, denoiser_config, is_actor, vae_config
 from latentmotion.upstream.reading import read_checkpoint, split_parts

@@ -15,8 +15,8 @@ from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.instructions.prompts import Instruction
 from latentmotion.generator import MotionGenerator
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D
 
 Joints = Float[np.ndarray, "_ 22 3"]
 
