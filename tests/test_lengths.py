@@ -22,8 +22,8 @@ from latentmotion.condition.text.lengths import (
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.data.lengths import CaptionLengths, read_caption_lengths
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.model_card import read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import read_card
+from latentmotion.model.folder import find_model
 from latentmotion.order import frames_of
 from latentmotion.runtime.conditions import find_lengths
 from latentmotion.training.lengths import LengthRecipe, measured, train_lengths
@@ -203,7 +203,9 @@ def test_trained_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     main(["train", "length", "--captions", str(folder), "-o", str(again)])
     one, other = LengthModel.read(output), LengthModel.read(again)
     assert one.encoder == ENCODER
-    assert np.allclose(one.out_bias, other.out_bias, atol=1e-2)  # sums depend on how threads share them
+    assert np.allclose(
+        one.out_bias, other.out_bias, atol=1e-2
+    )  # sums depend on how threads share them
     with pytest.raises(SystemExit):
         main(["train", "length", "--captions", str(tmp_path / "none"), "-o", str(output)])
 

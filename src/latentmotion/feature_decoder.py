@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import InputError
 from latentmotion.masks import mask_of
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.known import representation_named
