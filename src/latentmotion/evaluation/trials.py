@@ -114,8 +114,8 @@ class Plan:
         if len(kept) < 2:
             raise DataError(
                 f"{self.dataset.folder} has {len(kept)} clips {TASKS[self.needs].asks_for} of "
-                f"{shortest} frames or more in its {split} split, expected at least 2; take another split or "
-                "data set"
+                f"{shortest} frames or more in its {split} split, expected at least 2; take "
+                "another split or data set"
             )
         return kept
 
