@@ -18,7 +18,7 @@ import torch
 
 from contest import Contender, figure, table, take_turns, whole
 from generation import Model
-from latentmotion.checkpoint import load_model
+from latentmotion.checkpoint import load_stages
 from latentmotion.evaluation.metrics.cost import flops, parameters
 from latentmotion.runtime.export import export_decoder
 from latentmotion.runtime.session import Runtime, open_session
@@ -88,10 +88,10 @@ def _contenders(
 
 
 def _vae(model: Model) -> MotionVAE:
-    vae = load_model(model.folder).vae
-    if vae is None:
+    found = load_stages(model.folder)
+    if not found.card.vae.has_weights:
         raise SystemExit(f"{model.folder} has no VAE; name another model")
-    return vae
+    return found.vae
 
 
 def _latents(vae: MotionVAE, batch: int, frames: int) -> tuple[torch.Tensor, torch.Tensor]:

@@ -16,8 +16,8 @@ from typing import Any
 from latentmotion.cli.loading import Engine
 from latentmotion.condition.interface import Condition
 from latentmotion.generator import MotionGenerator
-from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.folder import find_model
 from stopwatch import Laps, Stopwatch
 
 ENGINES: dict[Engine, str] = {

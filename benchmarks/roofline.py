@@ -33,8 +33,8 @@ from latentmotion.condition.text.graph import GRAPH_FILE
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.evaluation.metrics.cost import Traffic, flops, traffic
 from latentmotion.generator import MotionGenerator
-from latentmotion.model_card import ModelCard
-from latentmotion.models import find_model
+from latentmotion.model.card import ModelCard
+from latentmotion.model.folder import find_model
 from latentmotion.order import Order
 from latentmotion.runtime.computing import ON_CPU, Computing
 from latentmotion.runtime.device import describe_machine
@@ -109,8 +109,7 @@ class Chain:
         if self.encoder is not None:
             yield self.text(order, int(condition.mask[0].sum()))
         yield self.denoiser(order, condition)
-        if self.networks.vae is not None:
-            yield self.decoder(order, self.networks.vae)
+        yield self.decoder(order, self.networks.vae)
 
     def text(self, order: Order, words: int) -> Part:
         """The small text encoder, which reads one sentence after the other."""

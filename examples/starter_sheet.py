@@ -13,7 +13,7 @@ from pathlib import Path
 from PIL import Image
 
 from latentmotion import MotionGenerator, formats
-from latentmotion.models import DEFAULT
+from latentmotion.model.folder import DEFAULT
 from latentmotion.render import video
 
 PROMPTS = (

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.errors import InputError
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.normalizer import Normalizer

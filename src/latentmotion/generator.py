@@ -25,8 +25,8 @@ from latentmotion.diffusion.leaps import Leap, LeapTimes
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import Sampler, SamplerName, sample, sampler_named
 from latentmotion.feature_decoder import FeatureDecoder
-from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import DEFAULT, find_model
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.folder import DEFAULT, find_model
 from latentmotion.motion import Motion
 from latentmotion.order import Order, batches, check_frames, check_prompts, frames_of
 from latentmotion.representation.interface import Representation

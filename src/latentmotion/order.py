@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:
         InputError: One is of another kind.
     """
     for prompt in prompts:
-        _CHECKS[card.task](card, prompt)
+        card.condition.check_prompt(prompt, card.name)
 
 
 def check_seeds(frames: Sequence[int], seeds: Sequence[int]) -> None:
@@ -130,34 +129,3 @@ def check_frames(card: ModelCard, frames: Sequence[int], fps: float) -> None:
                 f"{length / fps:g} seconds: model {card.name!r} makes motions of "
                 f"{shortest / fps:g} to {longest / fps:g} seconds"
             )
-
-
-def _check_sentence(card: ModelCard, prompt: str) -> None:
-    if not prompt.strip():
-        raise InputError("the sentence is empty; say what the person does")
-    if re.fullmatch(r"\w*([a-z][A-Z]|_|\d)\w*", prompt):
-        raise InputError(
-            f"{prompt!r} looks like a label; model {card.name!r} takes sentences, "
-            'e.g. "a person kicks with the left leg"'
-        )
-
-
-def _check_label(card: ModelCard, prompt: str) -> None:
-    if not prompt.strip():
-        known = ", ".join(card.condition.get("labels", ()))
-        raise InputError(f"model {card.name!r} takes an action label; known are {known}")
-
-
-def _check_nothing(card: ModelCard, prompt: str) -> None:
-    if prompt:
-        raise InputError(
-            f"model {card.name!r} makes motions of its own choice and takes no prompt; "
-            f"leave {prompt!r} out"
-        )
-
-
-_CHECKS: dict[str, Callable[[ModelCard, str], None]] = {
-    "text": _check_sentence,
-    "action": _check_label,
-    "unconditional": _check_nothing,
-}

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.errors import ModelError
 from latentmotion.feature_decoder import FeatureDecoder
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.order import batches, check_frames, check_seeds, frames_of
 from latentmotion.representation.smpl import SmplRepresentation
@@ -40,7 +40,7 @@ class MotionPrior:
     """Whose joints motions have, in place of the skeleton's that ships."""
 
     def __post_init__(self) -> None:
-        if not self.card.vae:
+        if not self.card.vae.has_weights:
             raise ModelError(f"model {self.card.name!r} has no VAE, so there is no prior to sample")
 
     def batch(self, seconds: float | Sequence[float] | None, seeds: Sequence[int]) -> list[Motion]:

@@ -18,7 +18,7 @@ from latentmotion.evaluation.extractors.text_motion import TextMotionEvaluator
 from latentmotion.evaluation.observation import Extractor
 from latentmotion.evaluation.report import Provenance
 from latentmotion.evaluation.subject import Generated, Subject
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.runtime.device import describe_machine
 from latentmotion.storage.files import sha256
 from latentmotion.storage.provenance import commit

@@ -18,7 +18,7 @@ from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.evaluation.settings import Protocol as Settings
 from latentmotion.evaluation.trials import Question, Trial
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.order import batches
 from latentmotion.prior import MotionPrior
 from latentmotion.representation.normalizer import Normalizer
@@ -112,7 +112,7 @@ class Generated:
     @property
     def prompted(self) -> bool:
         """Whether it is asked anything."""
-        return self.card.task != "unconditional"
+        return self.card.condition.prompted
 
     def __call__(self, trial: Trial, settings: Settings) -> Motions:
         """Answers a trial."""
@@ -121,7 +121,7 @@ class Generated:
 
     def answer(self, questions: Sequence[Question], seeds: Sequence[int]) -> Motions:
         """Answers questions with seeds of one's own."""
-        prompts = [question.prompt(self.card.task) for question in questions]
+        prompts = [question.prompt(self.card.condition) for question in questions]
         frames = [question.frames for question in questions]
         return self.generator.features(
             prompts, frames, seeds, self.steps, self.guidance, self.sampler

@@ -13,15 +13,15 @@ from jaxtyping import Float
 from torch import Tensor
 
 from latentmotion import generator
-from latentmotion.checkpoint import TrainedModel, load_model
+from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.condition.interface import Conditioning, TextEncoder
 from latentmotion.condition.text.pretrained import local_encoder
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import LatentMotionError, ModelError
-from latentmotion.model_card import ModelCard
-from latentmotion.models import find_model
+from latentmotion.model.card import ModelCard
+from latentmotion.model.folder import find_model
 from latentmotion.prior import MotionPrior
 from latentmotion.runtime.buckets import Buckets, Exact
 from latentmotion.runtime.computing import ON_CPU, Computing
@@ -31,7 +31,6 @@ from latentmotion.runtime.launch import Recorder, directly, on_gpu
 from latentmotion.runtime.network import network_session
 from latentmotion.runtime.on_device import DeviceGenerator
 from latentmotion.runtime.session import Session
-from latentmotion.vae.identity import IdentityVAE
 from latentmotion.vae.interface import MotionVAE
 
 MOST_AT_ONCE = 256
@@ -54,18 +53,13 @@ def eager_generator(
     """
     place = find_model(folder)
     model = load_model(place)
-    if model.denoiser is None:
-        raise ModelError(
-            f"{folder} has a VAE but no denoiser; train it: latentmotion train denoiser, "
-            "or sample the VAE's prior: latentmotion generate --prior"
-        )
     condition = build_condition(model.card, lambda: encoder or find_encoder(model.card, place))
     repeats, device = computing.launch != "eager", device_named(computing.device)
     return DeviceGenerator(
         model.card,
         condition,
         denoiser_session(model.denoiser, computing),
-        _decoder(model, computing),
+        decoder_session(model.vae, computing),
         _at_once(computing),
         lengths=find_lengths(model.card, place),
         device=device,
@@ -80,8 +74,8 @@ def eager_prior(folder: str | Path, computing: Computing = ON_CPU) -> MotionPrio
     Raises:
         ModelError: The folder is damaged or has no VAE.
     """
-    model = load_model(find_model(folder))
-    return MotionPrior(model.card, _decoder(model, computing), _at_once(computing))
+    model = load_stages(find_model(folder))
+    return MotionPrior(model.card, decoder_session(model.vae, computing), _at_once(computing))
 
 
 def prior_features(
@@ -128,7 +122,7 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
     place = encoder_folder(card, folder)
     if place is not None:
         return load_text_encoder(place)
-    name = str(card.condition.get("encoder", "none"))
+    name = card.condition.text_encoder or "none"
     try:
         return local_encoder(name)
     except LatentMotionError as error:
@@ -136,12 +130,6 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
             f"model {card.name!r} reads sentences with the text encoder {name!r}, which is not at "
             f"hand ({error}); pass it: --text-encoder FOLDER, or clip:FOLDER"
         ) from error
-
-
-def _decoder(model: TrainedModel, computing: Computing) -> Session:
-    # A diffusion on raw frames has no VAE: the latents are the features.
-    vae = model.vae or IdentityVAE(model.card.latents.width)
-    return decoder_session(vae, computing)
 
 
 def _at_once(computing: Computing) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.runtime.session import OpenedWhenCalled, Runtime, Session
 
 Walks = Mapping[int, Session]

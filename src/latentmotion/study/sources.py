@@ -8,8 +8,8 @@ from pathlib import Path
 
 from latentmotion.errors import InputError
 from latentmotion.generator import MotionGenerator
-from latentmotion.model_card import CARD_FILE
-from latentmotion.models import shipped_models
+from latentmotion.model.card import CARD_FILE
+from latentmotion.model.folder import shipped_models
 from latentmotion.motion import Motion
 from latentmotion.storage.files import read_lines, sha256
 

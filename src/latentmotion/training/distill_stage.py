@@ -14,7 +14,7 @@ from latentmotion.diffusion.leaps import LeapTimes
 from latentmotion.diffusion.loss import leap_loss
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import DDIM, sample
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.nn.masked import mean_of_real
 from latentmotion.training.distill_data import Lessons

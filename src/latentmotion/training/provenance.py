@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from latentmotion.data.dataset import Dataset
-from latentmotion.model_card import Provenance
-from latentmotion.runtime.device import describe_machine
-from latentmotion.storage.provenance import command_line, commit
+from latentmotion.model.card import Provenance
 
 
 def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = None) -> Provenance:

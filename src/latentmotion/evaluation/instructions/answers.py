@@ -48,7 +48,7 @@ def answers(
     """
     if asking.takes < 1:
         raise InputError(f"--takes {asking.takes}: expected 1 or more")
-    if model.card.task != "text":
+    if not model.card.condition.reads_text:
         raise ModelError(f"model {model.card.name!r} takes no sentences; instructions are such")
     own = [one for one in instructions if one.seconds is None]
     timed = [one for one in instructions if one.seconds is not None]
