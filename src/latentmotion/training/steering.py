@@ -28,7 +28,6 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Item, items_of
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
-from latentmotion.storage.configuration import to_json
 
 AT_ONCE = 512
 """Prompts that are encoded together."""
