@@ -14,6 +14,10 @@ from tests.support import shape_checker
 
 install_import_hook("latentmotion", f"{shape_checker.__name__}.checked")
 
+# One thread, in processes that tests start too: the networks are too small to gain from more, and
+# a sum is the same in every run only if as many threads share it.
+os.environ["OMP_NUM_THREADS"] = "1"
+
 # A test leaves nothing in the folders of who runs it, and no engine reports that it is imported.
 os.environ["LATENTMOTION_CACHE"] = "off"
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"

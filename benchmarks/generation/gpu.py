@@ -1,7 +1,7 @@
 """What a GPU makes of a model: latency and throughput by way of launching, memory, rooflines.
 
-    python -m benchmarks.generation.gpu starter fast -o results
-    python -m benchmarks.generation.gpu starter --device cpu --quick -o /tmp/results
+    PYTHONPATH=src python -m benchmarks.generation.gpu starter fast -o results
+    PYTHONPATH=src python -m benchmarks.generation.gpu starter --device cpu --quick -o /tmp/results
 
 Every way (eager, CUDA graphs, compiled; float32, bfloat16) is first compared with the CPU in
 float32. Latencies are of one sentence, text to joints, which are copied to the host. Every result
