@@ -203,9 +203,8 @@ def test_trained_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     main(["train", "length", "--captions", str(folder), "-o", str(again)])
     one, other = LengthModel.read(output), LengthModel.read(again)
     assert one.encoder == ENCODER
-    assert np.allclose(
-        one.out_bias, other.out_bias, atol=1e-2
-    )  # sums depend on how threads share them
+    # The text encoder's sums depend on how its engine's threads share them.
+    assert np.allclose(one.out_bias, other.out_bias, atol=1e-2)
     with pytest.raises(SystemExit):
         main(["train", "length", "--captions", str(tmp_path / "none"), "-o", str(output)])
 
