@@ -10,7 +10,13 @@ import pytest
 from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
 
-install_import_hook("latentmotion", "shape_checker.checked")
+from tests.support import shape_checker
+
+install_import_hook("latentmotion", f"{shape_checker.__name__}.checked")
+
+# One thread, in processes that tests start too: the networks are too small to gain from more, and
+# a sum is the same in every run only if as many threads share it.
+os.environ["OMP_NUM_THREADS"] = "1"
 
 # A test leaves nothing in the folders of who runs it, and no engine reports that it is imported.
 os.environ["LATENTMOTION_CACHE"] = "off"
@@ -26,6 +32,10 @@ settings.load_profile("repeatable")
 # Checks in other programs (Blender, three.js) have an environment of their own: tests/clients.
 CLIENTS = {"LATENTMOTION_BPY", "LATENTMOTION_NODE_MODULES"}
 collect_ignore = [] if CLIENTS & set(os.environ) else ["clients"]
+
+
+# Imported after the hook above, so that what they import is checked too.
+pytest_plugins = ["tests.support.fixtures"]
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from dataclasses import replace
+from importlib.util import find_spec
 from itertools import count, islice
 from pathlib import Path
 
@@ -12,21 +13,21 @@ import numpy as np
 import pytest
 import torch
 
-import all as everything
-import authors_shaped
-import cold_start
-import contest
-import device_training
-import files
-import first_motion
-import growth
-import process
-import render
-import speed
-import text_encoder
-import training
-from authors_generation import AuthorsGeneration
-from generation import Generation, Model, sentences
+import benchmarks.__main__ as everything
+from benchmarks.generation import (
+    cold_start,
+    files,
+    first_motion,
+    growth,
+    render,
+    speed,
+    text_encoder,
+)
+from benchmarks.generation.authors import AuthorsGeneration
+from benchmarks.generation.ours import Generation, Model, sentences
+from benchmarks.harness import authors_networks, contest, process
+from benchmarks.training import device as device_training
+from benchmarks.training import speed as training
 from latentmotion import MotionGenerator
 
 ROOT = Path(__file__).parents[1]
@@ -37,7 +38,7 @@ QUICK = ["--engines", "onnxruntime", "--threads", "1", "--seconds", "1", "--turn
 def small(monkeypatch: pytest.MonkeyPatch):
     """Authors' shapes of one layer and few words; the threads of other tests as they were."""
     for name, value in (("TEXT_LAYERS", 1), ("WORDS", 100), ("LAYERS", 1)):
-        monkeypatch.setattr(authors_shaped, name, value)
+        monkeypatch.setattr(authors_networks, name, value)
     threads = torch.get_num_threads()
     yield
     torch.set_num_threads(threads)
@@ -98,10 +99,10 @@ def test_sentences_are_all_different():
 
 
 def test_the_authors_shapes_have_the_published_numbers_of_weights(monkeypatch):
-    monkeypatch.setattr(authors_shaped, "LAYERS", 9)
-    tower, layer = authors_shaped.TextTower(), authors_shaped.TextLayer(768)
+    monkeypatch.setattr(authors_networks, "LAYERS", 9)
+    tower, layer = authors_networks.TextTower(), authors_networks.TextLayer(768)
     assert weights(tower) + 11 * weights(layer) + (49408 - 100) * 768 == 123_650_304
-    assert weights(authors_shaped.VAE(263, 498)) == 18_032_135
+    assert weights(authors_networks.VAE(263, 498)) == 18_032_135
 
 
 def test_the_authors_order_of_work_gives_every_part():
@@ -233,4 +234,4 @@ def test_every_table_of_the_page_has_a_program(monkeypatch, tmp_path):
     everything.main([str(tmp_path), "--models", "starter", "--int8", "small=starter"])
     named = set(re.findall(r"<!-- (\w+) -->", (ROOT / "docs" / "performance.md").read_text()))
     assert named == {path.stem for path in tmp_path.iterdir()}
-    assert all((ROOT / "benchmarks" / words.split("'")[1]).is_file() for words in ran)
+    assert all(find_spec("benchmarks." + words.split("'")[1]) for words in ran)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from clients import HERE, run
+
 from latentmotion.cli.main import main
 
 COMMAND = Path(sys.executable).with_name("latentmotion")

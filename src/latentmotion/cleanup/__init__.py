@@ -3,7 +3,7 @@
     smoothing  →  bone lengths  →  floor  →  contacts  →  foot lock  →  root motion
 
 `clean` takes the steps in this order; each is a function of joints to joints that can be used and
-measured alone (`benchmarks/cleanup.py`).
+measured alone (`benchmarks/quality/cleanup.py`).
 """
 
 from latentmotion.cleanup.foot_shift import FootLock

@@ -1,0 +1,1 @@
+"""Programs that measure: `python -m benchmarks.FOLDER.NAME`, from the root of the repository."""

@@ -1,0 +1,228 @@
+"""How near a model is to what the machine can do: floors of time by part, and the time it takes.
+
+    python -m benchmarks.generation.roofline starter --batch 1 32 --threads 1
+    python -m benchmarks.generation.roofline MODEL --batch 1 256 --device cuda --precision bfloat16
+
+FLOPs and bytes are counted of matrix products and convolutions, weights read anew by every pass of
+the denoiser. Divided by what the machine was just measured to do (a product of large matrices or
+a large convolution, whichever is faster; a copy of as many bytes as the part moves, in a cache
+where they fit one) they give two times. No version that makes the same products runs faster than
+the larger: "times the floor" says how far a part is from it. Lengths are all the same, 4 s by
+default; words are encoded on the CPU.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import onnx
+import torch
+from torch import Tensor, nn
+
+from benchmarks.harness.ceilings import Ceilings
+from benchmarks.harness.contest import figure, table
+from latentmotion.checkpoint import load_model
+from latentmotion.condition.interface import Conditioning
+from latentmotion.condition.text.graph import GRAPH_FILE
+from latentmotion.diffusion.leaps import Leap
+from latentmotion.evaluation.metrics.cost import Traffic, flops, traffic
+from latentmotion.generator import MotionGenerator
+from latentmotion.model.card import ModelCard
+from latentmotion.model.folder import find_model
+from latentmotion.order import Order
+from latentmotion.runtime.computing import ON_CPU, Computing
+from latentmotion.runtime.device import describe_machine
+from latentmotion.runtime.eager import eager_generator, encoder_folder
+from latentmotion.runtime.session import Session
+from latentmotion.vae.interface import MotionVAE
+
+CAPTION = "a person walks forward and kicks with the left leg"
+COLUMNS = (
+    "batch, part",
+    "GFLOP",
+    "MB weights",
+    "MB activations",
+    "ms by FLOPs",
+    "ms by bytes",
+    "ms measured",
+    "times the floor",
+)
+MATRIX = re.compile(r"layers\.\d+\.\w+\.packed")
+"""Names of the matrices in the small text encoder's graph."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a part of the chain must do for one batch."""
+
+    name: str
+    """What it is called."""
+    passes: int
+    """How many times it goes over its weights."""
+    flops: float
+    """Floating-point operations of a pass."""
+    moved: Traffic
+    """Bytes of a pass."""
+    run: Callable[[], object]
+    """One pass, where and how it is measured."""
+    ceilings: Ceilings
+    """Of what runs it."""
+
+    def row(self, batch: int) -> list[str]:
+        """Measures it and returns its line of the table."""
+        ceilings, moved = self.ceilings, self.moved
+        # What a pass moves decides whether it stays in a cache for the next.
+        floors = self.flops / ceilings.flops, moved.total / ceilings.bandwidth(moved.total)
+        seconds = ceilings.seconds(self.run)
+        counts = self.flops / 1e9, moved.weights / 1e6, moved.activations / 1e6
+        each = *counts, *(1e3 * time for time in (*floors, seconds))
+        figures = [figure(self.passes * value) for value in each]
+        name = f"{self.passes} x {self.name}" if self.passes > 1 else self.name
+        return [f"{batch}, {name}", *figures, figure(seconds / max(floors))]
+
+
+class Chain:
+    """A model's parts, counted on the CPU and run where it is asked for.
+
+    Args:
+        model: Name or folder.
+        computing: Where and how.
+    """
+
+    def __init__(self, model: str, computing: Computing) -> None:
+        self.generator = eager_generator(model, computing=computing)
+        self.networks = load_model(find_model(model))
+        self.encoder = encoder_folder(self.generator.card, find_model(model))
+        self.host = Ceilings(ON_CPU)
+        self.device = self.host if computing == ON_CPU else Ceilings(computing)
+        self.shrink = 2 if computing.precision == "bfloat16" else 1
+
+    def parts(self, order: Order) -> Iterator[Part]:
+        """Yields text, denoiser and decoder, for motions of one length."""
+        condition = self.generator.condition(order.prompts)
+        if self.encoder is not None:
+            yield self.text(order, int(condition.mask[0].sum()))
+        yield self.denoiser(order, condition)
+        yield self.decoder(order, self.networks.vae)
+
+    def text(self, order: Order, words: int) -> Part:
+        """The small text encoder, which reads one sentence after the other."""
+        assert self.encoder is not None  # the caller asked
+        numbers, width, layers = encoder_sizes(self.encoder / GRAPH_FILE)
+        # Two for each multiply-add of the matrices; scores and means of attention.
+        each = 2 * words * numbers + 4 * words**2 * width * layers
+        moved = Traffic(4 * numbers, 0)
+        run = partial(self.generator.condition, order.prompts[:1])
+        return Part("text", len(order.prompts), each, moved, run, self.host)
+
+    def denoiser(self, order: Order, condition: Conditioning) -> Part:
+        """One pass, of two rows per motion where it is guided from outside."""
+        card, network = self.generator.card, self.networks.denoiser
+        assert network is not None  # it generates
+        rows = 1 if card.leaps or order.guidance == 1 else 2
+        words, seen = (
+            torch.tensor(array).repeat(rows, *[1] * (array.ndim - 1))
+            for array in (condition.tokens, condition.mask)
+        )
+        z, mask = latents_of(order, card, rows)
+        ones = z.new_ones(len(z))
+        told = {"guidance": ones, "stride": ones} if card.leaps else {}
+        inputs = {"z": z, "t": ones, "words": words, "words_mask": seen, "mask": mask, **told}
+        leap = Leap(**told) if told else None
+        action = partial(network, z, ones, Conditioning(words, seen), mask, leap)
+        return self._part("denoiser", order.steps, network, action, self.generator.denoiser, inputs)
+
+    def decoder(self, order: Order, vae: MotionVAE) -> Part:
+        """The way from latents to features."""
+        latents, _ = latents_of(order, self.generator.card, 1)
+        mask = torch.ones(len(order.frames), order.frames[0], dtype=torch.bool)
+        inputs = {"latents": latents, "mask": mask}
+        action = partial(vae.decode, latents, mask)
+        return self._part("decoder", 1, vae, action, self.generator.decoder, inputs)
+
+    def walk(self, order: Order) -> Tensor:
+        """Walks from sentences to joints, which stay on the device."""
+        features = self.generator.features_of(self.generator.condition(order.prompts), order)
+        return self.generator.joints_of(features)
+
+    def _part(
+        self,
+        name: str,
+        passes: int,
+        network: nn.Module,
+        action: Callable[[], object],
+        session: Session,
+        inputs: Mapping[str, Tensor],
+    ) -> Part:
+        moved = traffic(network, action)
+        moved = Traffic(moved.weights // self.shrink, moved.activations // self.shrink)
+        there = {key: value.to(self.generator.device) for key, value in inputs.items()}
+        run = partial(session, **there)
+        return Part(name, passes, flops(action), moved, run, self.device)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("model")
+    parser.add_argument("--batch", type=int, nargs="+", default=[1, 32])
+    parser.add_argument("--steps", type=int, help="by default the model's own")
+    parser.add_argument("--seconds", type=float, default=4.0)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--precision", default="float32", choices=("float32", "bfloat16"))
+    parser.add_argument("--launch", default="eager", choices=("eager", "graph", "compiled"))
+    options = parser.parse_args(arguments)
+    torch.set_num_threads(options.threads)
+    computing = Computing(options.device, options.precision, options.launch)
+    print(report(options.model, options.batch, options.steps, options.seconds, computing))
+
+
+def report(
+    model: str, batches: Sequence[int], steps: int | None, seconds: float, computing: Computing
+) -> str:
+    """Returns the table of a model, with the ceilings above it."""
+    chain, rows = Chain(model, computing), []
+    for batch in batches:
+        order = ordered(chain.generator, batch, seconds, steps)
+        rows.extend(part.row(batch) for part in chain.parts(order))
+        whole = chain.device.seconds(partial(chain.walk, order))
+        rows.append([f"{batch}, **text to joints**", *[""] * 5, f"**{figure(1e3 * whole)}**", ""])
+    load = f"load {os.getloadavg()[0]:.1f}"
+    about = f"`{model}`, {seconds:g} s, {describe_machine()}, {load}; {chain.device}"
+    return f"{about}\n\n{table(COLUMNS, rows)}\n"
+
+
+def ordered(
+    generator: MotionGenerator, batch: int, seconds: float, steps: int | None = None
+) -> Order:
+    """Returns one sentence so many times, with other seeds."""
+    card, frames = generator.card, round(seconds * generator.representation.fps)
+    prompts, seeds = (CAPTION,) * batch, tuple(range(batch))
+    steps = steps or card.steps
+    return Order(prompts, (frames,) * batch, seeds, steps, card.guidance, card.sampler)
+
+
+def latents_of(order: Order, card: ModelCard, rows: int) -> tuple[Tensor, Tensor]:
+    """Returns noise of the latents' shape and its mask, `rows` for each motion."""
+    tokens = card.latents.tokens_of(order.frames[0])
+    z = torch.randn(rows * len(order.frames), tokens, card.latents.width)
+    return z, torch.ones(z.shape[:2], dtype=torch.bool)
+
+
+def encoder_sizes(graph: Path) -> tuple[int, int, int]:
+    """Returns the numbers in a text encoder's matrices, its width and its layers."""
+    parts = onnx.load(graph).graph.initializer
+    matrices = [list(part.dims) for part in parts if MATRIX.fullmatch(part.name)]
+    layers = sum(part.name.endswith(".out.packed") for part in parts)
+    return sum(rows * columns for rows, columns in matrices), min(map(min, matrices)), layers
+
+
+if __name__ == "__main__":
+    main()

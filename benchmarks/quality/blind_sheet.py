@@ -1,0 +1,71 @@
+"""Draws motions of a list of prompts without the prompts, in random order, for a person to name.
+
+    python -m benchmarks.quality.blind_sheet fast benchmarks/quality/sheet_60.txt OUT --seeds 1 2 3
+
+writes OUT/sheet_NN.png (six motions each, numbered) and OUT/key.csv, which says what was asked.
+Name each movement before the key is opened; then judge it good, half or bad.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+
+from latentmotion import MotionGenerator, formats
+from latentmotion.motion import Motion
+
+PER_SHEET = 6
+"""Motions of a picture."""
+
+
+@dataclass(frozen=True)
+class BlindSheet:
+    """What is drawn."""
+
+    model: tyro.conf.Positional[str]
+    """Name or folder of a model."""
+    prompts: tyro.conf.Positional[Path]
+    """A prompt a line."""
+    out: tyro.conf.Positional[Path]
+    """Folder for pictures and key."""
+    seeds: Annotated[tuple[int, ...], tyro.conf.arg(aliases=["-s"])] = (1, 2, 3)
+    """Each prompt is drawn with each."""
+    order: int = 0
+    """Seed of the order."""
+
+
+def main(sheet: BlindSheet) -> None:
+    """Writes pictures and key."""
+    generate = MotionGenerator.load(sheet.model)
+    prompts = [line for line in sheet.prompts.read_text("utf-8").splitlines() if line.strip()]
+    asked = [(prompt, seed) for prompt in prompts for seed in sheet.seeds]
+    motions = [
+        motion.cleaned()
+        for motion in generate.batch([p for p, _ in asked], seeds=[s for _, s in asked])
+    ]
+    sheet.out.mkdir(parents=True, exist_ok=True)
+    order = np.random.default_rng(sheet.order).permutation(len(asked)).tolist()
+    with (sheet.out / "key.csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(("number", "prompt", "seed", "seconds"))
+        for number, index in enumerate(order):
+            table.writerow((number, *asked[index], f"{len(motions[index].joints) / 20:.1f}"))
+    for start in range(0, len(order), PER_SHEET):
+        numbered = [
+            _numbered(motions[index], str(start + place))
+            for place, index in enumerate(order[start : start + PER_SHEET])
+        ]
+        formats.save(sheet.out / f"sheet_{start // PER_SHEET:02d}.png", numbered)
+
+
+def _numbered(motion: Motion, caption: str) -> Motion:
+    return Motion(motion.joints, motion.fps, motion.skeleton, caption)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(BlindSheet))

@@ -1,0 +1,65 @@
+"""Draws 24 prompts that cover what the shipped models know, for a person to judge.
+
+    python -m benchmarks.quality.starter_sheet docs/pictures fast
+
+writes three pictures of eight rows, and a moving one.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+from latentmotion import MotionGenerator, formats
+from latentmotion.model.folder import DEFAULT
+from latentmotion.render import video
+
+PROMPTS = (
+    "a person walks forward",
+    "a person walks backwards",
+    "a person runs",
+    "a person jumps forward",
+    "a person walks and turns around",
+    "a person walks in a circle",
+    "a person climbs stairs",
+    "a person kicks with the left leg",
+    "a person punches like a boxer",
+    "a person squats",
+    "a person lies down on the floor",
+    "a person dances",
+    "a person dances ballet",
+    "a person dribbles a basketball",
+    "a person throws a basketball",
+    "a person picks something up from the floor",
+    "a person sneaks forward",
+    "a person washes something",
+    "a person drinks from a glass",
+    "a person sits down",
+    "a person rotates both arms backwards",
+    "a person touches the left elbow with the right knee",
+    "a person hops on both legs",
+    "a person jogs in a circle to the left",
+)
+MOVING = (3, 7, 12, 14)
+SEED = 0
+WIDTH, COLORS = 900, 32
+"""Of the pictures, which stay small so that the repository does."""
+
+
+def main(folder: Path, model: str = DEFAULT) -> None:
+    """Writes the pictures."""
+    generate = MotionGenerator.load(model)
+    motions = generate.batch(PROMPTS, seconds=4, seeds=[SEED] * len(PROMPTS))
+    for sheet in range(3):
+        path = folder / f"{generate.card.name}_{sheet + 1}.png"
+        formats.save(path, motions[8 * sheet : 8 * sheet + 8])
+        picture = Image.open(path).convert("RGB")
+        picture.thumbnail((WIDTH, picture.height))
+        picture.quantize(COLORS).save(path, optimize=True)
+    video.write(folder / f"{generate.card.name}.gif", [motions[n] for n in MOVING], size=180)
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:2]), *sys.argv[2:])

@@ -1,0 +1,131 @@
+"""Motion and the choice of a format by the ending; .npz, .npy and .bvh there and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from latentmotion import formats
+from latentmotion.errors import FileFormatError, InputError
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT
+from latentmotion.motion import Motion
+from tests.support.walker import walker
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    person = walker(30)
+    return Motion(person.joints().astype("f4"), caption="jemand läuft", metadata={"seed": 7})
+
+
+def test_length(motion: Motion):
+    assert len(motion) == 30
+    assert motion.seconds == 1.5
+
+
+@pytest.mark.parametrize(
+    ("joints", "says"),
+    [
+        (np.zeros((0, 22, 3), "f4"), "frames ≥ 1"),
+        (np.zeros((5, 21, 3), "f4"), "22, 3"),
+        (np.full((5, 22, 3), np.nan, "f4"), "5 of 5 frames hold NaN"),
+    ],
+)
+def test_bad_joints_are_refused(joints: np.ndarray, says: str):
+    with pytest.raises(InputError, match=says):
+        Motion(joints)
+
+
+def test_bad_frame_rate_is_refused():
+    with pytest.raises(InputError, match="fps"):
+        Motion(np.zeros((5, 22, 3), "f4"), fps=0.0)
+
+
+def test_npz_keeps_everything(motion: Motion, tmp_path: Path):
+    assert motion.save(tmp_path / "a.npz") == [tmp_path / "a.npz"]
+    read = Motion.load(tmp_path / "a.npz")
+    np.testing.assert_array_equal(read.joints, motion.joints)
+    assert (read.caption, read.fps, read.metadata) == ("jemand läuft", 20.0, {"seed": 7})
+    assert read.skeleton is HUMANML3D
+
+
+def test_npz_holds_several_takes_and_no_pickle(motion: Motion, tmp_path: Path):
+    short = Motion(motion.joints[:9], fps=30.0)
+    formats.save(tmp_path / "a.npz", [motion, short])
+    read = formats.load(tmp_path / "a.npz")
+    assert [len(take) for take in read] == [30, 9]
+    assert [take.fps for take in read] == [20.0, 30.0]
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
+        assert all(file[name].dtype != object for name in file.files)
+
+
+def test_npz_of_another_skeleton(tmp_path: Path):
+    kit = Motion(np.tile(KIT.rest_joints(), (4, 1, 1)).astype("f4"), fps=12.5, skeleton=KIT)
+    kit.save(tmp_path / "kit.npz")
+    assert Motion.load(tmp_path / "kit.npz").skeleton is KIT
+
+
+def test_bare_joints(motion: Motion, tmp_path: Path):
+    np.save(tmp_path / "joints.npy", motion.joints)
+    np.testing.assert_array_equal(Motion.load(tmp_path / "joints.npy").joints, motion.joints)
+
+
+def test_bvh_there_and_back(motion: Motion, tmp_path: Path):
+    written = formats.save(tmp_path / "a.bvh", [motion, motion])
+    assert written == [tmp_path / "a-1.bvh", tmp_path / "a-2.bvh"]
+    read = Motion.load(written[1])
+    assert read.fps == pytest.approx(20.0, abs=0.01)
+    np.testing.assert_allclose(read.joints, motion.joints, atol=0.001)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"), [("a.bhv", r"\.bvh"), ("a", "none"), ("a.max", "known are"), ("a.npy", "npz")]
+)
+def test_unknown_endings_name_the_known(motion: Motion, tmp_path: Path, name: str, says: str):
+    with pytest.raises(InputError, match=says):
+        motion.save(tmp_path / name)
+    with pytest.raises(InputError, match=says):
+        formats.check_ending(name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_to_write(tmp_path: Path):
+    with pytest.raises(InputError, match="no motion"):
+        formats.save(tmp_path / "a.npz", [])
+
+
+def test_folders_that_cannot_be_written(motion: Motion, tmp_path: Path):
+    with pytest.raises(InputError, match="does not exist"):
+        motion.save(tmp_path / "none" / "a.npz")
+    (tmp_path / "a.npz").mkdir()
+    with pytest.raises(InputError, match="folder"):
+        motion.save(tmp_path / "a.npz")
+
+
+def test_damaged_files_are_named(motion: Motion, tmp_path: Path):
+    motion.save(tmp_path / "a.npz")
+    whole = (tmp_path / "a.npz").read_bytes()
+    for content in (b"", b"not a zip", whole[: len(whole) // 2]):
+        (tmp_path / "b.npz").write_bytes(content)
+        with pytest.raises(FileFormatError, match=r"b\.npz"):
+            Motion.load(tmp_path / "b.npz")
+    np.savez(tmp_path / "c.npz", other=np.zeros(3))
+    with pytest.raises(FileFormatError, match=r"not a motion file.* lacks 'names'; .*\.npy"):
+        Motion.load(tmp_path / "c.npz")
+    with (tmp_path / "array.npz").open("wb") as file:
+        np.save(file, motion.joints)
+    with pytest.raises(FileFormatError, match=r"no \.npz at all"):
+        Motion.load(tmp_path / "array.npz")
+    np.save(tmp_path / "d.npy", np.zeros((4, 5)))
+    with pytest.raises(FileFormatError, match="22 or 21"):
+        Motion.load(tmp_path / "d.npy")
+    with pytest.raises(InputError, match="no file"):
+        Motion.load(tmp_path / "e.npz")
+
+
+def test_shows_itself_in_a_notebook(motion: Motion):
+    page = motion._repr_html_()
+    assert page.startswith("<iframe")
+    assert "jemand läuft" in page

@@ -1,0 +1,141 @@
+"""Strips, GIFs and videos: the figure is there, where it belongs, and moves."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
+from tests.support.walker import t_pose, walker
+
+Image = pytest.importorskip("PIL.Image")
+av = pytest.importorskip("av")
+
+from latentmotion.render import strip, video  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    joints = walker(12).joints()
+    in_place = joints - joints[:, :1] * (1, 0, 1)
+    return Motion(in_place.astype("f4"), caption="a person walks and turns")
+
+
+def painted(picture) -> np.ndarray:
+    """Where the figure is: pixels that are clearly blue."""
+    red, _, blue = np.moveaxis(np.asarray(picture.convert("RGB")).astype(int), -1, 0)
+    return blue - red > 60
+
+
+def test_the_mannequin_surrounds_its_bones():
+    skeleton = t_pose().skeleton
+    body = make_mannequin(skeleton, cell=0.03)
+    distance = np.linalg.norm(body.vertices[:, None] - skeleton.rest_joints(), axis=-1).min(0)
+    assert distance.max() < 0.2
+    np.testing.assert_allclose(np.linalg.norm(body.normals, axis=-1), 1, atol=1e-6)
+    faces = body.vertices[body.quads]
+    outward = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
+    agree = (outward * body.normals[body.quads].sum(1)).sum(-1) > 0
+    assert agree.mean() > 0.995
+
+
+def test_skin_follows_the_bones():
+    person = walker(5)
+    body = make_mannequin(person.skeleton, cell=0.03)
+    rest = person.skeleton.rest_joints()
+    vertices, normals = body.pose(person)
+    near = np.linalg.norm(body.vertices[:, None] - rest, axis=-1) < 0.12
+    for joint in range(len(rest)):
+        moved = np.linalg.norm(
+            vertices[:, near[:, joint]] - person.joints()[:, joint, None], axis=-1
+        )
+        assert moved.max() < 0.16
+    assert normals.shape == vertices.shape
+
+
+def test_the_camera_sees_its_target_in_the_middle_and_the_far_smaller():
+    camera = camera_around(np.array([1.0, 1.0, 0.0]), 0.5, 0.2, 4.0, (200, 100), 2.0)
+    pixels, depth = camera.project(np.array([[1.0, 1, 0], [1.0, 1.5, 0]]))
+    np.testing.assert_allclose(pixels[0], (100, 50), atol=1e-9)
+    assert depth[0] == pytest.approx(4)
+    assert pixels[1, 1] == pytest.approx(50 - 25 * np.cos(0.2) * 4 / depth[1])
+
+
+def test_a_strip_has_a_row_for_each_motion_and_figures_along_it(motion: Motion, tmp_path: Path):
+    strip.write(tmp_path / "a.png", [motion, motion], figures=4)
+    with Image.open(tmp_path / "a.png") as picture:
+        seen = painted(picture)
+    half = len(seen) // 2
+    np.testing.assert_array_equal(seen[:half], seen[half:])
+    quarters = np.array_split(seen[:half], 4, axis=1)
+    assert all(quarter.mean() > 0.02 for quarter in quarters)
+    assert not seen[:20].any()
+
+
+def test_a_strip_along_the_path(motion: Motion, tmp_path: Path):
+    strip.write(tmp_path / "a.png", [motion], style="path", figures=3)
+    with Image.open(tmp_path / "a.png") as picture:
+        seen = painted(picture)
+    assert seen.mean() > 0.02
+
+
+def test_bad_strips_are_refused(motion: Motion, tmp_path: Path):
+    with pytest.raises(InputError, match="at least 1"):
+        strip.write(tmp_path / "a.png", [motion], figures=0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_mp4(motion: Motion, tmp_path: Path):
+    motion.save(tmp_path / "a.mp4")
+    with av.open(str(tmp_path / "a.mp4")) as container:
+        assert container.streams.video[0].average_rate == 20
+        frames = [painted(frame.to_image()) for frame in container.decode(video=0)]
+    assert len(frames) == len(motion)
+    assert all(frame.mean() > 0.02 for frame in frames)
+    assert (frames[0] != frames[6]).mean() > 0.01
+
+
+def test_the_camera_follows(motion: Motion):
+    way = np.arange(12, dtype="f4")[:, None, None] * np.array((0.3, 0, 0), "f4")
+    for picture in video.frames([Motion(motion.joints + way)], 200):
+        across = painted(picture).any(0)
+        assert 40 < np.flatnonzero(across).mean() < 160
+
+
+def test_gif_with_two_takes(motion: Motion, tmp_path: Path):
+    video.write(tmp_path / "a.gif", [motion, Motion(motion.joints[:5])], size=160)
+    with Image.open(tmp_path / "a.gif") as picture:
+        assert picture.n_frames == len(motion)
+        assert picture.info["duration"] == 50
+
+
+def test_bad_videos_are_refused(motion: Motion, tmp_path: Path):
+    with pytest.raises(InputError, match="at most"):
+        video.write(tmp_path / "a.gif", [motion] * 9)
+    with pytest.raises(InputError, match="frame rate"):
+        video.write(tmp_path / "a.gif", [motion, Motion(motion.joints, fps=30.0)])
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("package", "ending"), [("PIL", ".gif"), ("PIL", ".png"), ("av", ".mp4")])
+def test_missing_packages_are_named(package: str, ending: str, tmp_path: Path):
+    code = (
+        f"import sys; sys.modules[{package!r}] = None\n"
+        "import numpy as np\n"
+        "from latentmotion.errors import MissingExtraError\n"
+        "from latentmotion.motion import Motion\n"
+        "from latentmotion.kinematics.skeleton import HUMANML3D\n"
+        "joints = np.tile(HUMANML3D.rest_joints(), (2, 1, 1))\n"
+        "try:\n"
+        f"    Motion(joints).save({str(tmp_path / ('a' + ending))!r})\n"
+        "except MissingExtraError as error:\n"
+        "    print(error)\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "latentmotion[video]" in run.stdout, run.stderr
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,246 @@
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from latentmotion.cli.main import main
+from latentmotion.data.clip import Caption
+from latentmotion.data.dataset import Dataset
+from latentmotion.errors import InputError
+from latentmotion.evaluation.extractors.interface import Recognition
+from latentmotion.evaluation.settings import CLEAN, Repeats
+from latentmotion.experiments.budget import PAPER, SMALL, budget_named
+from latentmotion.experiments.build import first_stage_of, second_stage_of
+from latentmotion.experiments.document import fill
+from latentmotion.experiments.measuring import Measurement
+from latentmotion.experiments.models import MODELS
+from latentmotion.experiments.overview import minutes, overview, rows_of
+from latentmotion.experiments.result import RowResult, TableResult, cell, markdown
+from latentmotion.experiments.reverse import chosen, map_of, silhouette
+from latentmotion.experiments.run import run_table
+from latentmotion.experiments.table import Model, Row, Table
+from latentmotion.experiments.tables import TABLES, rows_named, table_named
+from latentmotion.experiments.workplace import Workplace
+from latentmotion.model.vae_config import TransformerVAEConfig
+from latentmotion.storage.configuration import read_json
+from tests.support.moving_figures import write_moving_figures
+from tests.support.small_training import PLACE, LetterCount
+
+TINY = replace(
+    SMALL,
+    name="tiny",
+    width=16,
+    layers={6: 3, 8: 3, 9: 3, 15: 3},
+    max_frames=32,
+    replications=2,
+    further=(
+        "vae_cropping.max_frames=32",
+        "latents.cropping.max_frames=32",
+        "sampling.steps=3",
+        *(
+            f"{stage}_training.{change}"
+            for stage in ("vae", "denoiser")
+            for change in ("steps=4", "batch_size=4", "report_every=1", "validate_every=2")
+        ),
+    ),
+)
+PROTOCOL = replace(
+    CLEAN,
+    split="val",
+    group=2,
+    replications=2,
+    repeats=Repeats(texts=2, samples=2, replications=1),
+)
+
+
+@dataclass(frozen=True)
+class Means:
+    """A text-motion evaluator: a few mean features, and letters of captions."""
+
+    width: int = 6
+    fingerprint: str = "means"
+
+    def motions(self, features: Sequence[np.ndarray]) -> np.ndarray:
+        return np.stack([motion[:, :6].mean(axis=0) for motion in features])
+
+    def texts(self, captions: Sequence[Caption]) -> np.ndarray:
+        return LetterCount()([caption.text for caption in captions]).pooled
+
+
+@dataclass(frozen=True)
+class Guesses:
+    """An action classifier that knows nothing."""
+
+    labels: tuple[str, ...]
+    fingerprint: str = "guesses"
+
+    def __call__(self, features: Sequence[np.ndarray]) -> Recognition:
+        vectors = np.stack([motion[:, :6].mean(axis=0) for motion in features])
+        return Recognition(vectors, vectors[:, : len(self.labels)])
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    folder = tmp_path_factory.mktemp("data") / "figures"
+    return Dataset.load(write_moving_figures(folder, train=8, val=6))
+
+
+def place_of_work(dataset: Dataset, folder: Path, told: list[str]) -> Workplace:
+    return Workplace(dataset, folder, TINY, PLACE, lambda _: LetterCount(), tell=told.append)
+
+
+def test_every_row_has_a_model_and_every_model_a_row() -> None:
+    named = {row.model for table in TABLES.values() for row in table.rows if row.model}
+    assert named == set(MODELS)
+    assert all(model.first in ("", *MODELS) for model in MODELS.values())
+    for table in TABLES.values():
+        names = [row.name for row in table.rows]
+        assert len(names) == len(set(names)), table.name
+
+
+@pytest.mark.parametrize("budget", [PAPER, SMALL])
+@pytest.mark.parametrize("name", [name for name, m in MODELS.items() if m.base != "starter"])
+def test_every_model_can_be_built(name: str, budget: object) -> None:
+    model = MODELS[name]
+    first = first_stage_of(MODELS[model.first or name], budget, 263)  # type: ignore[arg-type]
+    second = second_stage_of(model, first, budget, 263, 384)  # type: ignore[arg-type]
+    assert second.task == model.task and second.denoiser.condition_width == 384
+    assert model.raw or second.vae == first.vae
+    if budget is SMALL:
+        vae, denoiser = build(first.vae), build(second.denoiser)
+        wanted = 263 if model.raw else vae.latent_width
+        assert second.denoiser.latent_width == wanted and denoiser is not None
+
+
+def test_the_small_budget_keeps_the_differences_of_rows() -> None:
+    built = {name: first_stage_of(MODELS[name], SMALL, 263).vae for name in ("mld_1", "actor")}
+    assert built["mld_1"] != built["actor"]
+    layers = [f"mld_1_{n}_layers" for n in (7, 11)]
+    vaes = [first_stage_of(MODELS[name], SMALL, 263).vae for name in layers]
+    assert [v.transformer.layers for v in vaes if isinstance(v, TransformerVAEConfig)] == [3, 7]
+
+
+def test_two_rows_are_trained_measured_and_kept(dataset: Dataset, tmp_path: Path) -> None:
+    told: list[str] = []
+    work = place_of_work(dataset, tmp_path, told)
+    table = TABLES["text"]
+    measurement = Measurement(table, work, TINY.protocol(PROTOCOL), Means())
+    page = run_table(measurement, rows_named(table, ["mld_1", "mdm_50"]))
+    text = page.read_text(encoding="utf-8")
+    assert "| MLD (1 token) | 0." in text.replace("| 1.00", "| 0.") and "FID, paper" in text
+    assert "| Real | " in text and "0.797" in text and "budget tiny" in text
+    assert sum("training" in line for line in told) == 3
+    told.clear()
+    assert run_table(measurement, rows_named(table, ["mld_1", "mdm_50"])) == page
+    assert not told and page.read_text(encoding="utf-8") == text
+    prediction = Measurement(TABLES["prediction"], work, TINY.protocol(PROTOCOL), Means())
+    run_table(prediction, rows_named(prediction.table, ["epsilon"]))
+    assert not any("training" in line for line in told)
+    result = read_json(TableResult, tmp_path / "prediction.json")
+    assert [row.row for row in result.rows] == ["real", "epsilon"]
+
+
+def test_a_guidance_sweep_and_training_curves_are_drawn(dataset: Dataset, tmp_path: Path) -> None:
+    told: list[str] = []
+    work = place_of_work(dataset, tmp_path, told)
+    once = replace(TINY.protocol(PROTOCOL), replications=1)
+    for name, rows in {
+        "guidance": ["scale_1", "scale_7_5"],
+        "training": [],
+        "steps": ["mld_ddim_5"],
+    }.items():
+        run_table(Measurement(TABLES[name], work, once, Means()), rows_named(TABLES[name], rows))
+        assert (tmp_path / f"{name}.png").stat().st_size > 5000
+        assert f"({name}.png)" in (tmp_path / f"{name}.md").read_text(encoding="utf-8")
+    assert sum("training a denoiser" in line for line in told) == 1
+    assert "AITS s ↓" in (tmp_path / "steps.md").read_text(encoding="utf-8")
+
+
+def test_actions_and_their_latents(dataset: Dataset, tmp_path: Path) -> None:
+    work = place_of_work(dataset, tmp_path, [])
+    once = replace(TINY.protocol(PROTOCOL), replications=1)
+    for name, rows in {"action": ["mld"], "latents": []}.items():
+        extractor = Guesses(tuple(dataset.actions()))
+        run_table(Measurement(TABLES[name], work, once, extractor), rows_named(TABLES[name], rows))
+    assert "Accuracy" in (tmp_path / "action.md").read_text(encoding="utf-8")
+    assert (tmp_path / "latents.png").stat().st_size > 5000
+
+
+def test_settings_that_differ_are_an_error(dataset: Dataset, tmp_path: Path) -> None:
+    work = place_of_work(dataset, tmp_path, [])
+    work.first_stage("mld_1")
+    other = replace(work, budget=TINY.changed(["vae_training.steps=5"]))
+    with pytest.raises(InputError, match=r"vae_training.steps \(4 → 5\)"):
+        other.first_stage("mld_1")
+
+
+def test_latents_that_are_apart_are_mapped_apart() -> None:
+    generator = np.random.default_rng(0)
+    labels = ["a"] * 20 + ["b"] * 20
+    latents = generator.standard_normal((40, 8)) + 9 * (np.array(labels) == "b")[:, None]
+    assert silhouette(map_of(latents), labels) > 0.5
+    assert silhouette(generator.standard_normal((40, 8)), labels) < 0.1
+    assert [t for t, _ in chosen([(float(n), latents) for n in range(51)], 3)] == [0, 25, 50]
+
+
+def test_a_table_prints_ours_beside_the_papers() -> None:
+    rows = (
+        Row("real", "Real", "real", paper={"FID": 0.002}),
+        Row("one", "One", model="mld_1", paper={"FID": 0.473}),
+        Row("two", "Two", missing="there is no such data here"),
+    )
+    table = Table("t", "A table", "table 1", rows, ("FID", "R@1"), expects="Less is more.")
+    measured = RowResult("one", "", {"FID": [12.345, 0.5], "R@1": [0.25, None]}, warnings=("odd",))
+    text = markdown(table, TableResult("t", "small", "d", "clean", (measured,)), "half")
+    assert "| One | 12.3 ± 0.5 | 0.473 | 0.250 |" in text
+    assert "| Real | – | 0.002 | – |" in text
+    assert "Two: not run, there is no such data here." in text and "Warning for one: odd" in text
+    assert cell([None, None]) == "–"
+
+
+def test_names_that_are_nearly_right() -> None:
+    with pytest.raises(InputError, match="did you mean 'guidance'"):
+        table_named("guidence")
+    with pytest.raises(InputError, match="did you mean 'mld_7'"):
+        rows_named(TABLES["vae"], ["mld7"])
+    with pytest.raises(InputError, match="did you mean 'small'"):
+        budget_named("smal")
+
+
+def test_the_list_tells_rows_and_minutes() -> None:
+    text = overview(TABLES.values())
+    assert all(name in text for name in TABLES)
+    assert minutes([Row("one", "One", model="mld_1")]) < minutes(TABLES["text"].rows)
+    assert "mld_10" in rows_of(TABLES["vae"]) and "table 4" in rows_of(TABLES["vae"])
+    assert Model("x").raw is False
+
+
+def test_a_document_is_filled_with_what_was_run(tmp_path: Path) -> None:
+    results, document = tmp_path / "out", tmp_path / "results.md"
+    results.mkdir()
+    (results / "steps.md").write_text("| new |\n\n![Steps](steps.png)\n")
+    (results / "steps.png").write_bytes(b"plot")
+    parts = [f"<!-- table {n} -->\nold {n}\n<!-- end of table {n} -->" for n in ("steps", "vae")]
+    document.write_text("\n\n".join(["# Results", *parts]))
+    assert fill(document, results) == ["steps"]
+    assert fill(document, results) == ["steps"]
+    text = document.read_text()
+    assert "![Steps](results/steps.png)" in text and "old vae" in text and "old steps" not in text
+    assert (tmp_path / "results" / "steps.png").read_bytes() == b"plot"
+    document.write_text("<!-- table vea -->\n<!-- end of table vea -->")
+    with pytest.raises(InputError, match="unknown table 'vea'"):
+        fill(document, results)
+
+
+def test_the_command_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    main(["experiment", "list"])
+    assert "prediction" in capsys.readouterr().out
+    main(["experiment", "list", "vae"])
+    assert "VPoser-t" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["experiment", "run", "vea", "--data", str(tmp_path), "-o", str(tmp_path)])
+    assert "did you mean 'vae'" in capsys.readouterr().err

@@ -1,0 +1,35 @@
+"""Prepared data and tiny trained models, made once for all tests that only read them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from latentmotion.training.stages import train_denoiser, train_vae
+from tests.support.moving_figures import write_moving_figures
+from tests.support.small_training import PLACE, small
+
+
+@pytest.fixture(scope="session")
+def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A prepared folder of ten clips to train on and three to validate with."""
+    return write_moving_figures(tmp_path_factory.mktemp("data") / "figures")
+
+
+@pytest.fixture(scope="session")
+def vae_run(figures: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run folder of the small VAE."""
+    folder = tmp_path_factory.mktemp("runs") / "vae"
+    train_vae(small(), figures, folder, PLACE)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def unconditional_run(
+    figures: Path, vae_run: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """The run folder of the small denoiser that takes no prompts."""
+    folder = tmp_path_factory.mktemp("runs") / "denoiser"
+    train_denoiser(small(task="unconditional"), figures, vae_run, None, folder, PLACE)
+    return folder

@@ -1,0 +1,193 @@
+"""Another decoder for the latents of a trained model, and its exchange between models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from benchmarks.generation import decoders
+from latentmotion.checkpoint import load_model, save_model
+from latentmotion.cli.main import main
+from latentmotion.data.dataset import Dataset
+from latentmotion.errors import InputError, ModelError
+from latentmotion.exchange import with_decoder
+from latentmotion.experiment import Experiment
+from latentmotion.model.vae_config import IdentityVAEConfig, QuarterRateDecoder
+from latentmotion.networks.build import build
+from latentmotion.runtime.export import export_decoder
+from latentmotion.runtime.session import open_session
+from latentmotion.training.decoder import cheaper_vae, check_data, train_decoder
+from latentmotion.training.imitation import load_imitation
+from latentmotion.training.trajectories import WAYS_FILE
+from latentmotion.vae.loss import VAEObjective
+from tests.support.small_training import PLACE, killed_at, small
+
+
+@pytest.fixture(scope="module")
+def model(unconditional_run: Path) -> Path:
+    return unconditional_run / "model"
+
+
+def settings(model: Path) -> Experiment:
+    return replace(small(), vae=replace(cheaper_vae(model), decoder=QuarterRateDecoder((1,))))
+
+
+@pytest.fixture(scope="module")
+def decoded(figures: Path, model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    run = tmp_path_factory.mktemp("decoder") / "run"
+    return train_decoder(settings(model), figures, model, run, PLACE)
+
+
+@pytest.fixture(scope="module")
+def generated(model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Returns a run folder as distillation leaves it; the latents lie off those of the data."""
+    run = tmp_path_factory.mktemp("distillation")
+    save_model(run / "model", load_model(model))
+    generator = torch.Generator().manual_seed(0)
+    points = 4 * torch.randn(64, 3, 6, 4, generator=generator)
+    mask = torch.arange(6)[None] < torch.randint(2, 7, (64, 1), generator=generator)
+    ways = {"points": points, "mask": mask, "guidance": torch.ones(64)}
+    save_file(ways, run / WAYS_FILE)
+    return run
+
+
+def test_only_the_decoder_is_another(model: Path, decoded: Path) -> None:
+    before, after = load_model(model), load_model(decoded)
+    for one, other in ((before.vae.encoder, after.vae.encoder), (before.denoiser, after.denoiser)):
+        weights = zip(one.state_dict().values(), other.state_dict().values(), strict=True)
+        assert all(torch.equal(*pair) for pair in weights)
+    changed = {"vae", "figures", "provenance"}
+    for name, value in vars(before.card).items():
+        assert (getattr(after.card, name) == value) == (name not in changed), name
+    assert after.card.figures["denoiser_loss"] == before.card.figures["denoiser_loss"]
+    assert after.card.figures["vae_val_mm"] != before.card.figures["vae_val_mm"]
+    assert len(after.card.provenance.commands) == 3
+
+
+def test_it_goes_on_bit_for_bit(
+    generated: Path, figures: Path, model: Path, tmp_path: Path
+) -> None:
+    experiment = settings(model)
+    whole = train_decoder(experiment, figures, model, tmp_path / "whole", PLACE, generated)
+    with killed_at(5):
+        train_decoder(experiment, figures, model, tmp_path / "run", PLACE, generated)
+    found = train_decoder(experiment, figures, model, tmp_path / "run", PLACE, generated)
+    one, other = (folder / "weights.safetensors" for folder in (whole, found))
+    assert one.read_bytes() == other.read_bytes()
+    with pytest.raises(InputError, match=r"parents.model"):
+        train_decoder(experiment, figures, whole, tmp_path / "run", PLACE, generated)
+    with pytest.raises(InputError, match=r"parents.imitated"):
+        train_decoder(experiment, figures, model, tmp_path / "run", PLACE)
+
+
+def test_it_learns_from_the_other_decoder_on_generated_latents(
+    generated: Path, figures: Path, model: Path, tmp_path: Path
+) -> None:
+    experiment = settings(model)
+    longer = replace(
+        experiment.vae_training, steps=90, learning_rate=1e-2, warm_up=30, validate_every=90
+    )
+    # What some steps reach depends on the objective and its rate, so the preset's are not taken.
+    objective = VAEObjective(steps=0.1, divergence=1e-3, joints_knee=0.05)
+    experiment = replace(experiment, vae_training=longer, vae_objective=objective)
+    old, imitation = load_model(model), load_imitation(generated, load_model(model))
+    latents, mask = imitation.batch(range(64), 24)
+    assert latents.shape == (64, 6, 4) and bool((mask.sum(dim=1).diff() >= 0).all())
+
+    def distance(imitated: Path | None) -> float:
+        run = tmp_path / ("imitating" if imitated else "plain")
+        new = load_model(train_decoder(experiment, figures, model, run, PLACE, imitated))
+        with torch.no_grad():
+            return float((old.vae.decode(latents, mask) - new.vae.decode(latents, mask)).std())
+
+    found, without = distance(generated), distance(None)
+    assert found < 0.5 * without
+
+
+def test_a_student_gets_it_by_exchange(model: Path, decoded: Path, tmp_path: Path) -> None:
+    """Any model of the same latents; here one with another denoiser."""
+    student = load_model(model)
+    for parameter in student.denoiser.parameters():
+        torch.nn.init.ones_(parameter)
+    save_model(tmp_path / "student", student)
+    main(
+        [
+            "exchange",
+            str(tmp_path / "student"),
+            "--decoder",
+            str(decoded),
+            "-o",
+            str(tmp_path / "both"),
+        ]
+    )
+    both, other = load_model(tmp_path / "both"), load_model(decoded)
+    mask, z = torch.ones(1, 10, dtype=torch.bool), torch.randn(1, 3, 4)
+    assert torch.equal(both.vae.decode(z, mask), other.vae.decode(z, mask))
+    assert all(bool((p == 1).all()) for p in both.denoiser.parameters())
+    assert both.card.figures == other.card.figures and both.card.vae == other.card.vae
+    assert both.card.provenance.hours >= student.card.provenance.hours
+
+
+def test_what_does_not_fit_is_refused(
+    figures: Path, model: Path, decoded: Path, generated: Path, tmp_path: Path
+) -> None:
+    trained, other = load_model(model), load_model(decoded)
+    wider = replace(settings(model), vae=replace(cheaper_vae(model), width=24))
+    with pytest.raises(InputError, match=r"another encoder.*encoder.0.convolution.weight"):
+        train_decoder(wider, figures, model, tmp_path / "run", PLACE)
+    dilated = replace(settings(model), vae=replace(cheaper_vae(model), dilations=(3,)))
+    with pytest.raises(InputError, match=r"another encoder \(of weights of the same shapes"):
+        train_decoder(dilated, figures, model, tmp_path / "run", PLACE)
+    frames = IdentityVAEConfig(263)
+    raw = replace(trained, card=replace(trained.card, vae=frames), vae=build(frames))
+    with pytest.raises(ModelError, match="no VAE"):
+        with_decoder(trained, raw)
+    torch.nn.init.zeros_(other.vae.encoder[0].convolution.bias)
+    with pytest.raises(InputError, match="different encoders"):
+        with_decoder(trained, other)
+    card = replace(trained.card, normalizer_std=(2.0,) * 263)
+    with pytest.raises(InputError, match="another normalizer"):
+        check_data(card, Dataset.load(figures))
+    with pytest.raises(InputError, match="different normalizers"):
+        with_decoder(trained, replace(trained, card=card))
+    with pytest.raises(InputError, match="expected latents over time"):
+        load_imitation(decoded.parent, load_model(decoded))
+    with pytest.raises(InputError, match="different encoders"):
+        load_imitation(generated, other)
+    save_model(tmp_path / "raw", raw)
+    with pytest.raises(ModelError, match="no cheaper decoder"):
+        cheaper_vae(tmp_path / "raw")
+
+
+def test_its_graph_says_the_same_at_any_length(decoded: Path, tmp_path: Path) -> None:
+    vae = load_model(decoded).vae
+    assert vae
+    export_decoder(vae, 4, tmp_path / "decoder.onnx")
+    session = open_session(tmp_path / "decoder.onnx", "onnxruntime", threads=1)
+    for batch, frames in ((1, 13), (3, 40)):
+        z, mask = (
+            torch.randn(batch, -(-frames // 4), 4),
+            torch.ones(batch, frames, dtype=torch.bool),
+        )
+        with torch.no_grad():
+            expected = vae.decode(z, mask).numpy()
+        found = session(latents=z.numpy(), mask=mask.numpy())
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_the_benchmark_has_a_row_for_each_decoder(
+    decoded: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    decoders.main(
+        ["--models", f"tiny={decoded}", "--frames", "8", "--batches", "1", "--turns", "1"]
+    )
+    name, size, count, *times = capsys.readouterr().out.splitlines()[-1].strip("| ").split(" | ")
+    assert name == "tiny" and len(times) == 2
+    vae = load_model(decoded).vae
+    assert vae and float(size) == round(sum(p.numel() for p in vae.decoder.parameters()) / 1e6, 2)
+    assert float(count) > 0

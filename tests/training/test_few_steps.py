@@ -1,0 +1,282 @@
+"""Distillation to few steps: leaps in closed form, training, and what a student may be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from latentmotion.checkpoint import FirstStageModel, load_model, save_model
+from latentmotion.condition.interface import Conditioning, TextEmbedding
+from latentmotion.condition.task import ActionTask
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance, GuidanceAsInput
+from latentmotion.diffusion.leaps import Leap, Leaps, LeapTimes
+from latentmotion.diffusion.loss import LeapBatch, between, leap_loss
+from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
+from latentmotion.diffusion.sampler import DDIM
+from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
+from latentmotion.distillation import Regression
+from latentmotion.errors import InputError, ModelError
+from latentmotion.experiment import with_changes
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.networks.build import build
+from latentmotion.runtime.eager import eager_generator
+from latentmotion.runtime.package import package_model
+from latentmotion.training.distill import distill, student_of
+from latentmotion.training.stages import train_denoiser
+from latentmotion.training.trajectories import WAYS_FILE
+from tests.support.small_training import PLACE, killed_at, short_distillation, small
+
+SCHEDULES = [ScaledLinear(), Cosine(), LinearPath()]
+LEAPS = Leaps(guidance=(1.0, 4.0), steps=(1, 2, 4), of=8)
+SETTINGS = short_distillation(
+    LEAPS, Regression(ways=64), report_every=1, validate_every=4, sample_every=8
+)
+
+
+# Leaps
+
+
+def test_stops_are_where_leaps_begin_and_end() -> None:
+    assert LEAPS.stops == [0, 2, 4, 6, 8]
+    assert Leaps(steps=(1, 3), of=3).stops == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_leaps_stop_over_at_the_solvers_times(schedule: Schedule) -> None:
+    every = schedule.times(8).tolist()
+    for steps in (1, 2, 4):
+        times = LeapTimes(schedule, LEAPS).times(steps).tolist()
+        assert times == every[:: 8 // steps] and len(times) == steps + 1
+    assert isinstance(LeapTimes(schedule, LEAPS), Schedule)
+
+
+def test_leaps_that_cannot_be_are_refused() -> None:
+    with pytest.raises(InputError, match="3; expected divisors"):
+        Leaps(steps=(1, 3))
+    with pytest.raises(InputError, match="none; expected"):
+        Leaps(steps=())
+    with pytest.raises(InputError, match="smaller scale first"):
+        Leaps(guidance=(5.0, 1.0))
+
+
+@pytest.mark.parametrize("prediction", [Epsilon(), Sample(), Velocity()])
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_ddim_makes_the_leap_between_two_points(schedule, prediction) -> None:  # type: ignore[no-untyped-def]
+    generator = torch.Generator().manual_seed(0)
+    start, end = (torch.randn(3, 5, 4, generator=generator) for _ in range(2))
+    t, s = (torch.full((3,), float(time)) for time in schedule.times(8)[[2, 6]])
+    answer = prediction.target(*between(start, end, t, s, schedule), t, schedule)
+    stepped = DDIM(schedule, prediction).step(answer, start, float(t[0]), float(s[0]), np.zeros)
+    assert torch.allclose(stepped, end, atol=2e-4)
+
+
+def test_the_loss_of_the_teachers_own_velocity_is_zero() -> None:
+    start, end = torch.randn(2, 5, 4), torch.randn(2, 5, 4)
+    times = torch.tensor([1.0, 0.5]), torch.tensor([0.5, 0.0])
+    mask = torch.tensor([[True] * 5, [True, True, False, False, False]])
+    end = torch.where(mask[..., None], end, start)
+    exact = (end - start) / (times[1] - times[0])[:, None, None]
+
+    def loss(answer: torch.Tensor) -> float:
+        student = lambda *_: answer  # noqa: E731
+        nobody = Conditioning(torch.zeros(2, 1, 1), mask[:, :1])
+        leap = Leap(torch.ones(2), torch.ones(2))
+        batch = LeapBatch(start, end, times, nobody, mask, leap)
+        return float(leap_loss(student, batch, LinearPath(), Velocity(), knee=10.0))
+
+    assert loss(exact) < 1e-10
+    assert loss(exact + 0.2) == pytest.approx(0.2**2 / 2, rel=1e-4)
+
+
+def test_guidance_is_told_not_computed() -> None:
+    calls = []
+
+    def student(z, t, condition, mask, leap):  # type: ignore[no-untyped-def]
+        calls.append(leap)
+        return z
+
+    z, t, mask = np.zeros((2, 3, 4), np.float32), np.ones(2, np.float32), np.ones((2, 3), bool)
+    nobody = Conditioning(np.zeros((2, 1, 2), np.float32), np.ones((2, 1), bool))
+    GuidanceAsInput(student, 3.5, 4)(z, t, nobody, mask)
+    assert calls[0].guidance.tolist() == [3.5, 3.5] and calls[0].stride.tolist() == [0.25, 0.25]
+    assert calls[0].guidance.dtype == np.float32
+
+
+def test_each_row_is_guided_by_its_own_scale() -> None:
+    def network(z, t, condition, mask):  # type: ignore[no-untyped-def]
+        return z + condition.tokens[:, :1]
+
+    z, t, mask = torch.zeros(2, 3, 1), torch.ones(2), torch.ones(2, 3, dtype=torch.bool)
+    real = torch.ones(2, 1, dtype=torch.bool)
+    null, seen = (
+        Conditioning(torch.zeros(1, 1, 1), real[:1]),
+        Conditioning(mask[:, :1, None] * 2.0, real),
+    )
+    found = ClassifierFreeGuidance(network, null, torch.tensor([1.0, 5.0]))(z, t, seen, mask)
+    assert found[:, 0, 0].tolist() == [2.0, 10.0]
+
+
+def test_a_student_starts_as_its_teacher_whatever_it_is_told() -> None:
+    shape = TransformerConfig(width=16, layers=3, heads=2, hidden=16, dropout=0.0)
+    config = DenoiserConfig(latent_width=4, condition_width=6, transformer=shape, length_token=True)
+    teacher = build(config).eval()
+    student = student_of(teacher, replace(config, leaps=LEAPS)).eval()
+    z, t, mask = torch.randn(2, 5, 4), torch.rand(2), torch.ones(2, 5, dtype=torch.bool)
+    seen = Conditioning(torch.randn(2, 3, 6), torch.ones(2, 3, dtype=torch.bool))
+    leap = Leap(torch.tensor([1.0, 4.0]), torch.tensor([1.0, 0.25]))
+    with torch.no_grad():
+        assert torch.equal(teacher(z, t, seen, mask), student(z, t, seen, mask, leap))
+
+
+# Training
+
+
+@pytest.fixture(scope="module")
+def teacher(unconditional_run: Path) -> Path:
+    return unconditional_run
+
+
+@pytest.fixture(scope="module")
+def student(figures: Path, teacher: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    run = tmp_path_factory.mktemp("student") / "run"
+    return distill(SETTINGS, figures, teacher, None, run, PLACE)
+
+
+def test_a_student_is_a_model_like_any_other(student: Path, teacher: Path) -> None:
+    card, before = load_model(student).card, load_model(teacher / "model").card
+    assert card.leaps == LEAPS and before.leaps is None
+    assert (card.steps, card.sampler, card.task) == (4, "ddim", "unconditional")
+    assert card.latents == before.latents and card.vae == before.vae
+    assert {"student_rms_of_1", "student_rms_of_4", "teacher"} <= set(card.figures)
+    assert len(card.provenance.commands) == 3
+    assert list(student.parent.glob("samples-*.png"))
+
+
+class AnotherEncoder:
+    """A text encoder that nobody asks."""
+
+    name, width = "another", 6
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        raise AssertionError(sentences)
+
+
+def test_it_goes_on_bit_for_bit(
+    student: Path, figures: Path, teacher: Path, tmp_path: Path
+) -> None:
+    with killed_at(5):
+        distill(SETTINGS, figures, teacher, None, tmp_path / "run", PLACE)
+    found = distill(SETTINGS, figures, teacher, None, tmp_path / "run", PLACE)
+    one, other = (folder / "weights.safetensors" for folder in (student, found))
+    assert one.read_bytes() == other.read_bytes()
+    with pytest.raises(InputError, match=r"settings.knee \(1.0 → 2.0\)"):
+        distill(replace(SETTINGS, knee=2.0), figures, teacher, None, tmp_path / "run", PLACE)
+    with pytest.raises(InputError, match=r"differing: text"):
+        distill(SETTINGS, figures, teacher, AnotherEncoder(), tmp_path / "run", PLACE)
+
+
+def test_ways_are_gone_by_the_solver_that_is_named(
+    figures: Path, teacher: Path, tmp_path: Path
+) -> None:
+    ways = []
+    for solver in ("dpm++", "ddim"):
+        settings = with_changes(SETTINGS, [f"solver={solver}", "training.steps=1"])
+        distill(settings, figures, teacher, None, tmp_path / solver, PLACE)
+        ways.append(load_file(tmp_path / solver / WAYS_FILE)["points"])
+    assert torch.equal(ways[0][:, 0], ways[1][:, 0])
+    assert not torch.allclose(ways[0][:, -1], ways[1][:, -1])
+    with pytest.raises(InputError, match="solver"):
+        with_changes(SETTINGS, ["solver=heun"])
+
+
+def test_training_brings_leaps_nearer_to_the_teachers(
+    figures: Path, teacher: Path, tmp_path: Path
+) -> None:
+    model = load_model(teacher / "model")
+    with torch.no_grad():  # so small a network goes all but straight; this makes it bend
+        for weight in model.denoiser.latents_out.parameters():
+            weight.mul_(4.0)
+    save_model(tmp_path / "bent", model)
+
+    def figures_after(steps: int) -> dict[str, float]:
+        changes = [f"training.steps={steps}", "training.warm_up=2", "training.sample_every=0"]
+        settings = with_changes(SETTINGS, [*changes, "training.snapshot_every=100"])
+        run = tmp_path / str(steps)
+        return load_model(
+            distill(settings, figures, tmp_path / "bent", None, run, PLACE)
+        ).card.figures
+
+    found, first = figures_after(40), figures_after(1)
+    # A quarter of the way is straight enough to begin with.
+    for name in ("student_rms_of_1", "student_rms_of_2"):
+        assert found[name] < 0.95 * first[name], name
+
+
+def test_it_generates_alike_on_pytorch_and_exported(student: Path, tmp_path: Path) -> None:
+    from latentmotion import MotionGenerator
+
+    eager = eager_generator(student)
+    package_model(student, eager.card, None, tmp_path / "student")
+    exported = MotionGenerator.load(tmp_path / "student", "onnxruntime")
+    for steps in (1, 2, 4):
+        arguments = ["", ""], [16, 24], [0, 1], steps, 2.0
+        for one, other in zip(
+            eager.features(*arguments), exported.features(*arguments), strict=True
+        ):
+            np.testing.assert_allclose(one, other, atol=0.02)
+    assert exported("", seconds=1.0).metadata["steps"] == 4
+
+
+def test_what_it_has_not_learned_is_refused(student: Path) -> None:
+    generator = eager_generator(student)
+    for message, asked in {
+        "3 sampling steps: this distilled model takes 1, 2, 4": {"steps": 3},
+        "guidance 7: this distilled model learned 1 to 4": {"guidance": 7.0},
+        "sampler heun: a distilled model": {"sampler": "heun"},
+    }.items():
+        with pytest.raises(InputError, match=message):
+            generator("", **asked)  # type: ignore[arg-type]
+
+
+def test_who_cannot_teach_is_refused(
+    figures: Path, teacher: Path, student: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(ModelError, match="is distilled already"):
+        distill(SETTINGS, figures, student, None, tmp_path / "a", PLACE)
+    model = load_model(teacher / "model")
+    save_model(tmp_path / "vae", FirstStageModel(replace(model.card, denoiser=None), model.vae))
+    with pytest.raises(ModelError, match="train both stages first"):
+        distill(SETTINGS, figures, tmp_path / "vae", None, tmp_path / "b", PLACE)
+
+
+def test_what_it_cannot_be_asked_is_refused(figures: Path, teacher: Path, tmp_path: Path) -> None:
+    short = with_changes(SETTINGS, ["cropping.max_frames=4", "cropping.min_frames=4"])
+    with pytest.raises(InputError, match=r"makes 12 to 196 frames, cropping asks for 4 to 4"):
+        distill(short, figures, teacher, None, tmp_path / "a", PLACE)
+    model = load_model(teacher / "model")
+    condition = ActionTask(("fly", "swim"))
+    card = replace(model.card, condition=condition)
+    save_model(tmp_path / "birds", replace(model, card=card))
+    with pytest.raises(InputError, match=r"no training clip .* that model 'starter' knows"):
+        distill(SETTINGS, figures, tmp_path / "birds", None, tmp_path / "b", PLACE)
+
+
+def test_raw_frames_have_students_too(figures: Path, tmp_path: Path) -> None:
+    experiment = small(
+        task="unconditional",
+        **{
+            "denoiser.latent_width": 263,
+            "latents.normalized": False,
+            "denoiser_objective.schedule": {"kind": "Cosine", "length": 50},
+            "denoiser_objective.prediction": {"kind": "Sample"},
+        },
+    )
+    train_denoiser(experiment, figures, None, None, tmp_path / "mdm", PLACE)
+    found = distill(SETTINGS, figures, tmp_path / "mdm", None, tmp_path / "run", PLACE)
+    assert len(eager_generator(found).features([""], [20], [0], steps=2)[0]) == 20

@@ -1,0 +1,221 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from latentmotion.checkpoint import load_model
+from latentmotion.data.manifest import read_manifest
+from latentmotion.errors import InputError, ModelError
+from latentmotion.experiment import Experiment, with_changes
+from latentmotion.networks.build import build
+from latentmotion.presets import PRESETS, preset_named
+from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.training.devices import Place
+from latentmotion.training.journal import read_journal
+from latentmotion.training.latent_decoder import LatentDecoder
+from latentmotion.training.randomness import Ranks
+from latentmotion.training.stages import train_denoiser, train_vae
+from latentmotion.training.vae_stage import VAEStage
+from tests.support.moving_figures import write_moving_figures
+from tests.support.small_training import CHANGES, PLACE, LetterCount, killed_at, small
+
+
+def weights(folder: Path) -> bytes:
+    return (folder / "model" / "weights.safetensors").read_bytes()
+
+
+def test_a_vae_is_trained_into_a_model_folder(vae_run: Path) -> None:
+    model = load_stages(vae_run / "model")
+    assert list(model.networks) == ["vae"]
+    assert model.card.figures["vae_val_mm"] > 0
+    assert model.card.provenance.license == "CC0-1.0"
+    assert list((vae_run / "tensorboard").iterdir())
+
+
+def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_path: Path) -> None:
+    experiment = small(**{"denoiser_training.sample_every": 8})
+    folder = train_denoiser(experiment, figures, vae_run, LetterCount(), tmp_path / "run", PLACE)
+    model = load_model(folder)
+    assert model.card.latents.frames_per_token == 4
+    assert len(model.card.latents.std) == 4 and min(model.card.latents.std) > 0
+    assert model.card.condition.text_encoder == "letter-count"
+    assert model.card.condition.condition_width == 6
+    assert len(model.card.provenance.commands) == 2
+    steps = [line["step"] for line in read_journal(tmp_path / "run") if line["kind"] == "train"]
+    assert steps == list(range(1, 9))
+    assert (tmp_path / "run" / "samples-0000008.png").stat().st_size > 1000
+
+
+def test_samples_are_decoded_where_their_latents_are(vae_run: Path) -> None:
+    model = load_stages(vae_run / "model")
+    decoder, latents = LatentDecoder(model.vae, model.card, 8), torch.zeros(1, 2, 4, device="meta")
+    with pytest.raises(NotImplementedError, match="out of meta tensor"):  # the way back to the host
+        decoder(latents, [""])
+    assert {parameter.device.type for parameter in model.vae.parameters()} == {"meta"}
+
+
+def test_an_interrupted_second_stage_goes_on_bit_for_bit(
+    figures: Path, vae_run: Path, tmp_path: Path
+) -> None:
+    def run(name: str) -> None:
+        train_denoiser(small(), figures, vae_run, LetterCount(), tmp_path / name, PLACE)
+
+    run("whole")
+    with killed_at(5):
+        run("parts")
+    run("parts")
+    assert weights(tmp_path / "whole") == weights(tmp_path / "parts")
+
+
+KILLED = """
+import os, signal, sys, torch
+from latentmotion.cli.main import main
+from latentmotion.training import loop
+
+optimize, save, (kind, step) = loop.optimize, torch.save, sys.argv[1].split()
+
+def killed_optimize(*arguments):
+    if kind == "step" and arguments[3] == int(step):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return optimize(*arguments)
+
+def killed_save(state, path):
+    save(state, path)
+    if kind == "snapshot" and state["step"] == int(step):
+        os.truncate(path, os.path.getsize(path) // 2)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+loop.optimize, torch.save = killed_optimize, killed_save
+main(sys.argv[2:])
+"""
+"""Trains, but is killed before a step or while it writes the snapshot of one."""
+
+
+def command(data: Path, folder: Path) -> list[str]:
+    changes = [f"--set={key}={json.dumps(value)}" for key, value in CHANGES.items()]
+    return ["train", "vae", "--data", str(data), "-o", str(folder), *changes]
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
+
+
+def test_a_killed_run_goes_on_bit_for_bit(figures: Path, tmp_path: Path) -> None:
+    def start(when: str, name: str) -> int:
+        words = [sys.executable, "-c", KILLED, when, *command(figures, tmp_path / name)]
+        return subprocess.run(words, env=environment(), capture_output=True).returncode
+
+    assert start("never 0", "whole") == 0
+    assert start("step 3", "parts") == -9
+    assert start("snapshot 6", "parts") == -9
+    assert not (tmp_path / "parts" / "model").exists()
+    assert start("never 0", "parts") == 0
+    assert weights(tmp_path / "whole") == weights(tmp_path / "parts")
+    assert read_journal(tmp_path / "whole") == read_journal(tmp_path / "parts")
+
+
+def test_two_ranks_have_the_losses_of_one(figures: Path, vae_run: Path, tmp_path: Path) -> None:
+    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
+    torchrun += ["--local-addr=127.0.0.1", "--nproc-per-node=2"]  # No name is looked up.
+    words = [*torchrun, "-m", "latentmotion", *command(figures, tmp_path)]
+    done = subprocess.run(words, env=environment(), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    one, two = read_journal(vae_run), read_journal(tmp_path)
+    assert [line["step"] for line in one] == [line["step"] for line in two]
+    for first, second in zip(one, two, strict=True):
+        figures_of = [[v for v in line.values() if v != line["kind"]] for line in (first, second)]
+        np.testing.assert_allclose(*figures_of, rtol=2e-3)
+
+
+def test_each_rank_has_its_share_of_the_batch(figures: Path, vae_run: Path) -> None:
+    from latentmotion.data.dataset import Dataset
+
+    def losses(ranks: Ranks) -> float:
+        torch.manual_seed(0)
+        experiment = small()
+        place = Place(torch.device("cpu"), ranks)
+        stage = VAEStage(build(experiment.vae), Dataset.load(figures), experiment, place)
+        return float(stage(3)["total"].detach())
+
+    halves = [losses(Ranks(rank, 2)) for rank in range(2)]
+    assert halves[0] != halves[1]
+    assert np.mean(halves) == pytest.approx(losses(Ranks()), rel=1e-5)
+
+
+def test_another_configuration_is_refused(figures: Path, vae_run: Path) -> None:
+    changed = small(**{"vae_training.learning_rate": 0.5})
+    with pytest.raises(InputError, match=r"vae_training.learning_rate \(0.0007 → 0.5\)"):
+        train_vae(changed, figures, vae_run, PLACE)
+
+
+def test_other_data_is_refused(vae_run: Path, tmp_path: Path) -> None:
+    other = write_moving_figures(tmp_path / "figures", train=7)
+    with pytest.raises(InputError, match=r"differing: data \("):
+        train_vae(small(), other, vae_run, PLACE)
+
+
+def test_features_that_are_not_normalized_are_refused(tmp_path: Path) -> None:
+    folder = write_moving_figures(tmp_path / "figures")
+    manifest = read_manifest(folder)
+    width = len(manifest.normalizer.mean)
+    plain = replace(manifest.normalizer, mean=(0.0,) * width, std=(1.0,) * width)
+    write_json(folder / "manifest.json", replace(manifest, normalizer=plain))
+    with pytest.raises(InputError, match="normalized ones are near 1"):
+        train_vae(small(), folder, tmp_path / "run", PLACE)
+
+
+def test_a_second_stage_needs_a_trained_vae(figures: Path, vae_run: Path, tmp_path: Path) -> None:
+    def start(vae: Path) -> None:
+        train_denoiser(small(), figures, vae, LetterCount(), tmp_path / "run", PLACE)
+
+    with pytest.raises(ModelError, match="no trained model"):
+        start(tmp_path)
+    unfinished = tmp_path / "unfinished"
+    unfinished.mkdir()
+    (unfinished / "experiment.json").write_bytes((vae_run / "experiment.json").read_bytes())
+    with pytest.raises(ModelError, match="has not ended"):
+        start(unfinished)
+
+
+def test_parts_that_do_not_fit_are_named(figures: Path, vae_run: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="latent_width and the VAE's: 5 and 4"):
+        train_denoiser(
+            small(**{"denoiser.latent_width": 5}), figures, vae_run, LetterCount(), tmp_path, PLACE
+        )
+    with pytest.raises(InputError, match=r"vae.features=263"):
+        train_vae(small(**{"vae.features": 251}), figures, tmp_path / "run", PLACE)
+
+
+def test_presets_come_back_from_json(tmp_path: Path) -> None:
+    for name in PRESETS:
+        write_json(tmp_path / name, preset_named(name))
+        assert read_json(Experiment, tmp_path / name) == preset_named(name)
+
+
+def test_unknown_names_are_answered_with_the_nearest() -> None:
+    with pytest.raises(InputError, match="did you mean 'starter'"):
+        preset_named("startr")
+    for change, message in {
+        "vae_trainin.steps=3": "did you mean 'vae_training'",
+        "vae_training.step=3": "did you mean 'steps'",
+        "vae_training.steps=many": "expected int, found 'many'",
+        "name.x=3": "has no 'x'",
+        "name": "expected KEY=VALUE",
+    }.items():
+        with pytest.raises(InputError, match=message):
+            with_changes(preset_named("starter"), [change])
+
+
+def test_the_papers_preset_has_the_papers_networks() -> None:
+    experiment = preset_named("mld_humanml3d")
+    count = sum(p.numel() for p in build(experiment.vae).parameters())
+    assert count > 10_000_000
+    assert experiment.denoiser.transformer.layers == 9

@@ -1,0 +1,165 @@
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from latentmotion.errors import InputError
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT
+from latentmotion.motion import Motion
+from latentmotion.viewer.page import notebook_html, page_html, write_page
+from tests.support.pages import CHROMIUM, HOSTILE, Elements, chromium, walking
+
+
+def standing_kit(caption: str = "") -> Motion:
+    joints = np.tile(KIT.rest_joints().astype(np.float32), (5, 1, 1))
+    return Motion(joints, 12.5, KIT, caption)
+
+
+def payload(page: str) -> dict:
+    return json.loads(Elements(page).text["script"][0])
+
+
+def carried_joints(entry: dict) -> np.ndarray:
+    root = np.frombuffer(base64.b64decode(entry["root"]), "<f4").reshape(-1, 1, 3)
+    relative = np.frombuffer(base64.b64decode(entry["relative"]), "<i2").reshape(len(root), -1, 3)
+    return root + relative * entry["step"]
+
+
+def test_page_asks_for_nothing_outside_itself():
+    page = page_html([walking()])
+    elements = Elements(page)
+    links = [
+        value
+        for _, attrs in elements.tags
+        for key, value in attrs.items()
+        if key in ("src", "href", "action", "data", "srcset")
+    ]
+    assert links == ["data:,"]
+    policy = [attrs["content"] for _, attrs in elements.tags if "http-equiv" in attrs]
+    assert policy[0].startswith("default-src 'none'")
+    style = "".join(elements.text["style"])
+    assert "url(" not in style and "@import" not in style
+
+
+def test_page_is_small_and_carries_the_notice_of_three_js():
+    page = page_html([walking(10.0) for _ in range(4)])
+    assert len(page.encode()) < 900_000
+    assert "three.js authors" in page and "THE SOFTWARE IS PROVIDED" in page
+
+
+def test_bundle_is_of_the_pinned_three_js():
+    source = resources.files("latentmotion.viewer") / "source"
+    pinned = json.loads((source / "package.json").read_text())["devDependencies"]["three"]
+    bundle = (source.parent / "viewer.js").read_text(encoding="utf-8")
+    assert f'"{pinned.split(".")[1]}"' in bundle
+
+
+def test_a_hostile_caption_stays_text():
+    page = page_html([walking(caption=HOSTILE)])
+    elements = Elements(page)
+    assert [tag for tag, _ in elements.tags].count("script") == 2
+    assert "b" not in [tag for tag, _ in elements.tags]
+    assert elements.text["title"] == [HOSTILE]
+    assert payload(page)["motions"][0]["caption"] == HOSTILE
+
+
+@pytest.mark.parametrize("size", [1.0, 30.0])
+def test_positions_survive_within_half_a_millimeter(size):
+    motion = walking(4.0, speed=9.0)
+    scaled = Motion(motion.joints * np.float32(size))
+    carried = carried_joints(payload(page_html([scaled]))["motions"][0])
+    assert np.abs(carried - scaled.joints).max() < 5e-4 * max(1.0, size / 3)
+
+
+def test_takes_share_a_skeleton_and_may_differ_in_it():
+    data = payload(page_html([walking(), walking(3.0), standing_kit()]))
+    assert [entry["skeleton"] for entry in data["motions"]] == ["humanml3d", "humanml3d", KIT.name]
+    assert set(data["skeletons"]) == {"humanml3d", KIT.name}
+    lengths = np.linalg.norm(HUMANML3D.offsets, axis=-1)
+    assert np.allclose(data["skeletons"]["humanml3d"]["lengths"], lengths, atol=0.02)
+
+
+def test_notebook_frame_holds_the_whole_page():
+    motion = walking(caption=HOSTILE)
+    frame = notebook_html(motion, height=300)
+    attributes = Elements(frame).tags[0][1]
+    assert attributes["srcdoc"] == page_html([motion])
+    assert "height: 300px" in attributes["style"]
+    assert "<b>" not in re.sub(r'srcdoc="[^"]*"', "", frame)
+
+
+def test_no_motion_is_an_error():
+    with pytest.raises(InputError, match="no motion"):
+        page_html([])
+
+
+def test_a_missing_folder_is_an_error_and_leaves_nothing(tmp_path):
+    with pytest.raises(InputError, match="does not exist"):
+        write_page(tmp_path / "none" / "page.html", [walking()])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory) -> Path:
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    path = tmp_path_factory.mktemp("page") / "page.html"
+    takes = [walking(caption=HOSTILE), walking(3.0, HOSTILE, speed=0.5), standing_kit(HOSTILE)]
+    write_page(path, takes)
+    return path
+
+
+def shown(page: Path, time: float, folder: Path, *flags: str) -> tuple[str, list[np.ndarray]]:
+    """The DOM after the page's script has run, and the joints it says it shows."""
+    dom = chromium(f"{page.as_uri()}#t={time}", folder, "--dump-dom", *flags)
+    body = next(attrs for tag, attrs in Elements(dom).tags if tag == "body")
+    assert body["data-joints"], "the page's script did not run to its end"
+    return dom, [np.array(take) for take in json.loads(body["data-joints"])]
+
+
+def test_browser_shows_the_caption_and_moves_the_figure_with_time(page, tmp_path):
+    motions = [walking(), walking(3.0, speed=0.5)]  # the third take, KIT's, stands still
+    dom, early = shown(page, 0.25, tmp_path / "a")
+    assert 'data-stage="webgl"' in dom
+    heading = re.search(r'<h1 id="caption">(.*?)</h1>', dom, re.DOTALL)
+    assert heading is not None and html.unescape(heading[1]) == HOSTILE
+    _, late = shown(page, 1.5, tmp_path / "b")
+    for motion, then, now in zip(motions, early, late, strict=False):
+        assert np.abs(then - motion.joints[5]).max() < 5e-4
+        assert np.abs(now - motion.joints[30]).max() < 5e-4
+
+
+def test_browser_without_webgl_still_shows_the_motion(page, tmp_path):
+    dom, (take, *_) = shown(page, 0.525, tmp_path / "a", "--disable-3d-apis")
+    assert 'data-stage="canvas"' in dom
+    between = walking().joints[10:12].mean(axis=0)
+    assert np.abs(take - between).max() < 0.02
+
+
+def picture(page: Path, time: float, folder: Path, *flags: str) -> np.ndarray:
+    image = pytest.importorskip("PIL.Image")
+    path = folder / f"{time}.png"
+    address = f"{page.as_uri()}#t={time}"
+    chromium(address, folder / f"{time}", f"--screenshot={path}", *flags)
+    # Caption and controls lie above and below these rows.
+    return np.asarray(image.open(path).convert("RGB"), dtype=np.int16)[60:480]
+
+
+@pytest.mark.parametrize("flags", [(), ("--disable-3d-apis",)], ids=["webgl", "canvas"])
+def test_pixels_of_the_figure_move(page, tmp_path, flags):
+    standing = tmp_path / "page.html"
+    write_page(standing, [walking(speed=0.0)])
+    before, after = (picture(standing, time, tmp_path, *flags) for time in (0.25, 0.75))
+    background = np.median(before, axis=(0, 1))
+    figure = np.abs(before - background).max(axis=-1) > 60
+    moved = np.abs(before - after).max(axis=-1) > 40
+    assert figure.sum() > 1_000, "no figure in the picture"
+    assert moved.sum() > 500, "the figure stands still"
+    assert moved.mean() < 0.3, "everything changed, not only the figure"
