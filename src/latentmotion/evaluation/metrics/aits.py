@@ -2,7 +2,7 @@
 
 The time from a sentence (label, nothing) to features in their own units: condition, all sampling
 steps with guidance, decoder; one motion at a time. Loading, joints and files are not in it. MLD,
-section 4.4. The authors' timer does not wait for the GPU (spec 11.5); this one does, and what runs
+section 4.4. The authors' timer does not wait for the GPU (mld.md §11); this one does, and what runs
 for the first time is not timed.
 """
 

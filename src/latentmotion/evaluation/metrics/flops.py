@@ -1,7 +1,7 @@
 """FLOPs: the floating-point operations of networks, two for each multiply-add.
 
 `flops` is exact for matrix products, attention's included, and convolutions, as PyTorch's counter
-has them. `thop_macs` counts as the paper does, by THOP (spec 11.5): linear layers, norms and
+has them. `thop_macs` counts as the paper does, by THOP (mld.md §11): linear layers, norms and
 convolutions outside attention, nothing inside; "FLOPs" of the paper are twice these, for a motion
 of 40 frames, CLIP on two prompts included.
 """
