@@ -1,6 +1,6 @@
 """What each step of the clean-up does to generated motions and to real clips.
 
-    python benchmarks/cleanup.py PREPARED_FOLDER    # the first tables of docs/measurements/cleanup.md
+    python benchmarks/cleanup.py PREPARED_FOLDER  # docs/measurements/cleanup.md
 
 Feet are measured four ways; the first two judge the same frames before and after:
 

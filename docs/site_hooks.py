@@ -12,8 +12,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 PACKAGE = Path(__file__).parents[1] / "src" / "latentmotion"
-LEFT_OUT = {"blender", "models", "viewer", "__main__"}
-"""Rooms without public names: the add-on that runs in Blender, shipped weights, a web page."""
+LEFT_OUT = {"blender", "cli", "models", "viewer", "__main__"}
+"""Rooms without public names: Blender's add-on, commands, shipped weights, a web page."""
 FOLDER = "reference/api"
 
 

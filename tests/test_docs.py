@@ -198,3 +198,8 @@ def test_sections_of_the_reference_that_code_cites_exist() -> None:
         text = path.read_text(encoding="utf-8")
         for cited in re.findall(r"mld\.md\s(§\d+(?:,\s§\d+)*)", text):
             assert set(re.findall(r"\d+", cited)) <= sections, f"{path}: {cited}"
+
+
+def test_every_command_stands_in_the_table_of_commands() -> None:
+    page = (ROOT / "docs/reference/commands.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `([a-z0-9 -]+)` \|", page, re.MULTILINE)) == set(VERBS)
