@@ -24,7 +24,7 @@ from latentmotion.cli.main import VERBS, main
 from latentmotion.cli.usage import parsed
 
 ROOT = next(folder for folder in Path(__file__).parents if (folder / "pyproject.toml").is_file())
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^( *)```(\S*)([^\n`]*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 REPOSITORY = "https://github.com/latentmotion/latentmotion/blob/main/"
 REASONS = ("needs ", "takes ")
