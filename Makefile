@@ -1,4 +1,4 @@
-# make run: everything for the main job. make test: everything for the tests.
+# make run: everything for the main job. make test: everything for the tests. make docs: the site.
 # PIP_FLAGS carries extras for pip, such as "-c constraints.txt". On Linux, pip's PyTorch comes with
 # CUDA, some gigabytes; without an NVIDIA GPU, take the build for the CPU:
 #   make test PIP_FLAGS="--extra-index-url https://download.pytorch.org/whl/cpu"
@@ -21,4 +21,9 @@ lint:
 	$(VENV)/bin/pyright --pythonpath $(VENV)/bin/python
 	$(VENV)/bin/lint-imports
 
-.PHONY: run test lint
+docs:
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/pip install $(PIP_FLAGS) -e ".[docs]"
+	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/python -m mkdocs build --strict --quiet
+
+.PHONY: run test lint docs

@@ -1,6 +1,8 @@
 """How well motions are carried to rigs of other proportions, rest poses and axes.
 
-    python -m benchmarks.quality.retargeting PREPARED_FOLDER [RIG.glb ...]  # docs/retargeting.md
+    python -m benchmarks.quality.retargeting PREPARED_FOLDER [RIG.glb ...]
+
+fills the table of docs/measurements/retargeting.md.
 
 Besides the three rigs that the tests build, rigs of your own (or of CMU: 07.asf, 07_03.bvh) can be
 named. For each rig, over clips of the test split, cleaned up as `latentmotion clean` does:

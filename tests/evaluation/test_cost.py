@@ -43,7 +43,7 @@ def test_thop_sees_nothing_inside_attention() -> None:
 
 
 def test_parameters_are_those_of_the_paper() -> None:
-    """26.38 million (spec 1); the authors keep a table of places, `mem_pos`, that nothing uses."""
+    """26.38 million (mld.md §1); the authors keep positions, `mem_pos`, that nothing uses."""
     experiment = mld_humanml3d()
     vae, denoiser = build(experiment.vae), build(experiment.denoiser)
     assert parameters(vae) == 18_032_135
@@ -51,7 +51,7 @@ def test_parameters_are_those_of_the_paper() -> None:
 
 
 def test_thop_of_a_step_and_of_the_decoder_are_those_of_the_paper() -> None:
-    """From table 5, spec 11.5: 33.11 - 29.86 G for 50 steps more, two to a multiply-add."""
+    """From table 5 (mld.md §11): 33.11 - 29.86 G for 50 steps more, two to a multiply-add."""
     experiment = mld_humanml3d()
     vae, denoiser = build(experiment.vae).eval(), build(experiment.denoiser).eval()
     z, mask = torch.zeros(2, 1, 256), torch.ones(2, 1, dtype=torch.bool)

@@ -72,7 +72,7 @@ class Evaluate:
     """Measure parameters, FLOPs and seconds too."""
     instructions: bool = False
     """Ask for some 250 instructions (turn left, kick twice, walk and then sit down) and check in
-    the motion whether it does them (docs/instructions.md); needs no PyTorch."""
+    the motion whether it does them (docs/guide/instructions.md); needs no PyTorch."""
     takes: int = 5
     """Instructions: motions of each prompt."""
     clean: bool = True

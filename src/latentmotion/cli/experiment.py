@@ -48,7 +48,7 @@ class ListExperiments:
 class FillDocument:
     """Put tables that were run into a document, between lines such as <!-- table vae -->.
 
-    Example: latentmotion experiment document docs/results.md --results results
+    Example: latentmotion experiment document docs/measurements/results.md --results results
     """
 
     document: Positional[Path]

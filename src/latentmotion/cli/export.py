@@ -42,7 +42,7 @@ class Export:
     one beside the text encoder, if any."""
     precision: GraphPrecision = "float32"
     """Of matrix products in the graphs; int8 is faster and a little less exact
-    (docs/runtime.md)."""
+    (docs/guide/runtime.md)."""
     name: str | None = None
     """What the model shall be called; by default as the folder."""
     license: str | None = None

@@ -79,7 +79,7 @@ class Generate:
     """SMPL model file (.npz, or .pkl of plain arrays) whose joints a model of SMPL's poses moves,
     in place of the skeleton that ships."""
     clean: bool = True
-    """Hold feet that stand, put the figure on the floor, take out shaking (docs/cleanup.md)."""
+    """Lock standing feet, put the figure on the floor, smooth it (docs/guide/cleanup.md)."""
     fps: float | None = None
     """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
     json: bool = False

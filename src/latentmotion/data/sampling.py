@@ -1,6 +1,6 @@
 """Which part of which clip is shown when: a plan that depends on nothing but seed and epoch.
 
-As in HumanML3D's own reader (specification section 8), a caption that tells of a part of a clip
+As in HumanML3D's own reader (docs/reference/mld.md §5), a caption that tells of a part of a clip
 makes an item of its own, lengths are multiples of a unit of 4 frames, and one crop in three is a
 unit shorter than it could be. New here: crops of similar length go into one batch, so that next
 to no padding is computed.

@@ -32,7 +32,7 @@ Joints = Float[np.ndarray, "_ joints 3"]
 Scores = dict[str, float]
 
 BATCH = 32
-"""Motions that the authors pad together (spec 11.3)."""
+"""Motions that the authors pad together (mld.md §9)."""
 
 
 @dataclass(frozen=True, eq=False)

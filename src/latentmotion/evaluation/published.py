@@ -56,7 +56,7 @@ PUBLISHED = (
         {"Accuracy": (0.997, 0.001), "Diversity": (6.850, 0.050), "MultiModality": (2.450, 0.040)},
     ),
 )
-"""The real rows; their FID is left out, since it is that of a set to itself (spec 11.4)."""
+"""The real rows; their FID is left out, since it is that of a set to itself (mld.md §10)."""
 
 
 def published_truth(sources: Sequence[str], official: bool) -> PublishedTruth | None:

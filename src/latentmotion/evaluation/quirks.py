@@ -1,6 +1,6 @@
 """What the MLD authors' evaluation does that a clean one would not; all off by default.
 
-Each is named with the section of the specification of their code that tells of it.
+Each names the section of docs/reference/mld.md that describes it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class DrawnPairs:
-    """Random pairs in place of all pairs (spec 11.2, 11.4)."""
+    """Random pairs in place of all pairs (mld.md §8, §10)."""
 
     text_diversity: int = 300
     """Pairs of diversity with a text-motion evaluator; each of the two draws without
@@ -24,7 +24,7 @@ class DrawnPairs:
     true_action_multimodality: int = 20
     """Pairs of a label, of real motions: the default of their function."""
     kid_subsets: int = 100
-    """Subsets from which KID is averaged (11.2)."""
+    """Subsets from which KID is averaged (mld.md §8)."""
     kid_size: int = 1000
     """Motions of a subset."""
 
@@ -35,29 +35,29 @@ class Quirks:
 
     random_crops: bool = False
     """Start and length of a clip's crop are drawn anew in every replication, and one in three is
-    a unit shorter (spec 8). Clean: from the first frame, as long as it can be."""
+    a unit shorter (mld.md §5). Clean: from the first frame, as long as it can be."""
     random_captions: bool = False
-    """One of a clip's captions is drawn (spec 8). Clean: they take turns."""
+    """One of a clip's captions is drawn (mld.md §5). Clean: they take turns."""
     remainder_dropped: bool = False
-    """Items beyond the last full group of 32 have no R-precision and MM-Dist (spec 11.2). Clean:
+    """Items beyond the last full group of 32 have no R-precision and MM-Dist (mld.md §8). Clean:
     others, whose own rank does not count again, fill the last group."""
     float32_means: bool = False
-    """FID's means are computed in float32 (spec 11.2)."""
+    """FID's means are computed in float32 (mld.md §8)."""
     drawn_pairs: DrawnPairs | None = None
-    """Diversity, MultiModality and KID from random pairs (spec 11.2, 11.4). Clean: from all."""
+    """Diversity, MultiModality and KID from random pairs (mld.md §8, §10). Clean: from all."""
     permuted_truth: bool = False
-    """The FID of the ground truth is that to itself in another order, nearly 0 (spec 11.4).
+    """The FID of the ground truth is that to itself in another order, nearly 0 (mld.md §10).
     Clean: between two random halves, the noise that a set of this size brings."""
     sampled_latents: bool = False
-    """A VAE repeats a motion from latents drawn of its posterior (spec 11.2). Clean: from the
+    """A VAE repeats a motion from latents drawn of its posterior (mld.md §8). Clean: from the
     mean."""
     padded_sums: bool = False
     """MPJPE and ACCL sum over the padding of batches of 32 motions, and divide by the number of
-    true frames (spec 11.3)."""
+    true frames (mld.md §9)."""
     random_state: bool = False
-    """The GRU of the action classifier starts from a random state in every call (spec 11.4)."""
+    """The GRU of the action classifier starts from a random state in every call (mld.md §10)."""
     population_deviation: bool = False
-    """The deviation of replications is divided by their number (spec 11.2). Clean: by one less."""
+    """The deviation of replications is divided by their number (mld.md §8). Clean: by one less."""
 
 
 AUTHORS = Quirks(

@@ -1,7 +1,7 @@
 """The paper's figures (Chen et al., CVPR 2023) as far as they could be found, with their sources.
 
 Sources, none of them copied but for the numbers:
- [S] this project's specification of the paper and code (targets, cost), see docs/results.md
+ [S] the paper and its code (targets, cost), see docs/reference/mld.md
  [M] README of OpenMotionLab/MotionGPT, whose authors are the paper's: motion reconstruction
  [H] published lists of results on HumanML3D and KIT that quote table 1 and the appendix
  [N] public reading notes of arXiv 2212.04048 that quote tables 4, 6, 8, 9 and 10

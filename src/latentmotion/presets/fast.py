@@ -1,7 +1,7 @@
 """The fast family at the size of HumanML3D: the starter's recipe, wider, deeper and trained longer.
 
 Nothing here was trained on HumanML3D yet: where a size comes from is said beside it, and
-docs/results.md shows what each part of the recipe does on little data.
+docs/measurements/results.md shows what each part of the recipe does on little data.
 """
 
 from __future__ import annotations

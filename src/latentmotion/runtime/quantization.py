@@ -2,7 +2,7 @@
 
 That is ONNX Runtime's MatMulNBits, which OpenVINO reads too. Dynamic quantization has one scale for
 all inputs, so that a motion would depend on the batch that it is in. Convolutions stay in float32:
-in 8 bits they took three times as long (docs/runtime.md).
+in 8 bits they took three times as long (docs/measurements/runtime.md).
 """
 
 from __future__ import annotations

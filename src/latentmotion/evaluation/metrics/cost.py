@@ -4,13 +4,13 @@ AITS: average inference time per sentence, in seconds.
 
 The time from a sentence (label, nothing) to features in their own units: condition, all sampling
 steps with guidance, decoder; one motion at a time. Loading, joints and files are not in it. MLD,
-section 4.4. The authors' timer does not wait for the GPU (spec 11.5); this one does, and what runs
+section 4.4. The authors' timer does not wait for the GPU (mld.md §11); this one does, and what runs
 for the first time is not timed.
 
 FLOPs: the floating-point operations of networks, two for each multiply-add.
 
 `flops` is exact for matrix products, attention's included, and convolutions, as PyTorch's counter
-has them. `thop_macs` counts as the paper does, by THOP (spec 11.5): linear layers, norms and
+has them. `thop_macs` counts as the paper does, by THOP (mld.md §11): linear layers, norms and
 convolutions outside attention, nothing inside; "FLOPs" of the paper are twice these, for a motion
 of 40 frames, CLIP on two prompts included.
 

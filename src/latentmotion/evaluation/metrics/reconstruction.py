@@ -31,7 +31,7 @@ origin, facing +z), and all joints in the world. Ghosh et al. 2021, "Synthesis o
 animations from textual descriptions", section 4; TEMOS (Petrovich et al. 2022), section 4. Meters.
 
 Motions start above the origin facing +z, as a representation decodes them. The authors' own
-figures on HumanML3D (`TemosMetric`) are in other units, with sides swapped (spec 11.2), and compare
+figures on HumanML3D (`TemosMetric`) are in other units, with sides swapped (mld.md §8), and compare
 with nobody's.
 """
 
