@@ -21,7 +21,7 @@ import torch
 
 from contest import Contender, figure, table, take_turns
 from generation import Model, entries, label, options_parser
-from latentmotion.cli.loading import Engine
+from latentmotion.cli.options import Runtime
 from process import cost
 from stopwatch import Laps
 
@@ -56,7 +56,7 @@ def _authors(options: argparse.Namespace) -> Laps:
     return _first(["authors", str(threads), str(length), str(steps)], threads)
 
 
-def _ours(options: argparse.Namespace, model: Model, engine: Engine, folder: str) -> Laps:
+def _ours(options: argparse.Namespace, model: Model, engine: Runtime, folder: str) -> Laps:
     threads, steps = max(options.threads), max(model.steps(options.steps))
     ask = ["--seconds", str(options.seconds), "--steps", str(steps)]
     run = ["--model", str(model.folder), "--runtime", engine, "--threads", str(threads)]

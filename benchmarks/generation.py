@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from latentmotion.cli.loading import Engine
+from latentmotion.cli.options import Runtime
 from latentmotion.condition.interface import Condition
 from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model
 from stopwatch import Laps, Stopwatch
 
-ENGINES: dict[Engine, str] = {
+ENGINES: dict[Runtime, str] = {
     "pytorch": "PyTorch eager",
     "onnxruntime": "ONNX Runtime",
     "openvino": "OpenVINO",
@@ -66,7 +66,7 @@ def options_parser(about: str | None) -> argparse.ArgumentParser:
     return parser
 
 
-def entries(options: argparse.Namespace) -> list[tuple[Model, Engine]]:
+def entries(options: argparse.Namespace) -> list[tuple[Model, Runtime]]:
     """Returns which model shall run on which engine."""
     graphs = [engine for engine in options.engines if engine != "pytorch"]
     every = [(model, options.engines) for model in options.models]
@@ -74,7 +74,7 @@ def entries(options: argparse.Namespace) -> list[tuple[Model, Engine]]:
     return [(model, engine) for model, engines in every for engine in engines]
 
 
-def label(model: Model, engine: Engine, steps: int) -> str:
+def label(model: Model, engine: Runtime, steps: int) -> str:
     """Returns what tables call it."""
     return f"{model.name}, {steps} step{'s'[: steps > 1]}, {ENGINES[engine]}"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from latentmotion.body.smpl_model import load_smpl
 from latentmotion.checkpoint import TrainedModel, load_model
 from latentmotion.cli.evaluate import Evaluate
-from latentmotion.cli.loading import load_generator
+from latentmotion.cli.loading import load_generator, located
 from latentmotion.cli.train import text_encoder_named
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.configuration import to_json
@@ -35,7 +35,6 @@ from latentmotion.evaluation.trials import Trial
 from latentmotion.files import check_replaceable
 from latentmotion.model_card import read_card
 from latentmotion.models import find_model
-from latentmotion.runtime.computing import Computing
 from latentmotion.runtime.eager import eager_prior
 from latentmotion.vae.identity import IdentityVAE
 
@@ -93,21 +92,19 @@ class Measuring:
         model, weights = load_model(folder), weights_hash(folder)
         rebuilt = self._rebuilt(model, weights)
         if self.options.prior:
-            return [Prior(eager_prior(folder, self._computing()), weights), *rebuilt]
+            prior = eager_prior(folder, located(self.options.computing))
+            return [Prior(prior, weights), *rebuilt]
         if model.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if model.denoiser is None:
             return rebuilt
         generator = load_generator(
-            folder, text_encoder=self.options.text_encoder, computing=self._computing()
+            folder, text_encoder=self.options.text_encoder, computing=self.options.computing
         )
         made = Generated(
             generator, self.options.steps, self.options.guidance, self.options.sampler, weights
         )
         return [made, *rebuilt]
-
-    def _computing(self) -> Computing:
-        return Computing(self.options.device, self.options.precision, self.options.launch)
 
     def _rebuilt(self, model: TrainedModel, weights: str) -> list[Subject]:
         if model.vae is None or isinstance(model.vae, IdentityVAE):

@@ -7,10 +7,12 @@ import re
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
 from difflib import get_close_matches
-from typing import TypeVar, get_type_hints
+from inspect import getdoc
+from typing import Any, TypeVar, get_type_hints
 
 import tyro
 
+from latentmotion.cli.old_spellings import current_options
 from latentmotion.errors import InputError, hint
 
 Command = TypeVar("Command")
@@ -20,17 +22,26 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     """Returns the dataclass that the words fill; `--help` is printed and ends the program.
 
     Args:
-        command: A flat dataclass, whose fields are the options.
+        command: A dataclass whose fields are the options; where their defaults depend on
+            `--preset`, its `of_preset` returns them.
         name: What the user types for it, after the program's name.
         words: What follows that on the command line.
 
     Raises:
         InputError: An option is unknown or missing, or its value is.
     """
+    words = current_options(name, words)
+    preset = _preset(command, words)
     box = io.StringIO()
     try:
         with redirect_stderr(box):
-            found = tyro.cli(command, prog=f"latentmotion {name}", args=words)
+            found = tyro.cli(
+                command,
+                prog=f"latentmotion {name}",
+                description=getdoc(command),  # tyro leaves out the examples
+                args=words,
+                **preset,
+            )
     except SystemExit as end:
         if not end.code:
             raise
@@ -39,6 +50,18 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
         raise InputError(told + advice) from None
     _check_lists(found, words)
     return found
+
+
+def _preset(command: Any, words: Sequence[str]) -> dict[str, Any]:
+    """Returns tyro's `default`, where the options' defaults depend on the preset that is typed."""
+    if not hasattr(command, "of_preset"):
+        return {}
+    name = command.preset
+    for word, behind in zip(words, [*words[1:], ""], strict=True):
+        option, equals, value = word.partition("=")
+        if option == "--preset":
+            name = value if equals else behind or name
+    return {"default": command.of_preset(name)}
 
 
 def in_one_line(box: str) -> str:
