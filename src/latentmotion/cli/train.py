@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
-from tyro import MISSING
 from tyro.conf import OmitArgPrefixes, arg
 
 from latentmotion.cli.options import (
@@ -60,11 +59,10 @@ class TrainVAE:
     device: Device = AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
 
-    @classmethod
-    def of_preset(cls, preset: str) -> TrainVAE:
-        """Returns the options before anything is typed."""
-        training = preset_named(preset).vae_training
-        return cls(MISSING, MISSING, preset=preset, training=training)
+    @staticmethod
+    def training_of(preset: str) -> TrainingSettings:
+        """Returns a preset's settings of this training."""
+        return preset_named(preset).vae_training
 
     def run(self) -> None:
         """Trains to the last step."""
@@ -94,11 +92,10 @@ class TrainDenoiser:
     device: Device = AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).denoiser_training)
 
-    @classmethod
-    def of_preset(cls, preset: str) -> TrainDenoiser:
-        """Returns the options before anything is typed."""
-        training = preset_named(preset).denoiser_training
-        return cls(MISSING, MISSING, MISSING, preset=preset, training=training)
+    @staticmethod
+    def training_of(preset: str) -> TrainingSettings:
+        """Returns a preset's settings of this training."""
+        return preset_named(preset).denoiser_training
 
     def run(self) -> None:
         """Trains to the last step."""
@@ -144,11 +141,10 @@ class TrainDecoder:
     device: Device = AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
 
-    @classmethod
-    def of_preset(cls, preset: str) -> TrainDecoder:
-        """Returns the options before anything is typed."""
-        training = preset_named(preset).vae_training
-        return cls(MISSING, MISSING, MISSING, preset=preset, training=training)
+    @staticmethod
+    def training_of(preset: str) -> TrainingSettings:
+        """Returns a preset's settings of this training."""
+        return preset_named(preset).vae_training
 
     def run(self) -> None:
         """Trains to the last step."""

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro import MISSING
 from tyro.conf import arg
 
 from latentmotion.cli.options import AUTO, TEXT_ENCODER, Changes, Data, Device
@@ -60,10 +59,10 @@ class TrainEvaluator:
     device: Device = AUTO
     training: Training = field(default_factory=lambda: _training("t2m"))
 
-    @classmethod
-    def of_preset(cls, preset: str) -> TrainEvaluator:
-        """Returns the options before anything is typed."""
-        return cls(MISSING, MISSING, preset=preset, training=_training(preset))
+    @staticmethod
+    def training_of(preset: str) -> TrainingSettings:
+        """Returns a preset's settings of this training."""
+        return _training(preset)
 
     def run(self) -> None:
         """Trains to the last step."""

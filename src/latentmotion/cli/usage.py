@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
+from dataclasses import field, make_dataclass
 from difflib import get_close_matches
 from inspect import getdoc
 from typing import Any, TypeVar, get_type_hints
@@ -22,8 +23,8 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     """Returns the dataclass that the words fill; `--help` is printed and ends the program.
 
     Args:
-        command: A dataclass whose fields are the options; where their defaults depend on
-            `--preset`, its `of_preset` returns them.
+        command: A dataclass whose fields are the options. One with presets has `training_of`, which
+            returns a preset's training settings, the defaults of the field `training`.
         name: What the user types for it, after the program's name.
         words: What follows that on the command line.
 
@@ -31,16 +32,14 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
         InputError: An option is unknown or missing, or its value is.
     """
     words = current_options(name, words)
-    preset = _preset(command, words)
     box = io.StringIO()
     try:
         with redirect_stderr(box):
             found = tyro.cli(
-                command,
+                _with_presets_training(command, words),
                 prog=f"latentmotion {name}",
                 description=getdoc(command),  # tyro leaves out the examples
                 args=words,
-                **preset,
             )
     except SystemExit as end:
         if not end.code:
@@ -52,16 +51,19 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     return found
 
 
-def _preset(command: Any, words: Sequence[str]) -> dict[str, Any]:
-    """Returns tyro's `default`, where the options' defaults depend on the preset that is typed."""
-    if not hasattr(command, "of_preset"):
-        return {}
+def _with_presets_training(command: Any, words: Sequence[str]) -> Any:
+    """Returns the command with the training settings of the preset that is typed as defaults."""
+    if not hasattr(command, "training_of"):
+        return command
     name = command.preset
     for word, behind in zip(words, [*words[1:], ""], strict=True):
         option, equals, value = word.partition("=")
         if option == "--preset":
             name = value if equals else behind or name
-    return {"default": command.of_preset(name)}
+    settings = command.training_of(name)
+    kind = get_type_hints(command, include_extras=True)["training"]
+    training = ("training", kind, field(default_factory=lambda: settings))
+    return make_dataclass(command.__name__, [training], bases=(command,), frozen=True)
 
 
 def in_one_line(box: str) -> str:
