@@ -40,15 +40,15 @@ class TrainingSettings:
     schedule: Literal["cosine", "constant"] = "cosine"
     """Cosine to zero after the warm-up, or constant."""
     weight_decay: float = 0.01
-    """AdamW's."""
+    """AdamW's weight decay."""
     gradient_clip: float | None = 1.0
-    """Highest norm of the gradient; null for none."""
+    """Highest norm of the gradient; None (null in JSON) for no clipping."""
     ema_decay: float = 0.999
     """Decay of the moving average of the weights; 0 for none."""
     precision: Precision = "float32"
-    """Of the networks' arithmetic; weights and losses stay in float32."""
+    """Precision of the networks' arithmetic; weights and losses stay in float32."""
     seed: int = 0
-    """Of weights, batches and noise."""
+    """Seed of weights, batches and noise."""
     report_every: int = 50
     """Steps between lines of progress and journal."""
     validate_every: int = 500

@@ -75,7 +75,7 @@ def test_check_tells_what_raw_folders_lack(raw: Path, capsys: pytest.CaptureFixt
     [
         ("data check @nothing", "expected a prepared folder"),
         ("data check @empty", "found nothing known"),
-        ("data prepare hdm05 --clips @trials -o @out", "found none"),
+        ("data prepare hdm05 @trials -o @out", "found none"),
         ("data prepare cmu --trials @nothing --humanml3d @h3d -o @out", "no folder"),
         ("data prepare cmu --trials @trials --humanml3d @mine -o @out", "lacks index.csv"),
         (CMU.replace("@cmu", "@no/such/folder"), "does not exist"),

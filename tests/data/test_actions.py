@@ -31,8 +31,8 @@ def turn_about_y(angle: float) -> np.ndarray:
 def test_humanact12(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = write_humanact12(tmp_path / "humanact12poses.pkl")
     main(["data", "check", str(tmp_path)])
-    assert f"data prepare humanact12 --poses {file}" in capsys.readouterr().out
-    main(["data", "prepare", "humanact12", "--poses", str(file), "-o", str(tmp_path / "out")])
+    assert f"data prepare humanact12 {file}" in capsys.readouterr().out
+    main(["data", "prepare", "humanact12", str(file), "-o", str(tmp_path / "out")])
     dataset = Dataset.load(tmp_path / "out")
     clips = dataset.clips("train")
     assert [clip.frames for clip in clips] == [80, 60, 61, 70]
@@ -47,7 +47,7 @@ def test_humanact12(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_humanact12_features_are_the_poses(tmp_path: Path) -> None:
     write_humanact12(tmp_path / "a.pkl")
-    main(["data", "prepare", "humanact12", "--poses", f"{tmp_path}/a.pkl", "-o", f"{tmp_path}/out"])
+    main(["data", "prepare", "humanact12", f"{tmp_path}/a.pkl", "-o", f"{tmp_path}/out"])
     dataset = Dataset.load(tmp_path / "out")
     short = dataset.features(dataset.clips("train")[1])
     vectors, joints = poses(40, seed=1)
@@ -61,7 +61,7 @@ def test_humanact12_features_are_the_poses(tmp_path: Path) -> None:
 
 def test_humanact12_clips_may_keep_their_length(tmp_path: Path) -> None:
     write_humanact12(tmp_path / "a.pkl")
-    words = f"data prepare humanact12 --poses {tmp_path}/a.pkl --hold 0 -o {tmp_path}/out"
+    words = f"data prepare humanact12 {tmp_path}/a.pkl --hold 0 -o {tmp_path}/out"
     main(words.split())
     assert [c.frames for c in Dataset.load(tmp_path / "out").clips("train")] == [80, 40, 61, 70]
 
@@ -104,8 +104,8 @@ def test_humanact12_clips_that_cannot_be_used_are_told(tmp_path: Path) -> None:
 def test_uestc(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = write_uestc(tmp_path / "uestc")
     main(["data", "check", str(tmp_path)])
-    assert f"data prepare uestc --folder {folder}" in capsys.readouterr().out
-    main(["data", "prepare", "uestc", "--folder", str(folder), "-o", str(tmp_path / "out")])
+    assert f"data prepare uestc {folder}" in capsys.readouterr().out
+    main(["data", "prepare", "uestc", str(folder), "-o", str(tmp_path / "out")])
     printed = capsys.readouterr().out
     assert "view 8 of side 2" in printed
     assert "44 frames, fewer than 45" in printed
@@ -200,7 +200,7 @@ def test_folders_are_labels(tmp_path: Path) -> None:
 @pytest.mark.parametrize("representation", ["humanml3d", "smpl"])
 def test_prepare_labelled(tmp_path: Path, representation: str) -> None:
     write_labelled(tmp_path / "in")
-    words = f"data prepare labelled --folder {tmp_path}/in -o {tmp_path}/out --val 0 --test 0"
+    words = f"data prepare labelled {tmp_path}/in -o {tmp_path}/out --val 0 --test 0"
     main([*words.split(), "--representation", representation])
     dataset = Dataset.load(tmp_path / "out")
     assert dataset.manifest.representation == representation

@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Prepared data, a model of 60 frames, the classifier and a body half as large again."""
     folder = tmp_path_factory.mktemp("bodies")
     poses = write_humanact12(folder / "poses.pkl", frames=(62, 65, 61, 60))
-    main(["data", "prepare", "humanact12", "--poses", str(poses), "-o", str(folder / "data")])
+    main(["data", "prepare", "humanact12", str(poses), "-o", str(folder / "data")])
     denoiser = DenoiserConfig(16, 12, SMALL, False, "table", places="latents_first", sine_width=16)
     about = card(150, "smpl", LatentSpace(16, tokens=1))
     labels = ActionTask(tuple(HUMANACT12_LABELS))

@@ -287,7 +287,7 @@ def test_a_model_is_asked_without_pytorch(tmp_path: Path) -> None:
         "import sys; from latentmotion.cli.main import main;"
         "from latentmotion.evaluation.instructions import prompts as p, answers as a;"
         "few = tuple(o for o in p.instructions() if o.id in ('side-01', 'pace-18', 'pace-19'));"
-        "import latentmotion.cli.instructions as c; c.instructions = lambda: few;"
+        "import latentmotion.cli.evaluate as c; c.instructions = lambda: few;"
         "main(['evaluate', 'fast', '--takes', '2', '--instructions',"
         f" '-o', {str(tmp_path / 'r')!r}]);"
         "print('torch' in sys.modules)"

@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_humanact12(folder / "humanact12poses.pkl")
     write_synthetic_smpl(folder / "smpl.npz")
     poses, out = folder / "humanact12poses.pkl", folder / "data"
-    main(["data", "prepare", "humanact12", "--poses", str(poses), "-o", str(out)])
+    main(["data", "prepare", "humanact12", str(poses), "-o", str(out)])
     return folder
 
 

@@ -117,7 +117,7 @@ def test_a_student_gets_it_by_exchange(model: Path, decoded: Path, tmp_path: Pat
     save_model(tmp_path / "student", student)
     main(
         [
-            "exchange",
+            "swap-decoder",
             str(tmp_path / "student"),
             "--decoder",
             str(decoded),

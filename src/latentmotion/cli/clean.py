@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp
+from latentmotion.cli.options import File, Outputs
 from latentmotion.storage.files import check_writable
 
 _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
@@ -17,26 +17,26 @@ _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
 
 @dataclass(frozen=True)
 class Clean:
-    """Hold the feet of a motion where they stand, steady it, put it on the floor.
+    """Clean up a motion: hold standing feet, remove jitter, put the figure on the floor.
 
     Example: latentmotion clean walk.npz -o walk.bvh --no-smooth
     """
 
-    file: Annotated[Positional[Path], arg(metavar="FILE", help=_INPUT)]
-    output: Annotated[tuple[Path, ...], arg(aliases=["-o"])]
-    """Files to write, the ending picks the format."""
+    file: Annotated[File, arg(help=_INPUT)]
+    output: Outputs
+    """Files to write; the extension selects the format."""
     smooth: bool = True
-    """Take out shaking."""
+    """Remove jitter."""
     bones: bool = True
-    """Give every bone one length."""
+    """Keep the length of every bone constant."""
     floor: bool = True
     """Put the figure on the floor."""
     feet: bool = True
-    """Hold feet that stand."""
+    """Hold feet in place while they stand."""
     in_place: bool = False
-    """Take away the path along the floor, as game engines like it."""
+    """Remove the root's path along the floor, as game engines expect."""
     cutoff: float = 5.0
-    """Hertz up to which movement counts as meant and not as shaking."""
+    """Cutoff frequency of the smoothing in hertz: faster movement counts as jitter."""
 
     def run(self) -> None:
         """Reads, cleans, writes.

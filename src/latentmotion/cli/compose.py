@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
 
-import tyro
-
+from latentmotion.cli.options import Folder, Output, Seed
 from latentmotion.data.compose import Composition, compose
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import MANIFEST
@@ -25,14 +22,13 @@ class Compose:
         latentmotion data merge data composed -o everything
     """
 
-    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FOLDER")]
-    """A prepared folder."""
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """The prepared folder to write; it holds the sequences alone."""
+    folder: Folder
+    """Prepared folder."""
+    output: Output
+    """Prepared folder to write; it holds the sequences only."""
     count: int = 500
-    """How many sequences are wanted."""
-    seed: int = 0
-    """Seed of every choice."""
+    """Number of sequences."""
+    seed: Seed = 0
 
     def run(self) -> None:
         """Composes, writes the folder and prints what came of it.
@@ -45,13 +41,13 @@ class Compose:
             raise InputError(
                 f"count {self.count}, seed {self.seed}; expected at least 1 and at least 0"
             )
-        check_replaceable(self.out, MANIFEST)
+        check_replaceable(self.output, MANIFEST)
         dataset = Dataset.load(self.folder)
         composed = compose(dataset, Composition(self.count, self.seed))
         preparation = Preparation(dataset.representation)
         preparation.motions.extend(composed.motions)
         left_out = ", ".join(f"{count} {why}" for why, count in composed.refused.most_common())
         note = f"{len(composed.motions)} sequences composed; refused: {left_out or 'none'}"
-        report = preparation.write(self.out, (composed.source,), notes=(note,))
+        report = preparation.write(self.output, (composed.source,), notes=(note,))
         print(report.text())
-        print(f"wrote {self.out}")
+        print(f"wrote {self.output}")

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
 
-import tyro
-
+from latentmotion.cli.options import Folder, Fps, JointMapFile, LengthUnit, Output, Seed
 from latentmotion.data.clip import Source
 from latentmotion.data.described import (
     FileRow,
@@ -33,30 +30,26 @@ class Describe:
     files becomes a CSV that `latentmotion data prepare own --captions` reads.
     """
 
-    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FOLDER")]
-    """A prepared folder or a pack, or a folder of motion files."""
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """The prepared folder, or the CSV, to write."""
+    folder: Folder
+    """Prepared folder or pack, or folder of motion files."""
+    output: Output
+    """Prepared folder, or CSV file, to write."""
     edit: bool = False
-    """Of a prepared folder, too, write a CSV, to read and correct by hand."""
+    """Write a CSV file for a prepared folder, too, to read and correct by hand."""
     check: bool = False
-    """Leave out captions that the motion contradicts, and say why; of the train split alone."""
+    """Drop captions of the train split that the motion contradicts, and print why."""
     names: bool = False
-    """Take motion files' names (`wave_hello_02.bvh`) for what they show, unless contradicted."""
+    """Use the names of motion files (`wave_hello_02.bvh`) as captions, unless contradicted."""
     windows: int = 3
-    """Parts of random length and place per clip of the train split that get captions."""
+    """Random excerpts per clip of the train split that get captions."""
     sentences: int = 2
-    """Measured sentences per clip and per part."""
+    """Measured sentences per clip and per excerpt."""
     rewordings: int = 2
-    """How often each caption that the train split has is said in other words."""
-    seed: int = 0
-    """What draws parts and wording."""
-    fps: float | None = None
-    """Native frames per second of motion files, where they say it wrongly or not at all."""
-    unit: str = "centimeters"
-    """Unit of length of BVH files."""
-    joint_map: Path | None = None
-    """JSON that says where each of HumanML3D's 22 joints is, for unknown skeletons."""
+    """Paraphrases of each existing caption of the train split."""
+    seed: Seed = 0
+    fps: Fps = None
+    unit: LengthUnit = "centimeters"
+    joint_map: JointMapFile = None
 
     def run(self) -> None:
         """Writes the captions."""
@@ -74,12 +67,12 @@ class Describe:
         if self.edit:
             self._write_csv(folder_rows(self.folder, *options))
             return
-        if self.out.suffix.lower() == ".csv":
-            raise InputError(f"{self.out}: a prepared folder becomes one; add --edit for a CSV")
-        check_replaceable(self.out, MANIFEST)
-        report = describe_folder(self.folder, self.out, *options)
+        if self.output.suffix.lower() == ".csv":
+            raise InputError(f"{self.output}: a prepared folder becomes one; add --edit for a CSV")
+        check_replaceable(self.output, MANIFEST)
+        report = describe_folder(self.folder, self.output, *options)
         print(report.text() if self.check else report.table())
-        print(f"wrote {self.out}")
+        print(f"wrote {self.output}")
 
     def _files(self) -> list[FileRow | Dropped]:
         joint_map = load_joint_map(self.joint_map) if self.joint_map else None
@@ -95,7 +88,7 @@ class Describe:
         rows = [item for item in found if isinstance(item, FileRow)]
         if not rows:
             raise InputError(f"{self.folder}: no motion in it can be described")
-        write_captions(self.out, rows)
+        write_captions(self.output, rows)
         files = len({row.file for row in rows})
-        print(f"wrote {self.out}: {len(rows)} captions of {files} motions")
+        print(f"wrote {self.output}: {len(rows)} captions of {files} motions")
         print("Correct it, then: latentmotion data prepare own FOLDER --captions CSV -o OUT")

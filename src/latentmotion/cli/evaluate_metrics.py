@@ -7,7 +7,7 @@ from pathlib import Path
 
 from latentmotion.checkpoint import FirstStageModel, load_stages
 from latentmotion.cli.evaluate import Evaluate
-from latentmotion.cli.loading import load_generator
+from latentmotion.cli.loading import load_generator, located
 from latentmotion.cli.train import text_encoder_named
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
@@ -33,8 +33,8 @@ from latentmotion.evaluation.trials import Trial
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import read_card
 from latentmotion.model.folder import find_model
-from latentmotion.runtime.computing import Computing
 from latentmotion.runtime.eager import eager_prior
+from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable
 
 
@@ -91,21 +91,19 @@ class Measuring:
         model, weights = load_stages(folder), weights_hash(folder)
         rebuilt = self._rebuilt(model, weights)
         if self.options.prior:
-            return [Prior(eager_prior(folder, self._computing()), weights), *rebuilt]
+            prior = eager_prior(folder, located(self.options.computing))
+            return [Prior(prior, weights), *rebuilt]
         if model.card.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if model.card.denoiser is None:
             return rebuilt
         generator = load_generator(
-            folder, text_encoder=self.options.text_encoder, computing=self._computing()
+            folder, text_encoder=self.options.text_encoder, computing=self.options.computing
         )
         made = Generated(
             generator, self.options.steps, self.options.guidance, self.options.sampler, weights
         )
         return [made, *rebuilt]
-
-    def _computing(self) -> Computing:
-        return Computing(self.options.device, self.options.precision, self.options.launch)
 
     def _rebuilt(self, model: FirstStageModel, weights: str) -> list[Subject]:
         if not model.card.vae.has_weights:

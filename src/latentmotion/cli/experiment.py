@@ -7,9 +7,19 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import tyro
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
+from latentmotion.cli.options import (
+    AUTO,
+    TEXT_ENCODER,
+    Changes,
+    Data,
+    Device,
+    Evaluator,
+    Output,
+    ProtocolChoice,
+    TextEncoderName,
+)
 from latentmotion.experiments.tables import TABLES, rows_named, table_named
 
 if TYPE_CHECKING:
@@ -19,19 +29,16 @@ if TYPE_CHECKING:
     from latentmotion.experiments.workplace import Workplace
     from latentmotion.training.devices import Place
 
-Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-Changes = tyro.conf.UseAppendAction[tuple[str, ...]]
-
 
 @dataclass(frozen=True)
 class ListExperiments:
-    """Say which tables and figures of the paper can be run, and what each needs.
+    """List the tables and figures of the paper that can be run, and what each needs.
 
     Example: latentmotion experiment list
     """
 
-    name: Positional[str] = ""
-    """One of them, to see its rows."""
+    name: Annotated[Positional[str], arg(metavar="TABLE")] = ""
+    """Table to list the rows of."""
 
     def run(self) -> None:
         """Prints a table.
@@ -46,15 +53,15 @@ class ListExperiments:
 
 @dataclass(frozen=True)
 class FillDocument:
-    """Put tables that were run into a document, between lines such as <!-- table vae -->.
+    """Insert finished tables into a document, between lines such as <!-- table vae -->.
 
     Example: latentmotion experiment document docs/measurements/results.md --results results
     """
 
-    document: Positional[Path]
-    """Markdown; plots and JSON go into a folder beside it."""
+    document: Annotated[Positional[Path], arg(metavar="DOCUMENT")]
+    """Markdown document; plots and JSON go into a folder beside it."""
     results: Path
-    """Output folder of latentmotion experiment run."""
+    """Output folder of `latentmotion experiment run`."""
 
     def run(self) -> None:
         """Rewrites the document.
@@ -69,35 +76,30 @@ class FillDocument:
 
 @dataclass(frozen=True)
 class RunExperiment:
-    """Train and measure the rows of a table; the same command again goes on where it was.
+    """Train and measure the rows of a table; the same command again resumes a stopped run.
 
     Tables that share a folder share models. Writes OUTPUT/NAME.md, .json and, for a figure, .png.
 
     Example: latentmotion experiment run vae --data my_data --budget small -o results
     """
 
-    name: Positional[str]
-    """Which table; see latentmotion experiment list."""
-    data: Annotated[Path, tyro.conf.arg(aliases=["-d"])]
-    """Folder that `latentmotion data prepare` made."""
+    name: Annotated[Positional[str], arg(metavar="TABLE")]
+    """Table to run; `latentmotion experiment list` names them."""
+    data: Data
     output: Output
     """Folder of models and results."""
-    budget: str = "paper"
-    """paper for its sizes, small for two cores."""
+    budget: Literal["paper", "small"] = "paper"
+    """paper for the paper's sizes, small for two cores."""
     set: Changes = ()
-    """Change one value of every model on top, e.g. denoiser_training.steps=1000; several times."""
-    rows: str = ""
-    """Rows to run, with commas between; by default all."""
-    evaluator: Path | None = None
-    """Folder of an evaluator, for FID and its like; without one, joint errors are all."""
-    text_encoder: str = "starter"
-    """What reads sentences, where a row is not about that; see latentmotion train denoiser."""
-    protocol: Literal["clean", "paper"] = "clean"
-    """clean, or paper for the authors' habits of measuring."""
+    """Change one setting of every model, e.g. denoiser_training.steps=1000; repeatable."""
+    rows: tuple[str, ...] = ()
+    """Rows to run; by default all."""
+    evaluator: Evaluator = None
+    text_encoder: TextEncoderName = TEXT_ENCODER
+    protocol: ProtocolChoice = "clean"
     replications: int | None = None
-    """Repetitions of each measurement; by default the budget's."""
-    device: str = "auto"
-    """auto, cpu, cuda or cuda:N."""
+    """Repetitions of each measurement; by default those of the budget."""
+    device: Device = AUTO
 
     def run(self) -> None:
         """Trains, measures and writes; prints the page.
@@ -110,7 +112,7 @@ class RunExperiment:
         from latentmotion.training.devices import training_place
 
         table = table_named(self.name)
-        rows = rows_named(table, [row.strip() for row in self.rows.split(",") if row.strip()])
+        rows = rows_named(table, self.rows)
         with training_place(self.device) as place:
             work = self._workplace(place)
             extractor = self._extractor()

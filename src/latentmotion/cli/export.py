@@ -1,20 +1,20 @@
-"""`latentmotion export`: a trained model becomes a folder that runs without PyTorch."""
+"""`latentmotion export|swap-decoder`: trained models become folders to use and to share."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
-from tyro.conf import Positional, arg
-
+from latentmotion.checkpoint import load_stages, save_model
+from latentmotion.cli.options import Model, OptionalTextEncoder, Output
 from latentmotion.cli.train import text_encoder_named
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.text.lengths import LENGTHS_FILE, LengthModel
 from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
 from latentmotion.condition.text.pretrained_export import export_pretrained
 from latentmotion.errors import InputError
+from latentmotion.exchange import with_decoder
 from latentmotion.model.card import GraphPrecision, ModelCard, read_card
 from latentmotion.model.folder import find_model
 from latentmotion.runtime.conditions import encoder_folder
@@ -29,30 +29,26 @@ class Export:
     Example: latentmotion export runs/denoiser/model --text-encoder runs/text -o my_model
     """
 
-    model: Annotated[Positional[Path], arg(metavar="MODEL")]
-    """Folder that training or `latentmotion convert` wrote."""
-    output: Annotated[Path, arg(aliases=["-o"])]
-    """Folder to write."""
-    text_encoder: str | None = None
-    """For a model that reads sentences: folder that `latentmotion train text-encoder` wrote, name
-    of a model whose encoder is taken, or clip:FOLDER, minilm:FOLDER and the like; by default the
-    one in the model's folder, or that its card names where it is on this machine."""
+    model: Model
+    output: Output
+    """Model folder to write."""
+    text_encoder: OptionalTextEncoder = None
     length: Path | None = None
-    """For a model that reads sentences: file that `latentmotion train length` wrote; by default the
-    one beside the text encoder, if any."""
+    """Length predictor that `latentmotion train length` wrote, for a model that reads sentences; by
+    default the one beside the text encoder, if any."""
     precision: GraphPrecision = "float32"
-    """Of matrix products in the graphs; int8 is faster and a little less exact
-    (docs/guide/runtime.md)."""
+    """Precision of matrix products in the graphs; int8 is faster and slightly less exact
+    (docs/runtime.md)."""
     name: str | None = None
-    """What the model shall be called; by default as the folder."""
+    """Name of the model; by default that of the folder."""
     license: str | None = None
     """License of the weights; by default the terms of all data sets."""
     share_encoder: bool = False
-    """Leave the VAE's encoder, which only training and evaluation need, to a shipped model that
-    has the same: some 4 MB less."""
+    """Leave out the VAE's encoder, which only training and evaluation need, if a shipped model has
+    the same one; saves some 4 MB."""
 
     def run(self) -> None:
-        """Writes the folder and says how large it is.
+        """Writes the folder and prints its size.
 
         Raises:
             ModelError: Something is missing, or a graph does not repeat its network.
@@ -86,6 +82,26 @@ class Export:
         if self.text_encoder.partition(":")[0] in KINDS:
             return partial(_export, text_encoder_named(self.text_encoder))
         return copied(find_model(self.text_encoder))
+
+
+@dataclass(frozen=True)
+class SwapDecoder:
+    """Give a model the decoder of another model with the same encoder, which is checked.
+
+    Example: latentmotion swap-decoder runs/student --decoder runs/decoder -o my_model
+    """
+
+    model: Model
+    decoder: str
+    """Name, run folder or model folder of the model whose decoder is taken."""
+    output: Output
+    """Model folder to write, for evaluation or for `latentmotion export`."""
+
+    def run(self) -> None:
+        """Writes the folder."""
+        model, other = (load_stages(find_model(name)) for name in (self.model, self.decoder))
+        save_model(self.output, with_decoder(model, other))
+        print(self.output)
 
 
 def _write_texts(encoder: WriteTextEncoder, lengths: LengthModel, folder: Path) -> None:

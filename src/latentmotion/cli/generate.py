@@ -10,19 +10,36 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
-from latentmotion.cli.loading import Engine, load_generator, load_prior
-from latentmotion.diffusion.sampler import SamplerName
+from latentmotion.cli.loading import computing_options, load_generator, load_prior
+from latentmotion.cli.options import (
+    AUTO,
+    Body,
+    ComputePrecision,
+    Device,
+    Guidance,
+    LaunchMode,
+    OptionalTextEncoder,
+    Outputs,
+    PrintJson,
+    RuntimeChoice,
+    SamplerChoice,
+    Steps,
+    Threads,
+)
 from latentmotion.errors import InputError
+from latentmotion.kinematics.animation import check_fps
+from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.folder import DEFAULT, find_model
 from latentmotion.motion import Motion
 from latentmotion.representation.smpl import SmplRepresentation, representation_of
-from latentmotion.runtime.computing import Computing, Launch, Precision
+from latentmotion.runtime.computing import Computing
+from latentmotion.storage.cache_folder import cache_folder
 from latentmotion.storage.files import check_writable, read_lines
 
 _OUTPUT = (
-    f"Files to write, the ending picks the format: {' '.join(formats.ENDINGS)}. "
-    "Without it a page, motion.html, is written."
+    f"Files to write; the extension selects the format: {' '.join(formats.ENDINGS)}. "
+    "By default a web page, motion.html."
 )
 
 
@@ -33,57 +50,42 @@ class Generate:
     Example: latentmotion generate "a person walks forward and kicks" -o walk.bvh walk.html
     """
 
-    prompts: Positional[tuple[str, ...]] = ()
-    """What the person does: a sentence, or a label for a model of actions; several make several
-    motions. A model that was trained on motion alone takes none."""
+    prompts: Annotated[Positional[tuple[str, ...]], arg(metavar="PROMPTS")] = ()
+    """Descriptions of what the person does: sentences, or labels for a model of actions; each
+    becomes a motion of its own. A model trained on motion alone takes none."""
     file: Annotated[Path | None, arg(aliases=["-f"])] = None
     """Text file with one prompt per line, in place of prompts."""
     seconds: float | None = None
-    """Length of each motion; by default what is usual for the sentence, or 4 where the model does
-    not predict it."""
+    """Length of each motion; by default the model predicts it from the sentence, or it is 4."""
     count: int = 1
     """Motions per prompt."""
     seed: int = 0
-    """The first motion's seed; the next ones count up. The same seed gives the same motion."""
-    output: Annotated[tuple[Path, ...], arg(aliases=["-o"], help=_OUTPUT)] = ()
+    """Seed of the first motion; later motions count up from it. The same seed gives the same
+    motion."""
+    output: Annotated[Outputs, arg(help=_OUTPUT)] = ()
     model: str = DEFAULT
     """Name or folder of the model."""
     prior: bool = False
-    """Decode random latents of the model's VAE alone, without prompt and diffusion."""
-    steps: int | None = None
-    """Sampling steps; by default the model's own."""
-    guidance: float | None = None
-    """How strongly the prompt steers; by default the model's own."""
-    sampler: SamplerName | None = None
-    """ddim (which is euler), heun (two passes a step), dpm++, or ddpm, which adds fresh noise at
-    every step; by default the model's own."""
-    runtime: Engine = "auto"
-    """Engine of the networks; auto takes ONNX Runtime, and PyTorch for a model
-    that was not exported."""
-    threads: int | None = None
-    """Most threads the engine may use; by default all cores."""
+    """Decode random latents of the model's VAE, without prompt and diffusion."""
+    steps: Steps = None
+    guidance: Guidance = None
+    sampler: SamplerChoice = None
+    runtime: RuntimeChoice = "auto"
+    threads: Threads = None
     cache: bool = True
-    """Keep what the text encoder said of prompts in this user's cache folder, or where the
-    environment variable LATENTMOTION_CACHE says (`off` for nowhere)."""
-    text_encoder: str | None = None
-    """For a model that was not exported and has no text encoder: a folder, name of a model,
-    or clip:FOLDER and the like."""
-    device: str = "cpu"
-    """Where PyTorch computes: cpu, cuda or cuda:N."""
-    precision: Precision = "float32"
-    """Of PyTorch's matrix products and convolutions."""
-    launch: Launch = "eager"
-    """How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled; the latter
-    two take seconds before the first motion and pay for hundreds."""
-    body: Path | None = None
-    """SMPL model file (.npz, or .pkl of plain arrays) whose joints a model of SMPL's poses moves,
-    in place of the skeleton that ships."""
+    """Cache the text encoder's output in the user's cache folder, or in the folder that the
+    environment variable LATENTMOTION_CACHE names (`off` for none)."""
+    text_encoder: OptionalTextEncoder = None
+    device: Device = AUTO
+    precision: ComputePrecision = "float32"
+    launch: LaunchMode = "eager"
+    body: Body = None
     clean: bool = True
-    """Lock standing feet, put the figure on the floor, smooth it (docs/guide/cleanup.md)."""
+    """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
+    (docs/cleanup.md)."""
     fps: float | None = None
     """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
-    json: bool = False
-    """Print one JSON object for programs instead of text."""
+    json: PrintJson = False
 
     def run(self) -> None:
         """Generates and writes.
@@ -140,7 +142,7 @@ class Generate:
         return generator.batch(each, self.seconds, seeds, self.steps, self.guidance, self.sampler)
 
     def _computing(self) -> Computing:
-        return Computing(self.device, self.precision, self.launch)
+        return computing_options(self.device, self.precision, self.launch)
 
     def _body(self) -> SmplRepresentation | None:
         return representation_of(load_smpl(self.body)) if self.body else None

@@ -1,4 +1,4 @@
-"""`latentmotion VERB …`: finds the verb; a user's mistake ends in one line and exit code 2."""
+"""`latentmotion VERB …`: finds the verb; wrong input ends in one line and exit code 2."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from latentmotion import __version__
+from latentmotion.cli.old_spellings import current_verb
 from latentmotion.errors import InputError, LatentMotionError, MissingExtraError, hint
 
 
@@ -18,80 +19,66 @@ class Verb:
     """One command of the command line."""
 
     target: str
-    """`module:class` of the dataclass whose fields are its options and whose `run` does the job."""
+    """`file:class` in this folder: its fields are the options, its `run` does the job."""
     purpose: str
     """One line for the overview."""
 
 
-_CLI = "latentmotion.cli"
-
 VERBS = {
-    "generate": Verb(f"{_CLI}.generate:Generate", "Turn sentences or labels into motion files."),
-    "clean": Verb(f"{_CLI}.clean:Clean", "Hold the feet of a motion and steady it."),
-    "render": Verb(f"{_CLI}.render:Render", "Draw motion files as video, GIF or picture."),
+    "generate": Verb("generate:Generate", "Turn sentences or labels into motion files."),
+    "clean": Verb("clean:Clean", "Clean up a motion: hold standing feet, remove jitter."),
+    "render": Verb("render:Render", "Draw motion files as video, GIF or picture."),
+    "retarget": Verb("retarget:Retarget", "Retarget motions to your own character."),
     "blender-addon": Verb(
-        f"{_CLI}.blender_addon:BlenderAddon", "Write the add-on for Blender, ready to install."
+        "blender:BlenderAddon", "Write the add-on for Blender, ready to install."
     ),
-    "retarget": Verb(f"{_CLI}.retarget:Retarget", "Carry motions to a character of your own."),
-    "data prepare cmu": Verb(f"{_CLI}.data:PrepareCmu", "CMU's trials, HumanML3D's captions."),
-    "data prepare hdm05": Verb(f"{_CLI}.data:PrepareHdm05", "HDM05's clips and their classes."),
-    "data prepare snu": Verb(f"{_CLI}.data:PrepareSnu", "SNU's takes, cut and named."),
-    "data prepare humanml3d": Verb(f"{_CLI}.data:PrepareHumanML3D", "The official HumanML3D."),
-    "data prepare kit": Verb(f"{_CLI}.data:PrepareKit", "The official KIT-ML."),
+    "data prepare cmu": Verb("prepare:PrepareCmu", "CMU's trials with HumanML3D's captions."),
+    "data prepare hdm05": Verb("prepare:PrepareHdm05", "HDM05's clips and their classes."),
+    "data prepare snu": Verb("prepare:PrepareSnu", "SNU's takes, cut and named."),
+    "data prepare humanml3d": Verb("prepare:PrepareHumanML3D", "The official HumanML3D."),
+    "data prepare kit": Verb("prepare:PrepareKit", "The official KIT-ML."),
     "data prepare humanact12": Verb(
-        f"{_CLI}.prepare_actions:PrepareHumanAct12", "HumanAct12 as ACTOR distributes it."
+        "prepare:PrepareHumanAct12", "HumanAct12 as ACTOR distributes it."
     ),
-    "data prepare uestc": Verb(
-        f"{_CLI}.prepare_actions:PrepareUestc", "UESTC as ACTOR distributes it."
-    ),
+    "data prepare uestc": Verb("prepare:PrepareUestc", "UESTC as ACTOR distributes it."),
     "data prepare labelled": Verb(
-        f"{_CLI}.prepare_actions:PrepareLabelled", "Your own files, in a folder per action."
+        "prepare:PrepareLabelled", "Your own files, one folder per action."
     ),
-    "data prepare own": Verb(f"{_CLI}.data:PrepareOwn", "Your own files and captions."),
-    "data merge": Verb(f"{_CLI}.data:Merge", "Join prepared folders into one training set."),
-    "data pack": Verb(f"{_CLI}.data_pack:PackData", "Write a prepared folder as one small file."),
-    "data unpack": Verb(f"{_CLI}.data_pack:UnpackData", "Write the folder that a pack holds."),
-    "data compose": Verb(f"{_CLI}.compose:Compose", "Join two actions in a row, for training."),
-    "data describe": Verb(f"{_CLI}.describe:Describe", "Write captions measured from the motions."),
-    "data check": Verb(f"{_CLI}.data:Check", "Say what a data folder holds and what it lacks."),
-    "train vae": Verb(f"{_CLI}.train:TrainVAE", "Train a motion VAE (stage 1)."),
-    "train denoiser": Verb(f"{_CLI}.train:TrainDenoiser", "Train the diffusion (stage 2)."),
-    "train decoder": Verb(
-        f"{_CLI}.train_decoder:TrainDecoder", "Train a cheaper decoder for a model's latents."
-    ),
-    "train distill": Verb(f"{_CLI}.train_distill:TrainDistill", "Distill a model to few steps."),
-    "train text-encoder": Verb(
-        f"{_CLI}.train_text_encoder:TrainTextEncoder", "Distill a small sentence encoder."
-    ),
-    "train length": Verb(
-        f"{_CLI}.train_length:TrainLength", "Train how long a sentence's motion is."
-    ),
+    "data prepare own": Verb("prepare:PrepareOwn", "Your own files and captions."),
+    "data merge": Verb("data:Merge", "Join prepared folders into one training set."),
+    "data pack": Verb("data:PackData", "Write a prepared folder as one small file."),
+    "data unpack": Verb("data:UnpackData", "Write the prepared folder that a pack holds."),
+    "data compose": Verb("compose:Compose", "Join pairs of actions into sequences, for training."),
+    "data describe": Verb("describe:Describe", "Write captions measured from the motions."),
+    "data check": Verb("data:Check", "List what a data folder holds and what it lacks."),
+    "train vae": Verb("train:TrainVAE", "Train a motion VAE (stage 1)."),
+    "train denoiser": Verb("train:TrainDenoiser", "Train the diffusion (stage 2)."),
+    "train decoder": Verb("train:TrainDecoder", "Train a cheaper decoder for a model's latents."),
+    "train distill": Verb("train:TrainDistill", "Distill a model to a few sampling steps."),
+    "train text-encoder": Verb("train_text:TrainTextEncoder", "Distill a small sentence encoder."),
+    "train length": Verb("train_text:TrainLength", "Train a predictor of a motion's length."),
     "train evaluator": Verb(
-        f"{_CLI}.train_evaluator:TrainEvaluator", "Train what FID and R-precision look through."
+        "train_evaluators:TrainEvaluator", "Train the networks of FID and R-precision."
     ),
     "train classifier": Verb(
-        f"{_CLI}.train_classifier:TrainClassifier", "Train a judge of actions for evaluation."
+        "train_evaluators:TrainClassifier", "Train an action classifier for evaluation."
     ),
-    "exchange": Verb(f"{_CLI}.exchange:Exchange", "Give a model the decoder of another."),
-    "export": Verb(f"{_CLI}.export:Export", "Make a trained model run without PyTorch."),
-    "evaluate": Verb(f"{_CLI}.evaluate:Evaluate", "Measure a model for its card."),
+    "swap-decoder": Verb("export:SwapDecoder", "Give a model the decoder of another model."),
+    "export": Verb("export:Export", "Make a trained model run without PyTorch."),
+    "evaluate": Verb("evaluate:Evaluate", "Measure a model."),
+    "convert": Verb("convert:Convert", "Turn an MLD or MotionLCM checkpoint into a model."),
     "convert evaluator": Verb(
-        f"{_CLI}.convert_evaluator:ConvertEvaluator", "Turn an official evaluator into a folder."
+        "convert:ConvertEvaluator", "Turn an official evaluator into a folder."
     ),
-    "convert": Verb(f"{_CLI}.convert:Convert", "Turn the MLD authors' checkpoint into a model."),
     "experiment list": Verb(
-        f"{_CLI}.experiment:ListExperiments", "Say which tables of the paper can be run."
+        "experiment:ListExperiments", "List the paper's tables that can be run."
     ),
+    "experiment run": Verb("experiment:RunExperiment", "Train and measure the rows of a table."),
     "experiment document": Verb(
-        f"{_CLI}.experiment:FillDocument", "Put tables that were run into a document."
+        "experiment:FillDocument", "Insert finished tables into a document."
     ),
-    "experiment run": Verb(
-        f"{_CLI}.experiment:RunExperiment", "Train and measure the rows of a table."
-    ),
-    "study make": Verb(
-        f"{_CLI}.study:MakeStudy", "Make a page on which people compare two models, blind."
-    ),
-    "study report": Verb(f"{_CLI}.study:ReportStudy", "Say what they preferred."),
+    "study make": Verb("study:MakeStudy", "Make a page to compare two models, blind."),
+    "study report": Verb("study:ReportStudy", "Report what raters prefer."),
 }
 """The command line. Only the verb that was typed is imported."""
 
@@ -99,8 +86,8 @@ VERBS = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line.
 
-    Exit codes: 0 done, 2 a mistake of the user's (told on standard error), 130 interrupted, 141
-    nobody reads on, as for any program whose pipe is closed.
+    Exit codes: 0 success, 2 wrong input (explained on standard error), 130 interrupted, 141 the
+    reader of the output has gone, as for any program whose pipe is closed.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -132,7 +119,8 @@ def _run(words: list[str]) -> None:
         _run_verb(words)
 
 
-def _run_verb(words: list[str]) -> None:
+def _run_verb(typed: list[str]) -> None:
+    words = current_verb(typed)
     name = next((" ".join(words[:n]) for n in (3, 2, 1) if " ".join(words[:n]) in VERBS), None)
     if name is None:
         _unknown(words)
@@ -141,7 +129,7 @@ def _run_verb(words: list[str]) -> None:
 
     module, _, cls = VERBS[name].target.partition(":")
     try:
-        command = getattr(import_module(module), cls)
+        command = getattr(import_module(f"latentmotion.cli.{module}"), cls)
         parsed(command, name, words[len(name.split()) :]).run()
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("latentmotion"):
@@ -167,5 +155,5 @@ def _group(words: list[str]) -> dict[str, Verb]:
 
 def _overview(verbs: dict[str, Verb]) -> str:
     lines = [f"  {name:<25}{verb.purpose}" for name, verb in verbs.items()]
-    usage = "usage: latentmotion COMMAND [OPTIONS]     (COMMAND --help tells its options)"
+    usage = "usage: latentmotion COMMAND [OPTIONS]     (COMMAND --help lists its options)"
     return "\n".join([usage, "", *lines])

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from latentmotion import formats
+from latentmotion.cli.options import Files, Outputs
 from latentmotion.errors import InputError
 from latentmotion.kinematics.animation import check_fps
 from latentmotion.motion import Motion
@@ -19,7 +20,7 @@ from latentmotion.storage.files import check_writable
 _VIDEOS, _PICTURES = (".mp4", ".gif"), (".png",)
 
 _SMOOTH = 30.0
-"""Frames per second that a video has at most, if nothing else is said."""
+"""Most frames per second of a video by default."""
 
 _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a take."
 
@@ -33,20 +34,20 @@ class Render:
         latentmotion render walk.npz run.bvh -o strip.png --style path
     """
 
-    files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILES", help=_INPUT)]
-    output: Annotated[tuple[Path, ...], arg(aliases=["-o"])]
-    """Files to write, the ending picks the format: .mp4 .gif .png. Takes stand side by side in
-    videos, under each other in strips."""
+    files: Annotated[Files, arg(help=_INPUT)]
+    output: Outputs
+    """Files to write; the extension selects the format: .mp4 .gif .png. Takes are drawn side by
+    side in videos and one below the other in strips."""
     style: strip.Style = "row"
     """Strips: figures in a row, or fading along the path."""
     figures: int = 9
-    """Strips: figures of each take."""
+    """Strips: figures per take."""
     camera: video.View = "follow"
-    """Videos: the camera follows the person, or stays where it sees all of the path."""
+    """Videos: the camera follows the person, or stands still and sees the whole path."""
     fps: float | None = None
-    """Videos: frames per second; by default the first file's own, at most 30."""
+    """Videos: frames per second; by default those of the first file, at most 30."""
     size: int | None = None
-    """Pixels: the height of videos, 512 by default, and the width of strips, 1280 by default."""
+    """Pixels: height of videos (default 512) or width of strips (default 1280)."""
 
     def run(self) -> None:
         """Reads, draws, writes.

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-from tyro.conf import Positional, arg
 
 from latentmotion import formats
+from latentmotion.cli.options import Files, OptionalOutput
 from latentmotion.errors import InputError
 from latentmotion.kinematics.animation import check_fps
 from latentmotion.kinematics.humanoid import load_joint_map
@@ -23,26 +21,27 @@ from latentmotion.storage.files import check_writable
 
 @dataclass(frozen=True)
 class Retarget:
-    """Carry motions to a character of your own: any skeleton in .glb, .gltf, .bvh or .asf.
+    """Retarget motions to your own character: any skeleton in .glb, .gltf, .bvh or .asf.
 
-    Mixamo, Unreal, VRM, Rigify, Daz, CMU, SMPL and Biped names are known; for others draft a map.
+    The joint names of Mixamo, Unreal, VRM, Rigify, Daz, CMU, SMPL and Biped are known; draft a
+    joint map for others.
 
     Example: latentmotion retarget walk.npz --to character.glb -o walking.glb
     """
 
     to: Path
     """The character: .glb, .gltf, .bvh or .asf."""
-    files: Annotated[Positional[tuple[Path, ...]], arg(metavar="FILES")] = ()
+    files: Files = ()
     """Motion files; each motion in them becomes an animation."""
-    output: Annotated[Path | None, arg(aliases=["-o"])] = None
-    """File to write: .glb or .gltf is the character with the animations added, .bvh its skeleton
-    (one file for each motion)."""
+    output: OptionalOutput = None
+    """File to write: .glb or .gltf for the character with the animations added, .bvh for its
+    skeleton (one file per motion)."""
     map: Path | None = None
-    """JSON file that says which of the character's joints is which of ours."""
+    """JSON file that maps the character's joints to ours."""
     draft_map: Path | None = None
     """Write a guess of such a file here, and nothing else."""
     fps: float | None = None
-    """Frames per second of the animations; by default the motions' own."""
+    """Frames per second of the animations; by default those of the motions."""
 
     def run(self) -> None:
         """Reads the character and the motions, writes the character moving.

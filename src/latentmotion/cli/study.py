@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
+from latentmotion.cli.options import Output, PrintJson
 from latentmotion.errors import InputError
 from latentmotion.storage.configuration import to_json, write_json
 from latentmotion.storage.files import check_writable
@@ -33,14 +34,15 @@ class MakeStudy:
     """Model B."""
     prompts: Path
     """Text file with one sentence per line."""
-    output: Annotated[Path, arg(aliases=["-o"])] = Path("study.html")
-    """The page; its key is written beside it with the ending .key.json."""
+    output: Output = Path("study.html")
+    """Page to write; its key is written beside it with the extension .key.json."""
     seconds: float = 4.0
     """Length of generated motions."""
     seeds: tuple[int, ...] = (0,)
-    """Seeds of generated motions, or so many takes of saved ones: a pair per prompt and seed."""
+    """Seeds of generated motions, or the number of takes of saved ones; one pair per prompt and
+    seed."""
     order_seed: int | None = None
-    """Seed of order and sides; drawn and recorded in the key if not given."""
+    """Seed of order and sides; by default random. It is recorded in the key."""
 
     def run(self) -> None:
         """Makes the page and the key."""
@@ -81,14 +83,13 @@ class MakeStudy:
 
 @dataclass(frozen=True)
 class ReportStudy:
-    """Say what raters prefer, from the files that their browsers downloaded."""
+    """Report what raters prefer, from the files that their browsers saved."""
 
     answers: Annotated[Positional[tuple[Path, ...]], arg(metavar="ANSWERS")]
-    """The files; of several by one rater the latest counts."""
+    """Files that raters sent; the latest of each rater counts."""
     key: Path
-    """The key that was written with the page."""
-    json: bool = False
-    """Print one JSON object for programs instead of text."""
+    """Key that was written with the page."""
+    json: PrintJson = False
 
     def run(self) -> None:
         """Reports.

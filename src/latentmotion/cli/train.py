@@ -1,100 +1,210 @@
-"""`latentmotion train vae` and `latentmotion train denoiser`: both stages, resumable.
+"""`latentmotion train vae|denoiser|decoder|distill`: the parts of a motion model.
 
-The same command again goes on where a killed run was. Under torchrun it runs on many devices:
+The same command again resumes a run that was stopped. Under torchrun it uses several devices:
 `torchrun --nproc-per-node 8 -m latentmotion train vae …`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
-import tyro
+from tyro.conf import OmitArgPrefixes, arg
 
+from latentmotion.cli.options import (
+    AUTO,
+    TEXT_ENCODER,
+    Changes,
+    Data,
+    Device,
+    OptionalTextEncoder,
+    TextEncoderName,
+)
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.task import TASKS
-from latentmotion.experiment import Experiment, with_changes
+from latentmotion.distillation import Distillation
+from latentmotion.experiment import Experiment, TrainingSettings, with_changes
+from latentmotion.model.card import read_card
 from latentmotion.presets import PRESETS, preset_named
 
-Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-Preset = Annotated[str, tyro.conf.arg(help=f"Experiment to start from: {', '.join(PRESETS)}.")]
-Changes = tyro.conf.UseAppendAction[tuple[str, ...]]
+Preset = Annotated[
+    str,
+    arg(
+        help=f"Experiment to start from: {', '.join(PRESETS)}. The defaults below are those of "
+        "the preset."
+    ),
+]
+PRESET = "starter"
+"""The preset that training starts from by default."""
+
+Training = OmitArgPrefixes[TrainingSettings]
+"""Settings of the optimization, each an option of its own: `--steps`, `--learning-rate` …"""
+
+RunFolder = Annotated[
+    Path, arg(aliases=["-o"], help="Run folder to write; an existing run is resumed.")
+]
 
 
 @dataclass(frozen=True)
 class TrainVAE:
-    """Trains a motion VAE (stage 1) and writes it to OUTPUT/model."""
+    """Train a motion VAE (stage 1) and write it to OUTPUT/model."""
 
-    data: Path
-    """Folder that `latentmotion data prepare` made."""
-    output: Output
-    """Run folder; one that exists is gone on with."""
-    preset: Preset = "starter"
+    data: Data
+    output: RunFolder
+    preset: Preset = PRESET
     set: Changes = ()
-    """Change one value of it, e.g. vae_training.steps=1000; may be given several times."""
+    """Change any other setting of the experiment, e.g. vae_objective.bones=0.5; repeatable."""
     body: Path | None = None
     """SMPL model file (.npz, or .pkl of plain arrays), for losses on vertices."""
-    device: str = "auto"
-    """auto, cpu, cuda or cuda:N."""
+    device: Device = AUTO
+    training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
+
+    @staticmethod
+    def training_of(preset: str) -> TrainingSettings:
+        """Returns a preset's settings of this training."""
+        return preset_named(preset).vae_training
 
     def run(self) -> None:
-        """Trains until done."""
+        """Trains to the last step."""
         from latentmotion.training.devices import training_place
         from latentmotion.training.stages import train_vae
 
-        experiment = experiment_of(self.preset, self.set)
+        experiment = replace(preset_named(self.preset), vae_training=self.training)
+        experiment = with_changes(experiment, self.set)
         with training_place(self.device) as place:
             print(train_vae(experiment, self.data, self.output, place, self.body))
 
 
 @dataclass(frozen=True)
 class TrainDenoiser:
-    """Trains the diffusion on the latents of a trained VAE (stage 2); writes OUTPUT/model."""
+    """Train the denoiser on the latents of a trained VAE (stage 2) and write OUTPUT/model."""
 
-    data: Path
-    """Folder that `latentmotion data prepare` made."""
+    data: Data
     vae: Path
-    """Run folder of `latentmotion train vae`, or a model folder; none for raw frames."""
-    output: Output
-    """Run folder; one that exists is gone on with."""
-    text_encoder: str = "starter"
-    """Where the task is text: folder of a text encoder, name of a model whose encoder is used, or
-    minilm, clip, clip_hidden, distilbert, sentence_t5 or t5, from the hub or after a colon from a
-    folder (clip:my/clip)."""
-    preset: Preset = "starter"
+    """Run folder of `latentmotion train vae`, or model folder; `none` for diffusion on raw
+    frames."""
+    output: RunFolder
+    text_encoder: TextEncoderName = TEXT_ENCODER
+    preset: Preset = PRESET
     set: Changes = ()
-    """Change one value of it, e.g. denoiser_training.steps=1000 or task=action; may be given
-    several times."""
-    device: str = "auto"
-    """auto, cpu, cuda or cuda:N."""
+    """Change any other setting of the experiment, e.g. task=action or sampling.steps=20;
+    repeatable."""
+    device: Device = AUTO
+    training: Training = field(default_factory=lambda: preset_named(PRESET).denoiser_training)
+
+    @staticmethod
+    def training_of(preset: str) -> TrainingSettings:
+        """Returns a preset's settings of this training."""
+        return preset_named(preset).denoiser_training
 
     def run(self) -> None:
-        """Trains until done."""
+        """Trains to the last step."""
         from latentmotion.training.devices import training_place
         from latentmotion.training.stages import train_denoiser
 
-        experiment = experiment_of(self.preset, self.set)
+        experiment = self._experiment()
+        vae = None if str(self.vae) == "none" else self.vae
         encoder = self._encoder() if TASKS[experiment.task].reads_text else None
         with training_place(self.device) as place:
-            print(train_denoiser(experiment, self.data, self._vae(), encoder, self.output, place))
+            print(train_denoiser(experiment, self.data, vae, encoder, self.output, place))
+
+    def _experiment(self) -> Experiment:
+        experiment = replace(preset_named(self.preset), denoiser_training=self.training)
+        return with_changes(experiment, self.set)
 
     def _encoder(self) -> TextEncoder:
         from latentmotion.condition.text.cache import CachedTextEncoder
 
         return CachedTextEncoder(text_encoder_named(self.text_encoder), self.output / "text")
 
-    def _vae(self) -> Path | None:
-        return None if str(self.vae) == "none" else self.vae
 
+@dataclass(frozen=True)
+class TrainDecoder:
+    """Train a cheaper decoder for a model's latents and write the whole model to OUTPUT/model.
 
-def experiment_of(preset: str, changes: tuple[str, ...]) -> Experiment:
-    """Returns a preset with changes.
+    Encoder and denoiser stay as they are.
 
-    Raises:
-        InputError: Preset or key is unknown; the nearest is named.
+    Example: latentmotion train decoder --model starter --data my_data -o runs/decoder
     """
-    return with_changes(preset_named(preset), changes)
+
+    model: str
+    """Name, run folder or model folder of the model whose latents are decoded."""
+    data: Data
+    output: RunFolder
+    preset: Preset = PRESET
+    set: Changes = ()
+    """Change any other setting of the experiment, e.g. vae.decoder.dilations='[9,3,1]';
+    repeatable. Its VAE is the model's, with a cheaper decoder."""
+    imitate: Path | None = None
+    """Run folder of a distillation with the same latents. The decoder then also learns to decode
+    the latents generated there as that model's own decoder does."""
+    device: Device = AUTO
+    training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
+
+    @staticmethod
+    def training_of(preset: str) -> TrainingSettings:
+        """Returns a preset's settings of this training."""
+        return preset_named(preset).vae_training
+
+    def run(self) -> None:
+        """Trains to the last step."""
+        from latentmotion.model.folder import find_model
+        from latentmotion.training.decoder import cheaper_vae, train_decoder
+        from latentmotion.training.devices import training_place
+
+        model = find_model(self.model)
+        experiment = replace(
+            preset_named(self.preset), vae=cheaper_vae(model), vae_training=self.training
+        )
+        experiment = with_changes(experiment, self.set)
+        with training_place(self.device) as place:
+            print(train_decoder(experiment, self.data, model, self.output, place, self.imitate))
+
+
+@dataclass(frozen=True)
+class TrainDistill:
+    """Distill a trained model to 1, 2 and 4 sampling steps, with guidance as an input.
+
+    Example: latentmotion train distill --teacher starter --data my_data -o runs/fast
+    """
+
+    teacher: str
+    """Name, run folder or model folder of the model to distill."""
+    data: Data
+    output: RunFolder
+    set: Changes = ()
+    """Change any other setting of the distillation, e.g. leaps.steps='[1,2,4,8]' for other numbers
+    of sampling steps; repeatable."""
+    start: Path | None = None
+    """Run or model folder of an earlier student of the same teacher, whose weights are the first
+    ones."""
+    text_encoder: OptionalTextEncoder = None
+    device: Device = AUTO
+    training: Training = field(default_factory=lambda: Distillation().training)
+
+    def run(self) -> None:
+        """Trains to the last step."""
+        from latentmotion.model.folder import find_model
+        from latentmotion.training.devices import training_place
+        from latentmotion.training.distill import distill, model_folder
+
+        settings = with_changes(Distillation(training=self.training), self.set)
+        teacher = model_folder(find_model(self.teacher))
+        encoder = self._encoder(teacher)
+        start = model_folder(self.start) if self.start else None
+        with training_place(self.device) as place:
+            print(distill(settings, self.data, teacher, encoder, self.output, place, start))
+
+    def _encoder(self, teacher: Path) -> TextEncoder | None:
+        from latentmotion.condition.text.cache import CachedTextEncoder
+        from latentmotion.runtime.eager import find_encoder
+
+        card = read_card(teacher)
+        if not card.condition.reads_text:
+            return None
+        named = text_encoder_named(self.text_encoder) if self.text_encoder else None
+        return CachedTextEncoder(named or find_encoder(card, teacher), self.output / "text")
 
 
 def text_encoder_named(name: str) -> TextEncoder:

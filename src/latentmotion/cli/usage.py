@@ -6,11 +6,14 @@ import io
 import re
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
+from dataclasses import field, make_dataclass
 from difflib import get_close_matches
-from typing import TypeVar, get_type_hints
+from inspect import getdoc
+from typing import Any, TypeVar, get_type_hints
 
 import tyro
 
+from latentmotion.cli.old_spellings import current_options
 from latentmotion.errors import InputError, hint
 
 Command = TypeVar("Command")
@@ -20,17 +23,24 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     """Returns the dataclass that the words fill; `--help` is printed and ends the program.
 
     Args:
-        command: A flat dataclass, whose fields are the options.
+        command: A dataclass whose fields are the options. One with presets has `training_of`, which
+            returns a preset's training settings, the defaults of the field `training`.
         name: What the user types for it, after the program's name.
         words: What follows that on the command line.
 
     Raises:
         InputError: An option is unknown or missing, or its value is.
     """
+    words = current_options(name, words)
     box = io.StringIO()
     try:
         with redirect_stderr(box):
-            found = tyro.cli(command, prog=f"latentmotion {name}", args=words)
+            found = tyro.cli(
+                _with_presets_training(command, words),
+                prog=f"latentmotion {name}",
+                description=getdoc(command),  # tyro leaves out the examples
+                args=words,
+            )
     except SystemExit as end:
         if not end.code:
             raise
@@ -39,6 +49,21 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
         raise InputError(told + advice) from None
     _check_lists(found, words)
     return found
+
+
+def _with_presets_training(command: Any, words: Sequence[str]) -> Any:
+    """Returns the command with the training settings of the preset that is typed as defaults."""
+    if not hasattr(command, "training_of"):
+        return command
+    name = command.preset
+    for word, behind in zip(words, [*words[1:], ""], strict=True):
+        option, equals, value = word.partition("=")
+        if option == "--preset":
+            name = value if equals else behind or name
+    settings = command.training_of(name)
+    kind = get_type_hints(command, include_extras=True)["training"]
+    training = ("training", kind, field(default_factory=lambda: settings))
+    return make_dataclass(command.__name__, [training], bases=(command,), frozen=True)
 
 
 def in_one_line(box: str) -> str:

@@ -96,13 +96,13 @@ def _official(folder: Path) -> Iterator[str]:
 def _poses(folder: Path) -> Iterator[str]:
     for path in sorted(folder.rglob("humanact12poses.pkl")):
         yield "HumanAct12 with SMPL's poses"
-        yield f"next: latentmotion data prepare humanact12 --poses {path} -o OUT"
+        yield f"next: latentmotion data prepare humanact12 {path} -o OUT"
     for path in sorted(folder.rglob(POSES)):
         yield "UESTC with VIBE's poses"
         for name in (NAMES, FRAMES, ACTIONS):
             if not (path.parent / name).is_file():
                 yield f"  missing {name}, from {UESTC.url}"
-        yield f"next: latentmotion data prepare uestc --folder {path.parent} -o OUT"
+        yield f"next: latentmotion data prepare uestc {path.parent} -o OUT"
 
 
 def _motions(folder: Path) -> Iterator[str]:
@@ -146,7 +146,7 @@ def _coverage(trials: Mapping[str, Path], humanml3d: Path) -> Iterator[str]:
 def _hdm05(folder: Path) -> Iterator[str]:
     clips = find_clips(folder)
     yield f"HDM05: {len(clips)} cut clips"
-    yield f"next: latentmotion data prepare hdm05 --clips {folder} -o OUT"
+    yield f"next: latentmotion data prepare hdm05 {folder} -o OUT"
 
 
 def _snu(folder: Path) -> Iterator[str]:

@@ -28,6 +28,7 @@ from latentmotion.storage.files import atomic_file
 
 POOLED_WEIGHT = 20.0
 RELATION_WEIGHT = 20.0
+CPU = torch.device("cpu")
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,11 @@ class Batch:
 
     words: Float[torch.Tensor, "pieces width"]
     """The teacher's states of the aligned pieces, in their order."""
+
+    def to(self, device: torch.device) -> Batch:
+        """Returns the batch on a device."""
+        parts = (self.tokens, self.mask, self.pooled, self.aligned, self.words)
+        return Batch(*(part.to(device) for part in parts))
 
 
 @dataclass(frozen=True)
@@ -144,6 +150,7 @@ def distill(
     checkpoint: Path,
     report: Callable[[str], None] = print,
     save_every: int = 500,
+    device: torch.device = CPU,
 ) -> None:
     """Trains `network` in place, going on from `checkpoint` if there is one.
 
@@ -156,14 +163,16 @@ def distill(
         checkpoint: File for weights, optimizer and step.
         report: Called with a line of progress every 100 steps.
         save_every: Steps between checkpoints.
+        device: Where the network and its batches are; the network stays there.
     """
+    network.to(device)
     optimizer = torch.optim.AdamW(network.parameters(), weight_decay=0.01, betas=(0.9, 0.98))
     first = _resume(checkpoint, network, optimizer)
     lengths = np.array([len(row) for row in data.ids])
     order = batches(lengths, schedule.batch, schedule.seed, first)
     started, total = time.monotonic(), 0.0
     for step, places in zip(range(first, schedule.steps), order, strict=False):
-        total += _step(network, optimizer, data.batch(places), schedule.rate(step))
+        total += _step(network, optimizer, data.batch(places).to(device), schedule.rate(step))
         if (step + 1) % 100 == 0:
             pace = (time.monotonic() - started) / (step + 1 - first)
             left = pace * (schedule.steps - step - 1) / 60
@@ -178,7 +187,7 @@ def _step(
 ) -> float:
     for group in optimizer.param_groups:
         group["lr"] = rate
-    with torch.autocast("cpu", torch.bfloat16):
+    with torch.autocast(batch.tokens.device.type, torch.bfloat16):
         pooled, states = network(batch.tokens, batch.mask)
     loss = distillation_loss(pooled, states, batch)
     optimizer.zero_grad()
@@ -197,7 +206,7 @@ def _save(path: Path, network: StudentNetwork, optimizer: torch.optim.Optimizer,
 def _resume(path: Path, network: StudentNetwork, optimizer: torch.optim.Optimizer) -> int:
     if not path.is_file():
         return 0
-    state = torch.load(path, weights_only=True)
+    state = torch.load(path, map_location="cpu", weights_only=True)
     network.load_state_dict(state["network"])
     optimizer.load_state_dict(state["optimizer"])
     return int(state["step"])

@@ -22,7 +22,7 @@ from tokenizers import Tokenizer
 
 from latentmotion.condition.text import export, vocabulary
 from latentmotion.condition.text.corpus import TaggedCaption, is_held_out
-from latentmotion.condition.text.distillation import Schedule, TrainingSet, distill
+from latentmotion.condition.text.distillation import CPU, Schedule, TrainingSet, distill
 from latentmotion.condition.text.measures import Figures, compare, milliseconds
 from latentmotion.condition.text.network import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.condition.text.pretrained import PretrainedTextEncoder, Reading
@@ -63,6 +63,7 @@ def train_student(
     teacher: PretrainedTextEncoder,
     folder: Path,
     report: Callable[[str], None] = print,
+    device: torch.device = CPU,
 ) -> Path:
     """Trains a student, or goes on where a killed run was, and writes its files.
 
@@ -72,6 +73,7 @@ def train_student(
         teacher: MiniLM or another BERT with mean pooling.
         folder: Run folder; its `encoder/` gets the files and a card with figures.
         report: Called with lines of progress.
+        device: Where teacher and student compute; both are on the CPU in the end.
 
     Returns:
         The folder with the encoder.
@@ -81,11 +83,14 @@ def train_student(
     pieces = vocabulary.pieces_to_keep(large, texts, recipe.words, recipe.continuations)
     small = vocabulary.restrict(large, pieces, recipe.positions)
     sentences = training_sentences(captions, large, recipe)
-    targets = teacher_targets(folder / "targets", sentences, large, _answers(teacher), report)
+    answers = _answers(teacher, device)
+    targets = teacher_targets(folder / "targets", sentences, large, answers, report)
+    teacher.model.cpu()
     ids = [encoding.ids for encoding in small.encode_batch(sentences)]
     data = TrainingSet(ids, aligned(sentences, large, small), targets)
     network = first_network(recipe, teacher.model, vocabulary.places_in(large, small))
-    distill(network, data, recipe.schedule, folder / CHECKPOINT_FILE, report)
+    distill(network, data, recipe.schedule, folder / CHECKPOINT_FILE, report, device=device)
+    network.cpu()
     return write_student(recipe, network, small, captions, teacher, folder / "encoder")
 
 
@@ -179,12 +184,15 @@ def _unpadded(teacher: PretrainedTextEncoder, longest: int) -> Tokenizer:
     return tokenizer
 
 
-def _answers(teacher: PretrainedTextEncoder) -> Callable[..., tuple[torch.Tensor, torch.Tensor]]:
+def _answers(
+    teacher: PretrainedTextEncoder, device: torch.device
+) -> Callable[..., tuple[torch.Tensor, torch.Tensor]]:
     """The teacher in 16 bits, which is three times faster and rounds cosines in the 5th digit."""
 
     def answer(tokens: torch.Tensor, mask: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        with torch.autocast("cpu", torch.bfloat16):
-            reading: Reading = teacher.kind.read(teacher.model, tokens, mask)
-        return reading.pooled.float(), reading.words.float()
+        model = teacher.model.to(device)
+        with torch.autocast(device.type, torch.bfloat16):
+            reading: Reading = teacher.kind.read(model, tokens.to(device), mask.to(device))
+        return reading.pooled.float().cpu(), reading.words.float().cpu()
 
     return answer

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-from tyro.conf import arg
 
 from latentmotion.blender.build import build_zip, own_command
+from latentmotion.cli.options import Output
 from latentmotion.errors import InputError
 
 
@@ -19,11 +17,11 @@ class BlenderAddon:
     Then, in Blender: Edit > Preferences > Add-ons > Install from Disk, and choose the zip.
     """
 
-    output: Annotated[Path, arg(aliases=["-o"])] = Path("latentmotion-blender.zip")
-    """Zip to write."""
+    output: Output = Path("latentmotion-blender.zip")
+    """Zip file to write."""
     remember: bool = True
-    """Put the path of this command into the zip, so that the add-on finds it; turn it off for a zip
-    that goes to others."""
+    """Store the path of this command in the zip, so that the add-on finds it; turn it off for a
+    zip that you pass on."""
 
     def run(self) -> None:
         """Writes the zip.

@@ -1,0 +1,145 @@
+"""Types of the options that several verbs share: one name, one short form and one help text each.
+
+A field of such a type needs no docstring, unless the type leaves the help text to the verb.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+from latentmotion.diffusion.sampler import SamplerName
+from latentmotion.evaluation.settings import ProtocolName
+from latentmotion.runtime.computing import Launch, Precision
+
+Output = Annotated[Path, arg(aliases=["-o"])]
+"""The file or folder to write; the verb says which."""
+
+OptionalOutput = Annotated[Path | None, arg(aliases=["-o"])]
+"""The same, where a verb can do without."""
+
+Outputs = Annotated[tuple[Path, ...], arg(aliases=["-o"])]
+"""Several files to write; the verb says in which formats."""
+
+PreparedOutput = Annotated[Path, arg(aliases=["-o"], help="Prepared folder to write.")]
+
+Folder = Annotated[Positional[Path], arg(metavar="FOLDER")]
+"""The folder to read; the verb says what is in it."""
+
+File = Annotated[Positional[Path], arg(metavar="FILE")]
+"""The file to read; the verb says what it is."""
+
+Files = Annotated[Positional[tuple[Path, ...]], arg(metavar="FILES")]
+"""Several files to read; the verb says what they are."""
+
+Model = Annotated[
+    Positional[str], arg(metavar="MODEL", help="Name, run folder or model folder of a model.")
+]
+
+_PREPARED = "Prepared folder, which `latentmotion data prepare` writes."
+Data = Annotated[Path, arg(aliases=["-d"], help=_PREPARED)]
+OptionalData = Annotated[Path | None, arg(aliases=["-d"])]
+"""The prepared folder, where a verb can do without."""
+
+Evaluator = Annotated[
+    Path | None,
+    arg(
+        aliases=["-e"],
+        help="Folder of an evaluator, for FID, R-precision, accuracy and the like; without one, "
+        "only joints are compared.",
+    ),
+]
+
+ProtocolChoice = Annotated[
+    ProtocolName,
+    arg(help="Protocol: clean, or paper for that of the authors' code, quirk by quirk."),
+]
+
+Device = Annotated[
+    str, arg(help="Where PyTorch computes: auto (a GPU if there is one), cpu, cuda or cuda:N.")
+]
+AUTO = "auto"
+"""The default of every `--device`."""
+
+ComputePrecision = Annotated[
+    Precision, arg(help="Precision of PyTorch's matrix products and convolutions.")
+]
+
+LaunchMode = Annotated[
+    Launch,
+    arg(
+        help="How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled. The "
+        "latter two take seconds before the first motion and pay off over hundreds."
+    ),
+]
+
+Runtime = Literal["auto", "onnxruntime", "openvino", "pytorch"]
+"""What runs the networks; `auto` takes graphs where a folder has them, else PyTorch."""
+
+RuntimeChoice = Annotated[
+    Runtime,
+    arg(
+        help="What runs the networks: auto takes ONNX Runtime, or PyTorch for a model that was "
+        "not exported."
+    ),
+]
+
+Threads = Annotated[int | None, arg(help="Threads to use at most; by default one per core.")]
+
+Seed = Annotated[int, arg(help="Seed of every random choice.")]
+
+Steps = Annotated[int | None, arg(help="Sampling steps; by default the model's own.")]
+
+Guidance = Annotated[
+    float | None, arg(help="Guidance scale of the prompt; by default the model's own.")
+]
+
+SamplerChoice = Annotated[
+    SamplerName | None,
+    arg(
+        help="Sampler: ddim (Euler), heun (two passes a step), dpm++, or ddpm (fresh noise at "
+        "every step); by default the model's own."
+    ),
+]
+
+_ENCODERS = (
+    "a folder, the name of a model whose encoder is used, or minilm, clip, clip_hidden, "
+    "distilbert, sentence_t5 or t5, from the hub or after a colon from a folder (clip:my/clip)"
+)
+TextEncoderName = Annotated[
+    str, arg(help=f"Text encoder, for models that read sentences: {_ENCODERS}.")
+]
+TEXT_ENCODER = "starter"
+"""The text encoder that training takes by default."""
+
+OptionalTextEncoder = Annotated[
+    str | None,
+    arg(help=f"Text encoder in place of the model's own: {_ENCODERS}."),
+]
+
+Body = Annotated[
+    Path | None,
+    arg(
+        help="SMPL model file (.npz, or .pkl of plain arrays), for models of SMPL's poses; "
+        "without one, the skeleton that ships is used."
+    ),
+]
+
+Changes = UseAppendAction[tuple[str, ...]]
+"""Settings by `--set part.key=value`; the verb gives an example."""
+
+Fps = Annotated[
+    float | None,
+    arg(help="Native frames per second, if the files state it wrongly or not at all."),
+]
+
+LengthUnit = Annotated[str, arg(help="Unit of length of BVH files.")]
+
+JointMapFile = Annotated[
+    Path | None,
+    arg(help="JSON file that maps an unknown skeleton's joints to HumanML3D's 22 joints."),
+]
+
+PrintJson = Annotated[bool, arg(help="Print one JSON object instead of text.")]
