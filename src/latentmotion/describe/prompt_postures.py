@@ -7,8 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from latentmotion.describe import prompt_acts, prompt_phrases
-from latentmotion.describe.prompt_phrases import Wording
+from latentmotion.describe import (
+    prompt_arms,
+    prompt_changes,
+    prompt_gaits,
+    prompt_legs,
+    prompt_turns,
+)
+from latentmotion.describe.prompt_phrases import RUNNERS, Wording
 from latentmotion.describe.single import SingleAction
 
 _FLOOR = "[floor|ground]"
@@ -55,7 +61,7 @@ _PLAIN: dict[str, Wording] = {
             "a run [in place|on the spot]",
             "jogging [in place|on the spot]",
         ),
-        people=prompt_phrases.RUNNERS,
+        people=RUNNERS,
     ),
     "arms_out": Wording(
         (
@@ -280,24 +286,6 @@ _PLAIN: dict[str, Wording] = {
         ),
         people=("a knight", "a monk"),
     ),
-    "crouch": Wording(
-        (
-            "~crouch",
-            "~crouch down",
-            "~crouch [low|down low]",
-            "~stay [crouched|in a crouch|low]",
-            "~squat down and ~stay there",
-            "~go into a crouch",
-            "~hold a [squat|crouch]",
-            "~stay down in a [squat|crouch]",
-            "~crouch close to the [floor|ground]",
-            "~get down low",
-            "~duck down",
-            "~hunker down",
-        ),
-        ("crouching", "a [low|deep|] crouch", "crouching down", "a crouched pose"),
-        people=("a hunter", "a catcher"),
-    ),
     "crawl": Wording(
         (
             "~crawl",
@@ -376,30 +364,48 @@ _PLAIN: dict[str, Wording] = {
     ),
 }
 
+
+def _crouched(action: SingleAction) -> Wording:
+    """A crouch, held or not."""
+    clauses = ["~crouch", "~crouch down", "~crouch [low|down low]", "~go into a crouch"]
+    clauses += ["~get down low", "~crouch close to the [floor|ground]", "~hunker down"]
+    clauses += [
+        "~duck down",
+        "~get into a [crouch|crouching position]",
+        "~lower <himself> into a crouch",
+    ]
+    if action.act[1] - action.act[0] >= 40:
+        clauses += ["~stay [crouched|in a crouch|low]", "~squat down and ~stay there"]
+        clauses += ["~hold a [squat|crouch]", "~crouch down and ~stay down"]
+    nouns = ("crouching", "a [low|deep|] crouch", "crouching down", "a crouched pose")
+    return Wording(tuple(clauses), nouns, people=("a hunter", "a catcher"))
+
+
 _WORDINGS: dict[str, Callable[[SingleAction], Wording]] = {
-    **dict.fromkeys(("walk", "jog", "run"), prompt_phrases.gait),
-    "steps": prompt_phrases.steps,
-    "turn": prompt_phrases.turn,
-    **dict.fromkeys(("walk_then_turn", "turn_then_walk"), prompt_phrases.walk_and_turn),
-    "turn_and_return": prompt_phrases.turn_and_return,
-    "circle": prompt_phrases.circle,
-    "half_circle": prompt_phrases.half_circle,
-    "weave": prompt_phrases.weave,
-    **dict.fromkeys(prompt_acts.CHANGES, prompt_acts.changed),
-    "jump": prompt_acts.jumped,
-    "hop": prompt_acts.hopped,
-    "kick": prompt_acts.kicked,
-    "punch": prompt_acts.punched,
-    "wave": prompt_acts.waved,
-    "raise": prompt_acts.raised,
-    "clap": prompt_acts.clapped,
-    "knee": prompt_acts.kneed,
-    **dict.fromkeys(("jack", "squat", "bow"), prompt_acts.counted),
-    "arm_circle": prompt_acts.circled_arms,
-    "pick_up": prompt_acts.picked_up,
-    "balance": prompt_acts.balanced,
-    "touch_head": prompt_acts.touched_head,
-    "climb": prompt_acts.climbed,
+    **dict.fromkeys(("walk", "jog", "run"), prompt_gaits.gait),
+    "steps": prompt_gaits.steps,
+    "turn": prompt_turns.turn,
+    **dict.fromkeys(("walk_then_turn", "turn_then_walk"), prompt_turns.walk_and_turn),
+    "turn_and_return": prompt_turns.turn_and_return,
+    "circle": prompt_turns.circle,
+    "half_circle": prompt_turns.half_circle,
+    "weave": prompt_turns.weave,
+    **dict.fromkeys(prompt_changes.CHANGES, prompt_changes.changed),
+    "jump": prompt_legs.jumped,
+    "hop": prompt_legs.hopped,
+    "kick": prompt_legs.kicked,
+    "punch": prompt_arms.punched,
+    "wave": prompt_arms.waved,
+    "raise": prompt_arms.raised,
+    "clap": prompt_arms.clapped,
+    "knee": prompt_legs.kneed,
+    **dict.fromkeys(("jack", "squat", "bow"), prompt_legs.counted),
+    "arm_circle": prompt_arms.circled_arms,
+    "pick_up": prompt_arms.picked_up,
+    "balance": prompt_legs.balanced,
+    "touch_head": prompt_arms.touched_head,
+    "climb": prompt_legs.climbed,
+    "crouch": _crouched,
 }
 
 KINDS = (*_WORDINGS, *_PLAIN)

@@ -77,6 +77,9 @@ _IRREGULAR = {"be": "is", "have": "has"}
 _FORMS = {"order": 34, "third": 27, "is": 8, "doing": 7, "participle": 9, "noun": 13, "past": 2}
 """Shares of the forms of a sentence about one action."""
 
+_SHOWN = ("show", "show me", "animate", "an animation of", "a video of")
+"""What users put before "a man turning left"."""
+
 _CLOSED = re.compile(r"\[([^\[\]]*)\]")
 _CLUMSY = re.compile(
     r"\b(?:keep|start|beginn|stopp|finish)ing \w+ing\b|\bbeing\b|then .*then .*then"
@@ -165,6 +168,8 @@ def _single(words: Wording, generator: np.random.Generator) -> str:
     text = _clause(
         _front(words.clauses, generator), form, _subject(words, form, generator), generator
     )
+    if form == "doing" and generator.random() < 0.15:
+        return f"{_pick(_SHOWN, generator)} {text}"
     if words.places and generator.random() < 0.06:
         text = f"{text} {_pick(words.places, generator)}"
     return text
