@@ -23,7 +23,7 @@ from latentmotion.evaluation.instructions.intervals import Share, wilson
 from latentmotion.evaluation.instructions.joints_folder import read_folder
 from latentmotion.evaluation.instructions.prompts import GROUPS, instructions
 from latentmotion.evaluation.instructions.report import markdown
-from latentmotion.evaluation.instructions.scene import scene_of
+from latentmotion.describe.scene import scene_of
 from latentmotion.evaluation.instructions.truth import patterns
 from latentmotion.skeleton import HUMANML3D
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from latentmotion.data.compose import Composition, compose
+from latentmotion.data.compose_actions import compose_actions
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.preparation import Preparation
@@ -31,6 +32,8 @@ class Compose:
     """The prepared folder to write; it holds the sequences alone."""
     count: int = 500
     """How many sequences are wanted."""
+    single: bool = False
+    """Repeat single acts ("jump three times") and pair single actions found by measuring."""
     seed: int = 0
     """Seed of every choice."""
 
@@ -47,7 +50,8 @@ class Compose:
             )
         check_replaceable(self.out, MANIFEST)
         dataset = Dataset.load(self.folder)
-        composed = compose(dataset, Composition(self.count, self.seed))
+        make = compose_actions if self.single else compose
+        composed = make(dataset, Composition(self.count, self.seed))
         preparation = Preparation(dataset.representation)
         preparation.motions.extend(composed.motions)
         left_out = ", ".join(f"{count} {why}" for why, count in composed.refused.most_common())

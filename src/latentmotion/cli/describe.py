@@ -24,6 +24,9 @@ from latentmotion.errors import InputError
 from latentmotion.files import check_replaceable
 from latentmotion.joint_map import load_joint_map
 
+_FEW_ACTS = 3
+"""Acts of a part that is told of beside single actions."""
+
 
 @dataclass(frozen=True)
 class Describe:
@@ -49,6 +52,9 @@ class Describe:
     """Measured sentences per clip and per part."""
     rewordings: int = 2
     """How often each caption that the train split has is said in other words."""
+    single: int = 0
+    """Most windows of each category of single action ("kick with the left leg") that get prompts.
+    With any, whole clips get no measured sentences, and parts only if they show few acts."""
     seed: int = 0
     """What draws parts and wording."""
     fps: float | None = None
@@ -60,11 +66,16 @@ class Describe:
 
     def run(self) -> None:
         """Writes the captions."""
-        if min(self.windows, self.rewordings) < 0 or self.sentences < 1:
+        if min(self.windows, self.rewordings, self.single) < 0 or self.sentences < 1:
             raise InputError(
-                "expected --windows and --rewordings of 0 or more and --sentences of 1 or more"
+                "expected --windows, --rewordings and --single of 0 or more and --sentences of 1 or more"
             )
-        windows = Windows(self.windows, sentences=self.sentences, whole=self.sentences)
+        windows = Windows(
+            self.windows,
+            sentences=self.sentences,
+            whole=0 if self.single else self.sentences,
+            acts=_FEW_ACTS if self.single else 0,
+        )
         if not (self.folder.is_file() or (self.folder / MANIFEST).is_file()):
             self._write_csv(self._files())
             return
@@ -77,7 +88,7 @@ class Describe:
         if self.out.suffix.lower() == ".csv":
             raise InputError(f"{self.out}: a prepared folder becomes one; add --edit for a CSV")
         check_replaceable(self.out, MANIFEST)
-        report = describe_folder(self.folder, self.out, *options)
+        report = describe_folder(self.folder, self.out, *options, single=self.single)
         print(report.text() if self.check else report.table())
         print(f"wrote {self.out}")
 

@@ -117,7 +117,8 @@ def raised(action: SingleAction) -> Wording:
         f"~lift {it} {often}",
     ]
     if high:
-        clauses += [f"~put {limb} up {often}", f"~hold {limb} up", f"~bring {it} up {often}"]
+        clauses += [f"~put {limb} up {often}", f"~bring {it} up {often}"]
+        clauses += [f"~hold {limb} up"] if action.count == 1 else []
         clauses += [f"~stretch {it} up {often}", f"~put {limb} in the air {often}"]
         clauses += [f"~reach up with {it} {often}", f"~throw {limb} up {often}"]
     else:

@@ -143,6 +143,20 @@ _GAITS: dict[tuple[str, str], _Pace] = {
         ("a run WAY", "a [steady|normal|straight] run", "some running", "a forward run"),
         people=RUNNERS,
     ),
+    ("run", "slow"): _Pace(
+        (
+            "~run slowly WAY",
+            "~run WAY [slowly|at a slow pace|at an easy pace|very slowly]",
+            "~jog WAY",
+            "~run [at a slow pace|without hurry] WAY",
+            "slowly ~run WAY",
+            "~jog [slowly|at an easy pace|lightly]",
+            "~trot [|along|forward]",
+        ),
+        ("a slow run WAY", "a slow jog", "slow running", "an easy run WAY", "a light jog"),
+        ("slowly", "at a slow pace"),
+        RUNNERS,
+    ),
     ("run", "fast"): _Pace(
         (
             "~run fast WAY",
@@ -181,10 +195,11 @@ def gait(action: SingleAction) -> Wording:
 
 
 def _pace_of(action: SingleAction) -> _Pace:
+    """A fast jog is a run, and a slow one a slow run."""
     kind, pace = action.kind, action.pace or "normal"
-    if kind == "jog":
-        return _GAITS["jog", "normal"] if pace != "fast" else _GAITS["run", "normal"]
-    return _GAITS.get((kind, pace)) or _GAITS["run", "normal"]
+    if kind == "jog" and pace != "normal":
+        kind, pace = "run", "slow" if pace == "slow" else "normal"
+    return _GAITS[kind, pace]
 
 
 def _gait_elsewhere(action: SingleAction, words: _Pace) -> Wording:

@@ -150,7 +150,10 @@ def kneed(action: SingleAction) -> Wording:
         return Wording(tuple(clauses), tuple(nouns), people=ATHLETES)
     clauses = ["~raise <his> knees [in turn|one after the other|alternately]"]
     clauses += ["~lift <his> knees [in turn|one after the other|one by one]", "~do knee raises"]
-    clauses += ["~bring <his> knees up [in turn|alternately]", "~raise the left and the right knee"]
+    clauses += [
+        "~bring <his> knees up [in turn|alternately]",
+        "~raise the left and right knee in turn",
+    ]
     clauses += [
         "~lift one knee, then the other",
         "~pull up <his> knees in turn",
@@ -212,7 +215,7 @@ def balanced(action: SingleAction) -> Wording:
         f"~hold <his> balance on {one}",
         f"~stand like a flamingo on {one}",
         f"~balance [for a moment|in place] on {one}",
-        f"~lift a foot and ~balance on {one}",
+        f"~stand [there|steadily] on {one}",
     )
     nouns = (f"a stand on {one}", f"balance on {one}", f"a balancing act on {one}")
     return Wording(clauses, nouns, people=("a yogi", "a gymnast", "a dancer"))

@@ -32,7 +32,6 @@ _PLAIN: dict[str, Wording] = {
             "~march with raised knees",
             "~lift the knees while marching",
             "~walk in place, lifting <his> knees",
-            "~tread on the spot",
             "~march [in place|on the spot] like a soldier",
         ),
         (

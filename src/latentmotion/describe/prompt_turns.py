@@ -312,7 +312,7 @@ def weave(action: SingleAction) -> Wording:
         f"~{gait} and ~zigzag",
         f"~{gait} in curves [left and right|to both sides]",
         f"~{gait}, weaving [left and right|from side to side|around obstacles]",
-        f"~{gait} [zigzag|in a slalom|like a snake]",
+        f"~{gait} [zigzag|in a slalom]",
         f"~{gait} forward, swerving left and right",
         f"~{gait} around [cones|obstacles] in a slalom",
         f"~swerve left and right while {going}",

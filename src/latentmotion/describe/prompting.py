@@ -249,9 +249,10 @@ def _noun(words: Wording, generator: np.random.Generator) -> str:
 
 def _subject(words: Wording, form: str, generator: np.random.Generator) -> Subject:
     """Draws who acts; orders and bare participles have no subject."""
-    if form in ("order", "participle"):
-        his = _pick(("your", "your", "the"), generator) if form == "order" else "the"
-        return Subject("", his, *(("you", "you") if form == "order" else ("them", "they")))
+    if form == "order" or (form == "participle" and generator.random() < 0.4):
+        return Subject("", "your", "you", "you")
+    if form == "participle":
+        return Subject("", *_THEY)
     named = _PEOPLE if generator.random() < 0.45 else _COMMON
     if words.people and generator.random() < 0.2:
         named = words.people

@@ -1,5 +1,7 @@
 """One action in a window cut around it: what typed prompts ask for."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 
@@ -30,3 +32,8 @@ class SingleAction:
     gait: str = ""
     pace: str = ""
     act: tuple[int, int] = (0, 0)
+
+    @property
+    def frames(self) -> int:
+        """Length of the window."""
+        return self.end - self.start

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from latentmotion.evaluation.instructions.checking import fulfills
 from latentmotion.evaluation.instructions.intervals import Share
 from latentmotion.evaluation.instructions.prompts import GROUPS, VERSION, Instruction
-from latentmotion.evaluation.instructions.scene import Scene, scene_of
+from latentmotion.describe.scene import Scene, scene_of
 from latentmotion.evaluation.instructions.truth import Claimed
 
 Joints = Float[np.ndarray, "_ 22 3"]

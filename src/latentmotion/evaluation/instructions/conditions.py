@@ -12,7 +12,7 @@ from latentmotion.describe.poses import stillness
 from latentmotion.describe.signals import peaks
 from latentmotion.evaluation.instructions.acts import TURNS, WAYS
 from latentmotion.evaluation.instructions.expressions import Term
-from latentmotion.evaluation.instructions.scene import Scene
+from latentmotion.describe.scene import Scene
 
 
 @dataclass(frozen=True)

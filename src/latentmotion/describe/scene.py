@@ -1,4 +1,4 @@
-"""A motion as the checks see it: the describer's facts and curves, and poses beyond its list."""
+"""A motion as checks see it: the describer's facts and curves, and poses beyond its list."""
 
 from __future__ import annotations
 
