@@ -16,6 +16,15 @@ NUMBERS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight
 GOING = {"walk": "walking", "jog": "jogging", "run": "running"}
 """Participles of gaits."""
 
+ONCE = "[|||once|once|once|one time|just once]"
+"""How a single time is told, half of the time not at all."""
+
+ONE = "[a|a|a|one|a single|just one]"
+"""How a single thing is told."""
+
+IN_A_ROW = "[|||| in a row]"
+"""What may follow a number of things."""
+
 PEOPLE_ON_FOOT = ("a pedestrian", "a passerby", "our hero")
 
 RUNNERS = ("a runner", "the runner", "an athlete", "a jogger")
@@ -53,7 +62,7 @@ def number(count: int) -> str:
 def times(count: int) -> str:
     """Returns how often, nothing half of the time for once."""
     if count == 1:
-        return "[|||once|once|once|one time|just once]"
+        return ONCE
     if count == 2:
         return "[twice|twice|twice|two times|2 times|twice in a row|a couple of times]"
     vague = "|several times" if count >= 4 else "|a few times"
@@ -64,9 +73,9 @@ def times(count: int) -> str:
 def some(count: int, one: str, many: str) -> str:
     """Returns a counted noun: "a kick", "one kick", "two kicks", "several kicks"."""
     if count == 1:
-        return f"[a|a|a|one|a single|just one] {one}"
+        return f"{ONE} {one}"
     vague = "|a couple of" if count == 2 else "|several" if count >= 4 else "|a few"
-    return f"[{number(count)}|{number(count)}|{number(count)}{vague}] {many}[|||| in a row]"
+    return f"[{number(count)}|{number(count)}|{number(count)}{vague}] {many}{IN_A_ROW}"
 
 
 def towards(side: str) -> str:

@@ -1,26 +1,17 @@
-"""How people type postures and movements on the spot, and which wording belongs to which kind.
+"""How people type postures and movements on the spot.
 
 Patterns are written as in `prompt_phrases`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from latentmotion.describe import (
-    prompt_arms,
-    prompt_changes,
-    prompt_gaits,
-    prompt_legs,
-    prompt_turns,
-)
 from latentmotion.describe.prompt_phrases import RUNNERS, Wording
 from latentmotion.describe.single import SingleAction
 
 _FLOOR = "[floor|ground]"
 _SEAT = "[a chair|a chair|a seat|a bench|the chair|a stool]"
 
-_PLAIN: dict[str, Wording] = {
+PLAIN: dict[str, Wording] = {
     "march": Wording(
         (
             "~march in place",
@@ -364,7 +355,7 @@ _PLAIN: dict[str, Wording] = {
 }
 
 
-def _crouched(action: SingleAction) -> Wording:
+def crouched(action: SingleAction) -> Wording:
     """A crouch, held or not."""
     clauses = ["~crouch", "~crouch down", "~crouch [low|down low]", "~go into a crouch"]
     clauses += ["~get down low", "~crouch close to the [floor|ground]", "~hunker down"]
@@ -378,43 +369,3 @@ def _crouched(action: SingleAction) -> Wording:
         clauses += ["~hold a [squat|crouch]", "~crouch down and ~stay down"]
     nouns = ("crouching", "a [low|deep|] crouch", "crouching down", "a crouched pose")
     return Wording(tuple(clauses), nouns, people=("a hunter", "a catcher"))
-
-
-_WORDINGS: dict[str, Callable[[SingleAction], Wording]] = {
-    **dict.fromkeys(("walk", "jog", "run"), prompt_gaits.gait),
-    "steps": prompt_gaits.steps,
-    "turn": prompt_turns.turn,
-    **dict.fromkeys(("walk_then_turn", "turn_then_walk"), prompt_turns.walk_and_turn),
-    "turn_and_return": prompt_turns.turn_and_return,
-    "circle": prompt_turns.circle,
-    "half_circle": prompt_turns.half_circle,
-    "weave": prompt_turns.weave,
-    **dict.fromkeys(prompt_changes.CHANGES, prompt_changes.changed),
-    "jump": prompt_legs.jumped,
-    "hop": prompt_legs.hopped,
-    "kick": prompt_legs.kicked,
-    "punch": prompt_arms.punched,
-    "wave": prompt_arms.waved,
-    "raise": prompt_arms.raised,
-    "clap": prompt_arms.clapped,
-    "knee": prompt_legs.kneed,
-    **dict.fromkeys(("jack", "squat", "bow"), prompt_legs.counted),
-    "arm_circle": prompt_arms.circled_arms,
-    "pick_up": prompt_arms.picked_up,
-    "balance": prompt_legs.balanced,
-    "touch_head": prompt_arms.touched_head,
-    "climb": prompt_legs.climbed,
-    "crouch": _crouched,
-}
-
-KINDS = (*_WORDINGS, *_PLAIN)
-"""All kinds of actions that have words."""
-
-
-def wording(action: SingleAction) -> Wording:
-    """Returns the patterns for an action.
-
-    Raises:
-        KeyError: Its kind is none of `KINDS`.
-    """
-    return _PLAIN[action.kind] if action.kind in _PLAIN else _WORDINGS[action.kind](action)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from latentmotion.describe.prompt_phrases import Wording
-from latentmotion.describe.prompt_postures import wording
+from latentmotion.describe.prompt_phrases import IN_A_ROW, ONCE, ONE, Wording
+from latentmotion.describe.prompt_wording import contrasted, wording
 from latentmotion.describe.single import SingleAction
 from latentmotion.describe.verbs import present_participle, third_person
 
@@ -128,8 +128,11 @@ def prompts_in_order(
         refused: Prompts never to be returned, as `plain` writes them.
     """
     one, two = _plainer(wording(first)), _plainer(wording(second))
+    contrasts = contrasted(first, second)
 
     def draw() -> str:
+        if contrasts and generator.random() < 0.35:
+            return _styled(_single(Wording(contrasts), generator), generator)
         return _styled(_ordered(one, two, generator), generator)
 
     return _different(draw, count, refused)
@@ -141,10 +144,19 @@ def plain(sentence: str) -> str:
 
 
 def _plainer(words: Wording) -> Wording:
-    """Leaves out the patterns that tell of an order themselves, where there are others."""
+    """Leaves out patterns that tell of an order themselves, where there are others, and "once"."""
     clauses = tuple(text for text in words.clauses if not _MANIFOLD.search(text))
     nouns = tuple(text for text in words.nouns if not _MANIFOLD.search(text))
-    return replace(words, clauses=clauses or words.clauses, nouns=nouns)
+    return replace(
+        words,
+        clauses=tuple(_uncounted(text) for text in clauses or words.clauses),
+        nouns=tuple(_uncounted(text) for text in nouns),
+    )
+
+
+def _uncounted(pattern: str) -> str:
+    """Tells a single time less often."""
+    return pattern.replace(ONCE, "[|||||once]").replace(ONE, "[a|a|a|a|one]").replace(IN_A_ROW, "")
 
 
 def _different(draw: Callable[[], str], count: int, refused: frozenset[str]) -> list[str]:
@@ -259,7 +271,10 @@ def _subject(words: Wording, form: str, generator: np.random.Generator) -> Subje
     name = _pick(tuple(named), generator)
     while form == "doing" and name in ("he", "she", "they"):
         name = _pick(_COMMON, generator)
-    return Subject(name, *_pronouns(name, generator))
+    terse = generator.random() < 0.08
+    return Subject(
+        re.sub(r"^(?:a|an|the) ", "", name) if terse else name, *_pronouns(name, generator)
+    )
 
 
 def _pronouns(name: str, generator: np.random.Generator) -> tuple[str, str, str]:
@@ -296,7 +311,7 @@ def _tidy(text: str) -> str:
 
 
 def _styled(sentence: str, generator: np.random.Generator) -> str:
-    """Adds what people do when they type: a capital, a period."""
+    """Adds what people do when they type: a capital, a period, no comma."""
     kind = generator.random()
     if kind < 0.16:
         return f"{sentence}."
@@ -304,7 +319,7 @@ def _styled(sentence: str, generator: np.random.Generator) -> str:
         return f"{sentence[0].upper()}{sentence[1:]}."
     if kind < 0.28:
         return f"{sentence[0].upper()}{sentence[1:]}"
-    return sentence
+    return sentence.replace(",", "") if kind < 0.33 else sentence
 
 
 def _third(verb: str) -> str:
@@ -329,7 +344,7 @@ def _base(verb: str) -> str:
 
 def _front(patterns: tuple[str, ...], generator: np.random.Generator) -> str:
     """Draws a pattern; the first are drawn about twice as often as the last."""
-    return patterns[int(len(patterns) * generator.random() ** 1.35)]
+    return patterns[int(len(patterns) * generator.random() ** 1.5)]
 
 
 def _pick(found: tuple[str, ...], generator: np.random.Generator) -> str:
