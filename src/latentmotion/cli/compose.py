@@ -50,8 +50,11 @@ class Compose:
             )
         check_replaceable(self.out, MANIFEST)
         dataset = Dataset.load(self.folder)
-        make = compose_actions if self.single else compose
-        composed = make(dataset, Composition(self.count, self.seed))
+        if self.single:
+            wanted = Composition(self.count, self.seed, seconds=(1.2, 9.8))
+            composed = compose_actions(dataset, wanted)
+        else:
+            composed = compose(dataset, Composition(self.count, self.seed))
         preparation = Preparation(dataset.representation)
         preparation.motions.extend(composed.motions)
         left_out = ", ".join(f"{count} {why}" for why, count in composed.refused.most_common())

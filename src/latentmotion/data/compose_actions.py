@@ -34,6 +34,18 @@ REPEATED = frozenset(
 )
 """Kinds of which one is shown two to four times."""
 
+_WANTED = {
+    "walk": 5.0, "run": 2.0, "jog": 2.0, "turn": 4.0, "stand": 2.0, "steps": 2.0, "kick": 3.0,
+    "jump": 3.0, "punch": 2.5, "wave": 2.0, "raise": 3.0, "squat": 2.0, "pick_up": 2.0,
+    "sit_down": 2.0, "stand_up": 2.0, "lie_down": 2.0, "get_up": 2.0, "bow": 1.5, "crouch": 1.5,
+    "start_walking": 0.5, "speed_up": 0.5, "slow_down": 0.5, "climb": 0.3, "half_circle": 0.5,
+    "weave": 0.5, "turn_then_walk": 0.5, "walk_then_turn": 0.5, "turn_and_return": 0.3,
+}  # fmt: skip
+"""How much more often than others a kind is drawn: what people ask for in order."""
+
+_SIDED = ("kick", "raise", "steps", "walk", "turn", "punch", "knee", "hop")
+"""Kinds that follow themselves with another side or direction."""
+
 _PROMPTS = 4
 """Sentences about a sequence."""
 
@@ -126,13 +138,13 @@ class _Composer:
             yield self._repeat(shot, int(self.generator.choice((2, 3, 4), p=(0.45, 0.35, 0.2))))
 
     def pairs(self) -> Iterator[StoredMotion | None]:
-        """Yields two actions of different kinds, every pair of kinds as often."""
+        """Yields two actions, drawn by kind, so that no recording decides what follows what."""
         kinds = sorted(self.by_kind)
+        wanted = np.array([_WANTED.get(kind, 1.0) for kind in kinds])
         while True:
-            one, other = (kinds[int(n)] for n in self.generator.integers(len(kinds), size=2))
-            if one != other:
-                yield self._pair(one, other)
-            elif one in ("kick", "raise", "steps", "walk", "turn", "punch", "knee", "hop"):
+            drawn = self.generator.choice(len(kinds), size=2, p=wanted / wanted.sum())
+            one, other = (kinds[int(number)] for number in drawn)
+            if one != other or one in _SIDED:
                 yield self._pair(one, other)
 
     def _repeat(self, shot: Shot, count: int) -> StoredMotion | None:
@@ -149,9 +161,7 @@ class _Composer:
             reason = objection(joints, seam, self.representation, self.wanted)
             if reason and not (reason == "too short or too long" and turn < count - 1):
                 return self._refuse(reason)
-        action = replace(
-            shot.action, start=0, end=len(joints), count=count, act=(0, len(joints))
-        )
+        action = replace(shot.action, start=0, end=len(joints), count=count, act=(0, len(joints)))
         checked = strictly(action, scene_of(joints))
         if not checked or checked.count != count:
             return self._refuse("count is not found")

@@ -117,9 +117,7 @@ def single_rows(
     return rows
 
 
-def with_prompts(
-    clip: StoredClip, rows: Mapping[str, list[tuple[str, int, int]]]
-) -> StoredClip:
+def with_prompts(clip: StoredClip, rows: Mapping[str, list[tuple[str, int, int]]]) -> StoredClip:
     """Returns a clip with the prompts of its windows, and the mirrored ones."""
     known = {row[:3] for row in clip.captions}
     new = [row for row in dict.fromkeys(rows.get(clip.id, ())) if row not in known]

@@ -116,7 +116,10 @@ def _held(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction
                 if end - start > 120:
                     end = start + _draw(generator, 40, 120)
                 yield SingleAction(
-                    kind, start, end, "" if event.side == BOTH else event.side,
+                    kind,
+                    start,
+                    end,
+                    "" if event.side == BOTH else event.side,
                     act=(event.start, event.end),
                 )
 

@@ -7,13 +7,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from latentmotion.describe.facts import LEFT, Event
+from latentmotion.describe.facts import Event
 from latentmotion.describe.legs import strides_of
 from latentmotion.describe.scene import Scene
 from latentmotion.describe.single import SingleAction
 
 GAITS = ("walk", "jog", "run")
 _RUNS = ("jog", "run")
+
+_MOST_STEPS = 12
+"""Windows of counted steps that are tried in one clip, which has many."""
 
 
 def ways(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
@@ -38,9 +41,10 @@ def _inside(
 
 def _gaits(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
     for move in scene.facts.moves:
-        if move.kind in GAITS and move.direction not in ("", "place") and move.frames >= 24:
-            for _ in range(2 + move.frames // 50):
-                start, end = _inside(generator, move.start, move.end, 28, 150)
+        if move.kind in GAITS and move.direction not in ("", "place") and move.frames >= 20:
+            shortest = 28 if move.kind == "walk" else 20
+            for _ in range((2 if move.kind == "walk" else 4) + move.frames // 50):
+                start, end = _inside(generator, move.start, move.end, shortest, 150)
                 yield SingleAction(
                     move.kind, start, end, direction=move.direction, act=(start, end)
                 )
@@ -55,7 +59,7 @@ def _gait_of(scene: Scene, turn: Event) -> str:
     """The gait of a turn that is walked, jogged or run; nothing on the spot."""
     if turn.direction != "walking":
         return ""
-    shared = {kind: 0 for kind in GAITS}
+    shared = dict.fromkeys(GAITS, 0)
     for move in scene.facts.moves:
         if move.kind in GAITS and move.direction != "place":
             shared[move.kind] += max(min(turn.end, move.end) - max(turn.start, move.start), 0)
@@ -94,15 +98,11 @@ def _turned_ways(scene: Scene, generator: np.random.Generator) -> Iterator[Singl
         ahead = turn.start - _draw(generator, 14, min(before[1], 60))
         rest = turn.end + _draw(generator, 14, min(after[1], 60))
         if before[1] >= 14:
-            yield SingleAction(
-                "walk_then_turn", ahead, tail, turn.side, gait=before[0], act=act
-            )
+            yield SingleAction("walk_then_turn", ahead, tail, turn.side, gait=before[0], act=act)
         if after[1] >= 14:
             yield SingleAction("turn_then_walk", head, rest, turn.side, gait=after[0], act=act)
         if min(before[1], after[1]) >= 14 and len(set(gaits)) == 1 and 130 < turn.amount < 230:
-            yield SingleAction(
-                "turn_and_return", ahead, rest, turn.side, gait=gaits[0], act=act
-            )
+            yield SingleAction("turn_and_return", ahead, rest, turn.side, gait=gaits[0], act=act)
 
 
 def _straight(scene: Scene, turn: Event, way: int) -> tuple[str, int]:
@@ -131,12 +131,15 @@ def _changes(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAct
         kind = _change(one, two)
         if not kind or min(one.frames, two.frames) < 10:
             continue
-        for _ in range(2):
+        for _ in range(4 if "run" in kind else 2):
             start = one.end - _draw(generator, 12, min(one.frames, 60))
             end = two.start + _draw(generator, 14, min(two.frames, 80))
             direction = two.direction if one.kind == "stand" else one.direction
             yield SingleAction(
-                kind, max(start, one.start), min(end, two.end), direction=direction,
+                kind,
+                max(start, one.start),
+                min(end, two.end),
+                direction=direction,
                 act=(one.end, two.start + 1),
             )
 
@@ -189,27 +192,40 @@ def _weaving(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAct
 
 def _steps(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
     """One to six steps, from standing to standing, or from standing, or to it."""
-    strides, frames = strides_of(scene.signals), scene.facts.frames
-    edges = [(-99, -99), *strides, (frames + 99, frames + 99)]
-    for first in range(len(strides)):
-        for count in range(1, 7):
-            last = first + count - 1
-            if last >= len(strides):
-                break
-            before = strides[first][0] - max(end for _, end in edges[: first + 1])
-            after = edges[last + 2][0] - max(end for _, end in strides[first : last + 1])
-            if max(before, after) < 8 or min(before, after) < 1:
-                continue
-            middle = slice(strides[first][0], strides[last][1])
-            if np.degrees(np.ptp(scene.signals.heading[middle])) > 50:
-                break
-            room = min(strides[first][0], before - 1), before
-            start = strides[first][0] - _draw(generator, min(2, room[0]), min(room[0], 16))
-            finish = max(end for _, end in strides[first : last + 1])
-            end = min(finish + _draw(generator, min(2, after - 1), min(after - 1, 18)), frames)
-            yield SingleAction(
-                "steps", max(start, 0), end, count=count, act=(strides[first][0], finish)
-            )
+    strides = strides_of(scene.signals)
+    spans = [
+        (first, first + count - 1)
+        for count in range(1, 7)
+        for first in range(len(strides) - count + 1)
+    ]
+    found = [
+        action
+        for first, last in spans
+        if (action := _stepped(scene, generator, strides, first, last)) is not None
+    ]
+    for index in generator.permutation(len(found))[:_MOST_STEPS].tolist():
+        yield found[index]
+
+
+def _stepped(
+    scene: Scene,
+    generator: np.random.Generator,
+    strides: list[tuple[int, int]],
+    first: int,
+    last: int,
+) -> SingleAction | None:
+    """Cuts a window around some strides; the body stands before them, after them or both."""
+    frames = scene.facts.frames
+    start, end = strides[first][0], max(end for _, end in strides[first : last + 1])
+    before = start - max((end for _, end in strides[:first]), default=-99)
+    after = (strides[last + 1][0] if last + 1 < len(strides) else frames + 99) - end
+    turned = np.degrees(np.ptp(scene.signals.heading[start:end]))
+    if max(before, after) < 8 or min(before, after) < 1 or turned > 40:
+        return None
+    early = min(start, before - 1)
+    begin = start - _draw(generator, min(2, early), min(early, 16))
+    finish = min(end + _draw(generator, min(2, after - 1), min(after - 1, 18)), frames)
+    return SingleAction("steps", max(begin, 0), finish, count=last - first + 1, act=(start, end))
 
 
 def _standing(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
@@ -217,8 +233,3 @@ def _standing(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAc
         if move.kind == "stand" and move.frames >= 24:
             start, end = _inside(generator, move.start, move.end, 24, 160)
             yield SingleAction("stand", start, end, act=(start, end))
-
-
-def net_side(degrees: float) -> str:
-    """Returns the side of a signed turn."""
-    return LEFT if degrees > 0 else "right"

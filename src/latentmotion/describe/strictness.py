@@ -17,6 +17,9 @@ from latentmotion.describe.single import SingleAction
 _CALM = frozenset({"still", "stand", "gesture", "stop"})
 _GOING = frozenset({"walk", "jog", "run"})
 _RISE = {"jump": 0.08, "hop": 0.03}
+_PUNCH_SPEED = 2.1
+"""Meters per second by which the fist of a punch gets away from its shoulder; gestures are slower."""
+
 _TOLD = frozenset({"jack", "crawl", "arms_out", "hands_on_hips", "touch_head"})
 
 
@@ -56,14 +59,16 @@ _LIMITS = {
     "hands_on_hips": _limits("hands_on_hips", 0.5),
     "touch_head": _limits("touch_head raise", 0.5),
     "arm_circle": _limits("arm_circle raise arms_out wave", 0.6),
-    "sit_down": _limits("sit_down stay_sit", 1.0, 120),
+    "sit_down": _limits("sit_down stay_sit knee balance bow", 1.0, 120),
     "sit": _limits("stay_sit sit_down", 0.3),
-    "stand_up": _limits("stand_up stay_sit", 1.0, 60),
+    "stand_up": _limits("stand_up stay_sit knee balance bow", 1.0, 90),
     "sit_floor": _limits("sit_down stay_floor floor stay_kneel kneel_down", 1.0, 120),
-    "lie_down": _limits("lie_down stay_lie stay_floor sit_down kneel_down", 2.0, 150),
-    "lie": _limits("stay_lie", 0.6),
-    "get_up": _limits("get_up stand_up stay_lie stay_floor stay_kneel sit_up", 2.0, 150),
-    "kneel": _limits("kneel_down stay_kneel stay_crouch", 1.0, 60),
+    "lie_down": _limits(
+        "lie_down stay_lie stay_floor sit_down kneel_down crawl stay_kneel", 2.0, 150
+    ),
+    "lie": _limits("stay_lie crawl", 0.6, 60),
+    "get_up": _limits("get_up stand_up stay_lie stay_floor stay_kneel sit_up crawl", 2.0, 150),
+    "kneel": _limits("kneel_down stay_kneel stay_crouch knee balance", 1.0, 60),
     "crouch": _limits("stay_crouch squat", 0.6),
     "crawl": _limits("crawl walk stay_bend stay_kneel stay_crouch climb", 9, 60),
     "climb": _limits("climb walk", 6, 60),
@@ -144,12 +149,18 @@ def _punches(action: SingleAction, scene: Scene) -> SingleAction | None:
         return None
     sides = {event.side for event in events}
     right = sides == {action.side} or (action.side == BOTH and len(sides) == 2)
-    return action if right else None
+    quick = all(event.amount > _PUNCH_SPEED for event in events)
+    return action if right and quick else None
 
 
 def _waves(action: SingleAction, scene: Scene) -> SingleAction | None:
     events = scene.find("wave")
-    return action if {e.side for e in events} == {action.side} else None
+    others_down = all(
+        _highest(scene, side) < -0.1 for side in (LEFT, RIGHT) if action.side not in (side, BOTH)
+    )
+    calm = np.degrees(np.ptp(scene.signals.heading)) < 40
+    right = {event.side for event in events} == {action.side}
+    return action if right and others_down and calm else None
 
 
 def _raises(action: SingleAction, scene: Scene) -> SingleAction | None:
@@ -201,11 +212,20 @@ def _held(action: SingleAction, scene: Scene) -> SingleAction | None:
     return action if held and _only(action, events) else None
 
 
+def _passing(kind: str) -> int:
+    """Frames from which a posture between others is one of its own."""
+    return 30 if kind in ("bend", "crouch") else 16
+
+
 def _postures(*stages: str) -> Callable[[SingleAction, Scene], SingleAction | None]:
     """Checks that postures follow each other so, short passing ones left out."""
 
     def check(action: SingleAction, scene: Scene) -> SingleAction | None:
-        kept = [p.kind for p in scene.facts.postures if p.kind in stages or p.frames >= 16]
+        kept = [
+            posture.kind
+            for posture in scene.facts.postures
+            if posture.kind in stages or posture.frames >= _passing(posture.kind)
+        ]
         merged = [kind for n, kind in enumerate(kept) if n == 0 or kept[n - 1] != kind]
         return action if tuple(merged) == stages else None
 
@@ -274,7 +294,9 @@ _ACTS: dict[str, Callable[[SingleAction, Scene], SingleAction | None]] = {
 
 def _upright(scene: Scene) -> bool:
     standing = sum(part.frames for part in scene.facts.postures if part.kind == "stand")
-    low = (scene.signals.joints[:, 0, 1] < 0.8) | (scene.signals.lean > 25)
+    runs = any(move.kind in ("jog", "run") for move in scene.facts.moves)
+    height, lean = (0.72, 40) if runs else (0.8, 25)
+    low = (scene.signals.joints[:, 0, 1] < height) | (scene.signals.lean > lean)
     return standing > 0.95 * scene.facts.frames and float(low.mean()) < 0.3
 
 
@@ -319,15 +341,21 @@ def _pace(kind: str, speed: float) -> str:
 
 
 def _gait(action: SingleAction, scene: Scene) -> SingleAction | None:
-    if others(scene) - _CALM - {action.kind} or not _upright(scene):
+    runs = {"jog", "run"}
+    kinds = runs if action.kind in runs else {action.kind}
+    if others(scene) - _CALM - kinds or not _upright(scene):
         return None
     moves = [move for move in scene.facts.moves if move.kind != "stand"]
-    if {(move.kind, move.direction) for move in moves} != {(action.kind, action.direction)}:
+    if {move.direction for move in moves} != {action.direction}:
+        return None
+    if not {move.kind for move in moves} <= kinds:
         return None
     going = sum(move.frames for move in moves) / scene.facts.frames
     if going < 0.9 or not _is_straight(scene, 18) or scene.facts.path.length < 0.5:
         return None
-    return replace(action, pace=_pace(action.kind, float(scene.signals.speed.mean())))
+    speed = float(scene.signals.speed.mean())
+    kind = action.kind if action.kind == "walk" else "run" if speed > 2.6 else "jog"
+    return replace(action, kind=kind, pace=_pace(kind, speed))
 
 
 def _turn(action: SingleAction, scene: Scene) -> SingleAction | None:
@@ -359,7 +387,9 @@ def _shaped(action: SingleAction, scene: Scene) -> SingleAction | None:
         return action if degrees >= 270 and length >= 2.2 and radius > 0.3 else None
     if action.kind == "half_circle":
         gradual = max(t.frames for t in scene.facts.turns) > 0.6 * scene.facts.frames
-        return action if 130 <= degrees <= 230 and length > 1.6 and radius > 0.4 and gradual else None
+        return (
+            action if 130 <= degrees <= 230 and length > 1.6 and radius > 0.4 and gradual else None
+        )
     return action if 18 <= degrees <= 430 and not (action.gait and degrees > 250) else None
 
 
@@ -391,9 +421,10 @@ def _going_straight(action: SingleAction, scene: Scene) -> bool:
 
 def _change(action: SingleAction, scene: Scene) -> SingleAction | None:
     """Checks a start, a stop, or a change of gait: the moves are these two, straight."""
-    if others(scene) - _CALM - _GOING or scene.facts.turns or not _upright(scene):
+    allowed = _CALM | _GOING | {"turn"}
+    if others(scene) - allowed or abs(scene.facts.path.turned) > 40 or not _upright(scene):
         return None
-    if abs(scene.facts.path.turned) > 30:
+    if any(turn.amount > 50 for turn in scene.facts.turns):
         return None
     moves = [move for move in scene.facts.moves if move.frames >= 8]
     kinds = [_CLASS.get(move.kind, "") for move in moves]

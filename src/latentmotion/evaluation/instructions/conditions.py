@@ -9,10 +9,10 @@ import numpy as np
 
 from latentmotion.describe.facts import FPS, LEFT, RIGHT
 from latentmotion.describe.poses import stillness
+from latentmotion.describe.scene import Scene
 from latentmotion.describe.signals import peaks
 from latentmotion.evaluation.instructions.acts import TURNS, WAYS
 from latentmotion.evaluation.instructions.expressions import Term
-from latentmotion.describe.scene import Scene
 
 
 @dataclass(frozen=True)
