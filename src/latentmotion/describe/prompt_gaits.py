@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from latentmotion.describe.prompt_phrases import (
+    IN_A_ROW,
     PEOPLE_ON_FOOT,
     RUNNERS,
     Wording,
@@ -148,7 +149,7 @@ _GAITS: dict[tuple[str, str], _Pace] = {
             "~run slowly WAY",
             "~run WAY [slowly|at a slow pace|at an easy pace|very slowly]",
             "~jog WAY",
-            "~run [at a slow pace|without hurry] WAY",
+            "~run [at a slow pace|without hurry]",
             "slowly ~run WAY",
             "~jog [slowly|at an easy pace|lightly]",
             "~trot [|along|forward]",
@@ -246,7 +247,7 @@ def steps(action: SingleAction) -> Wording:
         "backward": "[back|backward|backwards|back]",
     }.get(way, f"[to the {way}|to the {way}|{way}|to <his> {way}]")
     slow = {"slow": "[|slow] ", "fast": "[|quick] "}.get(action.pace, "")
-    several = some(count, f"{slow}step", f"{slow}steps")
+    several = some(count, f"{slow}step", f"{slow}steps").removesuffix(IN_A_ROW)
     clauses = [f"~take {several} {where}", f"~walk {several} {where}", f"~go {several} {where}"]
     clauses += [f"~make {several} {where}", f"~move {several} {where}", f"~do {several} {where}"]
     clauses += [f"~take exactly {number(count)} step{'s' * (count > 1)} {where}"]
@@ -254,7 +255,7 @@ def steps(action: SingleAction) -> Wording:
     if count == 1 and where:
         clauses += [f"~step {where}", f"~step {where} once"]
     if way in ("left", "right"):
-        side = some(count, "[side step|sidestep]", "[side steps|sidesteps]")
+        side = some(count, "[side step|sidestep]", "[side steps|sidesteps]").removesuffix(IN_A_ROW)
         clauses += [f"~take {side} {where}", f"~make {side} {where}"]
         clauses += [f"~sidestep {where} {times(count)}", f"~step {way} {times(count)}"]
         nouns += [f"{side} {where}"]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from latentmotion.describe.facts import BOTH
 from latentmotion.describe.prompt_phrases import (
     ATHLETES,
+    IN_A_ROW,
     KICKERS,
     Wording,
     number,
@@ -38,12 +39,13 @@ def jumped(action: SingleAction) -> Wording:
         if count > 1:
             clauses += ["~jump up and down", f"~jump up and down {often}"]
         return Wording(tuple(clauses), tuple(nouns), people=ATHLETES)
+    leaps = leaps.removesuffix(IN_A_ROW)
     way = {
         "forward": "[forward|forward|ahead|forwards]",
         "backward": "[backward|backwards|back]",
     }.get(action.direction, towards(action.direction))
     clauses = [f"~jump {way} {often}", f"~jump {way} {often}", f"~leap {way} {often}"]
-    clauses += [f"~make {leaps} {way}", f"~jump {often} {way}", f"~hop {way} {often}"]
+    clauses += [f"~make {leaps} {way}", f"~hop {way} {often}"]
     clauses += [f"~do {leaps} {way}", f"~take {leaps} {way}", f"~jump {way} with both feet {often}"]
     clauses += [f"~spring {way} {often}", f"~bound {way} {often}"]
     if action.direction in ("left", "right"):

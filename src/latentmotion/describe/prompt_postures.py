@@ -350,7 +350,7 @@ PLAIN: dict[str, Wording] = {
         ),
         after=("~stand still", "~stay there", "~stop", "~stand there"),
         people=("a guard", "a statue", "a guest"),
-        orders=("don't move", "freeze", "no moving", "just stand there", "stay right there"),
+        orders=("don't move", "freeze", "no moving", "just stand there", "stay where you are"),
     ),
 }
 

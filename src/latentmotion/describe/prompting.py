@@ -83,7 +83,7 @@ _SHOWN = ("show", "show me", "animate", "an animation of", "a video of")
 _CLOSED = re.compile(r"\[([^\[\]]*)\]")
 _CLUMSY = re.compile(
     r"\b(?:keep|start|beginn|stopp|finish)ing \w+ing\b|\bbeing\b|then .*then .*then"
-    r"|(?:spot|place) while"
+    r"|(?:spot|place) while|\b(\w+) \1\b"
 )
 """What nobody types, though the grammar gives it: "keeping hopping"."""
 
