@@ -9,6 +9,7 @@ from latentmotion.describe.facts import BOTH
 from latentmotion.describe.prompt_phrases import (
     ATHLETES,
     FIGHTERS,
+    ONCE,
     Wording,
     number,
     some,
@@ -99,7 +100,7 @@ def waved(action: SingleAction) -> Wording:
 
 def raised(action: SingleAction) -> Wording:
     """Raised hands and arms."""
-    often, side = times(action.count), action.side
+    often, side = times(action.count).replace(ONCE, "[||||||once]"), action.side
     if side == BOTH:
         limb, it = "[both|both|<his>|<the>] [arms|hands]", "both [arms|hands]"
     else:

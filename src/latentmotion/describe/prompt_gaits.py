@@ -52,7 +52,7 @@ _GAITS: dict[tuple[str, str], _Pace] = {
             "~walk WAY",
             "~walk [forward|ahead|straight ahead|straight|in a straight line]",
             "~walk along a straight line",
-            "~walk [at a normal pace|at a normal speed|normally|casually] WAY",
+            "~walk WAY [at a normal pace|at a normal speed|normally|casually]",
             "~go [forward|straight ahead|straight|ahead|on foot]",
             "~move [forward|ahead]",
             "~take [a walk|a few steps forward|some steps forward|some steps]",

@@ -32,91 +32,71 @@ def turn(action: SingleAction) -> Wording:
 
 def turned(side: str, degrees: float) -> tuple[list[str], list[str]]:
     """Returns verb phrases and noun phrases of a turn by degrees."""
-    to = towards(side)
     if degrees >= 290:
         return _spun(side, degrees)
     if 130 <= degrees <= 230:
-        return _turned_around(side)
-    if degrees > 120:
-        clauses = [f"~turn [far|around] to the {side}", f"~turn {to}", f"~rotate {to}"]
-        clauses += [f"~make a big {side} turn", f"~turn a long way to the {side}", f"~spin {to}"]
-        clauses += [f"~turn {clockwise(side)}", f"~pivot {to}", f"~swivel to the {side}"]
-        return clauses, [f"a {side} turn", f"a [big|wide|large] turn to the {side}"]
-    clauses, nouns = _turned_little(side, degrees)
+        return _turned_around(side, degrees)
+    to = towards(side)
+    clauses, nouns = _turned_so_far(side, degrees)
     if degrees >= 30:
         plain = [f"~turn {to}", f"~turn {to}", f"~make a {side} turn", f"~rotate {to}"]
-        plain += [f"~pivot {to}", f"~turn to face [{side}|the {side}]", f"~do a turn to the {side}"]
-        plain += [f"~swivel to the {side}", f"~take a turn to the {side}"]
+        plain += [f"~pivot {to}", f"~do a turn to the {side}", f"~swivel to the {side}"]
+        plain += [f"~take a turn to the {side}", f"~turn to the {side} side"]
+        if 60 <= degrees <= 120:
+            plain += [f"~turn to face [{side}|the {side}]", f"~face {side}"]
         clauses = [*plain[:2], *clauses, *plain[2:]]
         nouns = [f"a {side} turn", f"a turn to [the|the|<his>] {side}", f"{side} turn", *nouns]
     return clauses, nouns
 
 
-def _turned_little(side: str, degrees: float) -> tuple[list[str], list[str]]:
-    """Turns of up to 120 degrees, with how far."""
+def _turned_so_far(side: str, degrees: float) -> tuple[list[str], list[str]]:
+    """How far a turn goes, where that has a name."""
     to, to_the = towards(side), f"to [the|the|<his>] {side}"
-    if degrees >= 60:
-        right = "[90|90|ninety]"
-        return [
-            f"~turn {right} degrees {to}",
-            f"~make a quarter turn {to_the}",
-            f"~turn {to} by {right} degrees",
-            f"~do a [quarter|90 degree] turn {to_the}",
-            f"~rotate {right} degrees {to}",
-            f"~turn {to} {right} degrees",
-            f"~turn a quarter {to_the}",
-        ], [
-            f"a quarter turn {to_the}",
-            f"a quarter turn {side}",
-            f"a [90 degree|90-degree|ninety degree] turn {to_the}",
-            f"a [90 degree|90-degree] {side} turn",
-        ]
-    clauses = [
-        f"~turn slightly {to}",
-        f"~turn a [bit|little] {to}",
-        f"slightly ~turn {to}",
-        f"~turn {to} [a bit|a little|slightly]",
-        f"~make a [slight|small] turn {to_the}",
-        f"~make a [slight|small] {side} turn",
-        f"~rotate [slightly|a little] {to}",
-        f"~turn just a [bit|little] {to}",
-    ]
-    nouns = [f"a [slight|small|little] turn {to_the}", f"a [slight|small] {side} turn"]
-    if degrees >= 30:
+    clauses: list[str] = []
+    nouns: list[str] = []
+    if degrees < 50:
+        clauses += [f"~turn slightly {to}", f"~turn a [bit|little] {to}", f"slightly ~turn {to}"]
+        clauses += [f"~turn {to} [a bit|a little|slightly]", f"~turn just a [bit|little] {to}"]
+        clauses += [f"~make a [slight|small] turn {to_the}", f"~rotate [slightly|a little] {to}"]
+        clauses += [f"~make a [slight|small] {side} turn"]
+        nouns += [f"a [slight|small|little] turn {to_the}", f"a [slight|small] {side} turn"]
+    if 33 <= degrees < 60:
         half = "[45|45|forty-five]"
         clauses += [f"~turn {half} degrees {to}", f"~turn {to} by {half} degrees"]
         clauses += [f"~rotate {half} degrees {to}", f"~make a 45 degree turn {to_the}"]
         nouns += [f"a [45 degree|45-degree] turn {to_the}", f"a 45 degree {side} turn"]
+    if 68 <= degrees < 113:
+        right = "[90|90|ninety]"
+        clauses += [f"~turn {right} degrees {to}", f"~make a quarter turn {to_the}"]
+        clauses += [f"~turn {to} by {right} degrees", f"~turn {to} {right} degrees"]
+        clauses += [f"~do a [quarter|90 degree] turn {to_the}", f"~turn a quarter {to_the}"]
+        clauses += [f"~rotate {right} degrees {to}"]
+        nouns += [f"a quarter turn {to_the}", f"a quarter turn {side}"]
+        nouns += [f"a [90 degree|90-degree|ninety degree] turn {to_the}"]
+        nouns += [f"a [90 degree|90-degree] {side} turn"]
+    if degrees >= 113:
+        clauses += [f"~turn [far|around] to the {side}", f"~turn a long way to the {side}"]
+        clauses += [f"~make a big {side} turn", f"~turn {clockwise(side)}"]
+        nouns += [f"a [big|wide|large] turn to the {side}"]
     return clauses, nouns
 
 
-def _turned_around(side: str) -> tuple[list[str], list[str]]:
+def _turned_around(side: str, degrees: float) -> tuple[list[str], list[str]]:
     """Turns of 130 to 230 degrees."""
     to, to_the = towards(side), f"to [the|the|<his>] {side}"
-    clauses = [
-        "~turn around",
-        f"~turn around [to the {side}|to <his> {side}|{side}]",
-        "~turn [180|180|a hundred and eighty] degrees",
-        f"~turn [180|180] degrees {to}",
-        f"~make a half turn {to_the}",
-        "~do [an about-face|a 180|a one-eighty|an about face]",
-        f"~turn {side} by 180 degrees",
-        "~turn to face the other way",
-        f"~turn halfway around {to_the}",
-        f"~do a [half|180 degree] turn {to_the}",
-        f"~turn around [{clockwise(side)}|over <his> {side} shoulder]",
-        "~turn back",
-        "~turn and ~face the [opposite direction|other direction|other way]",
-        "~make a [half turn|half-turn]",
-    ]
-    nouns = [
-        f"a half turn {to_the}",
-        "a half turn",
-        "an about-face",
-        f"a [180|180 degree] turn {to_the}",
-        "a [180|180 degree] turn",
-        f"a turn around {to_the}",
-    ]
+    clauses = ["~turn around", f"~turn around [to the {side}|to <his> {side}|{side}]"]
+    clauses += [f"~turn around [{clockwise(side)}|over <his> {side} shoulder]", "~turn back"]
+    clauses += ["~turn to face the other way", "~turn to the opposite direction"]
+    clauses += ["~turn and ~face the [opposite direction|other direction|other way]"]
+    nouns = [f"a turn around {to_the}", f"turning around {to_the}"]
+    if 150 <= degrees <= 210:
+        half = ["~turn [180|180|a hundred and eighty] degrees", f"~turn [180|180] degrees {to}"]
+        half += [f"~make a half turn {to_the}", f"~turn {side} by 180 degrees"]
+        half += ["~do [an about-face|a 180|a one-eighty|an about face]", "~make a half turn"]
+        half += [f"~turn halfway around {to_the}", f"~do a [half|180 degree] turn {to_the}"]
+        clauses = [*clauses[:2], *half, *clauses[2:]]
+        nouns += [f"a half turn {to_the}", "a half turn", "an about-face"]
+        nouns += [f"a [180|180 degree] turn {to_the}", "a [180|180 degree] turn"]
     return clauses, nouns
 
 
@@ -180,7 +160,7 @@ def _curved(action: SingleAction, verb_ing: str) -> list[str]:
         out = [f"~{gait} and ~make a u-turn [|{to}]", f"~{gait} around in a half circle {to}"]
         out += [f"~make a u-turn [|{to}] while {verb_ing}", f"~do a u-turn, {verb_ing}"]
         return [*out, f"~turn back while {verb_ing}", f"~{gait}, ~turn and ~{gait} the other way"]
-    out = [f"~{gait} in a [curve|bend|bow|arc] {to}", f"~{gait} along a curve {to}"]
+    out = [f"~{gait} in a [curve|bend|curve|arc] {to}", f"~{gait} along a curve {to}"]
     out += [f"~curve {to} while {verb_ing}", f"~{gait} a curve {to}"]
     if degrees <= 75:
         veer = f"[bearing|veering|drifting] {towards(side)}"
