@@ -68,7 +68,8 @@ class Describe:
         """Writes the captions."""
         if min(self.windows, self.rewordings, self.single) < 0 or self.sentences < 1:
             raise InputError(
-                "expected --windows, --rewordings and --single of 0 or more and --sentences of 1 or more"
+                "expected --windows, --rewordings and --single of 0 or more and --sentences of 1 "
+                "or more"
             )
         windows = Windows(
             self.windows,

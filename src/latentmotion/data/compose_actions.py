@@ -91,8 +91,8 @@ def compose_actions(
     composer = _Composer(dataset, found, wanted)
     if len(composer.by_kind) < 2:
         raise DataError(
-            f"{dataset.folder}: expected windows of at least 2 kinds of single actions in the train "
-            f"split, found {len(composer.by_kind)}; add more clips"
+            f"{dataset.folder}: expected at least 2 kinds of single actions in the train split, "
+            f"found {len(composer.by_kind)}; add more clips"
         )
     repeats = composer.collect(composer.repeats(), wanted.count * 3 // 8, 0)
     pairs = composer.collect(composer.pairs(), wanted.count - len(repeats), len(repeats))

@@ -40,7 +40,7 @@ from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 COLUMNS = ("file", "caption", "from", "to")
 """What `data prepare own --captions` reads."""
 
-PROMPTS = 3
+PROMPTS = 4
 """Prompts of each window that shows a single action."""
 
 LONGEST_FILE = 200

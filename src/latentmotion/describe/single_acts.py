@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -78,7 +79,7 @@ def _series(scene: Scene, generator: np.random.Generator) -> Iterator[SingleActi
 
 
 def _gap(group: list[Event]) -> int:
-    return max((b.start - a.end for a, b in zip(group, group[1:], strict=False)), default=0)
+    return max((b.start - a.end for a, b in pairwise(group)), default=0)
 
 
 def _side(kind: str, group: list[Event]) -> str | None:
@@ -90,7 +91,7 @@ def _side(kind: str, group: list[Event]) -> str | None:
         return sides[0]
     if kind == "punch":
         return BOTH
-    turns = all(a != b for a, b in zip(sides, sides[1:], strict=False))
+    turns = all(a != b for a, b in pairwise(sides))
     return BOTH if kind in _ALTERNATING and turns and len(group) > 1 else None
 
 

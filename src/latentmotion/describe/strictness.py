@@ -18,7 +18,9 @@ _CALM = frozenset({"still", "stand", "gesture", "stop"})
 _GOING = frozenset({"walk", "jog", "run"})
 _RISE = {"jump": 0.08, "hop": 0.03}
 _PUNCH_SPEED = 2.1
-"""Meters per second by which the fist of a punch gets away from its shoulder; gestures are slower."""
+"""Meters per second by which a punching fist leaves its shoulder; gestures are slower."""
+
+_OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 
 _TOLD = frozenset({"jack", "crawl", "arms_out", "hands_on_hips", "touch_head"})
 
@@ -118,12 +120,17 @@ def _times(*kinds: str) -> Callable[[SingleAction, Scene], SingleAction | None]:
     return check
 
 
+def _squats(action: SingleAction, scene: Scene) -> SingleAction | None:
+    planted = float(scene.signals.feet.max()) < 0.15
+    return action if planted and _only(action, (e := scene.find("squat")), len(e)) else None
+
+
 def _jumps(action: SingleAction, scene: Scene) -> SingleAction | None:
     events = scene.find("jump", "hop")
     real = [event for event in events if event.amount >= _RISE[event.kind]]
     if len(real) != action.count or len(events) != len(real):
         return None
-    if action.kind == "hop" and not all(e.kind == "hop" and e.side == action.side for e in events):
+    if action.kind == "hop" and not all(_is_hop(event, action.side, scene) for event in events):
         return None
     if action.kind == "jump" and any(e.kind == "hop" for e in events):
         return None
@@ -133,6 +140,13 @@ def _jumps(action: SingleAction, scene: Scene) -> SingleAction | None:
     if not far and not near:
         return None
     return replace(action, direction=way[0] if far else "")
+
+
+def _is_hop(event: Event, side: str, scene: Scene) -> bool:
+    """Whether it is a hop on that foot, and the other foot does not touch the floor around it."""
+    around = slice(max(event.start - 3, 0), event.end + 4)
+    other = scene.signals.feet[around, 1 if side == LEFT else 0]
+    return event.kind == "hop" and event.side == side and float(other.min()) > 0.05
 
 
 def _kicks(action: SingleAction, scene: Scene) -> SingleAction | None:
@@ -209,6 +223,8 @@ def _reaches(action: SingleAction, scene: Scene) -> SingleAction | None:
 def _held(action: SingleAction, scene: Scene) -> SingleAction | None:
     events = scene.find(action.kind)
     held = sum(event.frames for event in events) > 0.4 * scene.facts.frames
+    if action.kind == "touch_head" and _highest(scene, _OTHER[action.side]) > -0.1:
+        return None
     return action if held and _only(action, events) else None
 
 
@@ -228,6 +244,26 @@ def _postures(*stages: str) -> Callable[[SingleAction, Scene], SingleAction | No
         ]
         merged = [kind for n, kind in enumerate(kept) if n == 0 or kept[n - 1] != kind]
         return action if tuple(merged) == stages else None
+
+    return check
+
+
+def _rests(kind: str) -> Callable[[SingleAction, Scene], SingleAction | None]:
+    """Checks that a posture is all there is and that little moves."""
+
+    def check(action: SingleAction, scene: Scene) -> SingleAction | None:
+        alone = {posture.kind for posture in scene.facts.postures} == {kind}
+        return action if alone and scene.facts.activity < 0.35 else None
+
+    return check
+
+
+def _seated(*stages: str) -> Callable[[SingleAction, Scene], SingleAction | None]:
+    """Checks postures of which one is on a seat, as high as a low stool at least."""
+
+    def check(action: SingleAction, scene: Scene) -> SingleAction | None:
+        high = float(scene.signals.joints[:, 0, 1].min()) > 0.35
+        return _postures(*stages)(action, scene) if high else None
 
     return check
 
@@ -268,10 +304,10 @@ def _circles(action: SingleAction, scene: Scene) -> SingleAction | None:
 _ACTS: dict[str, Callable[[SingleAction, Scene], SingleAction | None]] = {
     "jump": _jumps, "hop": _jumps, "kick": _kicks, "punch": _punches, "wave": _waves,
     "raise": _raises, "clap": _times(), "knee": _knees, "march": _marches,
-    "jog_in_place": _marches, "jack": _times(), "squat": _times(), "bow": _times(),
+    "jog_in_place": _marches, "jack": _times(), "squat": _squats, "bow": _times(),
     "pick_up": _reaches, "balance": _held, "arms_out": _held, "hands_on_hips": _held,
-    "touch_head": _held, "arm_circle": _circles, "sit_down": _postures("stand", "sit"),
-    "sit": _postures("sit"), "stand_up": _postures("sit", "stand"),
+    "touch_head": _held, "arm_circle": _circles, "sit_down": _seated("stand", "sit"),
+    "sit": _seated("sit"), "stand_up": _seated("sit", "stand"),
     "sit_floor": _either(
         _postures("stand", "floor"), _postures("floor"), _postures("stand", "kneel", "floor")
     ),
@@ -279,7 +315,7 @@ _ACTS: dict[str, Callable[[SingleAction, Scene], SingleAction | None]] = {
         _postures("stand", "lie"), _postures("stand", "floor", "lie"),
         _postures("stand", "kneel", "lie"),
     ),
-    "lie": _postures("lie"),
+    "lie": _rests("lie"),
     "get_up": _either(
         _postures("lie", "stand"), _postures("floor", "stand"), _postures("lie", "kneel", "stand"),
         _postures("lie", "floor", "stand"), _postures("floor", "kneel", "stand"),
@@ -297,7 +333,17 @@ def _upright(scene: Scene) -> bool:
     runs = any(move.kind in ("jog", "run") for move in scene.facts.moves)
     height, lean = (0.72, 40) if runs else (0.8, 25)
     low = (scene.signals.joints[:, 0, 1] < height) | (scene.signals.lean > lean)
-    return standing > 0.95 * scene.facts.frames and float(low.mean()) < 0.3
+    upright = standing > 0.95 * scene.facts.frames and float(low.mean()) < (0.3 if runs else 0.15)
+    return upright and not _spreads_arms(scene)
+
+
+def _spreads_arms(scene: Scene) -> bool:
+    """Whether both arms are held out for half a second, as actors do before a take."""
+    outward = [
+        (scene.signals.of(f"{side}_wrist") - scene.signals.of(f"{side}_shoulder"))[:, 0] * sign
+        for side, sign in ((LEFT, 1), (RIGHT, -1))
+    ]
+    return int((np.minimum(*outward) > 0.28).sum()) >= 10
 
 
 def in_place(scene: Scene, most: float) -> bool:
@@ -331,7 +377,9 @@ def _is_straight(scene: Scene, turned: float) -> bool:
 
 def _pace(kind: str, speed: float) -> str:
     slow, normal, fast = {
-        "walk": (0.8, (0.85, 1.35), 1.4), "jog": (1.9, (2.0, 2.6), 2.7), "run": (0.0, (2.7, 3.3), 3.6),
+        "walk": (0.8, (0.85, 1.35), 1.4),
+        "jog": (1.9, (2.0, 2.6), 2.7),
+        "run": (0.0, (2.7, 3.3), 3.6),
     }[kind]  # fmt: skip
     if speed < slow:
         return "slow"
@@ -405,7 +453,7 @@ def _turned_way(action: SingleAction, scene: Scene) -> SingleAction | None:
         return None
     if action.kind == "turn_and_return" and not 140 <= abs(net) <= 225:
         return None
-    straight = _going_straight(action, scene)
+    straight = abs(net) >= 30 and _going_straight(action, scene)
     return replace(action, degrees=abs(net)) if straight else None
 
 
@@ -431,8 +479,10 @@ def _change(action: SingleAction, scene: Scene) -> SingleAction | None:
     merged = [kind for n, kind in enumerate(kinds) if n == 0 or kinds[n - 1] != kind]
     if merged != _STAGES[action.kind] or any(move.direction == "place" for move in moves):
         return None
-    ways = {move.direction for move in moves if move.kind != "stand"}
-    if len(ways) != 1:
+    going = [move for move in moves if move.kind != "stand"]
+    ways = {move.direction for move in going}
+    fast = all(move.amount > (1.9 if move.kind in ("jog", "run") else 0.4) for move in going)
+    if len(ways) != 1 or not fast or min(move.frames for move in going) < 10:
         return None
     return replace(action, direction=ways.pop())
 
@@ -452,6 +502,8 @@ def _paces(action: SingleAction, scene: Scene) -> SingleAction | None:
     if any(move.direction != "forward" for move in moves):
         return None
     gaits = {_CLASS[move.kind] for move in moves}
+    if gaits == {"walk"} and float(scene.signals.speed.max()) > 1.9:
+        return None
     return replace(action, gait=gaits.pop(), direction="forward") if len(gaits) == 1 else None
 
 
@@ -490,7 +542,8 @@ def _sneaks(action: SingleAction, scene: Scene) -> SingleAction | None:
     if others(scene) - _CALM - {"walk", "turn", "stay_crouch", "stay_bend", "bow", "squat"}:
         return None
     ways = {m.direction for m in scene.facts.moves if m.kind in _GOING}
-    return replace(action, direction=ways.pop()) if len(ways) == 1 else None
+    fine = len(ways) == 1 and ways <= {"forward", "backward"} and not _spreads_arms(scene)
+    return replace(action, direction=ways.pop()) if fine else None
 
 
 _WAYS: dict[str, Callable[[SingleAction, Scene], SingleAction | None]] = {
