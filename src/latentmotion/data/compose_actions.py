@@ -7,8 +7,9 @@ what its words tell: so many jumps, or the first action before the seam and the 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -21,6 +22,7 @@ from latentmotion.data.manifest import COMPOSED, StoredClip
 from latentmotion.data.singles import Found, find_singles
 from latentmotion.data.splicing import pose_descriptors, splice
 from latentmotion.data.store import StoredMotion, caption_rows
+from latentmotion.describe.facts import BOTH
 from latentmotion.describe.prompting import prompts, prompts_in_order
 from latentmotion.describe.scene import scene_of
 from latentmotion.describe.single import SingleAction
@@ -35,16 +37,27 @@ REPEATED = frozenset(
 """Kinds of which one is shown two to four times."""
 
 _WANTED = {
-    "walk": 5.0, "run": 2.0, "jog": 2.0, "turn": 4.0, "stand": 2.0, "steps": 2.0, "kick": 3.0,
+    "walk": 8.0, "run": 3.0, "jog": 3.0, "turn": 4.0, "stand": 2.0, "steps": 2.0, "kick": 3.0,
     "jump": 3.0, "punch": 2.5, "wave": 2.0, "raise": 3.0, "squat": 2.0, "pick_up": 2.0,
     "sit_down": 2.0, "stand_up": 2.0, "lie_down": 2.0, "get_up": 2.0, "bow": 1.5, "crouch": 1.5,
-    "start_walking": 0.5, "speed_up": 0.5, "slow_down": 0.5, "climb": 0.3, "half_circle": 0.5,
+    "start_walking": 3.0, "stop_walking": 3.0, "start_running": 1.5, "stop_running": 1.5,
+    "speed_up": 0.5, "slow_down": 0.5, "climb": 0.3, "half_circle": 0.5,
     "weave": 0.5, "turn_then_walk": 0.5, "walk_then_turn": 0.5, "turn_and_return": 0.3,
 }  # fmt: skip
 """How much more often than others a kind is drawn: what people ask for in order."""
 
 _SIDED = ("kick", "raise", "steps", "walk", "turn", "punch", "knee", "hop")
 """Kinds that follow themselves with another side or direction."""
+
+_GAITS = ("walk", "jog", "run")
+_STOPS = {"stop_walking": "walk", "stop_running": "run"}
+_STARTS = {"start_walking": "walk", "start_running": "run"}
+
+_CHANGE = 0.45
+"""Largest distance of poses with their speeds where one gait becomes another, meters."""
+
+_PATIENCE = 40
+"""Sequences of the same kinds that fail in a row before no more are tried."""
 
 _PROMPTS = 4
 """Sentences about a sequence."""
@@ -94,9 +107,13 @@ def compose_actions(
             f"{dataset.folder}: expected at least 2 kinds of single actions in the train split, "
             f"found {len(composer.by_kind)}; add more clips"
         )
-    repeats = composer.collect(composer.repeats(), wanted.count * 3 // 8, 0)
-    pairs = composer.collect(composer.pairs(), wanted.count - len(repeats), len(repeats))
-    return Composed((*repeats, *pairs), composed_source(dataset.sources), composer.refused)
+    repeats = composer.repeats(wanted.count * 3 // 8)
+    made = [*repeats, *composer.pairs(wanted.count - len(repeats))]
+    motions = tuple(
+        replace(one, clip=replace(one.clip, id=f"{COMPOSED}-single-{wanted.seed}-{number:05d}"))
+        for number, one in enumerate(made)
+    )
+    return Composed(motions, composed_source(dataset.sources), composer.refused)
 
 
 class _Composer:
@@ -112,87 +129,143 @@ class _Composer:
         for shot in self._shots(found):
             self.by_kind[shot.action.kind].append(shot)
 
-    def collect(
-        self, sequences: Iterator[StoredMotion | None], count: int, number: int
-    ) -> list[StoredMotion]:
-        """Returns so many sequences, or fewer where too many are refused."""
-        made: list[StoredMotion] = []
-        for tried, one in enumerate(sequences):
-            if one:
-                name = f"{COMPOSED}-single-{self.wanted.seed}-{number + len(made):05d}"
-                made.append(StoredMotion(replace(one.clip, id=name), one.features))
-            if len(made) >= count or tried > 12 * count + 200:
-                break
-        return made
+    def repeats(self, count: int) -> list[StoredMotion]:
+        """Returns single acts shown two to four times, and knees that march, of all kinds alike."""
+        wanted: list[tuple[str, int]] = [
+            (kind, times) for kind in sorted(REPEATED & set(self.by_kind)) for times in (2, 3, 4)
+        ]
+        if "knee" in self.by_kind:
+            wanted += [("march", times) for times in (3, 4, 5, 6)]
+        quotas = dict.fromkeys(wanted, 1.2 * count / max(len(wanted), 1))
+        return self._filled(quotas, count, lambda key: self._repeated(*key))
 
-    def repeats(self) -> Iterator[StoredMotion | None]:
-        """Yields single acts shown two to four times; None where a drawn one does not fit."""
-        single = {
-            kind: [shot for shot in self.by_kind[kind] if shot.action.count == 1]
-            for kind in sorted(REPEATED & set(self.by_kind))
-        }
-        kinds = [kind for kind, shots in single.items() if shots]
-        while kinds:
-            shots = single[kinds[int(self.generator.integers(len(kinds)))]]
-            shot = shots[int(self.generator.integers(len(shots)))]
-            yield self._repeat(shot, int(self.generator.choice((2, 3, 4), p=(0.45, 0.35, 0.2))))
-
-    def pairs(self) -> Iterator[StoredMotion | None]:
-        """Yields two actions, drawn by kind, so that no recording decides what follows what."""
+    def pairs(self, count: int) -> list[StoredMotion]:
+        """Returns two actions in order, drawn by kind: no recording decides what follows what."""
         kinds = sorted(self.by_kind)
-        wanted = np.array([_WANTED.get(kind, 1.0) for kind in kinds])
-        while True:
-            drawn = self.generator.choice(len(kinds), size=2, p=wanted / wanted.sum())
-            one, other = (kinds[int(number)] for number in drawn)
-            if one != other or one in _SIDED:
-                yield self._pair(one, other)
+        weights = {
+            (one, other): _WANTED.get(one, 1.0) * _WANTED.get(other, 1.0)
+            for one in kinds
+            for other in kinds
+            if one != other or one in _SIDED
+        }
+        scale = count / sum(weights.values())
+        whole = {
+            key: int(1.4 * scale * weight + self.generator.random())
+            for key, weight in weights.items()
+        }
+        quotas = {key: number for key, number in whole.items() if number}
+        return self._filled(quotas, count, lambda key: self._pair(*key))
 
-    def _repeat(self, shot: Shot, count: int) -> StoredMotion | None:
-        distance = _distances(shot.last, shot.first)
-        row, column = np.unravel_index(distance.argmin(), distance.shape)
-        if distance[row, column] > self.wanted.distance:
-            return self._refuse("no pose near enough")
-        end, start = int(shot.ends[row]), int(shot.begins[column])
-        joints = shot.joints[: end + 1]
-        for turn in range(1, count):
+    def _filled(
+        self,
+        quotas: Mapping[Any, float],
+        count: int,
+        make: Callable[[Any], StoredMotion | None],
+    ) -> list[StoredMotion]:
+        """Makes as many sequences of each key as it may have, in rounds; what fails often ends."""
+        made: list[StoredMotion] = []
+        have: Counter[tuple[Any, ...]] = Counter()
+        vain: Counter[tuple[Any, ...]] = Counter()
+        keys = list(quotas)
+        while keys and len(made) < count:
+            for index in self.generator.permutation(len(keys)).tolist():
+                key = keys[index]
+                motion = make(key)
+                vain[key] = 0 if motion else vain[key] + 1
+                have[key] += motion is not None
+                made += [motion] if motion else []
+            keys = [key for key in keys if have[key] < quotas[key] and vain[key] < _PATIENCE]
+        order = self.generator.permutation(len(made))[:count]
+        return [made[index] for index in order.tolist()]
+
+    def _repeated(self, kind: str, times: int) -> StoredMotion | None:
+        shots = [s for s in self.by_kind["knee" if kind == "march" else kind] if _is_once(s)]
+        if not shots:
+            return self._refuse("nothing to repeat")
+        shot = shots[int(self.generator.integers(len(shots)))]
+        if kind == "march":
+            return self._repeat([shot, self._mirror(shot)], times, marching=times >= 4)
+        return self._repeat([shot], times)
+
+    def _repeat(self, shots: list[Shot], times: int, marching: bool = False) -> StoredMotion | None:
+        """Joins one shot, or two in turn, so many times; None where it is not smooth or exact."""
+        joints = shots[0].joints
+        start = 0
+        for turn in range(times):
+            shot, following = shots[turn % len(shots)], shots[(turn + 1) % len(shots)]
+            distance = _distances(shot.last, following.first)
+            row, column = np.unravel_index(distance.argmin(), distance.shape)
+            if distance[row, column] > self.wanted.distance:
+                return self._refuse("no pose near enough")
+            end = int(shot.ends[row]) + 1 if turn < times - 1 else len(shot.joints)
+            part, start = shot.joints[start:end], int(following.begins[column])
+            if turn == 0:
+                joints = part
+                continue
             seam = len(joints) - 1
-            last = shot.joints[start:] if turn == count - 1 else shot.joints[start : end + 1]
-            joints = splice(joints, last, self.wanted.transition, self.representation)
+            joints = splice(joints, part, self.wanted.transition, self.representation)
             reason = objection(joints, seam, self.representation, self.wanted)
-            if reason and not (reason == "too short or too long" and turn < count - 1):
+            if reason and (reason != "too short or too long" or turn == times - 1):
                 return self._refuse(reason)
-        action = replace(shot.action, start=0, end=len(joints), count=count, act=(0, len(joints)))
+        side = shots[0].action.side if len(shots) == 1 else BOTH
+        whole = (0, len(joints))
+        action = replace(
+            shots[0].action, start=0, end=len(joints), count=times, side=side, act=whole
+        )
         checked = strictly(action, scene_of(joints))
-        if not checked or checked.count != count:
+        if not checked or checked.count != times:
             return self._refuse("count is not found")
-        origin = f"{count} x {shot.clip}"
-        return self._stored(joints, prompts(checked, self.generator, _PROMPTS), origin)
+        told = SingleAction("march", *whole, act=whole) if marching else checked
+        texts = prompts(told, self.generator, _PROMPTS)
+        return self._stored(joints, texts, f"{times} x {shots[0].clip}")
 
     def _pair(self, one: str, other: str) -> StoredMotion | None:
-        first = self._drawn(one)
-        some = [shot for shot in (self._drawn(other) for _ in range(24)) if shot is not first]
-        some = [shot for shot in some if one != other or _differs(first.action, shot.action)]
-        if not some:
-            return self._refuse("nothing follows")
-        tables = [_distances(first.last, shot.first) for shot in some]
-        best = int(np.argmin([table.min() for table in tables]))
-        if tables[best].min() > self.wanted.distance:
+        best: tuple[float, Shot, Shot] | None = None
+        for first in [self._drawn(one) for _ in range(4)]:
+            some = [self._drawn(other) for _ in range(16)]
+            if one == other:
+                some = [self._mirror(first), *some]
+                some = [shot for shot in some if _differs(first.action, shot.action)]
+            for shot in some:
+                near = float(_distances(first.last, shot.first).min())
+                if shot.clip != first.clip and (best is None or near < best[0]):
+                    best = near, first, shot
+        ways = one in _GAITS and other in _GAITS
+        if best is None or best[0] > (_CHANGE if ways else self.wanted.distance):
             return self._refuse("no pose near enough")
-        row, column = np.unravel_index(tables[best].argmin(), tables[best].shape)
-        second, seam = some[best], int(first.ends[row])
-        start = int(second.begins[column])
-        joints = splice(
-            first.joints[: seam + 1], second.joints[start:], self.wanted.transition,
-            self.representation,
-        )  # fmt: skip
+        return self._joined(best[1], best[2])
+
+    def _joined(self, first: Shot, second: Shot) -> StoredMotion | None:
+        table = _distances(first.last, second.first)
+        row, column = np.unravel_index(table.argmin(), table.shape)
+        seam, start = int(first.ends[row]), int(second.begins[column])
+        one, other = first.joints[: seam + 1], second.joints[start:]
+        joints = splice(one, other, self.wanted.transition, self.representation)
         reason = objection(joints, seam, self.representation, self.wanted)
         if reason:
             return self._refuse(reason)
         told = _told(joints, seam, first.action, second.action)
         if told is None:
             return self._refuse("actions are not found")
-        texts = prompts_in_order(*told, self.generator, _PROMPTS)
+        texts = prompts_in_order(*self._as_asked(*told), self.generator, _PROMPTS)
         return self._stored(joints, texts, f"{first.clip} + {second.clip}")
+
+    def _as_asked(
+        self, first: SingleAction, second: SingleAction
+    ) -> tuple[SingleAction, SingleAction]:
+        """Tells of a stop before something, and of a start after it, as of walking or running."""
+        before, after = _STOPS.get(first.kind), _STARTS.get(second.kind)
+        if before and second.kind != "stand" and self.generator.random() < 0.75:
+            first = replace(first, kind=before)
+        same = (first.kind, first.direction) == (after, second.direction)
+        if after and first.kind != "stand" and not same and self.generator.random() < 0.75:
+            second = replace(second, kind=after)
+        return first, second
+
+    def _mirror(self, shot: Shot) -> Shot:
+        joints = shot.joints[:, list(self.representation.skeleton.mirror)] * np.array([-1, 1, 1])
+        joints = self.representation.retarget(joints)
+        return self._shot(f"M{shot.clip}".removeprefix("MM"), _mirrored(shot.action), joints)
 
     def _drawn(self, kind: str) -> Shot:
         shots = self.by_kind[kind]
@@ -242,9 +315,12 @@ class _Composer:
     def _shot(self, name: str, action: SingleAction, joints: Joints) -> Shot:
         first, last = action.act[0] - action.start, action.act[1] - action.start
         own = replace(action, start=0, end=len(joints), act=(first, last))
-        begins = np.arange(0, max(min(first, 12), 3), 2)
         end = len(joints) - 1
+        begins = np.arange(0, max(min(first, 12), 3), 2)
         ends = np.arange(min(max(last - 1, end - 12), end - 2), end + 1, 2)
+        if action.kind in (*_GAITS, "stand", "sit", "lie"):
+            begins = np.arange(0, max(end - 24, 3), 2)
+            ends = np.arange(min(22, end - 2), end + 1, 2)
         fps, skeleton = self.representation.fps, self.representation.skeleton
         poses = [pose_descriptors(joints, fps, skeleton, some) for some in (begins, ends)]
         return Shot(name, own, joints, begins, ends, *poses)
@@ -263,6 +339,10 @@ def _told(
     if before is None or after is None:
         return None
     return before, replace(after, start=seam, end=len(joints))
+
+
+def _is_once(shot: Shot) -> bool:
+    return (shot.action.count == 1 and shot.action.side != BOTH) or shot.action.kind == "raise"
 
 
 def _differs(one: SingleAction, other: SingleAction) -> bool:
