@@ -13,6 +13,7 @@ import pytest
 
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
+from latentmotion.describe.scene import scene_of
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.evaluation.instructions.acts import ACTS
 from latentmotion.evaluation.instructions.benchmark import judge
@@ -23,7 +24,6 @@ from latentmotion.evaluation.instructions.intervals import Share, wilson
 from latentmotion.evaluation.instructions.joints_folder import read_folder
 from latentmotion.evaluation.instructions.prompts import GROUPS, instructions
 from latentmotion.evaluation.instructions.report import markdown
-from latentmotion.evaluation.instructions.scene import scene_of
 from latentmotion.evaluation.instructions.truth import patterns
 from latentmotion.kinematics.skeleton import HUMANML3D
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from latentmotion.cli.options import Folder, Output, Seed
 from latentmotion.data.compose import Composition, compose
+from latentmotion.data.compose_actions import compose_actions
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.preparation import Preparation
@@ -28,6 +29,8 @@ class Compose:
     """Prepared folder to write; it holds the sequences only."""
     count: int = 500
     """Number of sequences."""
+    single: bool = False
+    """Repeat single acts ("jump three times") and pair single actions found by measuring."""
     seed: Seed = 0
 
     def run(self) -> None:
@@ -43,7 +46,11 @@ class Compose:
             )
         check_replaceable(self.output, MANIFEST)
         dataset = Dataset.load(self.folder)
-        composed = compose(dataset, Composition(self.count, self.seed))
+        if self.single:
+            wanted = Composition(self.count, self.seed, seconds=(1.2, 9.8))
+            composed = compose_actions(dataset, wanted)
+        else:
+            composed = compose(dataset, Composition(self.count, self.seed))
         preparation = Preparation(dataset.representation)
         preparation.motions.extend(composed.motions)
         left_out = ", ".join(f"{count} {why}" for why, count in composed.refused.most_common())

@@ -21,6 +21,9 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.storage.files import check_replaceable
 
+_FEW_ACTS = 3
+"""Acts of a part that is told of beside single actions."""
+
 
 @dataclass(frozen=True)
 class Describe:
@@ -46,6 +49,9 @@ class Describe:
     """Measured sentences per clip and per excerpt."""
     rewordings: int = 2
     """Paraphrases of each existing caption of the train split."""
+    single: int = 0
+    """Most windows of each category of single action ("kick with the left leg") that get prompts.
+    With any, whole clips get no measured sentences, and parts only if they show few acts."""
     seed: Seed = 0
     fps: Fps = None
     unit: LengthUnit = "centimeters"
@@ -53,11 +59,17 @@ class Describe:
 
     def run(self) -> None:
         """Writes the captions."""
-        if min(self.windows, self.rewordings) < 0 or self.sentences < 1:
+        if min(self.windows, self.rewordings, self.single) < 0 or self.sentences < 1:
             raise InputError(
-                "expected --windows and --rewordings of 0 or more and --sentences of 1 or more"
+                "expected --windows, --rewordings and --single of 0 or more and --sentences of 1 "
+                "or more"
             )
-        windows = Windows(self.windows, sentences=self.sentences, whole=self.sentences)
+        windows = Windows(
+            self.windows,
+            sentences=self.sentences,
+            whole=0 if self.single else self.sentences,
+            acts=_FEW_ACTS if self.single else 0,
+        )
         if not (self.folder.is_file() or (self.folder / MANIFEST).is_file()):
             self._write_csv(self._files())
             return
@@ -70,7 +82,7 @@ class Describe:
         if self.output.suffix.lower() == ".csv":
             raise InputError(f"{self.output}: a prepared folder becomes one; add --edit for a CSV")
         check_replaceable(self.output, MANIFEST)
-        report = describe_folder(self.folder, self.output, *options)
+        report = describe_folder(self.folder, self.output, *options, single=self.single)
         print(report.text() if self.check else report.table())
         print(f"wrote {self.output}")
 

@@ -24,6 +24,7 @@ from latentmotion.data.splicing import seam_of, splice
 from latentmotion.data.store import StoredMotion, caption_rows
 from latentmotion.describe.ordering import in_order
 from latentmotion.errors import DataError
+from latentmotion.representation.interface import Representation
 
 _DIP = 0.015
 """Meters that a joint may go below the floor in the transition."""
@@ -87,16 +88,43 @@ def compose(dataset: Dataset, wanted: Composition) -> Composed:
         )
     composer = _Composer(dataset, parts, wanted)
     motions = tuple(composer.sequences())
-    return Composed(motions, _source(dataset.sources), composer.refused)
+    return Composed(motions, composed_source(dataset.sources), composer.refused)
 
 
-def _source(sources: Sequence[Source]) -> Source:
+def composed_source(sources: Sequence[Source]) -> Source:
+    """Returns `composed`, with the terms of all owners."""
     return Source(
         name=COMPOSED,
         license="; ".join(dict.fromkeys(source.license for source in sources)),
         credit="synthetic, two clips in a row; "
         + " ".join(f"{s.name}: {s.credit}" for s in sources),
     )
+
+
+def objection(
+    joints: Float[np.ndarray, "frames joints 3"],
+    seam: int,
+    representation: Representation,
+    wanted: Composition,
+) -> str:
+    """Returns why a sequence is not good enough; empty where it is.
+
+    Args:
+        joints: Positions of the whole sequence, meters.
+        seam: Frame at which the second motion begins.
+        representation: Says the frame rate and the skeleton.
+        wanted: What is good enough.
+    """
+    fps, skeleton = representation.fps, representation.skeleton
+    shortest, longest = wanted.seconds
+    if not shortest * fps <= len(joints) - 1 <= longest * fps:
+        return "too short or too long"
+    fit = seam_of(joints, seam, fps, skeleton, round(wanted.transition * fps))
+    if fit.lowest < -_DIP:
+        return "below the floor"
+    if fit.slide > wanted.slide:
+        return "feet slide"
+    return "jerk" if fit.jerk > wanted.jerk else ""
 
 
 class _Composer:
@@ -133,7 +161,7 @@ class _Composer:
         second, end, start = found
         one, other = first.joints[: end + 1], self._kept(second, start, end)
         joints = splice(one, other, self.wanted.transition, self.representation)
-        reason = self._objection(joints, end)
+        reason = objection(joints, end, self.representation, self.wanted)
         if reason:
             self.refused[reason] += 1
             return None
@@ -142,19 +170,6 @@ class _Composer:
         return self._stored(
             number, joints, first.cut(0, end), second.cut(start, start + len(other))
         )
-
-    def _objection(self, joints: Float[np.ndarray, "frames joints 3"], seam: int) -> str:
-        """Returns why a sequence is not good enough; empty where it is."""
-        fps, skeleton = self.representation.fps, self.representation.skeleton
-        shortest, longest = self.wanted.seconds
-        if not shortest * fps <= len(joints) - 1 <= longest * fps:
-            return "too short or too long"
-        fit = seam_of(joints, seam, fps, skeleton, round(self.wanted.transition * fps))
-        if fit.lowest < -_DIP:
-            return "below the floor"
-        if fit.slide > self.wanted.slide:
-            return "feet slide"
-        return "jerk" if fit.jerk > self.wanted.jerk else ""
 
     def _stored(
         self, number: int, joints: Float[np.ndarray, "frames joints 3"], first: Cut, second: Cut

@@ -28,6 +28,7 @@ from latentmotion.data.own import FPS, OwnMotions
 from latentmotion.data.recording import Dropped
 from latentmotion.data.report import REPORT, Report, parts_of
 from latentmotion.data.rewording import reworded_captions
+from latentmotion.data.singles import Balance, balanced_singles, single_rows, with_prompts
 from latentmotion.describe.reading import describe
 from latentmotion.describe.sentences import plain_action, sentences
 from latentmotion.describe.windows import Row, Windows, caption_windows
@@ -38,6 +39,9 @@ from latentmotion.storage.files import atomic_file, atomic_folder
 
 COLUMNS = ("file", "caption", "from", "to")
 """What `data prepare own --captions` reads."""
+
+PROMPTS = 4
+"""Prompts of each window that shows a single action."""
 
 LONGEST_FILE = 200
 """Frames of the longest motion file that is described whole; longer ones in parts."""
@@ -64,6 +68,7 @@ def describe_folder(
     seed: int = 0,
     rewordings: int = 0,
     check: bool = False,
+    single: int = 0,
 ) -> Report:
     """Adds measured sentences to a prepared folder.
 
@@ -74,6 +79,7 @@ def describe_folder(
         seed: What draws parts and wording; each clip draws for itself.
         rewordings: How often each caption of the train split is said in other words.
         check: Whether captions of the train split that the motion contradicts are left out.
+        single: Most windows of one category of single action that get prompts; zero is none.
 
     Raises:
         DataError: The folder is not a prepared one, or of another representation.
@@ -81,6 +87,10 @@ def describe_folder(
     """
     dataset, refused = _loaded(folder, check)
     clips = tuple(described_clips(dataset, windows, seed, rewordings))
+    if single:
+        found = balanced_singles(dataset, seed, Balance(single))
+        rows = single_rows(found, seed, PROMPTS)
+        clips = tuple(with_prompts(clip, rows) for clip in clips)
     manifest = replace(dataset.manifest, clips=clips)
     path = dataset.folder / REPORT
     old = read_json(Report, path) if path.is_file() else Report((), (), None)

@@ -40,15 +40,16 @@ def waves_of(signals: Signals) -> list[Event]:
         up = (wrist[:, 1] > shoulder[:, 1] - 0.1) & (wrist[:, 1] > elbow[:, 1] + 0.05)
         for start, end in spans(closed_gaps(up, 6), 14):
             swings = _swings(away[start:end, 0], 0.07)
-            if len(swings) >= 3 and (swings[-1] - swings[0]) / (len(swings) - 1) < 0.7 * FPS:
+            quick = len(swings) >= 3 and np.diff(swings).mean() < 0.7 * FPS
+            if quick and _is_waving(signals, side, start + swings[0], start + swings[-1] + 1):
                 first, last = start + max(swings[0] - 5, 0), min(start + swings[-1] + 5, end)
                 out.append(Event("wave", first, last, side, count=(len(swings) + 1) // 2))
     return _paired(out, 0.5)
 
 
 def punches_of(signals: Signals) -> list[Event]:
-    """Returns quick stretches of an arm away from the body at the height of the chest or head."""
-    out = []
+    """Returns jabs, quick stretches of an arm at the height of chest or head, and hooks."""
+    out: list[Event] = []
     for side in _SIDES:
         away = signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder")
         reach = np.linalg.norm(away, axis=1)
@@ -56,7 +57,7 @@ def punches_of(signals: Signals) -> list[Event]:
         for top in peaks(smooth(reach, 0.5), 0.44, 0.1):
             before = slice(max(top - 6, 0), top + 1)
             level = -0.25 < away[top, 1] < 0.3 and np.hypot(away[top, 0], away[top, 2]) > 0.35
-            if speed[before].max() > 1.6 and level:
+            if speed[before].max() > 1.6 and level and not _goes_along(signals, side, top):
                 ahead = abs(away[top, 2]) >= abs(away[top, 0])
                 direction = "forward" if ahead else "side"
                 out.append(
@@ -69,6 +70,12 @@ def punches_of(signals: Signals) -> list[Event]:
                         float(speed[before].max()),
                     )
                 )
+        jabs = [jab for jab in out if jab.side == side]
+        out += [
+            hook
+            for hook in _hooks(signals, side)
+            if not any(j.start - 6 < hook.end and hook.start < j.end + 6 for j in jabs)
+        ]
     return out
 
 
@@ -100,6 +107,61 @@ def claps_of(signals: Signals) -> list[Event]:
         for s in out
         if len(s) >= 2
     ]
+
+
+def _is_waving(signals: Signals, side: str, start: int, end: int) -> bool:
+    """Whether swings of a hand are a wave, and no guard of a boxer, dance or run.
+
+    The hand is above its shoulder on average and not before the chest, it swings sideways more
+    than to and fro, and the body stays where it is.
+    """
+    part = slice(start, end)
+    outward = 1 if side == LEFT else -1
+    wrist, elbow, shoulder = (
+        signals.of(f"{side}_{name}")[part] for name in ("wrist", "elbow", "shoulder")
+    )
+    high = float((wrist - shoulder)[:, 1].mean())
+    aside = float((wrist - shoulder)[:, 0].mean()) * outward
+    across, along = (float(np.ptp((wrist - elbow)[:, axis])) for axis in (0, 2))
+    calm = signals.speed[part].mean() < 0.45 and signals.feet[part].min(axis=1).max() < 0.1
+    if _on_guard(signals, RIGHT if side == LEFT else LEFT)[part].mean() > 0.4:
+        return False
+    return bool(calm and high > -0.03 and (aside > 0.0 or high > 0.25) and across > 0.8 * along)
+
+
+def _on_guard(signals: Signals, side: str) -> Bool[np.ndarray, " frames"]:
+    """Where a fist is held before the chest or the chin, the elbow bent, as boxers do."""
+    away = signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder")
+    outward = away[:, 0] * (1 if side == LEFT else -1)
+    high = (away[:, 1] > -0.25) & (away[:, 1] < 0.2)
+    return high & (away[:, 2] > 0.08) & (outward < 0.15) & (np.linalg.norm(away, axis=1) < 0.47)
+
+
+def _hooks(signals: Signals, side: str) -> list[Event]:
+    """Returns hooks and uppercuts: a bent arm that is very quick while the other is on guard."""
+    other = RIGHT if side == LEFT else LEFT
+    wrist = signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder")
+    speed = np.linalg.norm(np.gradient(smooth(wrist, 0.5), axis=0), axis=1) * FPS
+    guarded = _on_guard(signals, other) | _on_guard(signals, side)
+    found: list[Event] = []
+    for top in peaks(speed, 4.0, 1.5):
+        around = slice(max(top - 8, 0), top + 9)
+        level = -0.35 < wrist[top, 1] < 0.35 and wrist[top, 2] > 0.05
+        alone = not found or top - found[-1].end > 4
+        if level and alone and guarded[around].mean() > 0.5 and signals.speed[top] < 1.2:
+            first, last = max(top - 5, 0), min(top + 5, signals.frames)
+            found.append(Event("punch", first, last, side, "forward", float(speed[top])))
+    return found
+
+
+def _goes_along(signals: Signals, side: str, top: int) -> bool:
+    """Whether the other arm stretches at the same time, as in a push or a pass."""
+    other = RIGHT if side == LEFT else LEFT
+    away = signals.of(f"{other}_wrist") - signals.of(f"{other}_shoulder")
+    reach = np.linalg.norm(away, axis=1)
+    before = reach[max(top - 7, 0) : top + 1].min()
+    near = reach[max(top - 2, 0) : top + 3].max()
+    return bool(away[top, 2] > 0.2 and near > 0.4 and near - before > 0.1)
 
 
 def _raised(signals: Signals, side: str) -> list[Event]:

@@ -223,14 +223,20 @@ def climbs_of(signals: Signals) -> list[Event]:
 
 def steps_of(signals: Signals) -> int:
     """Counts swings of a foot that carry it over the floor by 15 cm and more."""
-    count = 0
+    return len(strides_of(signals))
+
+
+def strides_of(signals: Signals) -> list[tuple[int, int]]:
+    """Returns first frame and one past the last of every step, of both feet, by start."""
+    found = []
     for name in ("left_foot", "right_foot"):
         toe = signals.joints[:, JOINT[name]]
         moving = smooth(np.linalg.norm(np.gradient(toe[:, ::2], axis=0), axis=1) * FPS, 0.7) > 0.6
         for start, end in spans(moving, 3):
             way = toe[min(end, len(toe) - 1), ::2] - toe[start, ::2]
-            count += float(np.linalg.norm(way)) > 0.15
-    return count
+            if float(np.linalg.norm(way)) > 0.15:
+                found.append((start, end))
+    return sorted(found)
 
 
 def _level(low: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.describe.acts import acts_of
 from latentmotion.describe.facts import Description
 from latentmotion.describe.holding import holds
 from latentmotion.describe.reading import describe
@@ -31,6 +32,8 @@ class Windows:
     """Measured sentences per part."""
     whole: int = 2
     """Measured sentences about the whole motion."""
+    acts: int = 0
+    """Most acts that a part may show to be told of; zero is any number."""
 
 
 def caption_windows(
@@ -55,6 +58,8 @@ def caption_windows(
     known: dict[tuple[int, int], Description] = {}
     for start, end in draw_windows(frames, generator, windows):
         part = describe(joints[start:end])
+        if windows.acts and len(acts_of(part)) > windows.acts:
+            continue
         texts = sentences(part, generator, count=windows.sentences)
         for text, first, last in captions:
             if first <= start and end <= last and text not in texts:

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from latentmotion.describe.facts import BOTH, FPS, LEFT, RIGHT, Event
+from latentmotion.describe.scene import Scene, lasting
 from latentmotion.evaluation.instructions.expressions import Check, Term
-from latentmotion.evaluation.instructions.scene import Scene, lasting
 
 SIDES = (LEFT, RIGHT, BOTH, "any")
 WAYS = ("forward", "backward", LEFT, RIGHT)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.describe.scene import Scene, scene_of
 from latentmotion.evaluation.instructions.checking import fulfills
 from latentmotion.evaluation.instructions.intervals import Share
 from latentmotion.evaluation.instructions.prompts import GROUPS, VERSION, Instruction
-from latentmotion.evaluation.instructions.scene import Scene, scene_of
 from latentmotion.evaluation.instructions.truth import Claimed
 
 Joints = Float[np.ndarray, "_ 22 3"]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from latentmotion.describe.scene import Scene
 from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.instructions.acts import ACTS, happens, in_order
 from latentmotion.evaluation.instructions.conditions import CONDITIONS
 from latentmotion.evaluation.instructions.expressions import Check, Term
-from latentmotion.evaluation.instructions.scene import Scene
 
 
 def fulfills(scene: Scene, check: Check) -> bool:

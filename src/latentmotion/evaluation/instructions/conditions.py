@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from latentmotion.describe.facts import FPS, LEFT, RIGHT
+from latentmotion.describe.facts import LEFT, RIGHT
 from latentmotion.describe.poses import stillness
+from latentmotion.describe.scene import Scene, meters
 from latentmotion.describe.signals import peaks
 from latentmotion.evaluation.instructions.acts import TURNS, WAYS
 from latentmotion.evaluation.instructions.expressions import Term
-from latentmotion.evaluation.instructions.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ def travels(scene: Scene, term: Term) -> bool:
 
 def moves_towards(scene: Scene, term: Term) -> bool:
     """It goes so many meters to a side of the body, and farther than to any other."""
-    way, meters = _meters(scene), term.numbers[0]
+    way, least = meters(scene), term.numbers[0]
     if term.words[0] == "sideways":
         way["sideways"] = max(way.pop(LEFT), way.pop(RIGHT))
-    return way[term.words[0]] >= max(meters, *way.values())
+    return way[term.words[0]] >= max(least, *way.values())
 
 
 def has_speed(scene: Scene, term: Term) -> bool:
@@ -151,18 +151,6 @@ CONDITIONS: dict[str, Condition] = {
     "upright": Condition(is_upright, 0),
 }
 """Every condition by name."""
-
-
-def _meters(scene: Scene) -> dict[str, float]:
-    """How far it goes to each side as the body sees it; smaller sways are in none."""
-    left, ahead = scene.signals.velocity.T / FPS
-    sideways, forward = np.abs(left) > np.abs(ahead), np.abs(ahead) >= np.abs(left)
-    return {
-        "forward": float(ahead[forward & (ahead > 0)].sum()),
-        "backward": float(-ahead[forward & (ahead < 0)].sum()),
-        LEFT: float(left[sideways & (left > 0)].sum()),
-        RIGHT: float(-left[sideways & (left < 0)].sum()),
-    }
 
 
 def _ends_of_speed(scene: Scene) -> tuple[float, float]:
