@@ -15,9 +15,9 @@ from typing import Any
 
 from latentmotion.cli.loading import Engine
 from latentmotion.condition.interface import Condition
-from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model
+from latentmotion.pipeline import MotionPipeline
 from stopwatch import Laps, Stopwatch
 
 ENGINES: dict[Engine, str] = {
@@ -115,7 +115,7 @@ class Generation:
         steps: Sampling steps.
     """
 
-    def __init__(self, generator: MotionGenerator, batch: int, seconds: float, steps: int) -> None:
+    def __init__(self, generator: MotionPipeline, batch: int, seconds: float, steps: int) -> None:
         self._text = WatchedCondition(generator.condition)
         self._decoder = Watched(generator.decoder)
         self._generator = replace(generator, condition=self._text, decoder=self._decoder)

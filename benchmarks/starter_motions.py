@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.data.dataset import Dataset
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
@@ -28,7 +28,7 @@ def starter_motions(dataset: Dataset, captions: int = 40) -> list[Float[np.ndarr
 
 def starter_features(dataset: Dataset, captions: int = 40) -> list[Float[np.ndarray, "_ features"]]:
     """Returns the features of these motions, in their own units."""
-    generate = MotionGenerator.load("starter", threads=1)
+    generate = MotionPipeline.from_pretrained("starter", threads=1)
     test = [clip.captions[0].text for clip in dataset.clips("test") if clip.captions]
     prompts = [*PROMPTS, *test[:captions]]
     frames = round(4 * dataset.representation.fps)

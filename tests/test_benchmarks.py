@@ -27,7 +27,7 @@ import text_encoder
 import training
 from authors_generation import AuthorsGeneration
 from generation import Generation, Model, sentences
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 
 ROOT = Path(__file__).parents[1]
 QUICK = ["--engines", "onnxruntime", "--threads", "1", "--seconds", "1", "--turns", "1"]
@@ -127,7 +127,7 @@ def test_speed_prints_a_row_for_each_contender(capsys):
 
 
 def test_one_graph_for_all_is_called_denoiser():
-    generator = MotionGenerator.load("starter", "onnxruntime", threads=1)
+    generator = MotionPipeline.from_pretrained("starter", "onnxruntime", threads=1)
 
     def graph(noise: np.ndarray, frames: np.ndarray, **others: np.ndarray) -> np.ndarray:
         return np.zeros((*frames.shape, 263), np.float32)

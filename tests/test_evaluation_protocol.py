@@ -35,7 +35,8 @@ from latentmotion.evaluation.protocol import (
 from latentmotion.evaluation.published import PublishedTruth, departures
 from latentmotion.model_card import ModelCard, read_card
 from latentmotion.models import find_model
-from latentmotion.runtime.eager import eager_prior
+from latentmotion.request import GenerationRequest
+from latentmotion.runtime.eager import torch_prior
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.identity import IdentityVAEConfig
 from moving_figures import write_moving_figures
@@ -82,14 +83,14 @@ class Answers:
     card: ModelCard
     known: dict[tuple[str, int], np.ndarray]
 
-    def features(
-        self, prompts: Sequence[str], frames: Sequence[int], seeds: Sequence[int], *_: object
-    ) -> list[np.ndarray]:
+    def generate(self, request: GenerationRequest) -> list[np.ndarray]:
         return [
             self.known[prompt, length]
             if (prompt, length) in self.known
             else np.random.default_rng(seed).standard_normal((length, 263)).astype(np.float32)
-            for prompt, length, seed in zip(prompts, frames, seeds, strict=True)
+            for prompt, length, seed in zip(
+                request.prompts, request.frames, request.seeds, strict=True
+            )
         ]
 
 
@@ -261,7 +262,7 @@ def test_unconditional_models_match_nothing(dataset: Dataset) -> None:
     report = evaluate(Generated(Answers(card(task="unconditional"), {})), dataset, Echo(), SMALL)
     assert {"FID", "KID", "Diversity"} < set(report["generated"])
     assert not {"R@1", "MultiModality", "APE root"} & set(report["generated"])
-    prior = Prior(eager_prior("starter"))
+    prior = Prior(torch_prior("starter"))
     assert {"FID", "Jitter"} < set(evaluate(prior, dataset, Echo(), SMALL)["prior"])
 
 

@@ -20,8 +20,8 @@ from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEn
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.sampler import DDIM, sample
 from latentmotion.errors import InputError
-from latentmotion.generator import MotionGenerator
-from latentmotion.runtime.eager import eager_generator
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.runtime.eager import torch_pipeline
 from latentmotion.upstream.configurations import Unstated
 from latentmotion.upstream.conversion import Origin, convert_checkpoint
 
@@ -223,13 +223,13 @@ class Counting:
         return TextEmbedding(pooled, pooled[:, None], np.ones((len(rows), 1), bool))
 
 
-def generator_of(model: TrainedModel, folder: Path, encoder: TextEncoder | None) -> MotionGenerator:
+def generator_of(model: TrainedModel, folder: Path, encoder: TextEncoder | None) -> MotionPipeline:
     """The tiny networks have 19 features a frame, which is no representation; HumanML3D's name is
     borrowed for its frame rate.
     """
     card = replace(model.card, representation="humanml3d")
     save_model(folder, replace(model, card=card))
-    return eager_generator(folder, encoder)
+    return torch_pipeline(folder, encoder)
 
 
 def test_a_whole_action_file_generates_by_label(variants: Variants) -> None:

@@ -17,7 +17,7 @@ from latentmotion.configuration import from_json, to_json
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
-from latentmotion.diffusion.sampler import SamplerName
+from latentmotion.diffusion.sampler import Sampling
 from latentmotion.errors import InputError
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.identity import IdentityVAEConfig
@@ -87,18 +87,6 @@ class LatentSettings:
     """Whether the denoiser sees them with mean 0 and deviation 1 per channel."""
     sampled: bool = True
     """Whether latents are drawn from the posterior at every step, or are its mean."""
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """How the model is sampled where nothing else is asked."""
-
-    steps: int = 50
-    """Sampling steps."""
-    guidance: float = 7.5
-    """Guidance scale (paper eq. 6)."""
-    sampler: SamplerName = "ddim"
-    """Rule of a sampling step."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,6 @@ import numpy as np
 from jaxtyping import Bool
 
 
-def mask_of(lengths: Sequence[int]) -> Bool[np.ndarray, "batch longest"]:
-    """Returns a row per length, True up to it."""
-    return np.arange(max(lengths)) < np.array(lengths)[:, None]
+def mask_of(lengths: Sequence[int], most: int | None = None) -> Bool[np.ndarray, "batch longest"]:
+    """Returns a row per length, True up to it; rows are as long as the longest, or `most`."""
+    return np.arange(max(lengths) if most is None else most) < np.array(lengths)[:, None]

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from latentmotion.configuration import from_json, read_json, write_json
 from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
-from latentmotion.diffusion.sampler import SamplerName
+from latentmotion.diffusion.sampler import SamplerName, Sampling
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, ModelError
 
@@ -123,6 +123,11 @@ class ModelCard:
         """What a distilled model, which takes guidance as an input, may be asked for; else None."""
         kept = self.denoiser.get("leaps")
         return from_json(Leaps, kept) if kept else None
+
+    @property
+    def sampling(self) -> Sampling:
+        """How the model is sampled by default."""
+        return Sampling(self.steps, self.guidance, self.sampler)
 
     def write(self, folder: Path) -> None:
         """Writes `model.json` into `folder`."""

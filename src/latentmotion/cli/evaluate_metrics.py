@@ -36,7 +36,7 @@ from latentmotion.files import check_replaceable
 from latentmotion.model_card import read_card
 from latentmotion.models import find_model
 from latentmotion.runtime.computing import Computing
-from latentmotion.runtime.eager import eager_prior
+from latentmotion.runtime.eager import torch_prior
 from latentmotion.vae.identity import IdentityVAE
 
 
@@ -93,7 +93,7 @@ class Measuring:
         model, weights = load_model(folder), weights_hash(folder)
         rebuilt = self._rebuilt(model, weights)
         if self.options.prior:
-            return [Prior(eager_prior(folder, self._computing()), weights), *rebuilt]
+            return [Prior(torch_prior(folder, self._computing()), weights), *rebuilt]
         if model.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if model.denoiser is None:
@@ -101,10 +101,9 @@ class Measuring:
         generator = load_generator(
             folder, text_encoder=self.options.text_encoder, computing=self._computing()
         )
-        made = Generated(
-            generator, self.options.steps, self.options.guidance, self.options.sampler, weights
-        )
-        return [made, *rebuilt]
+        options = self.options
+        sampling = generator.card.sampling.but(options.steps, options.guidance, options.sampler)
+        return [Generated(generator, sampling, weights), *rebuilt]
 
     def _computing(self) -> Computing:
         return Computing(self.options.device, self.options.precision, self.options.launch)

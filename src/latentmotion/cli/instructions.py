@@ -73,12 +73,13 @@ def _made(options: Evaluate) -> tuple[str, dict[str, str], Sequence[Sequence[Joi
         options.model, text_encoder=options.text_encoder, computing=computing
     )
     card = generator.card
-    asking = Asking(options.takes, options.clean, options.steps, options.guidance, options.sampler)
+    sampling = card.sampling.but(options.steps, options.guidance, options.sampler)
+    asking = Asking(options.takes, options.clean, sampling)
     about = {
         "model": card.name,
-        "steps": str(card.steps if asking.steps is None else asking.steps),
-        "guidance": f"{card.guidance if asking.guidance is None else asking.guidance:g}",
-        "sampler": card.sampler if asking.sampler is None else asking.sampler,
+        "steps": str(sampling.steps),
+        "guidance": f"{sampling.guidance:g}",
+        "sampler": sampling.sampler,
         "takes": str(asking.takes),
         "motions": "cleaned" if asking.clean else "as the network made them",
     }

@@ -11,9 +11,9 @@ from typing import Literal
 
 from latentmotion.engines import most_threads
 from latentmotion.errors import InputError, MissingExtraError, ModelError
-from latentmotion.generator import MotionGenerator
 from latentmotion.model_card import read_card
 from latentmotion.models import find_model
+from latentmotion.pipeline import MotionPipeline
 from latentmotion.prior import MotionPrior
 from latentmotion.runtime.computing import ON_CPU, Computing
 from latentmotion.runtime.session import open_decoder
@@ -29,7 +29,7 @@ def load_generator(
     text_encoder: str | None = None,
     computing: Computing = ON_CPU,
     cache: Path | None = None,
-) -> MotionGenerator:
+) -> MotionPipeline:
     """Loads a model, exported or not.
 
     Args:
@@ -53,9 +53,9 @@ def load_generator(
         )
     engine = _engine_for(computing, engine, text_encoder)
     if engine != "pytorch" and (folder / "denoiser.onnx").is_file():
-        return MotionGenerator.load(folder, engine, threads, cache)
+        return MotionPipeline.from_pretrained(folder, engine, threads, cache)
     eager = _pytorch(folder, engine, threads)
-    return eager.eager_generator(folder, text_encoder and _encoder(text_encoder), computing)
+    return eager.torch_pipeline(folder, text_encoder and _encoder(text_encoder), computing)
 
 
 def load_prior(
@@ -74,7 +74,7 @@ def load_prior(
     if engine != "pytorch" and (folder / "decoder.onnx").is_file():
         card = read_card(folder)
         return MotionPrior(card, open_decoder(card, folder, engine, threads))
-    return _pytorch(folder, engine, threads).eager_prior(folder, computing)
+    return _pytorch(folder, engine, threads).torch_prior(folder, computing)
 
 
 def _engine_for(computing: Computing, engine: Engine, text_encoder: str | None = None) -> Engine:

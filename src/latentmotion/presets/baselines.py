@@ -7,8 +7,9 @@ from dataclasses import replace
 from latentmotion.baselines.actor import actor_vae
 from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.diffusion.loss import DenoiserObjective
+from latentmotion.diffusion.sampler import Sampling
 from latentmotion.diffusion.schedule import ScaledLinear
-from latentmotion.experiment import Experiment, Sampling
+from latentmotion.experiment import Experiment
 from latentmotion.nn.transformer import TransformerConfig
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
 from latentmotion.vae.identity import IdentityVAEConfig

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from latentmotion.data.sampling import Cropping
-from latentmotion.experiment import Experiment, LatentSettings, Sampling, TrainingSettings
+from latentmotion.diffusion.sampler import Sampling
+from latentmotion.experiment import Experiment, LatentSettings, TrainingSettings
 from latentmotion.nn.transformer import TransformerConfig
 from latentmotion.presets.starter import VAE, starter
 from latentmotion.vae.loss import VAEObjective

@@ -9,8 +9,9 @@ from latentmotion.baselines.mdm import mdm_denoiser
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.diffusion.prediction import Sample
+from latentmotion.diffusion.sampler import Sampling
 from latentmotion.diffusion.schedule import Cosine
-from latentmotion.experiment import Experiment, LatentSettings, Sampling
+from latentmotion.experiment import Experiment, LatentSettings
 from latentmotion.presets.constant_rate import constant_rate
 from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.loss import VAEObjective

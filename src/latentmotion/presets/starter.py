@@ -7,8 +7,9 @@ from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.diffusion.prediction import Velocity
+from latentmotion.diffusion.sampler import Sampling
 from latentmotion.diffusion.schedule import LinearPath
-from latentmotion.experiment import Experiment, LatentSettings, Sampling, TrainingSettings
+from latentmotion.experiment import Experiment, LatentSettings, TrainingSettings
 from latentmotion.nn.transformer import TransformerConfig
 from latentmotion.vae.convolutional import ConvolutionalVAEConfig, QuarterRateDecoder
 from latentmotion.vae.loss import VAEObjective

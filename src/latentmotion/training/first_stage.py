@@ -12,12 +12,12 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Item
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, LatentSettings
+from latentmotion.feature_decoder import normalizer_of
 from latentmotion.files import sha256
 from latentmotion.model_card import CARD_FILE, LatentSpace, ModelCard
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.denoiser_stage import LatentData
 from latentmotion.training.devices import Place
-from latentmotion.training.latent_decoder import normalizer_of
 from latentmotion.training.latents import (
     LatentMemory,
     Posteriors,

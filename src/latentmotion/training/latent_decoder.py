@@ -1,22 +1,28 @@
-"""From the denoiser's latents to motions, to look at samples while it trains."""
+"""Motions of a fixed length made in training: samples of a denoiser, decoded latents."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.sampler import Sampler
+from latentmotion.feature_decoder import FeatureDecoder
 from latentmotion.model_card import ModelCard
 from latentmotion.motion import Motion
+from latentmotion.pipeline import features_from_noise
 from latentmotion.representation.known import representation_named
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.runtime.backend import Batch
 from latentmotion.vae.interface import MotionVAE
 
 
-class LatentDecoder:
-    """A trained VAE's way back: latents in the denoiser's scale to motions of one length.
+class Previews:
+    """The pipeline from noise to motions, for the networks in training.
 
     Args:
         vae: The trained VAE.
@@ -26,28 +32,51 @@ class LatentDecoder:
 
     def __init__(self, vae: MotionVAE, card: ModelCard, frames: int) -> None:
         self._vae, self._card, self._frames = vae, card, frames
-        self._normalizer = normalizer_of(card)
 
-    def mask(self, count: int) -> Bool[torch.Tensor, "batch tokens"]:
-        """Returns the mask of the latents of `count` motions."""
-        return self._vae.latent_mask(torch.ones(count, self._frames, dtype=torch.bool))
+    def sample(
+        self,
+        guided: Denoiser,
+        sampler: Sampler,
+        steps: int,
+        condition: Conditioning,
+        captions: Sequence[str],
+    ) -> list[Motion]:
+        """Returns a motion for each caption, with the seeds 0, 1, 2, ….
 
-    def __call__(
+        Args:
+            guided: The denoiser with its guidance.
+            sampler: The rule of a step.
+            steps: Number of steps.
+            condition: That of the captions; says on which device all is computed.
+            captions: What the motions are called.
+        """
+        device, noise = condition.tokens.device, SeededNoise(range(len(captions)))
+        frames = torch.ones(len(captions), self._frames, dtype=torch.bool)
+        tokens = self._vae.latent_mask(frames).to(device)
+        z = torch.from_numpy(noise((*tokens.shape, self._card.latents.width))).to(device)
+        batch = Batch(z, tokens, condition.tokens, condition.mask, frames.to(device))
+        decoder = self._decoder(device)
+        features = features_from_noise(batch, guided, sampler, steps, noise, decoder)
+        return self._motions(features, captions)
+
+    def decode(
         self, z: Float[torch.Tensor, "batch tokens width"], captions: Sequence[str]
     ) -> list[Motion]:
-        """Returns a motion for each row."""
-        space, part = self._card.latents, representation_named(self._card.representation)
-        latents = z * z.new_tensor(space.std) + z.new_tensor(space.mean)
-        mask = torch.ones(len(z), self._frames, dtype=torch.bool, device=z.device)
+        """Returns a motion for each row of latents in the denoiser's scale."""
+        frames = torch.ones(len(z), self._frames, dtype=torch.bool, device=z.device)
+        return self._motions(self._decoder(z.device)(z, frames), captions)
+
+    def _decoder(self, device: torch.device) -> FeatureDecoder:
         # Distillation, and a resumed stage 2, need the VAE for nothing else.
-        features = self._normalizer.denormalize(self._vae.to(z.device).decode(latents, mask))
+        decode = self._vae.to(device).decode
+        return FeatureDecoder.of(self._card, decode, partial(torch.tensor, device=device))
+
+    def _motions(
+        self, features: Float[torch.Tensor, "batch frames features"], captions: Sequence[str]
+    ) -> list[Motion]:
+        part = representation_named(self._card.representation)
+        joints = part.decode(features.cpu().numpy())
         return [
-            Motion(joints, part.fps, part.skeleton, caption)
-            for joints, caption in zip(part.decode(features.cpu().numpy()), captions, strict=True)
+            Motion(each, part.fps, part.skeleton, caption)
+            for each, caption in zip(joints, captions, strict=True)
         ]
-
-
-def normalizer_of(card: ModelCard) -> Normalizer:
-    """Returns the normalizer that a model was trained with."""
-    mean, std = card.normalizer_mean, card.normalizer_std
-    return Normalizer(np.asarray(mean, np.float32), np.asarray(std, np.float32))

@@ -23,7 +23,7 @@ from latentmotion.training.first_stage import (
     load_first_stage,
     prepare_latents,
 )
-from latentmotion.training.latent_decoder import LatentDecoder
+from latentmotion.training.latent_decoder import Previews
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import MODEL, Run, open_run
 from latentmotion.training.steering import fitted, steering_of
@@ -87,8 +87,8 @@ def train_denoiser(
     seen, space = prepare_latents(experiment, dataset, first, steering, folder, place)
     card = replace(first.card, latents=space)
     torch.manual_seed(training.seed)
-    decoder = LatentDecoder(first.vae, card, experiment.latents.cropping.max_frames // 2)
-    stage = DenoiserStage(experiment.denoiser.build(), seen, decoder, experiment, place)
+    previews = Previews(first.vae, card, experiment.latents.cropping.max_frames // 2)
+    stage = DenoiserStage(experiment.denoiser.build(), seen, previews, experiment, place)
     denoiser, seconds = train(stage, training, folder, place)
     if place.leads:
         figures = stage.validate(denoiser)
