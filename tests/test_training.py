@@ -21,7 +21,7 @@ from latentmotion.experiment import Experiment, with_changes
 from latentmotion.presets import PRESETS, preset_named
 from latentmotion.training.devices import Place
 from latentmotion.training.journal import read_journal
-from latentmotion.training.latent_decoder import Previews
+from latentmotion.training.previews import Previews
 from latentmotion.training.randomness import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.vae_stage import VAEStage

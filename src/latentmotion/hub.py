@@ -46,7 +46,11 @@ def download(model: str) -> Path:
     endpoint = os.environ.get("HF_ENDPOINT")
     try:
         folder = snapshot_download(
-            repository, revision=revision, allow_patterns=list(KNOWN_FILES), endpoint=endpoint
+            repository,
+            revision=revision,
+            allow_patterns=list(KNOWN_FILES),
+            ignore_patterns="*/*",
+            endpoint=endpoint,
         )
     except Exception as error:  # that library's errors, and those of the one it calls the net by
         raise ModelError(

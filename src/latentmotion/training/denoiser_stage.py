@@ -16,7 +16,7 @@ from latentmotion.experiment import Experiment
 from latentmotion.motion import Motion
 from latentmotion.training.crops import Plan
 from latentmotion.training.devices import Place
-from latentmotion.training.latent_decoder import Previews
+from latentmotion.training.previews import Previews
 from latentmotion.training.latents import LatentMemory
 from latentmotion.training.loop import Stage
 from latentmotion.training.randomness import Ranks, StepRandomness

@@ -27,7 +27,7 @@ from latentmotion.model_card import CARD_FILE, ModelCard, Provenance, read_card
 from latentmotion.training.devices import Place
 from latentmotion.training.distill_data import prepare_lessons
 from latentmotion.training.distill_stage import DistillStage
-from latentmotion.training.latent_decoder import Previews
+from latentmotion.training.previews import Previews
 from latentmotion.training.loop import train
 from latentmotion.training.provenance import provenance_of
 from latentmotion.training.run_folder import MODEL, open_run

@@ -16,7 +16,7 @@ from latentmotion.motion import Motion
 from latentmotion.nn.masked import mean_of_real
 from latentmotion.pipeline import sampler_of
 from latentmotion.training.distill_data import Lessons
-from latentmotion.training.latent_decoder import Previews
+from latentmotion.training.previews import Previews
 from latentmotion.training.loop import Stage
 from latentmotion.training.trajectories import nothing
 

@@ -23,7 +23,7 @@ from latentmotion.training.first_stage import (
     load_first_stage,
     prepare_latents,
 )
-from latentmotion.training.latent_decoder import Previews
+from latentmotion.training.previews import Previews
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import MODEL, Run, open_run
 from latentmotion.training.steering import fitted, steering_of
