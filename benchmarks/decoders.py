@@ -18,7 +18,7 @@ import torch
 
 from contest import Contender, figure, table, take_turns, whole
 from generation import Model
-from latentmotion.checkpoint import load_model
+from latentmotion.checkpoint import load_stages
 from latentmotion.evaluation.metrics.flops import flops
 from latentmotion.evaluation.metrics.parameters import parameters
 from latentmotion.runtime.export import export_decoder
@@ -89,10 +89,10 @@ def _contenders(
 
 
 def _vae(model: Model) -> MotionVAE:
-    vae = load_model(model.folder).vae
-    if vae is None:
+    found = load_stages(model.folder)
+    if not found.card.vae.has_weights:
         raise SystemExit(f"{model.folder} has no VAE; name another model")
-    return vae
+    return found.vae
 
 
 def _latents(vae: MotionVAE, batch: int, frames: int) -> tuple[torch.Tensor, torch.Tensor]:

@@ -7,13 +7,13 @@ import copy
 import torch
 from torch import Tensor, nn
 
-from latentmotion.checkpoint import load_model, read_networks
+from latentmotion.checkpoint import load_model
 from latentmotion.data.clip import Clip
 from latentmotion.data.sampling import Cropping, Item
 from latentmotion.diffusion.loss import leap_loss
 from latentmotion.distillation import Distillation
-from latentmotion.model_card import ModelCard
-from latentmotion.models import find_model
+from latentmotion.model.card import ModelCard
+from latentmotion.model.folder import find_model
 from latentmotion.runtime.conditions import condition_of
 from latentmotion.training.consistency import WithinPhases
 from latentmotion.training.crops import Plan
@@ -33,9 +33,7 @@ class DistillationStage(nn.Module):
         super().__init__()
         guide, training = _guide(teacher, settings), settings.training
         self.card, self.knee = student_card(guide.card, settings), settings.knee
-        config = read_networks(self.card).denoiser
-        assert config is not None  # it is the teacher's
-        self.network = student_of(guide.network, config)
+        self.network = student_of(guide.network, self.card.trained_denoiser)
         self.average = copy.deepcopy(self.network).eval().forward
         plan, latents = _shown(self.card, batch, frames)
         self.source = WithinPhases(guide, plan, latents, training, PLACE)
@@ -50,7 +48,6 @@ class DistillationStage(nn.Module):
 def _guide(teacher: str, settings: Distillation) -> Guide:
     folder = find_model(teacher)
     model = load_model(folder)
-    assert model.denoiser is not None  # shipped models have one
     network, precision = model.denoiser.eval().requires_grad_(False), settings.training.precision
     prompts = PromptTable(condition_of(model.card, folder), CAPTIONS, PLACE.device)
     return Guide(

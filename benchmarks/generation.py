@@ -15,8 +15,8 @@ from typing import Any
 
 from latentmotion.cli.loading import Engine
 from latentmotion.condition.interface import Condition
-from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.folder import find_model
 from latentmotion.pipeline import MotionPipeline
 from stopwatch import Laps, Stopwatch
 

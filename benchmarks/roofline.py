@@ -33,8 +33,8 @@ from latentmotion.condition.text.graph import GRAPH_FILE
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.evaluation.metrics.flops import flops
 from latentmotion.evaluation.metrics.traffic import Traffic, traffic
-from latentmotion.model_card import ModelCard
-from latentmotion.models import find_model
+from latentmotion.model.card import ModelCard
+from latentmotion.model.folder import find_model
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.request import GenerationRequest
 from latentmotion.runtime.computing import ON_CPU, Computing
@@ -110,8 +110,7 @@ class Chain:
         if self.encoder is not None:
             yield self.text(order, int(condition.mask[0].sum()))
         yield self.denoiser(order, condition)
-        if self.networks.vae is not None:
-            yield self.decoder(order, self.networks.vae)
+        yield self.decoder(order, self.networks.vae)
 
     def text(self, order: GenerationRequest, words: int) -> Part:
         """The small text encoder, which reads one sentence after the other."""

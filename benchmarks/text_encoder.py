@@ -22,7 +22,7 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.text.corpus import is_held_out, read_captions
 from latentmotion.condition.text.pretrained import PretrainedTextEncoder
 from latentmotion.condition.text.student import StudentTextEncoder
-from latentmotion.models import find_model
+from latentmotion.model.folder import find_model
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -16,6 +16,7 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.guidance import drop
 from latentmotion.diffusion.loss import denoiser_loss
 from latentmotion.experiment import Experiment, TrainingSettings
+from latentmotion.networks.build import build
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.devices import Place
 from latentmotion.training.loop import optimize
@@ -42,7 +43,7 @@ class FirstStage(nn.Module):
         self, experiment: Experiment, batch: int, frames: int, device: torch.device = PLACE.device
     ) -> None:
         super().__init__()
-        self.network = experiment.vae.build().to(device)
+        self.network = build(experiment.vae).to(device)
         self.objective = experiment.vae_objective
         self.features = torch.randn(batch, frames, FEATURES, device=device) / 10
         self.mask = torch.ones(batch, frames, dtype=torch.bool, device=device)
@@ -63,8 +64,8 @@ class SecondStage(nn.Module):
     ) -> None:
         super().__init__()
         config, reading = experiment.denoiser, experiment.reading
-        self.network, self.objective = config.build().to(device), experiment.denoiser_objective
-        shown = experiment.vae.build().latent_mask(torch.ones(batch, frames, dtype=torch.bool))
+        self.network, self.objective = build(config).to(device), experiment.denoiser_objective
+        shown = build(experiment.vae).latent_mask(torch.ones(batch, frames, dtype=torch.bool))
         self.mask, words = shown.to(device), reading.words + reading.pooled
         kept = 2, 1000, shown.shape[1], config.latent_width
         self.mean, self.std = torch.randn(kept, device=device)

@@ -14,7 +14,7 @@ from PIL import Image
 
 from latentmotion import MotionPipeline, formats
 from latentmotion.formats import video
-from latentmotion.models import DEFAULT
+from latentmotion.model.folder import DEFAULT
 
 PROMPTS = (
     "a person walks forward",

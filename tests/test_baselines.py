@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.checkpoint import load_model
 from latentmotion.condition.interface import TextEmbedding
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment, with_changes
+from latentmotion.model.vae_config import VPoserTConfig
+from latentmotion.networks.build import build
 from latentmotion.presets import preset_named
 from latentmotion.presets.mdm import mdm
 from latentmotion.runtime.eager import torch_pipeline
@@ -106,7 +107,6 @@ def test_vposer_t_is_trained_and_goes_on_where_it_was_killed(
     assert (whole / name).read_bytes() == (parts / name).read_bytes()
     model = load_model(whole)
     assert model.card.latents.tokens == 1 and model.card.latents.width == 8
-    assert model.vae is not None
     assert int(model.vae.state_dict()["encoder.0.num_batches_tracked"]) == 6
 
 
@@ -126,7 +126,7 @@ def test_crops_longer_than_vposer_t_knows_are_refused_before_training(
 
 
 def test_running_statistics_are_averaged_like_the_weights() -> None:
-    network = VPoserTConfig(features=3, frames=2, hidden=4, width=2).build()
+    network = build(VPoserTConfig(features=3, frames=2, hidden=4, width=2))
     average = ExponentialMovingAverage(network, 0.5)
     start = network.state_dict()["encoder.0.running_mean"].clone()
     network.encode(torch.randn(5, 2, 3) + 7, torch.ones(5, 2, dtype=torch.bool))
@@ -173,7 +173,7 @@ def test_mdm_is_trained_and_generates_alone_as_in_a_batch(
 
 
 def test_mld_without_vae_has_the_size_of_the_authors() -> None:
-    network = preset_named("mld_no_vae").denoiser.build()
+    network = build(preset_named("mld_no_vae").denoiser)
     assert sum(parameter.numel() for parameter in network.parameters()) == 30_223_111
 
 

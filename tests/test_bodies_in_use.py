@@ -14,8 +14,8 @@ from action_files import write_humanact12
 from latentmotion.body.smpl_model import load_smpl
 from latentmotion.checkpoint import save_model
 from latentmotion.cli.main import main
+from latentmotion.condition.task import ActionTask
 from latentmotion.data.dataset import Dataset
-from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.errors import InputError
 from latentmotion.evaluation.bodies import seen_on
 from latentmotion.evaluation.extractors.action_classifier import (
@@ -27,8 +27,8 @@ from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUC
 from latentmotion.evaluation.extractors.interface import load_extractor
 from latentmotion.files import sha256
 from latentmotion.formats import load
-from latentmotion.model_card import LatentSpace
-from latentmotion.vae.transformer import TransformerVAEConfig
+from latentmotion.model.config import DenoiserConfig
+from latentmotion.model.vae_config import LatentSpace, TransformerVAEConfig
 from moving_figures import write_moving_figures
 from synthetic_smpl import synthetic_arrays, write_synthetic_smpl
 from test_converted_models import SMALL, card, untrained
@@ -42,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     main(["data", "prepare", "humanact12", "--poses", str(poses), "-o", str(folder / "data")])
     denoiser = DenoiserConfig(16, 12, SMALL, False, "table", places="latents_first", sine_width=16)
     about = card("action", 150, "smpl", LatentSpace(16, tokens=1))
-    labels = {"kind": "action", "labels": list(HUMANACT12_LABELS)}
+    labels = ActionTask(tuple(HUMANACT12_LABELS))
     about = replace(about, condition=labels, frames=(60, 60), steps=2)
     vae = TransformerVAEConfig(features=150, transformer=SMALL, position="sine")
     save_model(folder / "model", untrained(about, vae, denoiser))

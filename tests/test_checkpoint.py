@@ -12,14 +12,21 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from latentmotion.checkpoint import TrainedModel, describe, load_model, save_model
-from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.checkpoint import (
+    FirstStageModel,
+    LatentModel,
+    load_model,
+    load_stages,
+    save_model,
+)
+from latentmotion.condition.task import TextTask
 from latentmotion.diffusion.prediction import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.errors import ModelError
-from latentmotion.model_card import LatentSpace, ModelCard
-from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
+from latentmotion.model.card import ModelCard
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace
+from latentmotion.networks.build import build
 
 VAE = ConvolutionalVAEConfig(features=5, width=8, channels=3, dilations=(1, 2))
 DENOISER = DenoiserConfig(
@@ -31,7 +38,7 @@ DENOISER = DenoiserConfig(
 )
 
 
-def small_model() -> TrainedModel:
+def small_model() -> LatentModel:
     card = ModelCard(
         name="small",
         task="text",
@@ -41,11 +48,11 @@ def small_model() -> TrainedModel:
         latents=LatentSpace(width=3, frames_per_token=4),
         schedule=LinearPath(),
         prediction=Velocity(),
-        vae=describe(VAE),
-        denoiser=describe(DENOISER),
-        condition={},
+        vae=VAE,
+        denoiser=DENOISER,
+        condition=TextTask(),
     )
-    return TrainedModel(card, VAE.build(), DENOISER.build())
+    return LatentModel(card, build(VAE), build(DENOISER))
 
 
 @pytest.fixture
@@ -61,8 +68,6 @@ def test_a_model_comes_back_as_it_was(tmp_path: Path) -> None:
     found = load_model(tmp_path / "model")
     assert found.card == model.card
     for mine, theirs in ((model.vae, found.vae), (model.denoiser, found.denoiser)):
-        assert mine is not None
-        assert theirs is not None
         assert not theirs.training
         same = zip(mine.state_dict().values(), theirs.state_dict().values(), strict=True)
         assert all(torch.equal(a, b) for a, b in same)
@@ -71,9 +76,11 @@ def test_a_model_comes_back_as_it_was(tmp_path: Path) -> None:
 
 def test_a_first_stage_alone(tmp_path: Path) -> None:
     model = small_model()
-    only = dataclasses.replace(model.card, denoiser={})
-    save_model(tmp_path / "model", TrainedModel(only, model.vae, None))
-    assert load_model(tmp_path / "model").denoiser is None
+    only = dataclasses.replace(model.card, denoiser=None)
+    save_model(tmp_path / "model", FirstStageModel(only, model.vae))
+    assert list(load_stages(tmp_path / "model").networks) == ["vae"]
+    with pytest.raises(ModelError, match="no denoiser; train both stages first"):
+        load_model(tmp_path / "model")
 
 
 def edit_card(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:

@@ -20,7 +20,7 @@ from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Sc
 from latentmotion.distillation import PhasedConsistency
 from latentmotion.errors import ModelError
 from latentmotion.experiment import TrainingSettings, with_changes
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.training.consistency import WithinPhases
 from latentmotion.training.crops import Plan
 from latentmotion.training.devices import Place

@@ -12,18 +12,24 @@ import torch
 from transformers import PreTrainedTokenizerFast
 
 from latentmotion import MotionPipeline
-from latentmotion.checkpoint import TrainedModel, describe, save_model
+from latentmotion.checkpoint import LatentModel, save_model
 from latentmotion.cli.main import main
+from latentmotion.condition.task import ActionTask, TextTask
 from latentmotion.condition.text.pretrained import PretrainedTextEncoder
 from latentmotion.condition.text.pretrained_export import export_pretrained
 from latentmotion.condition.text.student import load_text_encoder
-from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.prediction import Epsilon
 from latentmotion.diffusion.schedule import ScaledLinear
-from latentmotion.model_card import LatentSpace, ModelCard
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.card import ModelCard
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.model.vae_config import (
+    IdentityVAEConfig,
+    LatentSpace,
+    TransformerVAEConfig,
+    VAEConfig,
+)
+from latentmotion.networks.build import build
 from latentmotion.runtime.eager import torch_pipeline
-from latentmotion.vae.transformer import TransformerVAEConfig
 from test_text_pretrained import clip, write_dense, write_t5
 from tiny_text import CAPTIONS, teacher_tokenizer
 
@@ -42,12 +48,10 @@ def clip_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def untrained(
-    card: ModelCard, vae: TransformerVAEConfig | None, denoiser: DenoiserConfig
-) -> TrainedModel:
+def untrained(card: ModelCard, vae: VAEConfig, denoiser: DenoiserConfig) -> LatentModel:
     torch.manual_seed(0)
-    card = replace(card, vae=describe(vae), denoiser=describe(denoiser))
-    return TrainedModel(card, vae.build() if vae else None, denoiser.build())
+    card = replace(card, vae=vae, denoiser=denoiser)
+    return LatentModel(card, build(vae), build(denoiser))
 
 
 def card(task: str, features: int, representation: str, latents: LatentSpace) -> ModelCard:
@@ -60,9 +64,9 @@ def card(task: str, features: int, representation: str, latents: LatentSpace) ->
         latents=latents,
         schedule=ScaledLinear(),
         prediction=Epsilon(),
-        vae={},
-        denoiser={},
-        condition={"encoder": "openai/clip-vit-large-patch14", "width": 16},
+        vae=IdentityVAEConfig(features),
+        denoiser=None,
+        condition=TextTask("openai/clip-vit-large-patch14", 16),
         guidance=7.5,
     )
 
@@ -83,8 +87,8 @@ def write_raw_model(folder: Path) -> None:
         position="sine", sees_padding=True,
     )  # fmt: skip
     about = card("action", 263, "humanml3d", LatentSpace(263, frames_per_token=1))
-    about = replace(about, condition={"labels": ["a", "b", "c"]}, steps=1000, sampler="ddpm")
-    save_model(folder, untrained(about, None, denoiser))
+    about = replace(about, condition=ActionTask(("a", "b", "c")), steps=1000, sampler="ddpm")
+    save_model(folder, untrained(about, IdentityVAEConfig(263), denoiser))
 
 
 @pytest.mark.parametrize("kind", ["clip", "clip_hidden", "sentence_t5"])

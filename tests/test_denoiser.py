@@ -10,10 +10,11 @@ from torch import Tensor
 
 from latentmotion.baselines.mdm import mdm_denoiser
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
+from latentmotion.diffusion.denoiser import Denoiser
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.networks.build import build
 from latentmotion.nn.dropout import Dropout
 from latentmotion.nn.timestep import NumberEmbedding, sinusoid
-from latentmotion.nn.transformer import TransformerConfig
 
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
 OURS = DenoiserConfig(latent_width=6, condition_width=10, transformer=SMALL, sine_width=12)
@@ -44,11 +45,11 @@ CONFIGS = {
 }
 
 
-def build(name: str) -> tuple[Denoiser, Tensor, Tensor, Conditioning, Tensor]:
+def called(name: str) -> tuple[Denoiser, Tensor, Tensor, Conditioning, Tensor]:
     """Returns a network and what it is called with: z, t, condition, mask."""
     torch.manual_seed(0)
     config = CONFIGS[name]
-    network = config.build().eval()
+    network = build(config).eval()
     z = torch.randn(3, 7, config.latent_width)
     t = torch.tensor([0.1, 0.5, 0.9]) * 1000 / config.time_scale
     words = torch.arange(4) < torch.tensor([2, 4, 1])[:, None]
@@ -59,7 +60,7 @@ def build(name: str) -> tuple[Denoiser, Tensor, Tensor, Conditioning, Tensor]:
 @torch.no_grad()
 @pytest.mark.parametrize("name", CONFIGS)
 def test_a_scalar_time_is_a_vector_of_equal_times(name: str) -> None:
-    network, z, t, condition, mask = build(name)
+    network, z, t, condition, mask = called(name)
     scalar = network(z, t[1], condition, mask)
     assert torch.equal(scalar, network(z, t[1].expand(3), condition, mask))
     assert not torch.allclose(scalar, network(z, t, condition, mask))
@@ -67,7 +68,7 @@ def test_a_scalar_time_is_a_vector_of_equal_times(name: str) -> None:
 
 @pytest.mark.parametrize("name", CONFIGS)
 def test_gradient_reaches_every_parameter(name: str) -> None:
-    network, z, t, condition, mask = build(name)
+    network, z, t, condition, mask = called(name)
     network(z, t, condition, mask).square().sum().backward()
     assert all(parameter.grad is not None for parameter in network.parameters())
 
@@ -75,7 +76,7 @@ def test_gradient_reaches_every_parameter(name: str) -> None:
 @torch.no_grad()
 @pytest.mark.parametrize("name", EXACT_UNDER_PADDING)
 def test_padding_changes_nothing(name: str) -> None:
-    network, z, t, condition, mask = build(name)
+    network, z, t, condition, mask = called(name)
     output = network(z, t, condition, mask)
     for i in range(3):
         row, real, words = slice(i, i + 1), int(mask[i].sum()), int(condition.mask[i].sum())
@@ -87,7 +88,7 @@ def test_padding_changes_nothing(name: str) -> None:
 
 @torch.no_grad()
 def test_the_length_token_tells_the_length() -> None:
-    network, _, t, _, mask = build("length token")
+    network, _, t, _, mask = called("length token")
     numbers = network.numbers(t, mask)
     assert numbers.shape[1] == 2
     assert not torch.allclose(numbers[0, 1], numbers[1, 1])
@@ -101,19 +102,19 @@ def test_the_paper_has_8_million_weights() -> None:
         transformer=TransformerConfig(),
         sine_width=768,
     )
-    count = sum(parameter.numel() for parameter in paper.build().parameters())
+    count = sum(parameter.numel() for parameter in build(paper).parameters())
     unused = 500 * 256  # positions of a memory that only cross-attention has
     assert count == 8_349_184 - unused
 
 
 def test_mdm_has_17_9_million_weights() -> None:
-    network = mdm_denoiser(263, condition_width=512).build()
+    network = build(mdm_denoiser(263, condition_width=512))
     assert sum(parameter.numel() for parameter in network.parameters()) == 17_880_327
 
 
 @torch.no_grad()
 def test_words_are_added_to_the_time_as_their_mean() -> None:
-    network, z, t, condition, mask = build("words added to time")
+    network, z, t, condition, mask = called("words added to time")
     pairs = zip(condition.tokens, condition.mask, strict=True)
     means = torch.stack([row[real].mean(0) for row, real in pairs])
     one = Conditioning(means[:, None], torch.ones(3, 1, dtype=torch.bool))

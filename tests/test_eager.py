@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
-from latentmotion.checkpoint import TrainedModel, load_model, save_model
+from latentmotion.checkpoint import FirstStageModel, LatentModel, load_model, save_model
+from latentmotion.condition.task import TextTask
 from latentmotion.errors import InputError, ModelError
-from latentmotion.model_card import read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import read_card
+from latentmotion.model.folder import find_model
+from latentmotion.model.vae_config import IdentityVAEConfig
+from latentmotion.networks.build import build
 from latentmotion.prior import MotionPrior
 from latentmotion.runtime.eager import prior_features, torch_pipeline
 from latentmotion.runtime.session import open_decoder
@@ -36,8 +39,8 @@ def test_the_encoder_of_a_card_is_found_among_the_shipped(tmp_path: Path) -> Non
     found = torch_pipeline(tmp_path / "model").features(PROMPTS, FRAMES, SEEDS, steps=1)
     expected = torch_pipeline("starter").features(PROMPTS, FRAMES, SEEDS, steps=1)
     np.testing.assert_array_equal(found[0], expected[0])
-    foreign = replace(model.card, condition={"encoder": "clip:/no/such/folder"})
-    save_model(tmp_path / "foreign", TrainedModel(foreign, model.vae, model.denoiser))
+    foreign = replace(model.card, condition=TextTask("clip:/no/such/folder"))
+    save_model(tmp_path / "foreign", LatentModel(foreign, model.vae, model.denoiser))
     with pytest.raises(ModelError, match=r"not at hand .*--text-encoder"):
         torch_pipeline(tmp_path / "foreign")
 
@@ -61,12 +64,12 @@ def test_a_prior_is_sampled_with_and_without_graphs(tmp_path: Path) -> None:
 
 def test_half_models_say_what_to_do(tmp_path: Path) -> None:
     model = load_model(find_model("starter"))
-    card = replace(model.card, denoiser={})
-    save_model(tmp_path / "vae", TrainedModel(card, model.vae, None))
+    card = replace(model.card, denoiser=None)
+    save_model(tmp_path / "vae", FirstStageModel(card, model.vae))
     with pytest.raises(ModelError, match=r"train denoiser.*--prior"):
         torch_pipeline(tmp_path / "vae")
     assert prior_features(tmp_path / "vae", [20], [0])[0].shape == (20, 263)
-    card = replace(model.card, vae={})
-    save_model(tmp_path / "raw", TrainedModel(card, None, model.denoiser))
+    card = replace(model.card, vae=IdentityVAEConfig(model.card.latents.width))
+    save_model(tmp_path / "raw", LatentModel(card, build(card.vae), model.denoiser))
     with pytest.raises(ModelError, match="has no VAE"):
         prior_features(tmp_path / "raw", [20], [0])

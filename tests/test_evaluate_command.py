@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.checkpoint import TrainedModel, load_model, save_model
+from latentmotion.checkpoint import FirstStageModel, load_model, save_model
 from latentmotion.cli.main import main
-from latentmotion.model_card import read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import read_card
+from latentmotion.model.folder import find_model
 from moving_figures import write_moving_figures
 
 ROWS = ["ground truth", "generated", "reconstruction (mean z)", "reconstruction (sampled z)"]
@@ -35,7 +35,6 @@ def test_report_and_card(data: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     printed = capsys.readouterr().out
     assert f"| metric | {' | '.join(ROWS)} |" in printed
     vae = load_model(model).vae
-    assert vae is not None
     parameters = sum(weights.numel() for weights in vae.parameters())
     assert f"parameters: vae {parameters:,}" in printed and "AITS" in printed
     report = json.loads((tmp_path / "report" / "report.json").read_text())
@@ -51,7 +50,7 @@ def test_a_vae_alone_and_its_prior(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     full = load_model(find_model("starter"))
-    save_model(tmp_path / "vae", TrainedModel(replace(full.card, denoiser={}), full.vae, None))
+    save_model(tmp_path / "vae", FirstStageModel(replace(full.card, denoiser=None), full.vae))
     run(tmp_path / "vae", data, "--protocol", "paper")
     assert "| ground truth | reconstruction (sampled z) | reconstruction (mean z) |" in (
         capsys.readouterr().out

@@ -13,6 +13,7 @@ from latentmotion.evaluation.metrics.aits import aits
 from latentmotion.evaluation.metrics.flops import flops, thop_macs
 from latentmotion.evaluation.metrics.parameters import parameters
 from latentmotion.evaluation.metrics.traffic import Traffic, traffic
+from latentmotion.networks.build import build
 from latentmotion.nn.attention import SelfAttention
 from latentmotion.nn.transformer import EncoderLayer
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
@@ -40,7 +41,7 @@ def test_thop_sees_nothing_inside_attention() -> None:
 def test_parameters_are_those_of_the_paper() -> None:
     """26.38 million (spec 1); the authors keep a table of places, `mem_pos`, that nothing uses."""
     experiment = mld_humanml3d()
-    vae, denoiser = experiment.vae.build(), experiment.denoiser.build()
+    vae, denoiser = build(experiment.vae), build(experiment.denoiser)
     assert parameters(vae) == 18_032_135
     assert 8_349_184 - parameters(denoiser) in (0, 500 * 256)
 
@@ -48,7 +49,7 @@ def test_parameters_are_those_of_the_paper() -> None:
 def test_thop_of_a_step_and_of_the_decoder_are_those_of_the_paper() -> None:
     """From table 5, spec 11.5: 33.11 - 29.86 G for 50 steps more, two to a multiply-add."""
     experiment = mld_humanml3d()
-    vae, denoiser = experiment.vae.build().eval(), experiment.denoiser.build().eval()
+    vae, denoiser = build(experiment.vae).eval(), build(experiment.denoiser).eval()
     z, mask = torch.zeros(2, 1, 256), torch.ones(2, 1, dtype=torch.bool)
     words = Conditioning(torch.zeros(2, 1, 768), mask)
     step = thop_macs(denoiser, lambda: denoiser(z, torch.tensor(1.0), words, mask))

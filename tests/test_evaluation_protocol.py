@@ -33,12 +33,12 @@ from latentmotion.evaluation.protocol import (
     plan_of,
 )
 from latentmotion.evaluation.published import PublishedTruth, departures
-from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.folder import find_model
+from latentmotion.model.vae_config import ConvolutionalVAEConfig, IdentityVAEConfig
+from latentmotion.networks.build import build
 from latentmotion.request import GenerationRequest
 from latentmotion.runtime.eager import torch_prior
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
-from latentmotion.vae.identity import IdentityVAEConfig
 from moving_figures import write_moving_figures
 
 SMALL = replace(CLEAN, replications=3, split="val", repeats=Repeats(4, 3, None, 2))
@@ -146,7 +146,7 @@ def test_who_answers_with_the_truth_is_perfect(dataset: Dataset) -> None:
 
 
 def test_a_vae_is_measured_by_position_too(dataset: Dataset) -> None:
-    vae = ConvolutionalVAEConfig(width=8, channels=4).build().eval()
+    vae = build(ConvolutionalVAEConfig(width=8, channels=4)).eval()
     mean = Reconstructed(vae, card(), sampled=False, row="mean")
     drawn = Reconstructed(vae, card(), sampled=True, row="drawn")
     report = compare([mean, drawn], dataset, None, SMALL)
@@ -163,7 +163,7 @@ def test_a_vae_is_measured_by_position_too(dataset: Dataset) -> None:
 
 
 def test_an_identical_vae_has_no_error(dataset: Dataset) -> None:
-    subject = Reconstructed(IdentityVAEConfig().build().eval(), card())
+    subject = Reconstructed(build(IdentityVAEConfig()).eval(), card())
     report = evaluate(subject, dataset, Echo(), AS_AUTHORS)
     for metric in ("MPJPE", "PA-MPJPE", "ACCL", "FID"):
         assert report["reconstruction"][metric].mean == pytest.approx(0, abs=0.02), metric
@@ -251,7 +251,7 @@ def test_the_random_state_of_a_recurrent_classifier_is_a_quirk(actions: Dataset)
 
     network = MotionGRUConfig(joints=21, labels=2, hidden=8).build().eval()
     classifier = Recognizer(("back", "forth"), "gru", network, positions, 263)
-    same = Reconstructed(IdentityVAEConfig().build().eval(), card())
+    same = Reconstructed(build(IdentityVAEConfig()).eval(), card())
     quirk = replace(SMALL, quirks=replace(SMALL.quirks, random_state=True))
     clean, drawn = (evaluate(same, actions, classifier, p) for p in (SMALL, quirk))
     assert len(set(values(clean, TRUTH, "Diversity"))) == 1

@@ -28,9 +28,10 @@ from latentmotion.experiments.run import run_table
 from latentmotion.experiments.table import Model, Row, Table
 from latentmotion.experiments.tables import TABLES, rows_named, table_named
 from latentmotion.experiments.workplace import Workplace
+from latentmotion.model.vae_config import TransformerVAEConfig
+from latentmotion.networks.build import build
 from latentmotion.training.devices import Place
 from latentmotion.training.randomness import Ranks
-from latentmotion.vae.transformer import TransformerVAEConfig
 from moving_figures import write_moving_figures
 
 TINY = replace(
@@ -128,7 +129,7 @@ def test_every_model_can_be_built(name: str, budget: object) -> None:
     assert second.task == model.task and second.denoiser.condition_width == 384
     assert model.raw or second.vae == first.vae
     if budget is SMALL:
-        vae, denoiser = first.vae.build(), second.denoiser.build()
+        vae, denoiser = build(first.vae), build(second.denoiser)
         wanted = 263 if model.raw else vae.latent_width
         assert second.denoiser.latent_width == wanted and denoiser is not None
 

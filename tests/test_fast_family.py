@@ -15,8 +15,9 @@ from latentmotion.experiments.budget import PAPER, SMALL
 from latentmotion.experiments.build import first_stage_of, second_stage_of
 from latentmotion.experiments.models import MODELS
 from latentmotion.experiments.vae_cost import vae_cost
+from latentmotion.model.vae_config import ConvolutionalVAEConfig
+from latentmotion.networks.build import build
 from latentmotion.presets import preset_named
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from moving_figures import write_moving_figures
 
 STACK = '{"width": 16, "layers": 3, "heads": 2, "hidden": 16}'
@@ -52,7 +53,6 @@ def test_both_stages_are_trained_by_command(name: str, figures: Path, tmp_path: 
     main(["train", "vae", *shared, "-o", str(vae)])
     main(["train", "denoiser", *shared, "--vae", str(vae), "-o", str(denoiser)])
     model = load_model(denoiser / "model")
-    assert model.vae is not None and model.denoiser is not None
     latents = model.card.latents
     assert (latents.width, latents.tokens, latents.frames_per_token) == (
         (24, None, 4) if name == "fast" else (32, 16, None)
@@ -74,7 +74,7 @@ def test_the_family_differs_from_the_starter_in_size_alone() -> None:
     tokens = preset_named("fast_tokens")
     assert tokens.denoiser == replace(fast.denoiser, latent_width=32)
     for experiment in (fast, tokens):
-        assert experiment.denoiser.latent_width == experiment.vae.build().latent_width
+        assert experiment.denoiser.latent_width == build(experiment.vae).latent_width
         assert experiment.denoiser_objective.prediction == Velocity()
         assert experiment.denoiser_objective.schedule == LinearPath()
 

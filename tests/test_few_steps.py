@@ -11,9 +11,9 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.checkpoint import TrainedModel, load_model, save_model
+from latentmotion.checkpoint import FirstStageModel, load_model, save_model
 from latentmotion.condition.interface import Conditioning, TextEmbedding
-from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.condition.task import ActionTask
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, GuidanceAsInput
 from latentmotion.diffusion.leaps import Leap, Leaps, LeapTimes
 from latentmotion.diffusion.loss import LeapBatch, between, leap_loss
@@ -23,7 +23,8 @@ from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Sc
 from latentmotion.distillation import Regression
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import with_changes
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.networks.build import build
 from latentmotion.runtime.eager import torch_pipeline
 from latentmotion.runtime.package import package_model
 from latentmotion.training.devices import Place
@@ -128,7 +129,7 @@ def test_each_row_is_guided_by_its_own_scale() -> None:
 def test_a_student_starts_as_its_teacher_whatever_it_is_told() -> None:
     shape = TransformerConfig(width=16, layers=3, heads=2, hidden=16, dropout=0.0)
     config = DenoiserConfig(latent_width=4, condition_width=6, transformer=shape, length_token=True)
-    teacher = config.build().eval()
+    teacher = build(config).eval()
     student = student_of(teacher, replace(config, leaps=LEAPS)).eval()
     z, t, mask = torch.randn(2, 5, 4), torch.rand(2), torch.ones(2, 5, dtype=torch.bool)
     seen = Conditioning(torch.randn(2, 3, 6), torch.ones(2, 3, dtype=torch.bool))
@@ -210,7 +211,6 @@ def test_training_brings_leaps_nearer_to_the_teachers(
     figures: Path, teacher: Path, tmp_path: Path
 ) -> None:
     model = load_model(teacher / "model")
-    assert model.denoiser is not None
     with torch.no_grad():  # so small a network goes all but straight; this makes it bend
         for weight in model.denoiser.latents_out.parameters():
             weight.mul_(4.0)
@@ -262,7 +262,7 @@ def test_who_cannot_teach_is_refused(
     with pytest.raises(ModelError, match="is distilled already"):
         distill(SETTINGS, figures, student, None, tmp_path / "a", PLACE)
     model = load_model(teacher / "model")
-    save_model(tmp_path / "vae", TrainedModel(replace(model.card, denoiser={}), model.vae, None))
+    save_model(tmp_path / "vae", FirstStageModel(replace(model.card, denoiser=None), model.vae))
     with pytest.raises(ModelError, match="train both stages first"):
         distill(SETTINGS, figures, tmp_path / "vae", None, tmp_path / "b", PLACE)
 
@@ -272,7 +272,7 @@ def test_what_it_cannot_be_asked_is_refused(figures: Path, teacher: Path, tmp_pa
     with pytest.raises(InputError, match=r"makes 12 to 196 frames, cropping asks for 4 to 4"):
         distill(short, figures, teacher, None, tmp_path / "a", PLACE)
     model = load_model(teacher / "model")
-    condition = {"kind": "action", "labels": ["fly", "swim"]}
+    condition = ActionTask(("fly", "swim"))
     card = replace(model.card, task="action", condition=condition)
     save_model(tmp_path / "birds", replace(model, card=card))
     with pytest.raises(InputError, match=r"no training clip .* that model 'starter' knows"):

@@ -14,7 +14,7 @@ import pytest
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError, ModelError
-from latentmotion.models import find_model
+from latentmotion.model.folder import find_model
 from latentmotion.motion import Motion
 from latentmotion.runtime.session import Runtime
 

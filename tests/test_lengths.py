@@ -22,8 +22,8 @@ from latentmotion.condition.text.lengths import (
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.data.lengths import CaptionLengths, read_caption_lengths
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.model_card import read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import read_card
+from latentmotion.model.folder import find_model
 from latentmotion.request import frames_of
 from latentmotion.runtime.conditions import find_lengths
 from latentmotion.training.lengths import LengthRecipe, measured, train_lengths

@@ -10,9 +10,10 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.loss import DenoiserObjective, denoiser_loss
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
+from latentmotion.model.vae_config import ConvolutionalVAEConfig
+from latentmotion.networks.build import build
 from latentmotion.nn.masked import mean_of_real
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.loss import VAEObjective, feature_losses, vae_losses
 from latentmotion.vae.posterior import Posterior
@@ -31,7 +32,7 @@ def losses(frames: int) -> dict[str, torch.Tensor]:
     features = F.pad(features, (0, 0, 0, frames - 24))
     mask = torch.arange(frames)[None].expand(2, -1) < 24
     torch.manual_seed(1)
-    vae = ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)).build()
+    vae = build(ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)))
 
     def noise(tokens: int, width: int) -> torch.Tensor:
         drawn = torch.randn(2, 6, width, generator=generator)
@@ -76,7 +77,7 @@ def test_only_feet_that_stand_and_bones_that_change_cost() -> None:
 
 def test_a_posterior_stays_finite_however_far_off_a_motion_is() -> None:
     torch.manual_seed(0)
-    vae = ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)).build()
+    vae = build(ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)))
     far = 1e6 * torch.randn(1, 16, 263)
     posterior = vae.encode(far, torch.ones(1, 16, dtype=torch.bool))
     assert torch.isfinite(posterior.std).all() and torch.isfinite(posterior.divergence()).all()
@@ -88,7 +89,7 @@ def test_the_authors_means_run_over_padding() -> None:
     mask = torch.arange(24)[None] < torch.tensor([24, 10])[:, None]
     features = torch.randn(2, 24, 263, generator=generator) / 10 * mask[..., None]
     torch.manual_seed(1)
-    vae = ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)).build()
+    vae = build(ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)))
     losses_of = partial(
         vae_losses,
         *(vae, features, mask, lambda *shape: torch.zeros(2, *shape)),

@@ -12,8 +12,9 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from latentmotion.checkpoint import TrainedModel, load_model
+from latentmotion.checkpoint import LatentModel, load_model
 from latentmotion.condition.interface import Conditioning
+from latentmotion.condition.task import TextTask
 from latentmotion.errors import ModelError
 from latentmotion.upstream.configurations import Unstated
 from latentmotion.upstream.conversion import Origin, convert_checkpoint
@@ -114,7 +115,7 @@ def theirs() -> Theirs:
     return Theirs().eval()
 
 
-def convert(state: dict[str, Tensor], folder: Path, **unstated: str) -> TrainedModel:
+def convert(state: dict[str, Tensor], folder: Path, **unstated: str) -> LatentModel:
     torch.save({"state_dict": state}, folder / "mld_humanml.ckpt")
     plain = np.zeros(FEATURES, np.float32), np.ones(FEATURES, np.float32)
     origin = Origin(plain, Unstated(heads=HEADS, **unstated))  # type: ignore[arg-type]
@@ -125,7 +126,6 @@ def convert(state: dict[str, Tensor], folder: Path, **unstated: str) -> TrainedM
 @torch.no_grad()
 def test_networks(theirs: Theirs, tmp_path: Path) -> None:
     model = convert(theirs.state_dict(), tmp_path)
-    assert model.vae is not None and model.denoiser is not None
     mask = torch.arange(11) < torch.tensor([11, 4, 8])[:, None]
     motion = torch.randn(3, 11, FEATURES)
     posterior, (mean, logvar) = model.vae.encode(motion, mask), theirs.vae.encode(motion, mask)
@@ -146,14 +146,14 @@ def test_networks(theirs: Theirs, tmp_path: Path) -> None:
 def test_the_card_tells_the_layout(theirs: Theirs, tmp_path: Path) -> None:
     card = convert(theirs.state_dict(), tmp_path).card
     assert (card.latents.width, card.latents.tokens) == (NARROW, TOKENS)
-    assert card.condition == {"encoder": "sentence-transformers/sentence-t5-large", "width": TEXT}
+    assert card.condition == TextTask("sentence-transformers/sentence-t5-large", TEXT)
     assert (card.steps, card.sampler, card.guidance) == (50, "ddim", 7.5)
-    assert card.denoiser["condition_projection"] == "linear"
+    assert card.trained_denoiser.condition_projection == "linear"
 
 
 def test_a_relu_before_the_text_can_be_asked_for(theirs: Theirs, tmp_path: Path) -> None:
     card = convert(theirs.state_dict(), tmp_path, text_activation="relu").card
-    assert card.denoiser["condition_projection"] == "relu_linear"
+    assert card.trained_denoiser.condition_projection == "relu_linear"
 
 
 def test_a_distilled_model_is_refused_with_the_reason(theirs: Theirs, tmp_path: Path) -> None:

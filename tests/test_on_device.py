@@ -17,8 +17,8 @@ from latentmotion.checkpoint import load_model
 from latentmotion.cli.loading import load_generator
 from latentmotion.diffusion.sampler import sample
 from latentmotion.errors import InputError
-from latentmotion.model_card import read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import read_card
+from latentmotion.model.folder import find_model
 from latentmotion.pipeline import MotionPipeline, sampler_of
 from latentmotion.request import GenerationRequest, padded_batch
 from latentmotion.runtime.buckets import Buckets
@@ -60,7 +60,6 @@ def test_joints_found_for_a_batch_are_those_of_each_motion(exact: MotionPipeline
 
 def test_a_session_answers_in_kind() -> None:
     model = load_model(find_model("starter"))
-    assert model.denoiser is not None
     session = denoiser_session(model.denoiser)
     inputs = {
         "z": np.ones((1, 3, model.card.latents.width), np.float32),
@@ -96,9 +95,10 @@ def test_sizes_of_buckets() -> None:
     assert [buckets.words(count) for count in (0, 1, 2, 9, 10)] == [0, 1, 9, 9, 17]
     assert [buckets.frames(longest) for longest in (12, 32, 33, 195, 196)] == [32, 32, 64, 196, 196]
     # Padding would move these models' motions.
-    sees = Buckets(replace(card, denoiser={**card.denoiser, "sees_padding": True}))
+    config = card.trained_denoiser
+    sees = Buckets(replace(card, denoiser=replace(config, sees_padding=True)))
     assert sees.frames(33) == 33
-    first = Buckets(replace(card, denoiser={**card.denoiser, "places": "context_first"}))
+    first = Buckets(replace(card, denoiser=replace(config, places="context_first")))
     assert first.words(2) == 2
 
 

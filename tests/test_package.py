@@ -10,18 +10,18 @@ import pytest
 import torch
 
 from latentmotion import MotionPipeline
-from latentmotion.checkpoint import TrainedModel, describe, load_model, save_model
+from latentmotion.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 from latentmotion.cli.main import main
-from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.condition.task import TextTask
 from latentmotion.diffusion.prediction import Epsilon, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.errors import ModelError
-from latentmotion.model_card import LatentSpace, ModelCard, read_card
-from latentmotion.models import find_model
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.model.folder import find_model
+from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace, TransformerVAEConfig
+from latentmotion.networks.build import build
 from latentmotion.runtime.package import copied, package_model
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
-from latentmotion.vae.transformer import TransformerVAEConfig
 
 SMALL = TransformerConfig(width=16, layers=3, heads=2, hidden=24)
 VAES = {
@@ -30,7 +30,7 @@ VAES = {
 }
 
 
-def untrained(kind: str) -> TrainedModel:
+def untrained(kind: str) -> LatentModel:
     torch.manual_seed(0)
     vae, latents = VAES[kind]
     denoiser = DenoiserConfig(latent_width=latents.width, transformer=SMALL, sine_width=16)
@@ -44,12 +44,12 @@ def untrained(kind: str) -> TrainedModel:
         latents=latents,
         schedule=LinearPath() if flow else ScaledLinear(),
         prediction=Velocity() if flow else Epsilon(),
-        vae=describe(vae),
-        denoiser=describe(denoiser),
-        condition={},
+        vae=vae,
+        denoiser=denoiser,
+        condition=TextTask(),
         guidance=2.0,
     )
-    return TrainedModel(card, vae.build(), denoiser.build())
+    return LatentModel(card, build(vae), build(denoiser))
 
 
 @pytest.mark.parametrize("kind", VAES)
@@ -71,7 +71,6 @@ def test_weights_are_kept_in_half_the_bits(tmp_path: Path) -> None:
     save_model(tmp_path / "run", model)
     package_model(tmp_path / "run", model.card, copied(find_model("starter")), tmp_path / "model")
     again = load_model(tmp_path / "model")
-    assert again.vae is not None and model.vae is not None
     for old, new in zip(model.vae.parameters(), again.vae.parameters(), strict=True):
         np.testing.assert_array_equal(old.detach().half().float(), new.detach())
 
@@ -81,7 +80,7 @@ def test_nothing_is_written_of_half_a_model(tmp_path: Path) -> None:
     save_model(tmp_path / "run", model)
     with pytest.raises(ModelError, match=r"lacks text_encoder\.onnx"):
         package_model(tmp_path / "run", model.card, copied(tmp_path), tmp_path / "model")
-    first = TrainedModel(replace(model.card, denoiser={}), model.vae, None)
+    first = FirstStageModel(replace(model.card, denoiser=None), model.vae)
     save_model(tmp_path / "vae", first)
     with pytest.raises(ModelError, match="train both stages"):
         package_model(

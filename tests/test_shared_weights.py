@@ -11,9 +11,9 @@ import torch
 from safetensors.torch import save_file
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.errors import ModelError
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.networks.build import build
 from latentmotion.runtime.export import export_denoiser
 from latentmotion.runtime.session import Runtime, open_session
 from latentmotion.runtime.shared_weights import FEWEST, share_weights
@@ -34,7 +34,7 @@ def small(tmp_path: Path) -> tuple[Path, np.ndarray]:
     """The graph of a denoiser with its weights file beside it, and the network's answer."""
     torch.manual_seed(0)
     config = TransformerConfig(width=32, hidden=64, heads=2, layers=3)
-    network = DenoiserConfig(latent_width=8, condition_width=12, transformer=config).build()
+    network = build(DenoiserConfig(latent_width=8, condition_width=12, transformer=config))
     network = network.half().float().eval()
     export_denoiser(network, 8, 12, tmp_path / "small.onnx")
     halves = {name: value.half() for name, value in network.state_dict().items()}

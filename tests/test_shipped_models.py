@@ -13,8 +13,8 @@ from safetensors import safe_open
 from latentmotion import MotionPipeline
 from latentmotion.checkpoint import WEIGHTS_FILE, load_model
 from latentmotion.errors import InputError
-from latentmotion.model_card import read_card
-from latentmotion.models import DEFAULT, find_model, shipped_models
+from latentmotion.model.card import read_card
+from latentmotion.model.folder import DEFAULT, find_model, shipped_models
 from latentmotion.vae.convolutional import ConvolutionalVAE
 
 

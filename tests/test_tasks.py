@@ -13,11 +13,12 @@ import torch
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.condition.action import ActionCondition
+from latentmotion.condition.task import ActionTask
 from latentmotion.condition.unconditional import Unconditional
 from latentmotion.configuration import write_json
 from latentmotion.data.manifest import read_manifest
 from latentmotion.errors import InputError
-from latentmotion.model_card import read_card
+from latentmotion.model.card import read_card
 from latentmotion.runtime.eager import torch_pipeline
 from latentmotion.training.devices import Place
 from latentmotion.training.randomness import Ranks
@@ -64,8 +65,8 @@ def nothing(figures: Path, vae_run: Path, tmp_path_factory: pytest.TempPathFacto
 def test_labels_are_those_of_the_training_clips(actions: Path) -> None:
     card = read_card(actions)
     assert card.task == "action"
-    assert card.condition == {"kind": "action", "labels": LABELS}
-    assert card.denoiser["condition_width"] == 6
+    assert card.condition == ActionTask(tuple(LABELS))
+    assert card.trained_denoiser.condition_width == 6
     assert (actions.parent / "samples-0000008.png").stat().st_size > 1000
 
 
@@ -74,7 +75,7 @@ def test_mirrored_copies_have_labels_of_their_own(
 ) -> None:
     experiment = small(task="action", mirrored=False, **{"denoiser_training.steps": 1})
     model = train_denoiser(experiment, figures, vae_run, None, tmp_path / "run", PLACE)
-    assert read_card(model).condition["labels"] == LABELS[:3]
+    assert read_card(model).condition.known_prompts == tuple(LABELS[:3])
 
 
 def test_an_action_model_generates(actions: Path) -> None:
@@ -192,7 +193,7 @@ def test_labels_only_held_out_clips_have_are_left_out(
     )
     experiment = small(task="action", **{"denoiser_training.steps": 1})
     model = train_denoiser(experiment, folder, vae_run, None, tmp_path / "run", PLACE)
-    assert "new" not in read_card(model).condition["labels"]
+    assert "new" not in read_card(model).condition.known_prompts
 
 
 def test_a_table_of_prompts_has_the_null_condition_under_the_empty_prompt() -> None:

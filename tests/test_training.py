@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.checkpoint import load_model
+from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.condition.interface import TextEmbedding
 from latentmotion.configuration import read_json, write_json
 from latentmotion.data.manifest import read_manifest
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, with_changes
+from latentmotion.networks.build import build
 from latentmotion.presets import PRESETS, preset_named
 from latentmotion.training.devices import Place
 from latentmotion.training.journal import read_journal
@@ -61,8 +62,8 @@ def weights(folder: Path) -> bytes:
 
 
 def test_a_vae_is_trained_into_a_model_folder(vae_run: Path) -> None:
-    model = load_model(vae_run / "model")
-    assert model.vae is not None and model.denoiser is None
+    model = load_stages(vae_run / "model")
+    assert list(model.networks) == ["vae"]
     assert model.card.figures["vae_val_mm"] > 0
     assert model.card.provenance.license == "CC0-1.0"
     assert list((vae_run / "tensorboard").iterdir())
@@ -72,10 +73,10 @@ def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_
     experiment = small(**{"denoiser_training.sample_every": 8})
     folder = train_denoiser(experiment, figures, vae_run, LetterCount(), tmp_path / "run", PLACE)
     model = load_model(folder)
-    assert model.denoiser is not None and model.card.latents.frames_per_token == 4
+    assert model.card.latents.frames_per_token == 4
     assert len(model.card.latents.std) == 4 and min(model.card.latents.std) > 0
-    assert model.card.condition["encoder"] == "letter-count"
-    assert model.card.condition["width"] == 6
+    assert model.card.condition.text_encoder == "letter-count"
+    assert model.card.condition.condition_width == 6
     assert len(model.card.provenance.commands) == 2
     steps = [line["step"] for line in read_journal(tmp_path / "run") if line["kind"] == "train"]
     assert steps == list(range(1, 9))
@@ -83,8 +84,7 @@ def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_
 
 
 def test_samples_are_decoded_where_their_latents_are(vae_run: Path) -> None:
-    model = load_model(vae_run / "model")
-    assert model.vae is not None
+    model = load_stages(vae_run / "model")
     previews, latents = Previews(model.vae, model.card, 8), torch.zeros(1, 2, 4, device="meta")
     with pytest.raises(NotImplementedError, match="out of meta tensor"):  # the way back to the host
         previews.decode(latents, [""])
@@ -171,7 +171,7 @@ def test_each_rank_has_its_share_of_the_batch(figures: Path, vae_run: Path) -> N
         torch.manual_seed(0)
         experiment = small()
         place = Place(torch.device("cpu"), ranks)
-        stage = VAEStage(experiment.vae.build(), Dataset.load(figures), experiment, place)
+        stage = VAEStage(build(experiment.vae), Dataset.load(figures), experiment, place)
         return float(stage(3)["total"].detach())
 
     halves = [losses(Ranks(rank, 2)) for rank in range(2)]
@@ -245,6 +245,6 @@ def test_unknown_names_are_answered_with_the_nearest() -> None:
 
 def test_the_papers_preset_has_the_papers_networks() -> None:
     experiment = preset_named("mld_humanml3d")
-    count = sum(p.numel() for p in experiment.vae.build().parameters())
+    count = sum(p.numel() for p in build(experiment.vae).parameters())
     assert count > 10_000_000
     assert experiment.denoiser.transformer.layers == 9

@@ -15,11 +15,18 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor
 
-from latentmotion.checkpoint import TrainedModel, load_model, save_model
+from latentmotion.checkpoint import (
+    FirstStageModel,
+    LatentModel,
+    load_model,
+    load_stages,
+    save_model,
+)
 from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEncoder
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.sampler import DDIM, sample
 from latentmotion.errors import InputError
+from latentmotion.model.vae_config import IdentityVAEConfig
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.runtime.eager import torch_pipeline
 from latentmotion.upstream.configurations import Unstated
@@ -67,7 +74,7 @@ def golden(shared: Path) -> dict[str, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def mld(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainedModel:
+def mld(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> LatentModel:
     """MLD-1 at full size, made by the converter from a file with the authors' names."""
     shapes = json.loads((shared / "reference" / "mld_shapes.json").read_text())["shapes"]
     state = {key: torch.from_numpy(formula(key, tuple(shape))) for key, shape in shapes.items()}
@@ -83,14 +90,12 @@ def mld(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainedModel:
 MLD_MASK = prefix_mask([60, 196, 120], 196)
 
 
-def parts(model: TrainedModel) -> tuple[Any, Any]:
-    assert model.vae is not None
-    assert model.denoiser is not None
+def parts(model: LatentModel) -> tuple[Any, Any]:
     return model.vae, model.denoiser
 
 
 @torch.no_grad()
-def test_full_size_vae(mld: TrainedModel, golden: dict[str, np.ndarray]) -> None:
+def test_full_size_vae(mld: LatentModel, golden: dict[str, np.ndarray]) -> None:
     vae, _ = parts(mld)
     motion = golden_input("motion", (3, 196, 263)) * MLD_MASK[..., None]
     posterior = vae.encode(motion, MLD_MASK)
@@ -101,7 +106,7 @@ def test_full_size_vae(mld: TrainedModel, golden: dict[str, np.ndarray]) -> None
 
 
 @torch.no_grad()
-def test_full_size_denoiser(mld: TrainedModel, golden: dict[str, np.ndarray]) -> None:
+def test_full_size_denoiser(mld: LatentModel, golden: dict[str, np.ndarray]) -> None:
     _, denoiser = parts(mld)
     times = torch.tensor([981.0, 501.0, 1.0, 0.0, 999.0, 250.0])
     always = torch.ones(6, 1, dtype=torch.bool)
@@ -111,7 +116,7 @@ def test_full_size_denoiser(mld: TrainedModel, golden: dict[str, np.ndarray]) ->
 
 
 @torch.no_grad()
-def test_fifty_guided_steps(mld: TrainedModel, golden: dict[str, np.ndarray]) -> None:
+def test_fifty_guided_steps(mld: LatentModel, golden: dict[str, np.ndarray]) -> None:
     vae, denoiser = parts(mld)
     always = torch.ones(3, 1, dtype=torch.bool)
     null = Conditioning(golden_input("uncond", (1, 1, 768)), always[:1])
@@ -160,12 +165,12 @@ class Variants:
         found = {k.removeprefix(head): v for k, v in self.arrays.items() if k.startswith(head)}
         return {key: torch.from_numpy(value) for key, value in found.items()}
 
-    def load(self, name: str, **unstated: Any) -> TrainedModel:
+    def load(self, name: str, **unstated: Any) -> FirstStageModel:
         torch.save({"state_dict": self.state(name)}, self.out / f"{name}.ckpt")
         frames = "novae" in name or not name.startswith("den")
         origin = Origin(plain_normalizer(19 if frames else 32), Unstated(heads=2, **unstated))
         convert_checkpoint(self.out / f"{name}.ckpt", self.out / name, origin)
-        return load_model(self.out / name)
+        return load_stages(self.out / name)
 
     def tensor(self, name: str) -> Tensor:
         return torch.from_numpy(self.arrays[name])
@@ -180,7 +185,6 @@ def variants(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Variants
 @pytest.mark.parametrize(("name", "unstated"), VAE_VARIANTS.items())
 def test_vae_variant(variants: Variants, name: str, unstated: dict[str, str]) -> None:
     vae = variants.load(name, **unstated).vae
-    assert vae is not None
     mask = prefix_mask(variants.about[name]["lengths"], 20)
     posterior = vae.encode(variants.tensor(f"{name}/motion"), mask)
     for part, found in (("mu", posterior.mean), ("std", posterior.std)):
@@ -194,8 +198,7 @@ def test_vae_variant(variants: Variants, name: str, unstated: dict[str, str]) ->
 @torch.no_grad()
 @pytest.mark.parametrize("name", DENOISER_VARIANTS)
 def test_denoiser_variant(variants: Variants, name: str) -> None:
-    denoiser = variants.load(name).denoiser
-    assert denoiser is not None
+    denoiser = variants.load(name).networks["denoiser"]
     z = variants.tensor(f"{name}/sample")
     mask = torch.ones(z.shape[:2], dtype=torch.bool)
     if "novae" in name:
@@ -223,7 +226,9 @@ class Counting:
         return TextEmbedding(pooled, pooled[:, None], np.ones((len(rows), 1), bool))
 
 
-def generator_of(model: TrainedModel, folder: Path, encoder: TextEncoder | None) -> MotionPipeline:
+def generator_of(
+    model: FirstStageModel, folder: Path, encoder: TextEncoder | None
+) -> MotionPipeline:
     """The tiny networks have 19 features a frame, which is no representation; HumanML3D's name is
     borrowed for its frame rate.
     """
@@ -244,7 +249,7 @@ def test_a_whole_action_file_generates_by_label(variants: Variants) -> None:
     weights = load_file(variants.out / "action/weights.safetensors")
     assert all(6890 not in tensor.shape for tensor in weights.values())
     assert (model.card.task, model.card.frames) == ("action", (60, 60))
-    assert model.card.condition["labels"][:2] == ["warm_up", "walk"]
+    assert model.card.condition.known_prompts[:2] == ("warm_up", "walk")
     generator = generator_of(model, variants.out / "action", None)
     walk, jump = generator.features(["walk", "jump"], [60, 60], [1, 1], steps=2)
     assert walk.shape == (60, 19)
@@ -265,9 +270,9 @@ def test_an_action_file_with_other_labels(variants: Variants) -> None:
 
 def test_a_file_without_vae_generates_by_sentence(variants: Variants) -> None:
     model = variants.load("den_novae_dec")
-    assert model.vae is None
+    assert model.card.vae == IdentityVAEConfig(19)
     assert (model.card.sampler, model.card.steps) == ("ddpm", 1000)
-    encoder = Counting(int(model.card.condition["width"]))
+    encoder = Counting(model.card.condition.condition_width)
     generator = generator_of(model, variants.out / "den_novae_dec", encoder)
     prompts = ["a person walks", "a person kicks"]
     first, second = generator.features(prompts, [20, 16], [1, 2], steps=3)

@@ -10,15 +10,19 @@ import torch
 from torch import Tensor
 
 from latentmotion.baselines.actor import actor_vae
-from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.errors import InputError
-from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig, QuarterRateDecoder
+from latentmotion.model.config import TransformerConfig
+from latentmotion.model.vae_config import (
+    ConvolutionalVAEConfig,
+    IdentityVAEConfig,
+    QuarterRateDecoder,
+    TransformerVAEConfig,
+    VPoserTConfig,
+)
+from latentmotion.networks.build import build
 from latentmotion.vae.halves import fingerprint, keep_latents, way_back
-from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
-from latentmotion.vae.transformer import TransformerVAEConfig
 
 FEATURES = 19
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
@@ -52,7 +56,7 @@ def mask_of(lengths: list[int]) -> Tensor:
 @pytest.fixture(params=CONFIGS)
 def vae(request: pytest.FixtureRequest) -> MotionVAE:
     torch.manual_seed(0)
-    network = CONFIGS[request.param].build().eval()
+    network = build(CONFIGS[request.param]).eval()
     for parameter in network.parameters():  # nothing may hide behind a zero at the start
         torch.nn.init.normal_(parameter, std=0.1 if parameter.ndim > 1 else 0.5)
     return network
@@ -140,9 +144,9 @@ def _scale(parameters: list[torch.nn.Parameter], factor: float) -> None:
 def test_another_way_back_keeps_latents_and_begins_alike(motion: Tensor) -> None:
     """The mirrored decoder begins as that of a quarter of the rate does; the rest is fresh."""
     torch.manual_seed(0)
-    old = CONFIGS["convolutional"].build().eval()
+    old = build(CONFIGS["convolutional"]).eval()
     blocks = QuarterRateDecoder((9, 3, 1, 3, 1))
-    new = dataclasses.replace(CONFIGS["convolutional"], decoder=blocks).build().eval()
+    new = build(dataclasses.replace(CONFIGS["convolutional"], decoder=blocks)).eval()
     keep_latents(new, old)
     mask = mask_of(LENGTHS)
     assert torch.equal(new.encode(motion, mask).mean, old.encode(motion, mask).mean)
@@ -160,12 +164,12 @@ def test_another_way_back_keeps_latents_and_begins_alike(motion: Tensor) -> None
 
 
 def test_convolutional_latents_keep_time() -> None:
-    vae = CONFIGS["convolutional"].build()
+    vae = build(CONFIGS["convolutional"])
     assert vae.latent_mask(mask_of([13, 40, 22])).sum(1).tolist() == [4, 10, 6]
 
 
 def test_identity_latents_are_the_frames_without_doubt(motion: Tensor) -> None:
-    vae, mask = CONFIGS["identity"].build(), mask_of(LENGTHS)
+    vae, mask = build(CONFIGS["identity"]), mask_of(LENGTHS)
     posterior = vae.encode(motion, mask)
     assert posterior.std.abs().max() == 0
     assert torch.equal(posterior.sample(), motion * mask[..., None])
@@ -174,7 +178,7 @@ def test_identity_latents_are_the_frames_without_doubt(motion: Tensor) -> None:
 
 def test_vposer_t_knows_one_length(motion: Tensor) -> None:
     """A shorter motion stands still after its end; a longer one is refused."""
-    vae = VPoserTConfig(FEATURES, frames=44, hidden=24, width=12).build().eval()
+    vae = build(VPoserTConfig(FEATURES, frames=44, hidden=24, width=12)).eval()
     mask = mask_of([13])
     still = torch.cat([motion[:1, :13], motion[:1, 12:13].expand(-1, 31, -1)], dim=1)
     whole = vae.encode(still, mask_of([44])).mean
@@ -186,7 +190,7 @@ def test_vposer_t_knows_one_length(motion: Tensor) -> None:
 
 
 def test_vposer_t_deviation_is_a_softplus_that_never_vanishes(motion: Tensor) -> None:
-    vae, mask = VPoserTConfig(FEATURES, frames=40, hidden=24, width=12).build(), mask_of(LENGTHS)
+    vae, mask = build(VPoserTConfig(FEATURES, frames=40, hidden=24, width=12)), mask_of(LENGTHS)
     torch.nn.init.zeros_(vae.deviation[0].weight)
     torch.nn.init.zeros_(vae.deviation[0].bias)
     assert torch.allclose(vae.encode(motion, mask).std, torch.tensor(math.log(2.0)))
@@ -199,21 +203,21 @@ def test_actor_and_vposer_t_have_the_size_of_the_authors() -> None:
     def count(network: torch.nn.Module) -> int:
         return sum(parameter.numel() for parameter in network.parameters())
 
-    assert count(actor_vae(150).build()) == 11_136_918
+    assert count(build(actor_vae(150))) == 11_136_918
     features = 196 * 263
     inner = 512 * 512 + 512
     encoder = 2 * features + features * 512 + 512 + 2 * 512 + 2 * inner + 2 * (512 * 256 + 256)
     decoder = 256 * 512 + 512 + inner + 512 * features + features
-    assert count(VPoserTConfig().build()) == encoder + decoder
+    assert count(build(VPoserTConfig())) == encoder + decoder
 
 
 def test_long_skips_need_an_odd_number_of_layers() -> None:
     with pytest.raises(InputError, match="odd"):
-        TransformerVAEConfig(transformer=TransformerConfig(layers=4)).build()
+        build(TransformerVAEConfig(transformer=TransformerConfig(layers=4)))
 
 
 def test_the_paper_has_18_million_weights() -> None:
-    count = sum(parameter.numel() for parameter in TransformerVAEConfig().build().parameters())
+    count = sum(parameter.numel() for parameter in build(TransformerVAEConfig()).parameters())
     assert count == 18_032_135
 
 

@@ -11,16 +11,17 @@ import pytest
 import torch
 
 from latentmotion import MotionPipeline
-from latentmotion.checkpoint import TrainedModel, describe, save_model
-from latentmotion.diffusion.denoiser import DenoiserConfig
+from latentmotion.checkpoint import LatentModel, save_model
+from latentmotion.condition.task import TextTask
 from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.prediction import Velocity
 from latentmotion.diffusion.schedule import LinearPath
-from latentmotion.model_card import LatentSpace, ModelCard
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.card import ModelCard
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace
+from latentmotion.networks.build import build
 from latentmotion.runtime.package import package_model
 from latentmotion.runtime.session import Runtime
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 
 LEAPS = Leaps(guidance=(1.0, 4.0), steps=(2, 8), of=8)
 
@@ -46,16 +47,16 @@ def student(tmp_path_factory: pytest.TempPathFactory) -> Path:
         latents=LatentSpace(4, frames_per_token=4, mean=(0.1, 0.2, 0.3, 0.4), std=(1.5,) * 4),
         schedule=LinearPath(),
         prediction=Velocity(),
-        vae=describe(vae),
-        denoiser=describe(denoiser),
-        condition={},
+        vae=vae,
+        denoiser=denoiser,
+        condition=TextTask(),
         steps=2,
     )
-    network = denoiser.build()
+    network = build(denoiser)
     for weight in network.leaps.parameters():  # which is nothing at first
         torch.nn.init.normal_(weight, std=0.3)
     folder = tmp_path_factory.mktemp("student")
-    save_model(folder / "run", TrainedModel(card, vae.build(), network))
+    save_model(folder / "run", LatentModel(card, build(vae), network))
     package_model(folder / "run", card, None, folder / "model")
     return folder / "model"
 

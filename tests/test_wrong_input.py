@@ -18,7 +18,7 @@ from latentmotion.evaluation.extractors.action_classifier import (
     save_action_classifier,
 )
 from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUConfig
-from latentmotion.models import find_model
+from latentmotion.model.folder import find_model
 from moving_figures import write_moving_figures
 
 

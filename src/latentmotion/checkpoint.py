@@ -10,26 +10,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from latentmotion.baselines.vposer_t import VPoserTConfig
-from latentmotion.configuration import from_json, to_json
-from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
-from latentmotion.errors import InputError, ModelError
+from latentmotion.diffusion.denoiser import Denoiser
+from latentmotion.errors import ModelError
 from latentmotion.files import atomic_folder
-from latentmotion.model_card import CARD_FILE, ModelCard, read_card
-from latentmotion.models import find_model, shipped_models
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
-from latentmotion.vae.identity import IdentityVAEConfig
+from latentmotion.model.card import CARD_FILE, ModelCard, read_card
+from latentmotion.model.folder import find_model, shipped_models
+from latentmotion.networks.build import build
 from latentmotion.vae.interface import MotionVAE
-from latentmotion.vae.transformer import TransformerVAEConfig
-
-VAEConfig = TransformerVAEConfig | ConvolutionalVAEConfig | VPoserTConfig | IdentityVAEConfig
-"""Every kind of VAE that a model folder can name."""
 
 WEIGHTS_FILE = "weights.safetensors"
 
@@ -40,28 +32,34 @@ _ENCODER = "vae.encoder."
 
 
 @dataclass(frozen=True)
-class Networks:
-    """What `model.json` says of the networks."""
-
-    vae: VAEConfig | None = None
-    """None, or an `IdentityVAEConfig`, where the diffusion runs on raw frames."""
-    denoiser: DenoiserConfig | None = None
-    """None where only the first stage is trained."""
-
-
-@dataclass(frozen=True)
-class TrainedModel:
-    """A model folder in memory, with PyTorch."""
+class FirstStageModel:
+    """A model folder in memory, with PyTorch: its VAE, which may be the identity."""
 
     card: ModelCard
     """What it is."""
-    vae: MotionVAE | None
+    vae: MotionVAE
     """Motion to latents and back."""
-    denoiser: Denoiser | None
+
+    @property
+    def networks(self) -> dict[str, nn.Module]:
+        """Its networks by the names that their weights have."""
+        return {"vae": self.vae}
+
+
+@dataclass(frozen=True)
+class LatentModel(FirstStageModel):
+    """A model folder with both stages."""
+
+    denoiser: Denoiser
     """Noise to latents."""
 
+    @property
+    def networks(self) -> dict[str, nn.Module]:
+        """Its networks by the names that their weights have."""
+        return {"vae": self.vae, "denoiser": self.denoiser}
 
-def save_model(folder: str | Path, model: TrainedModel) -> None:
+
+def save_model(folder: str | Path, model: FirstStageModel) -> None:
     """Writes a model folder in place of what is there, or nothing at all.
 
     Raises:
@@ -69,8 +67,7 @@ def save_model(folder: str | Path, model: TrainedModel) -> None:
     """
     weights = {
         f"{part}.{key}": tensor.detach().cpu().contiguous()
-        for part, module in (("vae", model.vae), ("denoiser", model.denoiser))
-        if module is not None
+        for part, module in model.networks.items()
         for key, tensor in module.state_dict().items()
     }
     with atomic_folder(folder, CARD_FILE) as temporary:
@@ -78,39 +75,39 @@ def save_model(folder: str | Path, model: TrainedModel) -> None:
         save_file(weights, temporary / WEIGHTS_FILE)
 
 
-def load_model(folder: str | Path) -> TrainedModel:
-    """Reads a model folder; the networks are in `eval()` mode, on the CPU.
+def load_model(folder: str | Path) -> LatentModel:
+    """Reads the folder of a model with both stages; the networks are in `eval()` mode, on the CPU.
+
+    Raises:
+        ModelError: As for `load_stages`, or there is no denoiser.
+    """
+    model = load_stages(folder)
+    match model:
+        case LatentModel():
+            return model
+        case _:
+            raise ModelError(
+                f"{folder} has a VAE but no denoiser; train both stages first: latentmotion "
+                "train denoiser, or sample the VAE's prior: latentmotion generate --prior"
+            )
+
+
+def load_stages(folder: str | Path) -> FirstStageModel:
+    """Reads a model folder; a `LatentModel` where there is a denoiser, else the VAE alone.
 
     Raises:
         ModelError: Something is missing, damaged, or does not fit the rest.
     """
     card = read_card(Path(folder))
-    networks = read_networks(card)
-    path = Path(folder) / WEIGHTS_FILE
     weights = model_weights(Path(folder))
-    vae = networks.vae.build() if networks.vae else None
-    denoiser = networks.denoiser.build() if networks.denoiser else None
-    parts = {"vae": vae, "denoiser": denoiser}
-    built = {name: module for name, module in parts.items() if module is not None}
-    load_weights(nn.ModuleDict(built), weights, str(path))
-    return TrainedModel(card, vae, denoiser)
-
-
-def describe(config: VAEConfig | DenoiserConfig | None) -> dict[str, Any]:
-    """Returns a network's configuration as `model.json` keeps it."""
-    return to_json(config) if config is not None else {}
-
-
-def read_networks(card: ModelCard) -> Networks:
-    """Returns the configurations that `model.json` keeps.
-
-    Raises:
-        ModelError: One of them is unknown or does not fit.
-    """
-    try:
-        return from_json(Networks, {"vae": card.vae or None, "denoiser": card.denoiser or None})
-    except InputError as error:
-        raise ModelError(f"model.json of {card.name!r}: {error}") from error
+    vae = build(card.vae)
+    model = (
+        FirstStageModel(card, vae)
+        if card.denoiser is None
+        else LatentModel(card, vae, build(card.denoiser))
+    )
+    load_weights(nn.ModuleDict(model.networks), weights, str(Path(folder) / WEIGHTS_FILE))
+    return model
 
 
 def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> None:

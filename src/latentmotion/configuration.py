@@ -57,16 +57,25 @@ def read_json(cls: type[T], path: str | Path) -> T:
     Raises:
         InputError: The file is missing, is not JSON or does not fit the dataclass.
     """
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise InputError(f"{path} is not JSON: {error}") from error
+    data = read_plain(path)
     try:
         return from_json(cls, data)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def read_plain(path: str | Path) -> Any:
+    """Reads a JSON file as plain values.
+
+    Raises:
+        InputError: The file is missing or is not JSON.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise InputError(f"{path} is not JSON: {error}") from error
 
 
 def _check_keys(

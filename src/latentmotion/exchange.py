@@ -6,12 +6,14 @@ A student and a cheap decoder are made apart from the same model, and put togeth
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
-from latentmotion.checkpoint import TrainedModel
+from latentmotion.checkpoint import FirstStageModel
 from latentmotion.errors import InputError, ModelError
-from latentmotion.model_card import ModelCard, Provenance
+from latentmotion.model.card import ModelCard, Provenance
 from latentmotion.vae.halves import fingerprint
+
+Model = TypeVar("Model", bound=FirstStageModel)
 
 _OF_DECODER = ("vae_", "decoder_")
 """How figures begin that are a decoder's alone."""
@@ -20,7 +22,7 @@ _OF_DENOISER = ("denoiser_", "student_", "teacher")
 """How figures begin that no decoder changes."""
 
 
-def with_decoder(model: TrainedModel, other: TrainedModel) -> TrainedModel:
+def with_decoder(model: Model, other: FirstStageModel) -> Model:
     """Returns `model` with the decoder of `other`.
 
     Raises:
@@ -34,10 +36,10 @@ def with_decoder(model: TrainedModel, other: TrainedModel) -> TrainedModel:
         provenance=_joined(model.card.provenance, other.card),
         figures={**other_figures(model.card), **decoder_figures(other.card)},
     )
-    return TrainedModel(card, other.vae, model.denoiser)
+    return replace(model, card=card, vae=other.vae)
 
 
-def check_latents(model: TrainedModel, other: TrainedModel) -> None:
+def check_latents(model: FirstStageModel, other: FirstStageModel) -> None:
     """Compares what two models' latents are made of.
 
     Raises:
@@ -72,8 +74,8 @@ def decoder_figures(card: ModelCard) -> dict[str, Any]:
     return {k: value for k, value in card.figures.items() if k.startswith(_OF_DECODER)}
 
 
-def _encoder_of(model: TrainedModel) -> str:
-    if model.vae is None:
+def _encoder_of(model: FirstStageModel) -> str:
+    if not model.card.vae.has_weights:
         raise ModelError(f"model {model.card.name!r} has no VAE: run latentmotion train vae")
     return fingerprint(model.vae)
 

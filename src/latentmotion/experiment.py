@@ -11,18 +11,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
-from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.condition.sentence import SentenceReading
+from latentmotion.condition.task import TaskName
 from latentmotion.configuration import from_json, to_json
 from latentmotion.data.sampling import Cropping
-from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.errors import InputError
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
-from latentmotion.vae.identity import IdentityVAEConfig
+from latentmotion.model.config import DenoiserConfig, Sampling
+from latentmotion.model.vae_config import VAEConfig
 from latentmotion.vae.loss import VAEObjective
-from latentmotion.vae.transformer import TransformerVAEConfig
 
 Precision = Literal["float32", "bfloat16"]
 """Of a network's arithmetic; weights and losses stay in float32."""
@@ -95,7 +92,7 @@ class Experiment:
 
     name: str
     """What the model is called."""
-    vae: TransformerVAEConfig | ConvolutionalVAEConfig | VPoserTConfig | IdentityVAEConfig
+    vae: VAEConfig
     """Motion to latents and back."""
     vae_objective: VAEObjective
     """What stage 1 minimizes."""
@@ -117,7 +114,7 @@ class Experiment:
     """What the denoiser sees of sentences."""
     mirrored: bool = True
     """Whether mirrored copies of the clips are trained on too."""
-    task: Literal["text", "action", "unconditional"] = "text"
+    task: TaskName = "text"
     """What steers the motion: a sentence, the label of an action, or nothing."""
 
 

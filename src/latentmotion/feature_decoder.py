@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.errors import InputError
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.known import representation_named
 from latentmotion.representation.normalizer import Normalizer, Scale

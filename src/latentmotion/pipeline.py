@@ -23,11 +23,12 @@ from latentmotion.condition.text.lengths import LengthFile
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, GuidanceAsInput
 from latentmotion.diffusion.interface import Denoiser, Noise
 from latentmotion.diffusion.leaps import Leap, LeapTimes
-from latentmotion.diffusion.sampler import Sampler, SamplerName, Sampling, sample, sampler_named
+from latentmotion.diffusion.sampler import Sampler, SamplerName, sample, sampler_named
 from latentmotion.feature_decoder import FeatureDecoder, representation_of
 from latentmotion.hub import download, is_hub_id
-from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import DEFAULT, find_model
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.config import Sampling
+from latentmotion.model.folder import DEFAULT, find_model
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation

@@ -16,7 +16,7 @@ from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.errors import ModelError
 from latentmotion.feature_decoder import FeatureDecoder, representation_of
 from latentmotion.masks import mask_of
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
@@ -42,7 +42,7 @@ class MotionPrior:
     """Body whose joints motions have, in place of the skeleton that ships."""
 
     def __post_init__(self) -> None:
-        if not self.card.vae:
+        if not self.card.vae.has_weights:
             raise ModelError(f"model {self.card.name!r} has no VAE, so there is no prior to sample")
 
     def batch(self, seconds: float | Sequence[float] | None, seeds: Sequence[int]) -> list[Motion]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
@@ -12,10 +11,10 @@ from jaxtyping import Float
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.errors import InputError
 from latentmotion.masks import mask_of
-from latentmotion.model_card import LatentSpace, ModelCard
+from latentmotion.model.card import LatentSpace, ModelCard
+from latentmotion.model.config import Sampling
 from latentmotion.runtime.backend import Backend, Batch
 
 
@@ -169,7 +168,7 @@ def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:
         InputError: One is of another kind.
     """
     for prompt in prompts:
-        _CHECKS[card.task](card, prompt)
+        card.condition.check_prompt(prompt, card.name)
 
 
 def check_seeds(frames: Sequence[int], seeds: Sequence[int]) -> None:
@@ -195,30 +194,6 @@ def check_frames(card: ModelCard, frames: Sequence[int], fps: float) -> None:
             )
 
 
-def _check_sentence(card: ModelCard, prompt: str) -> None:
-    if not prompt.strip():
-        raise InputError("the sentence is empty; say what the person does")
-    if re.fullmatch(r"\w*([a-z][A-Z]|_|\d)\w*", prompt):
-        raise InputError(
-            f"{prompt!r} looks like a label; model {card.name!r} takes sentences, "
-            'e.g. "a person kicks with the left leg"'
-        )
-
-
-def _check_label(card: ModelCard, prompt: str) -> None:
-    if not prompt.strip():
-        known = ", ".join(card.condition.get("labels", ()))
-        raise InputError(f"model {card.name!r} takes an action label; known are {known}")
-
-
-def _check_nothing(card: ModelCard, prompt: str) -> None:
-    if prompt:
-        raise InputError(
-            f"model {card.name!r} makes motions of its own choice and takes no prompt; "
-            f"leave {prompt!r} out"
-        )
-
-
 def _filled(values: Sequence[int], rows: int) -> list[int]:
     """The values, the last of them repeated up to `rows`."""
     return [*values, *[values[-1]] * (rows - len(values))]
@@ -235,10 +210,3 @@ def _padded(condition: Conditioning, rows: int, words: int) -> Conditioning:
         np.pad(condition.tokens[repeated], (*missing, (0, 0))),
         np.pad(condition.mask[repeated], missing),
     )
-
-
-_CHECKS: dict[str, Callable[[ModelCard, str], None]] = {
-    "text": _check_sentence,
-    "action": _check_label,
-    "unconditional": _check_nothing,
-}

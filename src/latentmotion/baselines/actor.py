@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.vae.transformer import TransformerVAEConfig
+from latentmotion.model.config import TransformerConfig
+from latentmotion.model.vae_config import TransformerVAEConfig
 
 
 def actor_vae(features: int) -> TransformerVAEConfig:

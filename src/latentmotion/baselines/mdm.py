@@ -8,8 +8,7 @@ as all our models do, where MDM sees zeros; and attention leaves padding out, wh
 
 from __future__ import annotations
 
-from latentmotion.diffusion.denoiser import DenoiserConfig
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.config import DenoiserConfig, TransformerConfig
 
 
 def mdm_denoiser(features: int, condition_width: int) -> DenoiserConfig:

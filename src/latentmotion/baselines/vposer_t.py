@@ -10,55 +10,16 @@ changes nothing; a longer one is refused. In training the motions of a batch nor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.errors import InputError
+from latentmotion.model.vae_config import VPoserTConfig
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
 
 LEAST_DEVIATION = 1e-8
 """Keeps the logarithm of a vanishing deviation finite."""
-
-
-@dataclass(frozen=True)
-class VPoserTConfig:
-    """Sizes of a `VPoserT`; the defaults are the authors'."""
-
-    features: int = 263
-    """Numbers per frame."""
-    frames: int = 196
-    """The one length it knows."""
-    hidden: int = 512
-    """Width of the layers inside."""
-    width: int = 256
-    """Numbers of the latent token."""
-    dropout: float = 0.1
-    """Share of numbers dropped in training."""
-
-    def build(self) -> VPoserT:
-        """Builds the network with fresh weights."""
-        return VPoserT(self)
-
-    def check(self, frames: int) -> None:
-        """Raises InputError for motions longer than the one length."""
-        if frames > self.frames:
-            raise InputError(
-                f"{frames} frames: this VPoser-t knows motions of at most {self.frames}; show it "
-                "shorter ones (--set vae_cropping.max_frames=… --set latents.cropping.max_frames=…)"
-                " or train one with a greater vae.frames"
-            )
-
-    def check_batch(self, motions: int) -> None:
-        """Raises InputError for a batch of training that cannot be normalized."""
-        if motions < 2:
-            raise InputError(
-                "a batch of one motion: in VPoser-t's training the motions of a batch normalize "
-                "each other; train on two or more at once (--set vae_training.batch_size=2)"
-            )
 
 
 class VPoserT(MotionVAE):

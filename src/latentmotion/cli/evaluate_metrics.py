@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from latentmotion.body.smpl_model import load_smpl
-from latentmotion.checkpoint import TrainedModel, load_model
+from latentmotion.checkpoint import FirstStageModel, load_stages
 from latentmotion.cli.evaluate import Evaluate
 from latentmotion.cli.loading import load_generator
 from latentmotion.cli.train import text_encoder_named
@@ -33,11 +33,10 @@ from latentmotion.evaluation.protocol import (
 from latentmotion.evaluation.report import REPORT_FILE
 from latentmotion.evaluation.trials import Trial
 from latentmotion.files import check_replaceable
-from latentmotion.model_card import read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import read_card
+from latentmotion.model.folder import find_model
 from latentmotion.runtime.computing import Computing
 from latentmotion.runtime.eager import torch_prior
-from latentmotion.vae.identity import IdentityVAE
 
 
 @dataclass(frozen=True)
@@ -90,13 +89,13 @@ class Measuring:
         )
 
     def _subjects(self, folder: Path) -> list[Subject]:
-        model, weights = load_model(folder), weights_hash(folder)
+        model, weights = load_stages(folder), weights_hash(folder)
         rebuilt = self._rebuilt(model, weights)
         if self.options.prior:
             return [Prior(torch_prior(folder, self._computing()), weights), *rebuilt]
-        if model.denoiser is None and not rebuilt:
+        if model.card.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
-        if model.denoiser is None:
+        if model.card.denoiser is None:
             return rebuilt
         generator = load_generator(
             folder, text_encoder=self.options.text_encoder, computing=self._computing()
@@ -108,8 +107,8 @@ class Measuring:
     def _computing(self) -> Computing:
         return Computing(self.options.device, self.options.precision, self.options.launch)
 
-    def _rebuilt(self, model: TrainedModel, weights: str) -> list[Subject]:
-        if model.vae is None or isinstance(model.vae, IdentityVAE):
+    def _rebuilt(self, model: FirstStageModel, weights: str) -> list[Subject]:
+        if not model.card.vae.has_weights:
             return []
         usual, other = (
             ("mean", "sampled") if self.options.protocol == "clean" else ("sampled", "mean")

@@ -25,10 +25,10 @@ class Exchange:
 
     def run(self) -> None:
         """Writes the folder."""
-        from latentmotion.checkpoint import load_model, save_model
+        from latentmotion.checkpoint import load_stages, save_model
         from latentmotion.exchange import with_decoder
-        from latentmotion.models import find_model
+        from latentmotion.model.folder import find_model
 
-        model, other = (load_model(find_model(name)) for name in (self.model, self.decoder))
+        model, other = (load_stages(find_model(name)) for name in (self.model, self.decoder))
         save_model(self.output, with_decoder(model, other))
         print(self.output)

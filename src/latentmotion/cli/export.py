@@ -15,8 +15,8 @@ from latentmotion.condition.text.lengths import LENGTHS_FILE, LengthModel
 from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
 from latentmotion.condition.text.pretrained_export import export_pretrained
 from latentmotion.errors import InputError
-from latentmotion.model_card import GraphPrecision, ModelCard, read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import GraphPrecision, ModelCard, read_card
+from latentmotion.model.folder import find_model
 from latentmotion.runtime.conditions import encoder_folder
 from latentmotion.runtime.eager import find_encoder
 from latentmotion.runtime.package import WriteTextEncoder, copied, package_model
@@ -72,13 +72,13 @@ class Export:
             return encoder
         if encoder is None:
             raise InputError(f"a model of task {card.task} reads no sentences; omit --length")
-        lengths = LengthModel.read(self.length, card.condition.get("encoder"))
+        lengths = LengthModel.read(self.length, card.condition.text_encoder)
         return partial(_write_texts, encoder, lengths)
 
     def _text_encoder(self, card: ModelCard, source: Path) -> WriteTextEncoder | None:
-        if card.task != "text" and self.text_encoder:
+        if not card.condition.reads_text and self.text_encoder:
             raise InputError(f"a model of task {card.task} reads no sentences; omit --text-encoder")
-        if card.task != "text":
+        if not card.condition.reads_text:
             return None
         if self.text_encoder is None:
             folder = encoder_folder(card, source)

@@ -17,12 +17,11 @@ from latentmotion.cli.loading import Engine, load_generator, load_prior
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.files import check_writable, read_lines
-from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import DEFAULT, find_model
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.folder import DEFAULT, find_model
 from latentmotion.motion import Motion
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.runtime.computing import Computing, Launch, Precision
-from latentmotion.runtime.conditions import labels_of
 
 _OUTPUT = (
     f"Files to write, the ending picks the format: {' '.join(formats.ENDINGS)}. "
@@ -152,13 +151,9 @@ class Generate:
 
 def _needed(card: ModelCard, given: list[str]) -> list[str]:
     """Returns the prompts, of which an unconditional model needs an empty one."""
-    if given or card.task == "unconditional":
+    if given or not card.condition.prompted:
         return given or [""]
-    if card.task == "text":
-        example = 'latentmotion generate "a person walks" -o walk.bvh'
-        raise InputError(f"no sentence given; name it before -o: {example}")
-    known = ", ".join(labels_of(card))
-    raise InputError(f"no action given; model {card.name!r} knows {known}")
+    raise card.condition.no_prompt(card.name)
 
 
 def _free_name(path: Path) -> Path:

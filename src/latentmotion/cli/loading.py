@@ -11,8 +11,8 @@ from typing import Literal
 
 from latentmotion.engines import most_threads
 from latentmotion.errors import InputError, MissingExtraError, ModelError
-from latentmotion.model_card import read_card
-from latentmotion.models import find_model
+from latentmotion.model.card import read_card
+from latentmotion.model.folder import find_model
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.prior import MotionPrior
 from latentmotion.runtime.computing import ON_CPU, Computing

@@ -13,6 +13,7 @@ from typing import Annotated
 import tyro
 
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition.task import TASKS
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.presets import PRESETS, preset_named
 
@@ -74,7 +75,7 @@ class TrainDenoiser:
         from latentmotion.training.stages import train_denoiser
 
         experiment = experiment_of(self.preset, self.set)
-        encoder = self._encoder() if experiment.task == "text" else None
+        encoder = self._encoder() if TASKS[experiment.task].reads_text else None
         with training_place(self.device) as place:
             print(train_denoiser(experiment, self.data, self._vae(), encoder, self.output, place))
 
@@ -104,7 +105,7 @@ def text_encoder_named(name: str) -> TextEncoder:
     """
     from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
     from latentmotion.condition.text.student import load_text_encoder
-    from latentmotion.models import find_model
+    from latentmotion.model.folder import find_model
 
     kind, _, source = name.partition(":")
     if kind in KINDS:

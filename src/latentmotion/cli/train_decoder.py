@@ -37,7 +37,7 @@ class TrainDecoder:
 
     def run(self) -> None:
         """Trains until done."""
-        from latentmotion.models import find_model
+        from latentmotion.model.folder import find_model
         from latentmotion.training.decoder import cheaper_vae, train_decoder
         from latentmotion.training.devices import training_place
 

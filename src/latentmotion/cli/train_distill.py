@@ -9,7 +9,7 @@ from latentmotion.cli.train import Changes, Output, text_encoder_named
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.distillation import Distillation
 from latentmotion.experiment import with_changes
-from latentmotion.model_card import read_card
+from latentmotion.model.card import read_card
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class TrainDistill:
 
     def run(self) -> None:
         """Trains until done."""
-        from latentmotion.models import find_model
+        from latentmotion.model.folder import find_model
         from latentmotion.training.devices import training_place
         from latentmotion.training.distill import distill, model_folder
 
@@ -53,7 +53,7 @@ class TrainDistill:
         from latentmotion.runtime.eager import find_encoder
 
         card = read_card(teacher)
-        if card.task != "text":
+        if not card.condition.reads_text:
             return None
         named = text_encoder_named(self.text_encoder) if self.text_encoder else None
         return CachedTextEncoder(named or find_encoder(card, teacher), self.output / "text")

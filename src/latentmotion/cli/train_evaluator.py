@@ -57,7 +57,7 @@ class TrainEvaluator:
         from latentmotion.condition.text.student import StudentTextEncoder
         from latentmotion.evaluation.extractors.glove import read_glove
         from latentmotion.evaluation.extractors.word_vectors import EncodedWords
-        from latentmotion.models import find_model
+        from latentmotion.model.folder import find_model
 
         if self.glove and self.text_encoder:
             raise InputError("--glove and --text-encoder exclude each other: pass one of them")

@@ -47,6 +47,8 @@ class LeapEmbedding(nn.Module):
         width: Width of the token.
     """
 
+    inputs = ("guidance", "stride")
+
     def __init__(self, sine_width: int, width: int) -> None:
         super().__init__()
         self.guidance = NumberEmbedding(sine_width, width, scale=100.0)
@@ -63,6 +65,8 @@ class LeapEmbedding(nn.Module):
 
 class NoLeap(nn.Module):
     """The numbers as they are: a denoiser that is told nothing of leaps."""
+
+    inputs = ()
 
     def forward(self, numbers: Tensor, leap: None) -> Tensor:
         """Returns the numbers' tokens."""

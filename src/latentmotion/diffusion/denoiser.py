@@ -4,36 +4,17 @@
     in context:       encoder([latents, context]), of which the latents are kept
     cross-attention:  decoder(latents, memory = context)
 
-Every part is passed in; `DenoiserConfig` knows the paper's and ours.
+Every part is passed in; `networks.build` makes them of a `DenoiserConfig`.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass, field
-from typing import Any, Literal
 
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.context import (
-    AcrossContext,
-    ContextFirst,
-    InContext,
-    LatentsFirst,
-    LeapEmbedding,
-    NoLeap,
-    NumbersThenWords,
-    SeePadding,
-    SeparatePlaces,
-    TimeAndLengthTokens,
-    TimeToken,
-    WordsAddedToTime,
-)
-from latentmotion.diffusion.leaps import Leap, Leaps
-from latentmotion.nn.position import PositionKind, build_position
-from latentmotion.nn.timestep import NumberEmbedding
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.diffusion.context import LeapEmbedding, NoLeap
+from latentmotion.diffusion.leaps import Leap
 
 
 class Denoiser(nn.Module):
@@ -61,7 +42,7 @@ class Denoiser(nn.Module):
         places: nn.Module,
         body: nn.Module,
         padding: nn.Module,
-        leaps: nn.Module,
+        leaps: LeapEmbedding | NoLeap,
     ) -> None:
         super().__init__()
         self.latents_in = latents_in
@@ -73,6 +54,11 @@ class Denoiser(nn.Module):
         self.body = body
         self.padding = padding
         self.leaps = leaps
+
+    @property
+    def further_inputs(self) -> tuple[str, ...]:
+        """What a student of few steps is told beside the rest, by name; else nothing."""
+        return self.leaps.inputs
 
     def forward(
         self,
@@ -98,86 +84,3 @@ class Denoiser(nn.Module):
         latents, context = self.places(self.latents_in(z), context)
         latents = self.body(latents, self.padding(mask), context, context_mask)
         return self.latents_out(latents) * mask[..., None]
-
-
-@dataclass(frozen=True)
-class DenoiserConfig:
-    """Which parts a `Denoiser` has; the defaults are ours, the presets have the paper's."""
-
-    latent_width: int = 16
-    """Numbers per latent token."""
-    condition_width: int = 384
-    """Numbers per word of the condition."""
-    transformer: TransformerConfig = field(
-        default_factory=lambda: TransformerConfig(layers=5, hidden=1024)
-    )
-    """The stack inside."""
-    project_latents: bool = True
-    """Whether a learned projection leads latents in and out; without, the widths must be equal."""
-    condition_projection: Literal["linear", "relu_linear", "table", "none"] = "linear"
-    """How words become tokens; `table` is for one-hot labels, `relu_linear` is the paper's."""
-    words: Literal["tokens", "added_to_time"] = "tokens"
-    """Whether words are tokens of their own, or added to the time's as in MDM."""
-    attention: Literal["in_context", "cross"] = "in_context"
-    """How latents meet the context."""
-    places: Literal["separate", "latents_first", "context_first"] = "separate"
-    """Which positions share a table."""
-    position: PositionKind = "learned"
-    """Kind of position table."""
-    sine_width: int = 256
-    """Width of the time's sinusoid."""
-    time_scale: float = 1.0
-    """Multiplies the time: 1 for discrete times, 1000 for times in 0 .. 1."""
-    length_token: bool = False
-    """Whether the network is told the number of real latent tokens."""
-    sees_padding: bool = False
-    """Whether attention sees padded latents, a quirk of the authors' diffusion on raw frames."""
-    leaps: Leaps | None = None
-    """The leaps of a distilled model, which is told guidance and stride; null for any other."""
-
-    def build(self) -> Denoiser:
-        """Builds the network with fresh weights."""
-        width = self.transformer.width
-        inner, outer = (self.latent_width, width), (width, self.latent_width)
-        return Denoiser(
-            latents_in=nn.Linear(*inner) if self.project_latents else nn.Identity(),
-            latents_out=nn.Linear(*outer) if self.project_latents else nn.Identity(),
-            condition_in=self._condition_in(width),
-            numbers=self._numbers(width),
-            joining=WordsAddedToTime() if self.words == "added_to_time" else NumbersThenWords(),
-            places=self._places(width),
-            body=self._body(),
-            padding=SeePadding() if self.sees_padding else nn.Identity(),
-            leaps=LeapEmbedding(self.sine_width, width) if self.leaps else NoLeap(),
-        )
-
-    def _condition_in(self, width: int) -> nn.Module:
-        linear = nn.Linear(self.condition_width, width, bias=self.condition_projection != "table")
-        choices: dict[str, nn.Module] = {
-            "linear": linear,
-            "relu_linear": nn.Sequential(nn.ReLU(), linear),
-            "table": linear,
-            "none": nn.Identity(),
-        }
-        return choices[self.condition_projection]
-
-    def _numbers(self, width: int) -> nn.Module:
-        time = NumberEmbedding(self.sine_width, width, self.time_scale)
-        if not self.length_token:
-            return TimeToken(time)
-        return TimeAndLengthTokens(time, NumberEmbedding(self.sine_width, width))
-
-    def _places(self, width: int) -> nn.Module:
-        tables: list[Any] = [
-            build_position(self.position, width, self.transformer.dropout) for _ in range(2)
-        ]
-        if self.places == "separate":
-            return SeparatePlaces(*tables)
-        return {"latents_first": LatentsFirst, "context_first": ContextFirst}[self.places](
-            tables[0]
-        )
-
-    def _body(self) -> nn.Module:
-        if self.attention == "cross":
-            return AcrossContext(self.transformer.decoder())
-        return InContext(self.transformer.encoder())

@@ -28,28 +28,6 @@ SamplerName = Literal["ddim", "euler", "ddpm", "heun", "dpm++"]
 """Samplers that cards and the command line name; `euler` is `ddim`, see there."""
 
 
-@dataclass(frozen=True)
-class Sampling:
-    """How a model is sampled."""
-
-    steps: int = 50
-    """Sampling steps."""
-    guidance: float = 7.5
-    """Guidance scale (paper eq. 6)."""
-    sampler: SamplerName = "ddim"
-    """Rule of a sampling step."""
-
-    def but(
-        self,
-        steps: int | None = None,
-        guidance: float | None = None,
-        sampler: SamplerName | None = None,
-    ) -> Sampling:
-        """Returns it with other values for those that are not None."""
-        given = {"steps": steps, "guidance": guidance, "sampler": sampler}
-        return replace(self, **{name: value for name, value in given.items() if value is not None})
-
-
 @runtime_checkable
 class Sampler(Protocol):
     """A rule for the way from noise to latents."""

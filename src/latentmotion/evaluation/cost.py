@@ -13,9 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from torch import nn
-
-from latentmotion.checkpoint import load_model
+from latentmotion.checkpoint import load_stages
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.evaluation.metrics.aits import WARM_UP, aits
 from latentmotion.evaluation.metrics.flops import flops
@@ -90,9 +88,8 @@ def cost_of(
 
 def parameter_counts(folder: Path) -> dict[str, int]:
     """Returns the learned numbers of each network of a model folder."""
-    model = load_model(folder)
-    networks: dict[str, nn.Module | None] = {"vae": model.vae, "denoiser": model.denoiser}
-    counts = {name: parameters(part) for name, part in networks.items() if part is not None}
+    networks = load_stages(folder).networks
+    counts = {name: parameters(part) for name, part in networks.items()}
     return counts | {"together": sum(counts.values())}
 
 

@@ -19,7 +19,7 @@ from latentmotion.evaluation.observation import Extractor
 from latentmotion.evaluation.report import Provenance
 from latentmotion.evaluation.subject import Generated, Subject
 from latentmotion.files import sha256
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.training.provenance import commit, describe_machine
 
 _WEIGHTS = ("*.safetensors", "*.onnx", "tokenizer.json")

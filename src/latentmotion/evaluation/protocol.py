@@ -9,10 +9,10 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import cast
 
 import numpy as np
 
+from latentmotion.condition.task import TaskName
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.bodies import on_stand_in
@@ -27,7 +27,7 @@ from latentmotion.evaluation.repeats import asked_for, repeated_multimodality
 from latentmotion.evaluation.report import TRUTH, UNITS, Figure, Report
 from latentmotion.evaluation.settings import CLEAN, PAPER, PROTOCOLS, Protocol, Repeats
 from latentmotion.evaluation.subject import Generated, Motions, Prior, Reconstructed, Subject
-from latentmotion.evaluation.trials import HELD, Lengths, Needs, Plan, Trial
+from latentmotion.evaluation.trials import HELD, Lengths, Plan, Trial
 
 __all__ = [
     "CLEAN",
@@ -137,7 +137,7 @@ class _Measured:
         if subject.repeats:
             padding = self._padding(subject)
             self._add(subject.row, self.positions.repeated(motions, trial.features, padding))
-        if subject.repeats or (subject.prompted and subject.card.task == "text"):
+        if subject.repeats or (subject.prompted and subject.card.condition.reads_text):
             self._add(subject.row, self.positions.compared(motions, trial.features))
         if truth is None or self._observer is None:
             return
@@ -232,13 +232,13 @@ def _check(subjects: Sequence[Subject], dataset: Dataset) -> None:
 
 def _needs(
     subjects: Sequence[Subject], dataset: Dataset, extractor: Extractor | None, protocol: Protocol
-) -> Needs:
+) -> TaskName:
     """Returns what clips must have: what generators are asked, else what the evaluator reads."""
-    tasks = {s.card.task for s in subjects if s.prompted and not s.repeats}
+    tasks: set[TaskName] = {s.card.task for s in subjects if s.prompted and not s.repeats}
     if len(tasks) > 1:
         raise InputError(f"models of the tasks {', '.join(sorted(tasks))}: evaluate them apart")
     if tasks:
-        return cast(Needs, tasks.pop())
+        return tasks.pop()
     clips = dataset.clips(protocol.split)
     captioned, labelled = any(c.captions for c in clips), any(c.action for c in clips)
     reads_text = extractor is None or isinstance(extractor, TextMotionExtractor)
@@ -248,7 +248,7 @@ def _needs(
 
 
 def _lengths(
-    subjects: Sequence[Subject], dataset: Dataset, needs: Needs, protocol: Protocol
+    subjects: Sequence[Subject], dataset: Dataset, needs: TaskName, protocol: Protocol
 ) -> Lengths:
     shortest = max(subject.card.frames[0] for subject in subjects)
     longest = min(subject.card.frames[1] for subject in subjects)

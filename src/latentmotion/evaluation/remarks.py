@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from latentmotion.condition.task import TASKS
 from latentmotion.evaluation.bodies import remarks_on_body
 from latentmotion.evaluation.extractors.interface import TextMotionExtractor
 from latentmotion.evaluation.observation import Extractor
 from latentmotion.evaluation.settings import Protocol
-from latentmotion.evaluation.trials import ASKED, Plan
+from latentmotion.evaluation.trials import Plan
 
 
 def remarks(plan: Plan, extractor: Extractor | None) -> list[str]:
@@ -14,8 +15,8 @@ def remarks(plan: Plan, extractor: Extractor | None) -> list[str]:
     protocol, lengths, items = plan.protocol, plan.lengths, plan.items
     clips = len(plan.dataset.clips(protocol.split))
     notes = [
-        f"{len(items)} items {ASKED[plan.needs]} of {lengths.shortest} to {lengths.longest} "
-        f"frames, from {clips} clips of the {protocol.split} split"
+        f"{len(items)} items {TASKS[plan.needs].asks_for} of {lengths.shortest} to "
+        f"{lengths.longest} frames, from {clips} clips of the {protocol.split} split"
     ]
     if extractor is None:
         notes.append("no evaluator, so metrics of positions alone")

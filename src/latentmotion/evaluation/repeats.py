@@ -16,7 +16,7 @@ def asked_for(subject: Generated, protocol: Protocol, replication: int) -> bool:
     """Returns whether this replication measures it: of text alone, labels have many motions."""
     repeats = protocol.repeats
     wanted = repeats.texts > 0 and repeats.samples > 1
-    return wanted and subject.card.task == "text" and replication < repeats.replications
+    return wanted and subject.card.condition.reads_text and replication < repeats.replications
 
 
 def repeated_multimodality(

@@ -14,12 +14,12 @@ import torch
 from jaxtyping import Float
 
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.evaluation.settings import Protocol as Settings
 from latentmotion.evaluation.trials import Question, Trial
 from latentmotion.feature_decoder import FeatureDecoder, normalizer_of
 from latentmotion.masks import mask_of
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
+from latentmotion.model.config import Sampling
 from latentmotion.prior import MotionPrior
 from latentmotion.request import GenerationRequest, batches
 from latentmotion.vae.interface import MotionVAE
@@ -100,7 +100,7 @@ class Generated:
     @property
     def prompted(self) -> bool:
         """Whether it is asked anything."""
-        return self.card.task != "unconditional"
+        return self.card.condition.prompted
 
     def __call__(self, trial: Trial, settings: Settings) -> Motions:
         """Answers a trial."""
@@ -109,7 +109,7 @@ class Generated:
 
     def answer(self, questions: Sequence[Question], seeds: Sequence[int]) -> Motions:
         """Answers questions with seeds of one's own."""
-        prompts = tuple(question.prompt(self.card.task) for question in questions)
+        prompts = tuple(question.prompt(self.card.condition) for question in questions)
         frames = tuple(question.frames for question in questions)
         sampling = self.sampling or self.card.sampling
         return self.generator.generate(GenerationRequest(prompts, frames, tuple(seeds), sampling))

@@ -4,25 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.condition.task import TASKS, Task, TaskName
 from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError
 from latentmotion.evaluation.settings import Protocol
-
-Needs = Literal["text", "action", "unconditional"]
-"""What clips must have to be asked for: sentences, a label, or nothing."""
-
-ASKED: dict[Needs, str] = {
-    "text": "with captions",
-    "action": "with a label",
-    "unconditional": "of any kind",
-}
-"""The same in words."""
 
 HELD = ("smpl",)
 """Representations of poses, whose last frame can be repeated where a clip is too short."""
@@ -76,10 +66,9 @@ class Question:
     caption: Caption | None
     """The sentence, where there is one."""
 
-    def prompt(self, task: str) -> str:
+    def prompt(self, task: Task) -> str:
         """Returns what a model of a task is asked."""
-        text = self.caption.text if self.caption else ""
-        return {"text": text, "action": self.item.clip.action or ""}.get(task, "")
+        return task.question(self.caption.text if self.caption else "", self.item.clip.action)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +96,8 @@ class Plan:
     """Where questions and real motions come from."""
     protocol: Protocol
     """How they are chosen."""
-    needs: Needs
-    """What clips must have."""
+    needs: TaskName
+    """What clips must have to be asked for: sentences, a label, or nothing."""
     lengths: Lengths
     """Which lengths are asked for."""
 
@@ -124,9 +113,9 @@ class Plan:
         kept = [item for item in items if self.lengths.of(item) >= max(shortest, 1)]
         if len(kept) < 2:
             raise DataError(
-                f"{self.dataset.folder} has {len(kept)} clips {ASKED[self.needs]} of {shortest} "
-                f"frames or more in its {split} split, expected at least 2; take another split or "
-                "data set"
+                f"{self.dataset.folder} has {len(kept)} clips {TASKS[self.needs].asks_for} of "
+                f"{shortest} frames or more in its {split} split, expected at least 2; take "
+                "another split or data set"
             )
         return kept
 

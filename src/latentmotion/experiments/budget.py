@@ -10,15 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from latentmotion.baselines.vposer_t import VPoserTConfig
-from latentmotion.checkpoint import VAEConfig
 from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.settings import Protocol, Repeats
 from latentmotion.experiment import Experiment, with_changes
-from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
-from latentmotion.vae.identity import IdentityVAEConfig
-from latentmotion.vae.transformer import TransformerVAEConfig
 
 LAYERS = {5: 1, 6: 5, 7: 3, 8: 5, 9: 5, 11: 7, 15: 5}
 """The small budget's layers by the paper's; ACTOR's 6 and MDM's 8 become 5 as MLD's 9 do."""
@@ -71,27 +65,20 @@ class Budget:
 
     def shrink(self, experiment: Experiment) -> Experiment:
         """Returns the experiment in this budget's sizes."""
-        raw = self.raw if isinstance(experiment.vae, IdentityVAEConfig) else ()
+        raw = () if experiment.vae.has_weights else self.raw
         smaller = with_changes(experiment, [*self.changes, *raw])
-        denoiser = replace(smaller.denoiser, transformer=self._stack(smaller.denoiser.transformer))
-        smaller = replace(smaller, vae=self._vae(smaller), denoiser=denoiser)
+        smaller = self._scaled(smaller)
         return with_changes(smaller, [*self.of_models.get(experiment.name, ()), *self.further])
 
-    def _vae(self, experiment: Experiment) -> VAEConfig:
-        vae, width = experiment.vae, self.width
-        if isinstance(vae, TransformerVAEConfig) and width:
-            return replace(vae, transformer=replace(self._stack(vae.transformer), dropout=0.0))
-        if isinstance(vae, VPoserTConfig) and width:
-            return replace(vae, hidden=2 * width, width=width, dropout=0.0)
-        if isinstance(vae, ConvolutionalVAEConfig) and width:
-            return replace(vae, width=width)
-        return vae
-
-    def _stack(self, config: TransformerConfig) -> TransformerConfig:
+    def _scaled(self, experiment: Experiment) -> Experiment:
         if self.width is None:
-            return config
-        layers = self.layers.get(config.layers, config.layers)
-        return replace(config, width=self.width, hidden=2 * self.width, layers=layers)
+            return experiment
+        transformer = experiment.denoiser.transformer.scaled(self.width, self.layers)
+        return replace(
+            experiment,
+            vae=experiment.vae.scaled(self.width, self.layers),
+            denoiser=replace(experiment.denoiser, transformer=transformer),
+        )
 
 
 def _training(stage: str, *changes: str) -> tuple[str, ...]:

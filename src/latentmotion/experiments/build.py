@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.experiments.budget import Budget
 from latentmotion.experiments.table import Model
@@ -13,7 +12,6 @@ from latentmotion.presets.fast import fast
 from latentmotion.presets.mdm import mdm, mdm_50
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
 from latentmotion.presets.starter import starter
-from latentmotion.training.cards import latent_space
 
 BASES: dict[str, Callable[[], Experiment]] = {
     "mld": mld_humanml3d,
@@ -52,7 +50,7 @@ def second_stage_of(
     fitted = _fitted(budget.shrink(replace(changed, name=model.name, task=model.task)), features)
     parts = {part: getattr(first, part) for part in FIRST_STAGE}
     experiment = fitted if model.raw else replace(fitted, **parts)
-    width = latent_space(experiment).width
+    width = experiment.vae.latent_space().width
     denoiser = replace(
         experiment.denoiser,
         latent_width=width,
@@ -65,7 +63,5 @@ def second_stage_of(
 
 def _fitted(experiment: Experiment, features: int) -> Experiment:
     """Fits the VAE to the data's features, and one of a fixed length to the longest crop."""
-    vae = replace(experiment.vae, features=features)
-    if isinstance(vae, VPoserTConfig):
-        vae = replace(vae, frames=experiment.vae_cropping.max_frames)
+    vae = experiment.vae.fitted(features, experiment.vae_cropping.max_frames)
     return replace(experiment, vae=vae)

@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from latentmotion.checkpoint import WEIGHTS_FILE, load_model
+from latentmotion.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.configuration import read_json, to_json, write_json
 from latentmotion.errors import InputError
@@ -26,7 +26,7 @@ from latentmotion.experiments.table import Row, Table
 from latentmotion.experiments.vae_cost import vae_cost
 from latentmotion.experiments.workplace import Workplace
 from latentmotion.files import sha256
-from latentmotion.model_card import read_card
+from latentmotion.model.card import read_card
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.runtime.eager import torch_pipeline, torch_prior
 from latentmotion.vae.interface import MotionVAE
@@ -154,8 +154,8 @@ class Measurement:
         if row.kind == "prior":
             return Prior(torch_prior(folder))
         if row.kind == "reconstructed":
-            model = load_model(folder)
-            if model.vae is None:
+            model = load_stages(folder)
+            if not model.card.vae.has_weights:
                 raise InputError(f"{folder} has no VAE to rebuild motions with")
             return Reconstructed(model.vae, model.card)
         generator = self.generator(row)

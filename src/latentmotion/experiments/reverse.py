@@ -49,7 +49,7 @@ class Recorder:
 
 def draw_latents(generator: MotionPipeline, path: Path) -> dict[str, Figure]:
     """Draws the maps of a model of actions; returns how well noise and latents are apart."""
-    known = generator.card.condition.get("labels", ())
+    known = generator.card.condition.known_prompts
     labels = [label for label in known for _ in range(PER_LABEL)]
     states = latents_along(generator, labels, min(FRAMES, generator.card.frames[1]))
     names = {t: f"t = {t:g}" for t, _ in states} | {CLEAN: "z₀"}

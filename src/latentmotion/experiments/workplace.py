@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition.task import TASKS
 from latentmotion.configuration import read_json, to_json
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
@@ -24,8 +25,8 @@ from latentmotion.experiments.budget import Budget
 from latentmotion.experiments.build import FIRST_STAGE, first_stage_of, second_stage_of
 from latentmotion.experiments.models import MODELS
 from latentmotion.experiments.table import Model
-from latentmotion.model_card import CARD_FILE
-from latentmotion.models import find_model
+from latentmotion.model.card import CARD_FILE
+from latentmotion.model.folder import find_model
 from latentmotion.training.devices import Place
 from latentmotion.training.run_folder import MODEL, NAME, Run
 from latentmotion.training.stages import train_denoiser, train_vae
@@ -70,7 +71,9 @@ class Workplace:
 
     def encoder_of(self, model: Model) -> TextEncoder | None:
         """Returns the text encoder that a model reads sentences with, if any."""
-        return self.encoders(model.encoder or self.encoder) if model.task == "text" else None
+        return (
+            self.encoders(model.encoder or self.encoder) if TASKS[model.task].reads_text else None
+        )
 
     def first_stage(self, name: str) -> Path:
         """Trains a model's VAE where it is not there yet; returns its model folder.

@@ -7,15 +7,12 @@ Learned (as in the paper) or sine: p[i, 2k] = sin(i · 10000^(-2k/width)), p[i, 
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from latentmotion.nn.dropout import Dropout
-
-PositionKind = Literal["learned", "sine"]
 
 LEARNED_LENGTH = 500
 """Longest sequence of a learned table, the authors' limit."""
@@ -55,11 +52,6 @@ class SinePosition(nn.Module):
         """Adds the positions start, start + 1, ..."""
         places: Tensor = torch.arange(x.shape[1], device=x.device) + start  # type: ignore
         return self.dropout(x + sines(places, self.rate))
-
-
-def build_position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
-    """Builds the positions of one sequence."""
-    return LearnedPosition(width) if kind == "learned" else SinePosition(width, dropout)
 
 
 def sines(

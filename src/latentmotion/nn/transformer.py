@@ -4,14 +4,12 @@
     before each last layer:  x ← Linear([x, the most recent output kept])
 
 Where the layer norm sits, which activation is used and whether there are skips are parts that
-`TransformerConfig` picks.
+`networks.build` picks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from torch import Tensor, nn
@@ -53,14 +51,22 @@ class FeedForward(nn.Sequential):
 
 
 class EncoderLayer(nn.Module):
-    """Self-attention, then feed-forward."""
+    """Self-attention, then feed-forward.
 
-    def __init__(self, config: TransformerConfig) -> None:
+    Args:
+        attention: Called with (x, mask).
+        feed_forward: Called with x.
+        residual: Builds what goes around one part.
+    """
+
+    def __init__(
+        self, attention: nn.Module, feed_forward: nn.Module, residual: Callable[[], nn.Module]
+    ) -> None:
         super().__init__()
-        self.attention = SelfAttention(config.width, config.heads, config.attention_dropout)
-        self.feed_forward = config.feed_forward()
-        self.around_attention = config.residual()
-        self.around_feed_forward = config.residual()
+        self.attention = attention
+        self.feed_forward = feed_forward
+        self.around_attention = residual()
+        self.around_feed_forward = residual()
 
     def forward(self, x: Tensor, mask: Tensor) -> Tensor:
         """Returns x with what the tokens told each other."""
@@ -69,16 +75,29 @@ class EncoderLayer(nn.Module):
 
 
 class DecoderLayer(nn.Module):
-    """Self-attention, then a look at the memory, then feed-forward."""
+    """Self-attention, then a look at the memory, then feed-forward.
 
-    def __init__(self, config: TransformerConfig) -> None:
+    Args:
+        attention: Called with (x, mask).
+        cross_attention: Called with (x, memory, memory_mask).
+        feed_forward: Called with x.
+        residual: Builds what goes around one part.
+    """
+
+    def __init__(
+        self,
+        attention: nn.Module,
+        cross_attention: nn.Module,
+        feed_forward: nn.Module,
+        residual: Callable[[], nn.Module],
+    ) -> None:
         super().__init__()
-        self.attention = SelfAttention(config.width, config.heads, config.attention_dropout)
-        self.cross_attention = CrossAttention(config.width, config.heads, config.attention_dropout)
-        self.feed_forward = config.feed_forward()
-        self.around_attention = config.residual()
-        self.around_cross_attention = config.residual()
-        self.around_feed_forward = config.residual()
+        self.attention = attention
+        self.cross_attention = cross_attention
+        self.feed_forward = feed_forward
+        self.around_attention = residual()
+        self.around_cross_attention = residual()
+        self.around_feed_forward = residual()
 
     def forward(self, x: Tensor, mask: Tensor, memory: Tensor, memory_mask: Tensor) -> Tensor:
         """Returns x with what the tokens and the memory told them."""
@@ -129,57 +148,7 @@ class SkipStack(nn.Module):
         return self.norm(x)
 
 
-@dataclass(frozen=True)
-class TransformerConfig:
-    """Size and shape of a stack; the defaults are the paper's."""
-
-    width: int = 256
-    """Numbers per token."""
-    layers: int = 9
-    """Number of layers, odd where there are skips."""
-    heads: int = 4
-    """Attention heads."""
-    hidden: int = 1024
-    """Width inside the feed-forward part."""
-    dropout: float = 0.1
-    """Share of numbers dropped in training."""
-    attention_dropout: float = 0.0
-    """Share of attention dropped in training; the authors drop 0.1, at a third of the speed."""
-    activation: Literal["gelu", "relu"] = "gelu"
-    """Activation of the feed-forward part."""
-    norm: Literal["post", "pre"] = "post"
-    """Whether a layer normalizes after or before each of its parts."""
-    skips: bool = True
-    """Whether first and last layers are joined."""
-    final_norm: bool = True
-    """Whether a last normalization closes the stack."""
-
-    def encoder(self) -> nn.Module:
-        """Builds a stack called with (x, mask)."""
-        return self._stack(EncoderLayer)
-
-    def decoder(self) -> nn.Module:
-        """Builds a stack called with (x, mask, memory, memory_mask)."""
-        return self._stack(DecoderLayer)
-
-    def feed_forward(self) -> nn.Module:
-        """Builds the feed-forward part of one layer."""
-        activation = {"gelu": nn.GELU, "relu": nn.ReLU}[self.activation]()
-        return FeedForward(self.width, self.hidden, self.dropout, activation)
-
-    def residual(self) -> nn.Module:
-        """Builds what goes around one part of a layer."""
-        return {"post": PostNorm, "pre": PreNorm}[self.norm](self.width, self.dropout)
-
-    def _stack(self, layer: Callable[[TransformerConfig], nn.Module]) -> nn.Module:
-        layers = [layer(self) for _ in range(self.layers)]
-        norm = nn.LayerNorm(self.width) if self.final_norm else nn.Identity()
-        stack = SkipStack(layers, norm, self.width) if self.skips else Stack(layers, norm)
-        stack.apply(_initialize)
-        return stack
-
-
-def _initialize(module: nn.Module) -> None:
+def initialize(module: nn.Module) -> None:
     """Xavier-uniform weights; queries, keys and values count as one matrix, as in PyTorch's own."""
     if isinstance(module, nn.Linear):
         nn.init.xavier_uniform_(module.weight)

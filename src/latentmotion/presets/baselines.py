@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from latentmotion.baselines.actor import actor_vae
-from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.diffusion.loss import DenoiserObjective
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.experiment import Experiment
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.config import Sampling, TransformerConfig
+from latentmotion.model.vae_config import IdentityVAEConfig, VPoserTConfig
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
-from latentmotion.vae.identity import IdentityVAEConfig
 
 
 def actor() -> Experiment:

@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from latentmotion.data.sampling import Cropping
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.experiment import Experiment, LatentSettings, TrainingSettings
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.config import Sampling, TransformerConfig
+from latentmotion.model.vae_config import TransformerVAEConfig
 from latentmotion.presets.starter import VAE, starter
 from latentmotion.vae.loss import VAEObjective
-from latentmotion.vae.transformer import TransformerVAEConfig
 
 _MOTIONS = Cropping(unit=4, max_frames=196, min_frames=40)
 """HumanML3D's lengths."""

@@ -9,11 +9,11 @@ from latentmotion.baselines.mdm import mdm_denoiser
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.diffusion.prediction import Sample
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.diffusion.schedule import Cosine
 from latentmotion.experiment import Experiment, LatentSettings
+from latentmotion.model.config import Sampling
+from latentmotion.model.vae_config import IdentityVAEConfig
 from latentmotion.presets.constant_rate import constant_rate
-from latentmotion.vae.identity import IdentityVAEConfig
 from latentmotion.vae.loss import VAEObjective
 
 

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from latentmotion.baselines.actor import actor_vae
 from latentmotion.data.sampling import Cropping
-from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.experiment import Experiment, LatentSettings
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
 from latentmotion.presets.constant_rate import constant_rate
 from latentmotion.vae.loss import VAEObjective
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from latentmotion.data.sampling import Cropping
-from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.experiment import Experiment, LatentSettings
-from latentmotion.nn.transformer import TransformerConfig
+from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
+from latentmotion.model.vae_config import TransformerVAEConfig
 from latentmotion.presets.constant_rate import constant_rate
 from latentmotion.vae.loss import VAEObjective
-from latentmotion.vae.transformer import TransformerVAEConfig
 
 
 def mld_humanml3d() -> Experiment:

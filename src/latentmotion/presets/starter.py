@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from latentmotion.condition.sentence import SentenceReading
 from latentmotion.data.sampling import Cropping
-from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.diffusion.prediction import Velocity
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.experiment import Experiment, LatentSettings, TrainingSettings
-from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig, QuarterRateDecoder
+from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
+from latentmotion.model.vae_config import ConvolutionalVAEConfig, QuarterRateDecoder
 from latentmotion.vae.loss import VAEObjective
 
 VAE = ConvolutionalVAEConfig(channels=24, decoder=QuarterRateDecoder((9, 3, 1, 3, 1)))

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.sampler import Sampling
+from latentmotion.model.config import Sampling
 from latentmotion.runtime.session import Session
 
 

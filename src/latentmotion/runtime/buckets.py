@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 
 FRAMES = 32
 """Lengths are filled up to a multiple of this."""
@@ -30,7 +30,7 @@ class Buckets:
     def words(self, count: int) -> int:
         """Returns the next 1 + 8 n; no words stay none."""
         # Where the context stands before the latents, more words would move their places.
-        if count == 0 or self.card.denoiser.get("places") == "context_first":
+        if count == 0 or self.card.trained_denoiser.places == "context_first":
             return count
         return 1 + _multiple(count - 1, WORDS)
 

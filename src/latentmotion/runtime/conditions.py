@@ -6,16 +6,12 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.interface import Condition, TextEncoder
-from latentmotion.condition.sentence import SentenceCondition, SentenceReading
 from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.lengths import LENGTHS_FILE, LengthFile
 from latentmotion.condition.text.prompt_cache import KnowingEncoder, RememberingTextEncoder
-from latentmotion.condition.unconditional import Unconditional
-from latentmotion.configuration import from_json
-from latentmotion.model_card import ModelCard, read_card
-from latentmotion.models import find_model, shipped_models
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.folder import find_model, shipped_models
 
 
 def condition_of(card: ModelCard, folder: Path, cache: Path | None = None) -> Condition:
@@ -34,25 +30,14 @@ def condition_of(card: ModelCard, folder: Path, cache: Path | None = None) -> Co
 
 def build_condition(card: ModelCard, encoder: Callable[[], TextEncoder]) -> Condition:
     """Returns the condition of a model; the text encoder is asked for where there are sentences."""
-    if card.task == "action":
-        return ActionCondition(labels_of(card))
-    if card.task == "unconditional":
-        return Unconditional(int(card.denoiser["condition_width"]))
-    reading = from_json(SentenceReading, card.condition.get("reading", {}))
-    return SentenceCondition(encoder(), reading)
-
-
-def labels_of(card: ModelCard) -> tuple[str, ...]:
-    """Returns the labels that an action model knows; numbers, where it was not told names."""
-    classes = range(int(card.denoiser.get("condition_width", 0)))
-    return tuple(card.condition.get("labels", ())) or tuple(map(str, classes))
+    return card.condition.condition(card.trained_denoiser.condition_width, encoder)
 
 
 def encoder_folder(card: ModelCard, folder: Path) -> Path | None:
     """Returns the model's folder or a shipped one, whichever holds the encoder that it reads."""
     if (folder / GRAPH_FILE).is_file():
         return folder
-    name = card.condition.get("encoder")
+    name = card.condition.text_encoder
     shipped = (find_model(model) for model in shipped_models())
     holding = (place for place in shipped if (place / GRAPH_FILE).is_file())
     return next((place for place in holding if _encoder_named_in(place) == name), None)
@@ -60,16 +45,16 @@ def encoder_folder(card: ModelCard, folder: Path) -> Path | None:
 
 def find_lengths(card: ModelCard, folder: Path) -> LengthFile | None:
     """Returns what predicts lengths, from the model's folder or from its text encoder's."""
-    if card.task != "text":
+    if not card.condition.reads_text:
         return None
     places = folder, encoder_folder(card, folder)
     found = [place / LENGTHS_FILE for place in places if place is not None]
     path = next((path for path in found if path.is_file()), None)
-    return path and LengthFile(path, card.condition.get("encoder"))
+    return path and LengthFile(path, card.condition.text_encoder)
 
 
 def _encoder_named_in(folder: Path) -> str | None:
-    return read_card(folder).condition.get("encoder")
+    return read_card(folder).condition.text_encoder
 
 
 def _encoder(folder: Path, cache: Path | None) -> TextEncoder:

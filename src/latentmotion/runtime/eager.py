@@ -16,15 +16,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from latentmotion.checkpoint import TrainedModel, load_model
+from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.condition.interface import Conditioning, TextEncoder
 from latentmotion.condition.text.pretrained import local_encoder
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import LatentMotionError, ModelError
-from latentmotion.model_card import ModelCard
-from latentmotion.models import find_model
+from latentmotion.model.card import ModelCard
+from latentmotion.model.folder import find_model
 from latentmotion.pipeline import MAX_BATCH_SIZE, MotionPipeline
 from latentmotion.prior import MotionPrior
 from latentmotion.runtime.backend import Backend, Exact, directly
@@ -35,7 +35,6 @@ from latentmotion.runtime.device import device_named
 from latentmotion.runtime.launch import Recorder, on_gpu
 from latentmotion.runtime.network import network_session
 from latentmotion.runtime.session import Session
-from latentmotion.vae.identity import IdentityVAE
 from latentmotion.vae.interface import MotionVAE
 
 GPU_BATCH_SIZE = 256
@@ -58,16 +57,11 @@ def torch_pipeline(
     """
     place = find_model(folder)
     model = load_model(place)
-    if model.denoiser is None:
-        raise ModelError(
-            f"{folder} has a VAE but no denoiser; train it: latentmotion train denoiser, "
-            "or sample the VAE's prior: latentmotion generate --prior"
-        )
     condition = build_condition(model.card, lambda: encoder or find_encoder(model.card, place))
     backend = torch_backend(
         model.card,
         denoiser_session(model.denoiser, computing),
-        _decoder(model, computing),
+        decoder_session(model.vae, computing),
         computing,
     )
     lengths, most = find_lengths(model.card, place), _max_batch_size(computing)
@@ -99,8 +93,10 @@ def torch_prior(folder: str | Path, computing: Computing = ON_CPU) -> MotionPrio
     Raises:
         ModelError: The folder is damaged or has no VAE.
     """
-    model = load_model(find_model(folder))
-    return MotionPrior(model.card, _decoder(model, computing), _max_batch_size(computing))
+    model = load_stages(find_model(folder))
+    return MotionPrior(
+        model.card, decoder_session(model.vae, computing), _max_batch_size(computing)
+    )
 
 
 def prior_features(
@@ -147,7 +143,7 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
     place = encoder_folder(card, folder)
     if place is not None:
         return load_text_encoder(place)
-    name = str(card.condition.get("encoder", "none"))
+    name = card.condition.text_encoder or "none"
     try:
         return local_encoder(name)
     except LatentMotionError as error:
@@ -155,12 +151,6 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
             f"model {card.name!r} reads sentences with the text encoder {name!r}, which is not at "
             f"hand ({error}); pass it: --text-encoder FOLDER, or clip:FOLDER"
         ) from error
-
-
-def _decoder(model: TrainedModel, computing: Computing) -> Session:
-    # A diffusion on raw frames has no VAE: the latents are the features.
-    vae = model.vae or IdentityVAE(model.card.latents.width)
-    return decoder_session(vae, computing)
 
 
 def _max_batch_size(computing: Computing) -> int:

@@ -12,20 +12,19 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from latentmotion.checkpoint import TrainedModel
+from latentmotion.checkpoint import LatentModel
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.context import LeapEmbedding
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import GuidanceAsInput
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import Sampling
+from latentmotion.errors import ModelError
 from latentmotion.feature_decoder import FeatureDecoder
 from latentmotion.pipeline import features_from_noise, sampler_of
 from latentmotion.representation.normalizer import Scale
 from latentmotion.runtime.backend import Batch
 from latentmotion.tracing import trace
-from latentmotion.vae.identity import IdentityVAE
 from latentmotion.vae.interface import MotionVAE
 
 _BATCH, _TOKENS, _WORDS = 2, 7, 3
@@ -37,10 +36,8 @@ def export_denoiser(denoiser: Denoiser, latent_width: int, words_width: int, pat
 
     A distilled one has two more inputs, guidance and stride.
     """
-    graph = _DenoiserGraph(denoiser)
-    told: tuple[str, ...] = ()
-    if isinstance(denoiser.leaps, LeapEmbedding):
-        graph, told = _StudentGraph(denoiser), ("guidance", "stride")
+    told = denoiser.further_inputs
+    graph = _StudentGraph(denoiser) if told else _DenoiserGraph(denoiser)
     inputs = {
         "z": torch.randn(_BATCH, _TOKENS, latent_width),
         "t": torch.rand(_BATCH),
@@ -60,7 +57,7 @@ def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> 
     trace(_DecoderGraph(vae), inputs, _free(inputs), path)
 
 
-def export_fused_sampler(model: TrainedModel, steps: int, path: Path) -> None:
+def export_fused_sampler(model: LatentModel, steps: int, path: Path) -> None:
     """Writes a distilled model's graph of the whole way in so many steps.
 
     noise, words, words_mask, mask, frames, guidance → features in their own units.
@@ -68,7 +65,7 @@ def export_fused_sampler(model: TrainedModel, steps: int, path: Path) -> None:
     card = model.card
     inputs = {
         "noise": torch.randn(_BATCH, _TOKENS, card.latents.width),
-        **_condition(int(card.denoiser["condition_width"])),
+        **_condition(card.trained_denoiser.condition_width),
         "mask": torch.ones(_BATCH, _TOKENS, dtype=torch.bool),
         "frames": _frames(card.latents.frames_per_token),
         "guidance": torch.rand(_BATCH),
@@ -82,14 +79,17 @@ class FusedSampler(nn.Module):
     Args:
         model: A distilled model.
         steps: How many of its leaps lead all the way.
+
+    Raises:
+        ModelError: The model is not distilled.
     """
 
-    def __init__(self, model: TrainedModel, steps: int) -> None:
+    def __init__(self, model: LatentModel, steps: int) -> None:
         super().__init__()
         self.card = card = model.card
-        assert model.denoiser is not None and card.leaps is not None
-        self.denoiser = model.denoiser
-        self.vae = model.vae or IdentityVAE(card.latents.width)
+        if card.leaps is None:
+            raise ModelError(f"model {card.name!r} is not distilled, so no few steps are its way")
+        self.denoiser, self.vae = model.denoiser, model.vae
         self.steps = steps
         self.sampler = sampler_of(card, Sampling(steps, sampler="ddim"))
         self.latents = _Scale(card.latents.mean, card.latents.std)

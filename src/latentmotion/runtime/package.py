@@ -17,7 +17,7 @@ from safetensors.torch import save_file
 from latentmotion.checkpoint import (
     ENCODER_HASH,
     WEIGHTS_FILE,
-    TrainedModel,
+    LatentModel,
     encoder_hash,
     encoder_holder,
     encoder_weights,
@@ -28,12 +28,11 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.lengths import LENGTHS_FILE
 from latentmotion.condition.text.student import load_text_encoder
-from latentmotion.diffusion.context import LeapEmbedding
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import ModelError
 from latentmotion.files import atomic_folder
-from latentmotion.model_card import CARD_FILE, GraphPrecision, ModelCard, read_card
+from latentmotion.model.card import CARD_FILE, GraphPrecision, ModelCard, read_card
 from latentmotion.runtime.export import (
     FusedSampler,
     export_decoder,
@@ -76,9 +75,8 @@ def package_model(
         ModelError: A file or network is missing, a graph does not repeat its network, or no
             shipped model has the encoder.
     """
-    if not card.denoiser:
-        raise ModelError(f"model {card.name!r} lacks a denoiser; train both stages first")
-    if card.task == "text" and text_encoder is None:
+    width = card.trained_denoiser.condition_width
+    if card.condition.reads_text and text_encoder is None:
         raise ModelError(f"model {card.name!r} reads sentences; pass its text encoder")
     with atomic_folder(output, CARD_FILE) as folder:
         card.write(folder)
@@ -89,7 +87,7 @@ def package_model(
         save_file(kept, folder / WEIGHTS_FILE, metadata)
         if text_encoder is not None:
             text_encoder(folder)
-            _check_width(card, folder)
+            _check_width(card, width, folder)
         _write_graphs(load_model(folder), folder)
 
 
@@ -129,21 +127,19 @@ def _halved(weights: torch.Tensor) -> torch.Tensor:
     return weights.half() if weights.is_floating_point() else weights
 
 
-def _check_width(card: ModelCard, folder: Path) -> None:
-    found, expected = load_text_encoder(folder).width, int(card.denoiser["condition_width"])
+def _check_width(card: ModelCard, expected: int, folder: Path) -> None:
+    found = load_text_encoder(folder).width
     if found != expected:
         raise ModelError(
             f"the text encoder has {found} numbers per vector, model {card.name!r} reads "
-            f"{expected}; it was trained with {card.condition.get('encoder', 'another')!r}"
+            f"{expected}; it was trained with {card.condition.text_encoder or 'another'!r}"
         )
 
 
-def _write_graphs(model: TrainedModel, folder: Path) -> None:
-    card, denoiser = model.card, model.denoiser
-    assert denoiser is not None  # the card has one
-    width = int(card.denoiser["condition_width"])
-    export_denoiser(denoiser, card.latents.width, width, folder / "denoiser.onnx")
-    if model.vae is not None and has_decoder(card):
+def _write_graphs(model: LatentModel, folder: Path) -> None:
+    card, width = model.card, model.card.trained_denoiser.condition_width
+    export_denoiser(model.denoiser, card.latents.width, width, folder / "denoiser.onnx")
+    if has_decoder(card):
         export_decoder(model.vae, card.latents.frames_per_token, folder / "decoder.onnx")
     for steps in _fused_steps(card):
         export_fused_sampler(model, steps, folder / fused_sampler_file(steps))
@@ -160,14 +156,13 @@ def _fused_steps(card: ModelCard) -> list[int]:
     return [steps for steps in card.leaps.steps if steps <= MOST_FUSED] if card.leaps else []
 
 
-def _check_graphs(model: TrainedModel, folder: Path) -> None:
-    card, denoiser = model.card, model.denoiser
-    assert denoiser is not None
+def _check_graphs(model: LatentModel, folder: Path) -> None:
+    card = model.card
     tokens, width = card.latents.tokens_of(card.frames[0]), card.latents.width
-    words = 0 if card.task == "unconditional" else 1
-    shape, seen = (3, tokens, width), (3, words, int(card.denoiser["condition_width"]))
-    _check_denoiser(denoiser, folder, shape, seen)
-    if (folder / "decoder.onnx").is_file() and model.vae is not None:
+    words = 1 if card.condition.prompted else 0
+    shape, seen = (3, tokens, width), (3, words, card.trained_denoiser.condition_width)
+    _check_denoiser(model.denoiser, folder, shape, seen)
+    if (folder / "decoder.onnx").is_file():
         _check_decoder(model.vae, folder, shape, card.frames[0])
     for steps in _fused_steps(card):
         _check_fused_sampler(
@@ -181,7 +176,7 @@ def _check_denoiser(
     z, words = torch.randn(shape), torch.randn(seen)
     t, real = torch.full(shape[:1], 0.5), torch.ones(seen[:2], dtype=torch.bool)
     mask = torch.ones(shape[:2], dtype=torch.bool)
-    told = {"guidance": 3 * t, "stride": t} if isinstance(denoiser.leaps, LeapEmbedding) else {}
+    told = {"guidance": 3 * t, "stride": t} if denoiser.further_inputs else {}
     with torch.no_grad():
         expected = denoiser(z, t, Conditioning(words, real), mask, Leap(**told) if told else None)
     inputs = {"z": z, "t": t, "words": words, "words_mask": real, "mask": mask, **told}

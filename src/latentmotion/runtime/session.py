@@ -13,7 +13,7 @@ import numpy as np
 
 from latentmotion.engines import most_threads, onnxruntime_session, openvino_model
 from latentmotion.errors import InputError, MissingExtraError, ModelError
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 
 Runtime = Literal["auto", "onnxruntime", "openvino"]
 """Which engine runs the graphs; `auto` takes ONNX Runtime, as fast as OpenVINO, sooner loaded."""
@@ -112,7 +112,7 @@ def open_decoder(
 
 def has_decoder(card: ModelCard) -> bool:
     """Returns whether there is a VAE with weights, or the diffusion is on raw frames."""
-    return card.vae.get("kind", "none") not in ("none", "IdentityVAEConfig")
+    return card.vae.has_weights
 
 
 def raw_frames(latents: np.ndarray, mask: np.ndarray) -> np.ndarray:

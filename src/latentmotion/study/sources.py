@@ -8,8 +8,8 @@ from pathlib import Path
 
 from latentmotion.errors import InputError
 from latentmotion.files import read_lines, sha256
-from latentmotion.model_card import CARD_FILE
-from latentmotion.models import shipped_models
+from latentmotion.model.card import CARD_FILE
+from latentmotion.model.folder import shipped_models
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from latentmotion.baselines.vposer_t import VPoserTConfig
-from latentmotion.checkpoint import describe
+from latentmotion.condition.task import TASKS
 from latentmotion.data.dataset import Dataset
 from latentmotion.experiment import Experiment
-from latentmotion.model_card import LatentSpace, ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.training.provenance import provenance_of
 from latentmotion.training.steering import Steering
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
-from latentmotion.vae.convolutions import STRIDE
-from latentmotion.vae.identity import IdentityVAEConfig
 
 
 def first_stage_card(
@@ -28,12 +24,12 @@ def first_stage_card(
         representation=dataset.representation.name,
         normalizer_mean=tuple(dataset.normalizer.mean.tolist()),
         normalizer_std=tuple(dataset.normalizer.std.tolist()),
-        latents=latent_space(experiment),
+        latents=experiment.vae.latent_space(),
         schedule=objective.schedule,
         prediction=objective.prediction,
-        vae=describe(experiment.vae),
-        denoiser={},
-        condition={},
+        vae=experiment.vae,
+        denoiser=None,
+        condition=TASKS[experiment.task](),
         frames=(cropping.min_frames, cropping.max_frames),
         provenance=provenance_of(dataset, seconds),
         figures={f"vae_{name}": round(value, 3) for name, value in figures.items()},
@@ -57,24 +53,12 @@ def second_stage_card(
         task=experiment.task,
         schedule=objective.schedule,
         prediction=objective.prediction,
-        denoiser=describe(experiment.denoiser),
-        condition=steering.described,
+        denoiser=experiment.denoiser,
+        condition=steering.task,
         steps=experiment.sampling.steps,
-        guidance=experiment.sampling.guidance if experiment.task != "unconditional" else 1.0,
+        guidance=experiment.sampling.guidance if steering.task.prompted else 1.0,
         sampler=experiment.sampling.sampler,
         frames=(cropping.min_frames, cropping.max_frames),
         provenance=provenance_of(dataset, seconds, first.provenance),
         figures={**first.figures, **rounded},
     )
-
-
-def latent_space(experiment: Experiment) -> LatentSpace:
-    """Describes the latents of the experiment's VAE; their scale is not measured yet."""
-    config = experiment.vae
-    if isinstance(config, ConvolutionalVAEConfig):
-        return LatentSpace(config.channels, frames_per_token=STRIDE)
-    if isinstance(config, IdentityVAEConfig):
-        return LatentSpace(config.features, frames_per_token=1)
-    if isinstance(config, VPoserTConfig):
-        return LatentSpace(config.width, tokens=1)
-    return LatentSpace(config.latent_width or config.transformer.width, tokens=config.tokens)

@@ -11,31 +11,23 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.checkpoint import (
-    WEIGHTS_FILE,
-    TrainedModel,
-    VAEConfig,
-    describe,
-    load_model,
-    read_networks,
-    save_model,
-)
+from latentmotion.checkpoint import WEIGHTS_FILE, FirstStageModel, load_stages, save_model
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.exchange import check_latents, other_figures, scale_of
 from latentmotion.experiment import Experiment, differing_keys
 from latentmotion.files import sha256
-from latentmotion.model_card import ModelCard, read_card
+from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.vae_config import VAEConfig
+from latentmotion.networks.build import build
 from latentmotion.training.devices import Place
 from latentmotion.training.imitation import ImitatingStage, load_imitation
 from latentmotion.training.loop import train
 from latentmotion.training.provenance import provenance_of
 from latentmotion.training.run_folder import MODEL, Run, open_run
 from latentmotion.training.vae_stage import VAEStage
-from latentmotion.vae.convolutional import ConvolutionalVAEConfig
 from latentmotion.vae.halves import first_half, keep_latents
 from latentmotion.vae.interface import MotionVAE
-from latentmotion.vae.transformer import TransformerVAEConfig
 
 
 def train_decoder(
@@ -62,7 +54,7 @@ def train_decoder(
         InputError: The run folder holds another run, or model, data and decoder do not fit.
     """
     dataset, training = Dataset.load(data), experiment.vae_training
-    trained = load_model(model)
+    trained = load_stages(model)
     check_data(trained.card, dataset)
     torch.manual_seed(training.seed)
     vae = vae_with_latents_of(trained, experiment.vae)
@@ -76,7 +68,7 @@ def train_decoder(
     vae, seconds = train(stage, training, folder, place)
     if place.leads:
         card = decoder_card(trained.card, experiment, dataset, seconds, stage.validate(vae))
-        made = TrainedModel(card, vae, trained.denoiser)
+        made = replace(trained, card=card, vae=vae)
         check_latents(trained, made)
         save_model(folder / MODEL, made)
     return folder / MODEL
@@ -89,25 +81,25 @@ def cheaper_vae(model: Path) -> VAEConfig:
         ModelError: The model is missing, or there is no cheaper decoder for its VAE.
     """
     card = read_card(model)
-    config = read_networks(card).vae
-    if not isinstance(config, ConvolutionalVAEConfig | TransformerVAEConfig):
+    config = card.vae.with_light_decoder()
+    if config is None:
         raise ModelError(
-            f"model {card.name!r} has a VAE {card.vae.get('kind', 'none')}, for which there is no "
+            f"model {card.name!r} has a VAE {type(card.vae).__name__}, for which there is no "
             "cheaper decoder; take a convolutional or a transformer VAE"
         )
-    return config.cheaper()
+    return config
 
 
-def vae_with_latents_of(trained: TrainedModel, config: VAEConfig) -> MotionVAE:
+def vae_with_latents_of(trained: FirstStageModel, config: VAEConfig) -> MotionVAE:
     """Builds a VAE with a model's encoder, frozen.
 
     Raises:
         ModelError: The model has no VAE.
         InputError: The encoder is another.
     """
-    if trained.vae is None:
+    if not trained.card.vae.has_weights:
         raise ModelError(f"model {trained.card.name!r} has no VAE: run latentmotion train vae")
-    vae = config.build()
+    vae = build(config)
     found, wanted = _sizes(vae), _sizes(trained.vae)
     if found != wanted:
         raise _another_encoder(trained.card, *islice(differing_keys(wanted, found), 3))
@@ -144,7 +136,7 @@ def decoder_card(
     hours = {"decoder_hours": round(before + seconds / 3600, 3)}
     return replace(
         trained,
-        vae=describe(experiment.vae),
+        vae=experiment.vae,
         provenance=provenance_of(dataset, seconds, trained.provenance),
         figures={**other_figures(trained), **rounded, **hours},
     )

@@ -16,9 +16,9 @@ from latentmotion.experiment import Experiment
 from latentmotion.motion import Motion
 from latentmotion.training.crops import Plan
 from latentmotion.training.devices import Place
-from latentmotion.training.previews import Previews
 from latentmotion.training.latents import LatentMemory
 from latentmotion.training.loop import Stage
+from latentmotion.training.previews import Previews
 from latentmotion.training.randomness import Ranks, StepRandomness
 from latentmotion.training.raw_frames import FrameMemory
 from latentmotion.training.steering import PromptTable

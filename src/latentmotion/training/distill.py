@@ -7,28 +7,22 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.checkpoint import (
-    WEIGHTS_FILE,
-    TrainedModel,
-    describe,
-    load_model,
-    load_weights,
-    read_networks,
-    save_model,
-)
+from latentmotion.checkpoint import WEIGHTS_FILE, LatentModel, load_model, load_weights, save_model
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Cropping
-from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
+from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.distillation import Distillation
 from latentmotion.errors import InputError, ModelError
 from latentmotion.files import sha256
-from latentmotion.model_card import CARD_FILE, ModelCard, Provenance, read_card
+from latentmotion.model.card import CARD_FILE, ModelCard, Provenance, read_card
+from latentmotion.model.config import DenoiserConfig
+from latentmotion.networks.build import build
 from latentmotion.training.devices import Place
 from latentmotion.training.distill_data import prepare_lessons
 from latentmotion.training.distill_stage import DistillStage
-from latentmotion.training.previews import Previews
 from latentmotion.training.loop import train
+from latentmotion.training.previews import Previews
 from latentmotion.training.provenance import provenance_of
 from latentmotion.training.run_folder import MODEL, open_run
 
@@ -78,14 +72,14 @@ def distill(
     run = DistillRun(dataset.fingerprint, fingerprint(source), fingerprint(start), text, settings)
     open_run(folder, run, place)
     lessons = prepare_lessons(settings, dataset, model, encoder, folder, place)
-    previews = Previews(model.vae, card, settings.cropping.max_frames // 2)  # type: ignore
+    previews = Previews(model.vae, card, settings.cropping.max_frames // 2)
     stage = DistillStage(student, card, lessons, previews)
     student, seconds = train(stage, settings.training, folder, place)
     if place.leads:
         before = read_card(start) if start else model.card
         made = provenance_of(dataset, seconds, before.provenance)
         card = finished(card, model.card, made, stage.validate(student))
-        save_model(folder / MODEL, TrainedModel(card, model.vae, student))
+        save_model(folder / MODEL, LatentModel(card, model.vae, student))
     return folder / MODEL
 
 
@@ -99,16 +93,14 @@ def model_folder(folder: Path) -> Path:
     return folder / MODEL if (folder / MODEL / CARD_FILE).is_file() else folder
 
 
-def check_teacher(model: TrainedModel, dataset: Dataset) -> None:
+def check_teacher(model: LatentModel, dataset: Dataset) -> None:
     """Checks that a model can teach.
 
     Raises:
-        ModelError: It has no denoiser, no VAE, or was distilled itself.
+        ModelError: It was distilled itself.
         InputError: It makes other features than the data has.
     """
     card = model.card
-    if model.denoiser is None or model.vae is None:
-        raise ModelError(f"model {card.name!r} lacks a network; train both stages first")
     if card.leaps:
         raise ModelError(f"model {card.name!r} is distilled already; pass the model it is of")
     if card.representation != dataset.representation.name:
@@ -139,15 +131,14 @@ def student_card(teacher: ModelCard, settings: Distillation) -> ModelCard:
 
     It has no dropout: there is but one answer.
     """
-    config = read_networks(teacher).denoiser
-    assert config is not None  # checked before
+    config = teacher.trained_denoiser
     transformer = replace(config.transformer, dropout=0.0, attention_dropout=0.0)
     config = replace(config, transformer=transformer, leaps=settings.leaps)
     least, most = settings.leaps.guidance
     return replace(
         teacher,
         name=settings.name,
-        denoiser=describe(config),
+        denoiser=config,
         steps=max(settings.leaps.steps),
         guidance=min(max(teacher.guidance, least), most),
         sampler="ddim",
@@ -155,31 +146,30 @@ def student_card(teacher: ModelCard, settings: Distillation) -> ModelCard:
     )
 
 
-def first_student(teacher: TrainedModel, card: ModelCard, start: Path | None) -> Denoiser:
+def first_student(teacher: LatentModel, card: ModelCard, start: Path | None) -> Denoiser:
     """Returns what training begins with: the teacher's weights, or those of an earlier student.
 
     Raises:
         ModelError: `start` is not distilled, or answers or is shaped otherwise.
     """
-    config = read_networks(card).denoiser
-    assert config is not None and teacher.denoiser is not None  # checked before
+    config = card.trained_denoiser
     if start is None:
         return student_of(teacher.denoiser, config)
     model = load_model(start)
-    if model.denoiser is None or model.card.leaps is None:
+    if model.card.leaps is None:
         raise ModelError(f"{start} is not distilled; pass a student of the same teacher")
     for name in ("prediction", "schedule", "latents"):
         found, expected = getattr(model.card, name), getattr(card, name)
         if found != expected:
             raise ModelError(f"{start}: {name} {found}, expected {expected}: of another teacher")
-    student = config.build()
+    student = build(config)
     load_weights(student, model.denoiser.state_dict(), str(start))
     return student
 
 
 def student_of(teacher: Denoiser, config: DenoiserConfig) -> Denoiser:
     """Returns a student that answers as its teacher does without guidance, whatever it is told."""
-    student = config.build()
+    student = build(config)
     student.load_state_dict({**student.state_dict(), **teacher.state_dict()})
     return student
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from latentmotion.checkpoint import TrainedModel
+from latentmotion.checkpoint import LatentModel
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Crop, Item, items_of
+from latentmotion.data.sampling import Crop, Item
 from latentmotion.distillation import Distillation, PhasedConsistency, Regression
 from latentmotion.errors import InputError
 from latentmotion.feature_decoder import normalizer_of
-from latentmotion.model_card import ModelCard
-from latentmotion.runtime.conditions import build_condition, labels_of
+from latentmotion.model.card import ModelCard
+from latentmotion.runtime.conditions import build_condition
 from latentmotion.training.consistency import WithinPhases
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.devices import Place
@@ -28,9 +29,8 @@ from latentmotion.training.latents import (
 )
 from latentmotion.training.leap_sources import AlongWays, LeapSource, Ways
 from latentmotion.training.raw_frames import FrameMemory
-from latentmotion.training.steering import PromptTable
+from latentmotion.training.steering import PromptTable, items_to_learn, required_encoder
 from latentmotion.training.trajectories import WAYS_FILE, Guide, remembered_trajectories
-from latentmotion.vae.identity import IdentityVAE
 
 HELD_OUT = 64
 """Most held-out prompts that a validation looks at."""
@@ -43,7 +43,7 @@ AT_ONCE = 64
 class Lessons:
     """A teacher, and what it is asked."""
 
-    model: TrainedModel
+    model: LatentModel
     """The teacher, both its stages."""
     guide: Guide
     """Its denoiser, guided."""
@@ -98,16 +98,14 @@ class Lessons:
         settings, training = self.settings, self.settings.training
         memory = FeatureMemory(self.dataset, self.clips, normalizer_of(self.guide.card))
         cropping, latents = settings.cropping, FrameMemory(memory, self.place.device)
-        if not isinstance(self.model.vae, IdentityVAE):
+        if self.model.card.vae.has_weights:
             cropping = keep_crops(self.seen, cropping, per_item, training.seed)
             latents = self._latents(memory, cropping.every())
         plan = Plan(self.seen, training.batch_size, cropping, training.seed)
         return WithinPhases(self.guide, plan, latents, training, self.place)
 
     def _latents(self, memory: FeatureMemory, crops: list[Crop]) -> LatentMemory:
-        space, device = self.guide.card.latents, self.place.device
-        vae = self.model.vae
-        assert vae is not None  # checked before
+        space, device, vae = self.guide.card.latents, self.place.device, self.model.vae
         posteriors = remembered_posteriors(
             self.folder / "latents.safetensors",
             lambda: encode_crops(vae.to(device), memory, crops, self.place),
@@ -119,7 +117,7 @@ class Lessons:
 def prepare_lessons(
     settings: Distillation,
     dataset: Dataset,
-    model: TrainedModel,
+    model: LatentModel,
     encoder: TextEncoder | None,
     folder: Path,
     place: Place,
@@ -130,7 +128,6 @@ def prepare_lessons(
         InputError: There is nothing.
     """
     card, network, training = model.card, model.denoiser, settings.training
-    assert network is not None  # checked before
     clips = tuple(dataset.clips("train", mirrored=settings.mirrored))
     seen, unseen = prompted(card, clips), prompted(card, dataset.clips("val"))[:HELD_OUT]
     if not seen:
@@ -139,8 +136,7 @@ def prepare_lessons(
             f"{card.name!r} knows; use the data that it was trained on"
         )
     held_out = keep_crops(unseen, settings.cropping, 1, training.seed).every()
-    # Only a text encoder can be missing, and the command has looked for it.
-    condition = build_condition(card, lambda: encoder)  # type: ignore[arg-type, return-value]
+    condition = build_condition(card, partial(required_encoder, encoder))
     prompts = PromptTable(condition, captions_of([*seen, *unseen]), place.device)
     network.eval().requires_grad_(False).to(place.device)
     guide = Guide(
@@ -153,9 +149,5 @@ def prepare_lessons(
 
 def prompted(card: ModelCard, clips: Sequence[Clip]) -> list[Item]:
     """Returns items whose captions are what the model may be asked."""
-    if card.task == "text":
-        return [item for item in items_of(clips) if item.captions]
-    if card.task == "unconditional":
-        return [Item(clip, 0, clip.frames, ()) for clip in clips]
-    known = labels_of(card)
-    return [Item(c, 0, c.frames, (c.action,)) for c in clips if c.action and c.action in known]
+    items = items_to_learn(card.condition, clips)
+    return [item for item in items if item.captions or not card.condition.prompted]

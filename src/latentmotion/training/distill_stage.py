@@ -11,13 +11,13 @@ from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import GuidanceAsInput
 from latentmotion.diffusion.loss import leap_loss
 from latentmotion.diffusion.sampler import Sampling, sample
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.nn.masked import mean_of_real
 from latentmotion.pipeline import sampler_of
 from latentmotion.training.distill_data import Lessons
-from latentmotion.training.previews import Previews
 from latentmotion.training.loop import Stage
+from latentmotion.training.previews import Previews
 from latentmotion.training.trajectories import nothing
 
 

@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from latentmotion.checkpoint import WEIGHTS_FILE, load_model
+from latentmotion.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Item
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, LatentSettings
 from latentmotion.feature_decoder import normalizer_of
 from latentmotion.files import sha256
-from latentmotion.model_card import CARD_FILE, LatentSpace, ModelCard
+from latentmotion.model.card import CARD_FILE, ModelCard
+from latentmotion.model.vae_config import LatentSpace
+from latentmotion.networks.build import build
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.denoiser_stage import LatentData
 from latentmotion.training.devices import Place
@@ -27,8 +29,7 @@ from latentmotion.training.latents import (
 )
 from latentmotion.training.raw_frames import FrameMemory, frames_card
 from latentmotion.training.run_folder import MODEL, NAME
-from latentmotion.training.steering import PromptTable, Steering
-from latentmotion.vae.identity import IdentityVAE
+from latentmotion.training.steering import PromptTable, Steering, items_to_learn
 from latentmotion.vae.interface import MotionVAE
 
 HELD_OUT = 128
@@ -60,9 +61,7 @@ def load_first_stage(folder: Path) -> FirstStage:
             f"{folder} holds {state}; stage 2 needs a trained VAE: run latentmotion train vae "
             "to its end and pass its run folder"
         )
-    trained = load_model(model)
-    if trained.vae is None:
-        raise ModelError(f"{model} has no VAE, which stage 2 needs; run latentmotion train vae")
+    trained = load_stages(model)
     vae = trained.vae.eval().requires_grad_(False)
     return FirstStage(vae, trained.card, sha256(model / WEIGHTS_FILE))
 
@@ -74,7 +73,7 @@ def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStag
         InputError: The frames should be normalized as latents.
     """
     config, card = frames_card(experiment, dataset)
-    return FirstStage(config.build(), card, "none")
+    return FirstStage(build(config), card, "none")
 
 
 def check_fit(
@@ -112,10 +111,11 @@ def prepare_latents(
     """Encodes crops and prompts, or reads them from the run folder; measures the latents."""
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
-    seen, held_out = steering.items(clips[0]), steering.items(clips[1])[:HELD_OUT]
+    seen, held_out = (items_to_learn(steering.task, part) for part in clips)
+    held_out = held_out[:HELD_OUT]
     unseen = keep_crops(held_out, settings.cropping, 1, training.seed).every()
     features = partial(FeatureMemory, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
-    if isinstance(first.vae, IdentityVAE):
+    if not first.card.vae.has_weights:
         cropping, space = settings.cropping, first.card.latents
         latents = FrameMemory(features(), place.device)
     else:

@@ -14,13 +14,13 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from latentmotion.checkpoint import WEIGHTS_FILE, TrainedModel, load_model
+from latentmotion.checkpoint import WEIGHTS_FILE, FirstStageModel, load_stages
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.exchange import check_latents
 from latentmotion.experiment import Experiment
 from latentmotion.files import sha256
-from latentmotion.model_card import LatentSpace
+from latentmotion.model.vae_config import LatentSpace
 from latentmotion.representation.normalizer import Scale
 from latentmotion.training.devices import Place
 from latentmotion.training.run_folder import MODEL
@@ -104,7 +104,7 @@ class ImitatingStage(VAEStage):
         return weighted_sum(losses, objective)
 
 
-def load_imitation(run: Path, model: TrainedModel) -> Imitation:
+def load_imitation(run: Path, model: FirstStageModel) -> Imitation:
     """Reads what a distillation generated, and the decoder that its model has.
 
     Args:
@@ -115,10 +115,10 @@ def load_imitation(run: Path, model: TrainedModel) -> Imitation:
         ModelError: The run has made no model.
         InputError: It keeps no ways, or its latents are others, or have no time axis.
     """
-    student = load_model(run / MODEL)
+    student = load_stages(run / MODEL)
     check_latents(model, student)
     ways, space = run / WAYS_FILE, student.card.latents
-    if not ways.is_file() or space.frames_per_token is None or student.vae is None:
+    if not ways.is_file() or space.frames_per_token is None:
         raise InputError(
             f"{run}: expected latents over time in {WAYS_FILE}; pass the run folder of a "
             "distillation by Regression of a model that has such"

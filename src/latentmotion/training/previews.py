@@ -13,7 +13,7 @@ from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import Sampler
 from latentmotion.feature_decoder import FeatureDecoder
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.pipeline import features_from_noise
 from latentmotion.representation.known import representation_named

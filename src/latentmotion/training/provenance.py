@@ -13,7 +13,7 @@ import torch
 import torch.distributed
 
 from latentmotion.data.dataset import Dataset
-from latentmotion.model_card import Provenance
+from latentmotion.model.card import Provenance
 
 
 def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = None) -> Provenance:

@@ -11,11 +11,11 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
-from latentmotion.model_card import ModelCard, Provenance
+from latentmotion.model.card import ModelCard, Provenance
+from latentmotion.model.vae_config import IdentityVAEConfig
 from latentmotion.training.cards import first_stage_card
 from latentmotion.training.crops import FeatureMemory
 from latentmotion.training.latents import Posteriors
-from latentmotion.vae.identity import IdentityVAEConfig
 
 
 class FrameMemory:

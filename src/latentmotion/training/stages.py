@@ -7,13 +7,13 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.baselines.vposer_t import VPoserTConfig
 from latentmotion.body.smpl_model import SmplModel, load_smpl
-from latentmotion.checkpoint import TrainedModel, save_model
+from latentmotion.checkpoint import FirstStageModel, LatentModel, save_model
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
+from latentmotion.networks.build import build
 from latentmotion.training.cards import first_stage_card, second_stage_card
 from latentmotion.training.denoiser_stage import DenoiserStage
 from latentmotion.training.devices import Place
@@ -23,12 +23,11 @@ from latentmotion.training.first_stage import (
     load_first_stage,
     prepare_latents,
 )
-from latentmotion.training.previews import Previews
 from latentmotion.training.loop import train
+from latentmotion.training.previews import Previews
 from latentmotion.training.run_folder import MODEL, Run, open_run
 from latentmotion.training.steering import fitted, steering_of
 from latentmotion.training.vae_stage import VAEStage
-from latentmotion.vae.identity import IdentityVAEConfig
 
 
 def train_vae(
@@ -52,11 +51,11 @@ def train_vae(
     open_run(folder, Run("vae", dataset.fingerprint, parents, experiment), place)
     torch.manual_seed(training.seed)
     skin = smpl.body if smpl else None
-    stage = VAEStage(experiment.vae.build(), dataset, experiment, place, skin)
+    stage = VAEStage(build(experiment.vae), dataset, experiment, place, skin)
     vae, seconds = train(stage, training, folder, place)
     if place.leads:
         card = first_stage_card(experiment, dataset, seconds, stage.validate(vae))
-        save_model(folder / MODEL, TrainedModel(card, vae, None))
+        save_model(folder / MODEL, FirstStageModel(card, vae))
     return folder / MODEL
 
 
@@ -82,24 +81,24 @@ def train_denoiser(
     steering = steering_of(experiment, dataset, encoder)
     experiment, training = fitted(experiment, steering), experiment.denoiser_training
     check_fit(experiment, dataset, first, steering)
-    parents = {"vae": first.fingerprint, **steering.parents}
+    parents = {"vae": first.fingerprint, **steering.task.parents}
     open_run(folder, Run("denoiser", dataset.fingerprint, parents, experiment), place)
     seen, space = prepare_latents(experiment, dataset, first, steering, folder, place)
     card = replace(first.card, latents=space)
     torch.manual_seed(training.seed)
     previews = Previews(first.vae, card, experiment.latents.cropping.max_frames // 2)
-    stage = DenoiserStage(experiment.denoiser.build(), seen, previews, experiment, place)
+    stage = DenoiserStage(build(experiment.denoiser), seen, previews, experiment, place)
     denoiser, seconds = train(stage, training, folder, place)
     if place.leads:
         figures = stage.validate(denoiser)
         card = second_stage_card(experiment, dataset, card, steering, seconds, figures)
-        save_model(folder / MODEL, TrainedModel(card, first.vae.cpu(), denoiser))
+        save_model(folder / MODEL, LatentModel(card, first.vae.cpu(), denoiser))
     return folder / MODEL
 
 
 def check_trainable(experiment: Experiment) -> None:
     """Raises InputError where there is no VAE to train."""
-    if isinstance(experiment.vae, IdentityVAEConfig):
+    if not experiment.vae.has_weights:
         raise InputError(
             f"experiment {experiment.name!r} has no VAE, its diffusion is on raw frames; "
             "run latentmotion train denoiser --vae none"
@@ -144,6 +143,4 @@ def check_length(experiment: Experiment) -> None:
     """Raises InputError where the VAE cannot learn from motions so long, or so few at once."""
     croppings = experiment.vae_cropping, experiment.latents.cropping
     longest = max(cropping.max_frames for cropping in croppings)
-    if isinstance(experiment.vae, VPoserTConfig):
-        experiment.vae.check(longest)
-        experiment.vae.check_batch(experiment.vae_training.batch_size)
+    experiment.vae.check_training(longest, experiment.vae_training.batch_size)

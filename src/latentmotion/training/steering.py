@@ -7,18 +7,22 @@ crop's caption is its prompt, whatever the task is, and the empty one stands for
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 import torch
 
-from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
-from latentmotion.condition.sentence import SentenceCondition
-from latentmotion.condition.unconditional import Unconditional
-from latentmotion.configuration import to_json
+from latentmotion.condition.task import (
+    TASKS,
+    ActionTask,
+    Task,
+    TextTask,
+    TrainingCondition,
+    UnconditionalTask,
+)
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Item, items_of
@@ -33,16 +37,15 @@ AT_ONCE = 512
 class Steering:
     """How prompts become what the denoiser sees."""
 
+    task: TextTask | ActionTask | UnconditionalTask
+    """What the model card says of it."""
     condition: Condition
     """Prompts to words."""
-    width: int
-    """Numbers per word."""
-    items: Callable[[Iterable[Clip]], list[Item]]
-    """Clips to items, whose captions are prompts."""
-    described: dict[str, Any]
-    """What the model card says of it."""
-    parents: dict[str, str]
-    """What it builds on, by name."""
+
+    @property
+    def width(self) -> int:
+        """Numbers per word."""
+        return self.task.condition_width
 
 
 def steering_of(experiment: Experiment, dataset: Dataset, encoder: TextEncoder | None) -> Steering:
@@ -51,7 +54,12 @@ def steering_of(experiment: Experiment, dataset: Dataset, encoder: TextEncoder |
     Raises:
         InputError: The task is text and there is no encoder, or action and there are no labels.
     """
-    return _TASKS[experiment.task](experiment, dataset, encoder)
+    clips = dataset.clips("train", mirrored=experiment.mirrored)
+    labels = tuple(sorted({clip.action for clip in clips if clip.action}))
+    loaded = partial(required_encoder, encoder)
+    given = TrainingCondition(str(dataset.folder), labels, loaded, experiment.reading)
+    task = TASKS[experiment.task].of_training(given)
+    return Steering(task, task.condition(task.condition_width, loaded))
 
 
 def fitted(experiment: Experiment, steering: Steering) -> Experiment:
@@ -59,61 +67,30 @@ def fitted(experiment: Experiment, steering: Steering) -> Experiment:
 
     The width of sentences is the experiment's own: a text encoder must fit it.
     """
-    if experiment.task == "text":
+    if steering.task.reads_text:
         return experiment
     return replace(
         experiment, denoiser=replace(experiment.denoiser, condition_width=steering.width)
     )
 
 
-def _by_sentences(
-    experiment: Experiment, dataset: Dataset, encoder: TextEncoder | None
-) -> Steering:
+def items_to_learn(task: Task, clips: Iterable[Clip]) -> list[Item]:
+    """Returns what a model of a task can learn of clips; the captions of an item are prompts."""
+    whole = (Item(clip, 0, clip.frames, ()) for clip in clips)
+    items = list(whole) if task.whole_clips else items_of(clips)
+    prompted = ((item, task.prompts(item.captions, item.clip.action)) for item in items)
+    return [replace(item, captions=prompts) for item, prompts in prompted if prompts is not None]
+
+
+def required_encoder(encoder: TextEncoder | None) -> TextEncoder:
+    """Returns the text encoder.
+
+    Raises:
+        InputError: There is none.
+    """
     if encoder is None:
         raise InputError("a model that reads sentences needs a text encoder: --text-encoder")
-    described = {
-        "encoder": encoder.name,
-        "width": encoder.width,
-        "reading": to_json(experiment.reading),
-    }
-    condition = SentenceCondition(encoder, experiment.reading)
-    return Steering(condition, encoder.width, items_of, described, {"text": encoder.name})
-
-
-def _by_actions(experiment: Experiment, dataset: Dataset, encoder: TextEncoder | None) -> Steering:
-    clips = dataset.clips("train", mirrored=experiment.mirrored)
-    labels = sorted({clip.action for clip in clips if clip.action})
-    if not labels:
-        raise InputError(
-            f"no training clip of {dataset.folder} has an action label, which task=action needs; "
-            "use data with labels, or task=text or task=unconditional"
-        )
-    described = {"kind": "action", "labels": labels}
-    condition = ActionCondition(tuple(labels))
-
-    def items(clips: Iterable[Clip]) -> list[Item]:
-        """A label that only held-out clips have cannot be learned."""
-        return [_whole(clip, clip.action) for clip in clips if clip.action in {None, *labels}]
-
-    return Steering(condition, len(labels), items, described, {})
-
-
-def _by_nothing(experiment: Experiment, dataset: Dataset, encoder: TextEncoder | None) -> Steering:
-    def items(clips: Iterable[Clip]) -> list[Item]:
-        return [_whole(clip, None) for clip in clips]
-
-    return Steering(Unconditional(1), 1, items, {"kind": "unconditional"}, {})
-
-
-def _whole(clip: Clip, prompt: str | None) -> Item:
-    return Item(clip, 0, clip.frames, (prompt,) if prompt else ())
-
-
-_TASKS: dict[str, Callable[[Experiment, Dataset, TextEncoder | None], Steering]] = {
-    "text": _by_sentences,
-    "action": _by_actions,
-    "unconditional": _by_nothing,
-}
+    return encoder
 
 
 class PromptTable:

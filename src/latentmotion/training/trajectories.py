@@ -28,7 +28,7 @@ from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import SamplerName, sample, sampler_named
 from latentmotion.experiment import Precision
 from latentmotion.files import atomic_file
-from latentmotion.model_card import ModelCard
+from latentmotion.model.card import ModelCard
 from latentmotion.training.devices import Place
 from latentmotion.training.steering import PromptTable
 

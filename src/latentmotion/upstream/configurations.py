@@ -14,11 +14,10 @@ from typing import Literal
 
 from torch import Tensor
 
-from latentmotion.diffusion.denoiser import DenoiserConfig
 from latentmotion.errors import ModelError
-from latentmotion.nn.position import LEARNED_LENGTH, PositionKind
-from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.vae.transformer import TransformerVAEConfig
+from latentmotion.model.config import DenoiserConfig, PositionKind, TransformerConfig
+from latentmotion.model.vae_config import TransformerVAEConfig
+from latentmotion.nn.position import LEARNED_LENGTH
 
 Weights = Mapping[str, Tensor]
 

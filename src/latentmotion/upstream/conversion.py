@@ -5,23 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from torch import Tensor
 
-from latentmotion.checkpoint import TrainedModel, describe, load_weights, save_model
+from latentmotion.checkpoint import FirstStageModel, LatentModel, load_weights, save_model
+from latentmotion.condition.task import ActionTask, TextTask
 from latentmotion.data.humanact12 import ACTIONS
-from latentmotion.diffusion.denoiser import Denoiser, DenoiserConfig
+from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.prediction import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.errors import InputError, ModelError
 from latentmotion.files import sha256
-from latentmotion.model_card import LatentSpace, ModelCard, Provenance
+from latentmotion.model.card import ModelCard, Provenance
+from latentmotion.model.config import DenoiserConfig
+from latentmotion.model.vae_config import IdentityVAEConfig, TransformerVAEConfig
+from latentmotion.networks.build import build
 from latentmotion.upstream import names
 from latentmotion.upstream.configurations import Unstated, denoiser_config, is_actor, vae_config
 from latentmotion.upstream.reading import read_checkpoint, split_parts
-from latentmotion.vae.transformer import TransformerVAE, TransformerVAEConfig
+from latentmotion.vae.interface import MotionVAE
 
 _TEXT_ENCODERS = ("openai/clip-vit-large-patch14", "sentence-transformers/sentence-t5-large")
 """The text encoders of MLD and of MotionLCM."""
@@ -72,37 +76,42 @@ def convert_checkpoint(
         raise ModelError(
             f"{path} has no weights under 'vae.' or 'denoiser.'; found {_some(others)}"
         )
-    vae, vae_description = _vae(parts["vae"], origin.unstated, path)
-    denoiser, denoiser_description = _denoiser(parts["denoiser"], origin.unstated, path)
-    card = _card(Path(path), vae_description, denoiser_description, origin)
-    save_model(output, TrainedModel(card, vae, denoiser))
+    second = _denoiser(parts["denoiser"], origin.unstated, path) if parts["denoiser"] else None
+    denoiser, config = second or (None, None)
+    vae, vae_config = _vae(parts["vae"], config, origin.unstated, path)
+    card = _card(Path(path), vae_config, config, origin)
+    model = LatentModel(card, vae, denoiser) if denoiser else FirstStageModel(card, vae)
+    save_model(output, model)
     return others
 
 
 def _vae(
-    weights: Mapping[str, Tensor], unstated: Unstated, path: str | Path
-) -> tuple[TransformerVAE | None, TransformerVAEConfig | None]:
-    if not weights:
-        return None, None
+    weights: Mapping[str, Tensor],
+    denoiser: DenoiserConfig | None,
+    unstated: Unstated,
+    path: str | Path,
+) -> tuple[MotionVAE, TransformerVAEConfig | IdentityVAEConfig]:
+    """Without weights the diffusion is on raw frames, as wide as the denoiser's latents."""
+    if not weights and denoiser is not None:
+        frames = IdentityVAEConfig(denoiser.latent_width)
+        return build(frames), frames
     config = vae_config(weights, unstated)
     mld = names.MLD_VAE_JOINT if config.decoding == "joint" else names.MLD_VAE
     rules = names.ACTOR_VAE if is_actor(weights) else mld
-    network = config.build()
+    network = build(config)
     load_weights(network, names.rename(weights, rules), f"{path}, vae")
     return network, config
 
 
 def _denoiser(
     weights: Mapping[str, Tensor], unstated: Unstated, path: str | Path
-) -> tuple[Denoiser | None, DenoiserConfig | None]:
-    if not weights:
-        return None, None
+) -> tuple[Denoiser, DenoiserConfig]:
     config = denoiser_config(weights, unstated)
     cross = config.attention == "cross"
     # Left over from older versions, or written but never used where there is no cross-attention.
     unused = {"sequence_pos_encoding.pe"} | (set() if cross else {"mem_pos.pe"})
     used = {name: tensor for name, tensor in weights.items() if name not in unused}
-    network = config.build()
+    network = build(config)
     rules = names.DENOISER_CROSS if cross else names.DENOISER_IN_CONTEXT
     if config.condition_projection == "linear":
         rules = names.LINEAR_TEXT + rules
@@ -111,53 +120,41 @@ def _denoiser(
 
 
 def _card(
-    path: Path, vae: TransformerVAEConfig | None, denoiser: DenoiserConfig | None, origin: Origin
+    path: Path,
+    vae: TransformerVAEConfig | IdentityVAEConfig,
+    denoiser: DenoiserConfig | None,
+    origin: Origin,
 ) -> ModelCard:
-    features = vae.features if vae else _require(denoiser).latent_width
+    features, encoded = vae.features, vae.has_weights
     mean, std = _normalizer(features, origin)
+    condition = _condition(denoiser, origin)
     return ModelCard(
         name=path.stem,
-        task="action" if _is_action(denoiser) else "text",
+        task=condition.name,
         representation=_REPRESENTATIONS.get(features, f"unknown-{features}"),
         normalizer_mean=mean,
         normalizer_std=std,
-        latents=_latents(vae, features),
-        schedule=ScaledLinear() if vae else ScaledLinear(offset=0, ends_clean=True),
+        latents=vae.latent_space(),
+        schedule=ScaledLinear() if encoded else ScaledLinear(offset=0, ends_clean=True),
         prediction=Epsilon() if origin.predicts == "epsilon" else Sample(),
-        vae=describe(vae),
-        denoiser=describe(denoiser),
-        condition=_condition(denoiser, origin),
-        steps=50 if vae else 1000,
+        vae=vae,
+        denoiser=denoiser,
+        condition=condition,
+        steps=50 if encoded else 1000,
         guidance=7.5,
-        sampler="ddim" if vae else "ddpm",
-        frames=_FRAMES["action" if _is_action(denoiser) else "text"],
+        sampler="ddim" if encoded else "ddpm",
+        frames=_FRAMES[condition.name],
         provenance=_provenance(path),
     )
 
 
-def _require(denoiser: DenoiserConfig | None) -> DenoiserConfig:
-    assert denoiser is not None  # there are weights of one of the two
-    return denoiser
-
-
-def _is_action(denoiser: DenoiserConfig | None) -> bool:
-    return denoiser is not None and denoiser.condition_projection == "table"
-
-
-def _latents(vae: TransformerVAEConfig | None, features: int) -> LatentSpace:
-    if vae is None:
-        return LatentSpace(width=features, frames_per_token=1)
-    return LatentSpace(width=vae.latent_width or vae.transformer.width, tokens=vae.tokens)
-
-
-def _condition(denoiser: DenoiserConfig | None, origin: Origin) -> dict[str, Any]:
+def _condition(denoiser: DenoiserConfig | None, origin: Origin) -> TextTask | ActionTask:
     if denoiser is None:
-        return {}
-    if _is_action(denoiser):
-        return {"kind": "action", "labels": list(_labels(denoiser.condition_width, origin))}
+        return TextTask()
+    if denoiser.condition_projection == "table":
+        return ActionTask(_labels(denoiser.condition_width, origin))
     usual = _TEXT_ENCODERS[denoiser.condition_projection == "linear"]
-    encoder = origin.text_encoder or usual
-    return {"encoder": encoder, "width": denoiser.condition_width}
+    return TextTask(origin.text_encoder or usual, denoiser.condition_width)
 
 
 def _labels(count: int, origin: Origin) -> tuple[str, ...]:

@@ -9,102 +9,17 @@ and cropped. The way back is a part of its own, so that latents may get another,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-
 import torch.nn.functional as F
 from jaxtyping import Bool, Float
-from torch import Tensor, nn
+from torch import Tensor
 
-from latentmotion.vae.convolutions import (
-    STRIDE,
-    Chain,
-    Double,
-    Halve,
-    MaskedConvolution,
-    ResidualBlock,
-    Unfold,
-    as_row,
-    pyramid,
-)
+from latentmotion.model.vae_config import STRIDE
+from latentmotion.vae.convolutions import Chain, as_row, pyramid
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
 
 MAX_LOGVAR = 8.0
 """Bound on the posterior's log variance; a rare motion far off the mean once made it infinite."""
-
-
-@dataclass(frozen=True)
-class MirroredDecoder:
-    """The encoder's way back: T/4 → T/2 → T, at full width."""
-
-    def build(self, sizes: ConvolutionalVAEConfig) -> Chain:
-        """Builds it with fresh weights."""
-        width, dilations = sizes.width, sizes.dilations[::-1]
-        return Chain(
-            [
-                MaskedConvolution(sizes.channels, width, 3),
-                *(ResidualBlock(width, d) for d in dilations),
-                Double(width),
-                *(ResidualBlock(width, d) for d in dilations),
-                Double(width),
-                MaskedConvolution(width, width, 3, activation=nn.SiLU()),
-                MaskedConvolution(width, sizes.features, 3, activation=nn.SiLU()),
-            ]
-        )
-
-
-@dataclass(frozen=True)
-class QuarterRateDecoder:
-    """Every layer at T/4, where a step costs a quarter of one at T; the last makes four frames."""
-
-    dilations: tuple[int, ...] = (9, 3, 1, 1)
-    """Dilation of each residual block; the first three are those of the mirrored decoder."""
-
-    def build(self, sizes: ConvolutionalVAEConfig) -> Chain:
-        """Builds it with fresh weights."""
-        return Chain(
-            [
-                MaskedConvolution(sizes.channels, sizes.width, 3),
-                *(ResidualBlock(sizes.width, d) for d in self.dilations),
-                Unfold(sizes.width, sizes.features),
-            ]
-        )
-
-
-@dataclass(frozen=True)
-class ConvolutionalVAEConfig:
-    """Sizes of a `ConvolutionalVAE`."""
-
-    features: int = 263
-    """Numbers per frame."""
-    width: int = 256
-    """Channels inside."""
-    channels: int = 16
-    """Numbers per latent token."""
-    dilations: tuple[int, ...] = (1, 3, 9)
-    """Dilation of each residual block at half and at quarter rate."""
-    decoder: MirroredDecoder | QuarterRateDecoder = field(default_factory=MirroredDecoder)
-    """The way back."""
-
-    def build(self) -> ConvolutionalVAE:
-        """Builds the network with fresh weights."""
-        return ConvolutionalVAE(self._encoder(), self.decoder.build(self), self.channels)
-
-    def cheaper(self) -> ConvolutionalVAEConfig:
-        """Returns the same latents with the decoder that costs least."""
-        return replace(self, decoder=QuarterRateDecoder())
-
-    def _encoder(self) -> Chain:
-        return Chain(
-            [
-                MaskedConvolution(self.features, self.width, 3),
-                Halve(self.width),
-                *(ResidualBlock(self.width, d) for d in self.dilations),
-                Halve(self.width),
-                *(ResidualBlock(self.width, d) for d in self.dilations),
-                MaskedConvolution(self.width, 2 * self.channels, 3, activation=nn.SiLU()),
-            ]
-        )
 
 
 class ConvolutionalVAE(MotionVAE):

@@ -10,8 +10,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-STRIDE = 4
-"""Frames per step of the lowest rate."""
+from latentmotion.model.vae_config import STRIDE
 
 
 class Chain(nn.ModuleList):

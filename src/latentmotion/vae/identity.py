@@ -5,26 +5,12 @@ So diffusion on raw frames, the paper's "MLD without VAE" and MDM, is stage 2 li
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
-
-
-@dataclass(frozen=True)
-class IdentityVAEConfig:
-    """Size of an `IdentityVAE`."""
-
-    features: int = 263
-    """Numbers per frame, and per latent token."""
-
-    def build(self) -> IdentityVAE:
-        """Builds it; there are no weights."""
-        return IdentityVAE(self.features)
 
 
 class IdentityVAE(MotionVAE):

@@ -10,22 +10,11 @@ ACTOR's VAE (Petrovich et al. 2021) is the same chain without skips, with sine p
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Literal
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.nn.position import PositionKind, build_position
-from latentmotion.nn.transformer import TransformerConfig
-from latentmotion.vae.frame_decoders import (
-    STRIDE,
-    CrossDecoder,
-    JointDecoder,
-    TwoRateDecoder,
-    all_real,
-)
+from latentmotion.vae.frame_decoders import all_real
 from latentmotion.vae.interface import MotionVAE
 from latentmotion.vae.posterior import Posterior
 
@@ -118,69 +107,3 @@ class LinearDistribution(nn.Module):
     def forward(self, summary: Float[Tensor, "batch count width"]) -> Posterior:
         """Returns the posterior of count tokens."""
         return Posterior(*self.linear(summary).chunk(2, dim=-1))
-
-
-@dataclass(frozen=True)
-class TransformerVAEConfig:
-    """Which parts a `TransformerVAE` has; the defaults are the paper's MLD-1."""
-
-    features: int = 263
-    """Numbers per frame."""
-    tokens: int = 1
-    """Latent tokens of a motion."""
-    transformer: TransformerConfig = field(default_factory=TransformerConfig)
-    """The stack inside, the same for encoder and decoder."""
-    position: PositionKind = "learned"
-    """Kind of position tables."""
-    distribution: Literal["tokens", "linear"] = "tokens"
-    """Whether mean and logvar have tokens of their own or come from a linear layer."""
-    decoding: Literal["cross", "joint", "two_rate"] = "cross"
-    """Whether frames look at the latents by cross-attention, share a sequence with them, or do the
-    first in most layers at a quarter of the frame rate."""
-    fine_layers: int = 2
-    """Layers of a decoder of two rates that see every frame; there are as many fewer coarse ones.
-    """
-    latent_width: int | None = None
-    """Numbers per latent token; by default as many as the transformer has."""
-
-    def build(self) -> TransformerVAE:
-        """Builds the network with fresh weights."""
-        width, latent = self.transformer.width, self.latent_width or self.transformer.width
-        adapted = self.latent_width is not None
-        own_tokens = self.distribution == "tokens"
-        return TransformerVAE(
-            frames_in=nn.Linear(self.features, width),
-            frames_out=nn.Linear(width, self.features),
-            summary=torch.randn(self.tokens * (2 if own_tokens else 1), width),
-            place=self._place(),
-            encoder=self.transformer.encoder(),
-            distribution=TokenDistribution() if own_tokens else LinearDistribution(latent),
-            decoder=self._decoder(),
-            tokens=self.tokens,
-            narrow=nn.Linear(width, latent) if adapted else nn.Identity(),
-            widen=nn.Linear(latent, width) if adapted else nn.Identity(),
-            latent_width=latent,
-        )
-
-    def cheaper(self) -> TransformerVAEConfig:
-        """Returns the same latents with the decoder that costs least."""
-        return replace(self, decoding="two_rate")
-
-    def _place(self) -> nn.Module:
-        return build_position(self.position, self.transformer.width, self.transformer.dropout)
-
-    def _decoder(self) -> nn.Module:
-        if self.decoding == "joint":
-            return JointDecoder(self._place(), self.transformer.encoder())
-        if self.decoding == "two_rate":
-            return self._two_rates()
-        return CrossDecoder(self._place(), self.transformer.decoder())
-
-    def _two_rates(self) -> TwoRateDecoder:
-        whole, fine = self.transformer, self.fine_layers
-        return TwoRateDecoder(
-            place=self._place(),
-            coarse=replace(whole, layers=whole.layers - fine).decoder(),
-            unfold=nn.Linear(whole.width, STRIDE * whole.width),
-            fine=replace(whole, layers=fine, skips=False).decoder(),
-        )

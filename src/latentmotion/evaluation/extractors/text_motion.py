@@ -23,7 +23,7 @@ from latentmotion.evaluation.extractors.networks import (
     TextMotionNetworks,
 )
 from latentmotion.evaluation.extractors.word_vectors import GloveWords, WordVectors
-from latentmotion.model_card import Provenance
+from latentmotion.model.card import Provenance
 from latentmotion.representation.normalizer import Normalizer
 
 FORMAT = 1

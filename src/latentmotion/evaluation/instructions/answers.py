@@ -11,9 +11,9 @@ from jaxtyping import Float
 
 from latentmotion.data.resampling import interpolate
 from latentmotion.describe.facts import FPS
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.instructions.prompts import Instruction
+from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.skeleton import HUMANML3D
@@ -44,7 +44,7 @@ def answers(
     """
     if asking.takes < 1:
         raise InputError(f"--takes {asking.takes}: expected 1 or more")
-    if model.card.task != "text":
+    if not model.card.condition.reads_text:
         raise ModelError(f"model {model.card.name!r} takes no sentences; instructions are such")
     own = [one for one in instructions if one.seconds is None]
     timed = [one for one in instructions if one.seconds is not None]

@@ -1,18 +1,27 @@
-"""model.json: all that a trained model's folder says of itself, readable without PyTorch."""
+"""model.json: all that a trained model's folder says of itself, typed, readable without PyTorch."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from latentmotion.configuration import from_json, read_json, write_json
+from latentmotion.condition.task import (
+    TASKS,
+    ActionTask,
+    TaskName,
+    TextTask,
+    UnconditionalTask,
+)
+from latentmotion.configuration import from_json, read_plain, to_json, write_json
 from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
-from latentmotion.diffusion.sampler import SamplerName, Sampling
+from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, ModelError
+from latentmotion.model.config import DenoiserConfig, Sampling
+from latentmotion.model.vae_config import LatentSpace, VAEConfig
 
 FORMAT = 1
 """Version of model.json that this code writes and reads."""
@@ -44,34 +53,12 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class LatentSpace:
-    """Shape and scale of the latents."""
-
-    width: int
-    """Numbers per token."""
-    tokens: int | None = None
-    """Tokens of any motion, for a VAE with a global latent."""
-    frames_per_token: int | None = None
-    """Frames that one token stands for, for a VAE with latents over time."""
-    mean: tuple[float, ...] = (0.0,)
-    """Mean per channel; the denoiser sees (latent - mean) / std."""
-    std: tuple[float, ...] = (1.0,)
-    """Standard deviation per channel."""
-
-    def tokens_of(self, frames: int) -> int:
-        """Returns how many tokens a motion of so many frames has."""
-        if self.frames_per_token is None:
-            return self.tokens or 1
-        return -(-frames // self.frames_per_token)
-
-
-@dataclass(frozen=True)
 class ModelCard:
     """What a trained model is."""
 
     name: str
     """What users call it, e.g. `starter`."""
-    task: Literal["text", "action", "unconditional"]
+    task: TaskName
     """What it is conditioned on."""
     representation: str
     """Name of the motion features, e.g. `humanml3d`."""
@@ -85,12 +72,12 @@ class ModelCard:
     """Noise schedule."""
     prediction: Epsilon | Sample | Velocity
     """What the denoiser predicts."""
-    vae: dict[str, Any]
+    vae: VAEConfig
     """Configuration of the VAE."""
-    denoiser: dict[str, Any]
-    """Configuration of the denoiser."""
-    condition: dict[str, Any]
-    """Configuration of the condition, e.g. which text encoder."""
+    denoiser: DenoiserConfig | None
+    """Configuration of the denoiser; None where only the first stage is trained."""
+    condition: TextTask | ActionTask | UnconditionalTask
+    """Its task in full: which text encoder, which labels; empty where no denoiser is trained."""
     steps: int = 50
     """Default number of sampling steps."""
     guidance: float = 1.0
@@ -114,24 +101,36 @@ class ModelCard:
 
         Not where the denoiser attends to padding, nor where its context stands behind it.
         """
-        behind = self.denoiser.get("places") == "latents_first"
+        if self.denoiser is None:
+            return True
+        behind = self.denoiser.places == "latents_first"
         over_time = self.latents.frames_per_token is not None
-        return not (self.denoiser.get("sees_padding", False) or (behind and over_time))
+        return not (self.denoiser.sees_padding or (behind and over_time))
 
-    @cached_property
+    @property
     def leaps(self) -> Leaps | None:
         """What a distilled model, which takes guidance as an input, may be asked for; else None."""
-        kept = self.denoiser.get("leaps")
-        return from_json(Leaps, kept) if kept else None
+        return self.denoiser.leaps if self.denoiser else None
 
     @property
     def sampling(self) -> Sampling:
-        """How the model is sampled by default."""
+        """How it is sampled where nothing else is asked."""
         return Sampling(self.steps, self.guidance, self.sampler)
+
+    @property
+    def trained_denoiser(self) -> DenoiserConfig:
+        """Configuration of the denoiser of a model that has both stages.
+
+        Raises:
+            ModelError: Only the first stage is trained.
+        """
+        if self.denoiser is None:
+            raise ModelError(f"model {self.name!r} lacks a denoiser; train both stages first")
+        return self.denoiser
 
     def write(self, folder: Path) -> None:
         """Writes `model.json` into `folder`."""
-        write_json(folder / CARD_FILE, self)
+        write_json(folder / CARD_FILE, _in_version_1(self))
 
 
 def read_card(folder: Path) -> ModelCard:
@@ -144,9 +143,54 @@ def read_card(folder: Path) -> ModelCard:
     if not path.is_file():
         raise ModelError(f"{folder} is not a model folder: it has no {CARD_FILE}")
     try:
-        card = read_json(ModelCard, path)
+        data = read_plain(path)
     except InputError as error:
         raise ModelError(str(error)) from error
+    try:
+        card = from_json(ModelCard, _from_version_1(data))
+    except InputError as error:
+        raise ModelError(f"{path}: {error}") from error
     if card.format != FORMAT:
         raise ModelError(f"{path}: format {card.format}, expected {FORMAT}; update latentmotion")
     return card
+
+
+def _in_version_1(card: ModelCard) -> dict[str, Any]:
+    """Returns a card as its file has it: conditions are told by words, an untrained part is {}."""
+    data = to_json(card)
+    if card.denoiser is None:
+        return {**data, "denoiser": {}, "condition": {}}
+    condition = {key: value for key, value in data["condition"].items() if key != "kind"}
+    if not card.condition.reads_text:
+        condition = {"kind": card.task, **condition}
+    return {**data, "condition": condition}
+
+
+def _from_version_1(data: Any) -> Any:
+    """Returns a file's content with the classes named that it leaves out."""
+    if not isinstance(data, Mapping):
+        return data
+    read = dict(data)
+    if read.get("denoiser") == {}:
+        read["denoiser"] = None
+    if read.get("vae") == {} and isinstance(read.get("latents"), Mapping):
+        # A converted diffusion on raw frames.
+        read["vae"] = {"kind": "IdentityVAEConfig", "features": read["latents"].get("width")}
+    if isinstance(read.get("condition"), Mapping) and read.get("task") in TASKS:
+        read["condition"] = _condition_from_version_1(read)
+    return read
+
+
+def _condition_from_version_1(read: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the condition with its class; actions that were converted without names get numbers.
+
+    Old conversions kept the number of actions, which the denoiser has as well.
+    """
+    task, condition = TASKS[read["task"]], dict(read["condition"])
+    condition["kind"] = task.__name__
+    denoiser = read.get("denoiser")
+    if task is ActionTask and isinstance(denoiser, Mapping):
+        condition.pop("classes", None)
+        width = denoiser.get("condition_width", 0)
+        condition["labels"] = condition.get("labels") or [str(n) for n in range(width)]
+    return condition

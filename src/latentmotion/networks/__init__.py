@@ -1,0 +1,1 @@
+"""Networks made of their configurations; needs PyTorch."""
