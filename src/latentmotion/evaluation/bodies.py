@@ -13,7 +13,6 @@ from latentmotion.body.smpl_model import SmplModel
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.evaluation.extractors.action_network import Recognizer
-from latentmotion.evaluation.extractors.gru import MotionGRU
 from latentmotion.evaluation.observation import Extractor
 from latentmotion.representation.smpl import SmplRepresentation
 
@@ -64,4 +63,4 @@ def _lacks_body(dataset: Dataset) -> bool:
 
 
 def _looks_at_joints(extractor: Extractor | None) -> TypeGuard[Recognizer]:
-    return isinstance(extractor, Recognizer) and isinstance(extractor.network, MotionGRU)
+    return isinstance(extractor, Recognizer) and extractor.network.sees_joints

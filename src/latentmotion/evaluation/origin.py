@@ -11,10 +11,6 @@ import numpy as np
 
 from latentmotion.data.dataset import Dataset
 from latentmotion.evaluation.bodies import body_of
-from latentmotion.evaluation.extractors.action_network import Recognizer
-from latentmotion.evaluation.extractors.gru import MotionGRU
-from latentmotion.evaluation.extractors.stgcn import GraphNetwork
-from latentmotion.evaluation.extractors.text_motion import TextMotionEvaluator
 from latentmotion.evaluation.observation import Extractor
 from latentmotion.evaluation.report import Provenance
 from latentmotion.evaluation.subject import Generated, Subject
@@ -57,11 +53,6 @@ def statistics_hash(card: ModelCard) -> str:
 
 def official(extractor: Extractor | None) -> bool:
     """Returns whether an evaluator is one that papers use: a file of its authors, converted."""
-    if isinstance(extractor, TextMotionEvaluator):
-        commands = extractor.card.provenance.commands
-        return bool(commands) and all("convert evaluator" in command for command in commands)
-    if isinstance(extractor, Recognizer):
-        return isinstance(extractor.network, (MotionGRU, GraphNetwork))
     return bool(getattr(extractor, "official", False))
 
 

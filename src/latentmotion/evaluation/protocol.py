@@ -16,9 +16,8 @@ from latentmotion.condition.task import TaskName
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.bodies import on_stand_in
-from latentmotion.evaluation.extractors.interface import TextMotionExtractor
 from latentmotion.evaluation.feature_scores import Scores, feature_scores, truth_scores
-from latentmotion.evaluation.observation import Extractor, Observer, View
+from latentmotion.evaluation.observation import Extractor, Observer, View, observer_of, reads_text
 from latentmotion.evaluation.origin import official, provenance_of
 from latentmotion.evaluation.position_scores import PositionScores
 from latentmotion.evaluation.published import PublishedTruth, departures, published_truth
@@ -119,7 +118,7 @@ class _Measured:
     _truth: tuple[View | None, Scores] | None = None
 
     def __post_init__(self) -> None:
-        self._observer = Observer(self.extractor) if self.extractor is not None else None
+        self._observer = observer_of(self.extractor) if self.extractor is not None else None
         self.positions = PositionScores(self.dataset)
 
     def replicate(self, trial: Trial) -> None:
@@ -241,10 +240,10 @@ def _needs(
         return tasks.pop()
     clips = dataset.clips(protocol.split)
     captioned, labelled = any(c.captions for c in clips), any(c.action for c in clips)
-    reads_text = extractor is None or isinstance(extractor, TextMotionExtractor)
-    if reads_text and captioned and any(subject.repeats for subject in subjects):
+    by_text = extractor is None or reads_text(extractor)
+    if by_text and captioned and any(subject.repeats for subject in subjects):
         return "text"
-    return "action" if not reads_text and labelled else "unconditional"
+    return "action" if not by_text and labelled else "unconditional"
 
 
 def _lengths(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from latentmotion.condition.task import TASKS
 from latentmotion.evaluation.bodies import remarks_on_body
-from latentmotion.evaluation.extractors.interface import TextMotionExtractor
-from latentmotion.evaluation.observation import Extractor
+from latentmotion.evaluation.observation import Extractor, reads_text
 from latentmotion.evaluation.settings import Protocol
 from latentmotion.evaluation.trials import Plan
 
@@ -20,7 +19,7 @@ def remarks(plan: Plan, extractor: Extractor | None) -> list[str]:
     ]
     if extractor is None:
         notes.append("no evaluator, so metrics of positions alone")
-    elif isinstance(extractor, TextMotionExtractor):
+    elif reads_text(extractor):
         notes += _of_text(len(items), extractor.width, protocol)
     notes += remarks_on_body(plan.dataset, extractor)
     if extractor is not None and not protocol.quirks.permuted_truth:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from latentmotion.evaluation.extractors.interface import TextMotionExtractor
 from latentmotion.evaluation.metrics.multimodality import multimodality, shared_pairs_multimodality
 from latentmotion.evaluation.observation import Observer
 from latentmotion.evaluation.settings import Protocol
@@ -34,8 +33,7 @@ def repeated_multimodality(
         for seed in protocol.seeds("repeats", replication, repeats.samples, int(row))
     ]
     motions = subject.answer(questions, seeds)
-    assert isinstance(observer.extractor, TextMotionExtractor)
-    seen = observer.extractor.motions(motions).reshape(count, repeats.samples, -1)
+    seen = observer.vectors(motions).reshape(count, repeats.samples, -1)
     if repeats.pairs is None:
         return multimodality(list(seen))
     pairs = min(repeats.pairs, repeats.samples)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -25,7 +26,15 @@ AT_ONCE = 64
 
 
 class ActionNetwork(nn.Module, ABC):
-    """A classifier whose last hidden layer can be asked for."""
+    """A classifier whose last hidden layer can be asked for.
+
+    Attributes:
+        published: Whether it is one whose authors' weights papers use.
+        sees_joints: Whether it looks at joints, so that the body matters.
+    """
+
+    published: ClassVar[bool] = False
+    sees_joints: ClassVar[bool] = False
 
     @abstractmethod
     def features(self, motions: Float[Tensor, "batch frames *what_it_sees"]) -> Tensor:
@@ -69,6 +78,11 @@ class Recognizer:
             found |= {row: (hidden[i], logits[i]) for i, row in enumerate(rows)}
         in_order = [found[row] for row in range(len(features))]
         return Recognition(*(np.stack(part) for part in zip(*in_order, strict=True)))
+
+    @property
+    def official(self) -> bool:
+        """Whether it is one that papers use."""
+        return self.network.published
 
     @torch.no_grad()
     def _run(self, seen: Tensor) -> tuple[np.ndarray, np.ndarray]:

@@ -51,6 +51,9 @@ class MotionGRUConfig:
 class MotionGRU(ActionNetwork):
     """The classifier; its names are those of the authors' file."""
 
+    published = True
+    sees_joints = True
+
     def __init__(self, config: MotionGRUConfig) -> None:
         super().__init__()
         inputs = config.joints * 3

@@ -55,6 +55,8 @@ class GraphNetworkConfig:
 class GraphNetwork(ActionNetwork):
     """The classifier."""
 
+    published = True
+
     A: Tensor
 
     def __init__(self, config: GraphNetworkConfig) -> None:

@@ -78,6 +78,12 @@ class TextMotionEvaluator:
         """Numbers per vector."""
         return self.card.networks.width
 
+    @property
+    def official(self) -> bool:
+        """Whether it is one that papers use: a file of its authors, converted."""
+        commands = self.card.provenance.commands
+        return bool(commands) and all("convert evaluator" in command for command in commands)
+
     @cached_property
     def fingerprint(self) -> str:
         """Hash of weights, statistics and sizes."""
