@@ -31,10 +31,13 @@ from jaxtyping import Bool, Float
 from latentmotion.cleanup import CleanUp, clean
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.data.dataset import Dataset
-from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
-from latentmotion.evaluation.metrics.jitter import jitter
-from latentmotion.evaluation.metrics.penetration import penetration
-from latentmotion.inverse_kinematics import solve
+from latentmotion.evaluation.metrics.physical import (
+    foot_sliding,
+    jitter,
+    penetration,
+    skating_ratio,
+)
+from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
 from starter_motions import starter_features

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from math import inf, isnan, nan
 from statistics import median
 
-from latentmotion.training.provenance import describe_machine
+from latentmotion.runtime.device import describe_machine
 from stopwatch import Laps, Stopwatch
 
 Contender = Callable[[], Laps]

@@ -19,8 +19,7 @@ import torch
 from contest import Contender, figure, table, take_turns, whole
 from generation import Model
 from latentmotion.checkpoint import load_stages
-from latentmotion.evaluation.metrics.flops import flops
-from latentmotion.evaluation.metrics.parameters import parameters
+from latentmotion.evaluation.metrics.cost import flops, parameters
 from latentmotion.runtime.export import export_decoder
 from latentmotion.runtime.session import Runtime, open_session
 from latentmotion.vae.halves import way_back

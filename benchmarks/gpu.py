@@ -29,8 +29,8 @@ from device_training import training_rows
 from latentmotion.condition.interface import Conditioning
 from latentmotion.request import GenerationRequest
 from latentmotion.runtime.computing import Computing
+from latentmotion.runtime.device import describe_machine
 from latentmotion.runtime.eager import torch_pipeline
-from latentmotion.training.provenance import describe_machine
 from roofline import ordered, report
 
 STEPS = 50, 10, 4, 2, 1

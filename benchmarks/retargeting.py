@@ -26,13 +26,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.data.dataset import Dataset
 from latentmotion.formats.bvh import write_bvh
+from latentmotion.kinematics.animation import Animation
 from latentmotion.motion import Motion
 from latentmotion.retarget import Rig, read_rig, retarget
-from latentmotion.retarget.actor import Actor
+from latentmotion.retarget.source import SourceCharacter
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from rigs import RIGS, write_rig
@@ -121,7 +121,7 @@ def _line(name: str, rig: Rig, homes: list[Rig], motions: Sequence[Motion]) -> s
 
 
 def _measure(motion: Motion, animation: Animation, rig: Rig, home: Rig) -> Row:
-    actor, scale = Actor.of(motion), rig.leg / Actor.of(motion).leg
+    actor, scale = SourceCharacter.of(motion), rig.leg / SourceCharacter.of(motion).leg
     joints, fps = animation.joints(), motion.fps
     contacts = foot_contacts(actor.joints, fps, motion.skeleton)
     heights, below, sliding, source_sliding = [], [], [], []
@@ -129,7 +129,7 @@ def _measure(motion: Motion, animation: Animation, rig: Rig, home: Rig) -> Row:
         if name not in rig.body.joints:
             continue
         rested = rig.rest()[rig.body.joints[name], 1]
-        place, seen = joints[:, rig.body.joints[name]], actor.place(name)
+        place, seen = joints[:, rig.body.joints[name]], actor.position(name)
         lift = scale * (seen[:, 1] - actor.standing_height(name.partition("_")[2]))
         standing = contacts[:, number]
         heights.append((place[:, 1] - rested - lift)[standing])
@@ -151,14 +151,14 @@ def _measure(motion: Motion, animation: Animation, rig: Rig, home: Rig) -> Row:
 
 
 def _angles(
-    actor: Actor, joints: Float[np.ndarray, "frames joints 3"], rig: Rig, bones: Sequence
+    actor: SourceCharacter, joints: Float[np.ndarray, "frames joints 3"], rig: Rig, bones: Sequence
 ) -> np.ndarray:
     angles = []
     for side in SIDES:
         for upper, lower in bones:
             names = f"{side}_{upper}", f"{side}_{lower}"
             a, b = (joints[:, rig.body.joints[name]] for name in names)
-            seen = actor.place(names[1]) - actor.place(names[0])
+            seen = actor.position(names[1]) - actor.position(names[0])
             bone = b - a
             across = np.linalg.norm(np.cross(seen, bone), axis=-1)
             angles.append(np.degrees(np.arctan2(across, (seen * bone).sum(-1))))
@@ -169,7 +169,7 @@ def _back(motion: Motion, animation: Animation, rig: Rig, home: Rig) -> np.ndarr
     """Carries the rig's motion back to the motion's own skeleton."""
     returned = retarget(animation, home, rig.body).joints()
     places = [home.skeleton.names.index(name) for name in motion.skeleton.names]
-    source = Actor.of(motion)
+    source = SourceCharacter.of(motion)
     off = returned[:, places] * (source.leg / home.leg) - motion.animation().joints()
     # The floor of a file without a figure is a guess: one height for all frames.
     off[..., 1] -= off[..., 1].mean()

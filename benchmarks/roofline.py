@@ -31,16 +31,15 @@ from latentmotion.checkpoint import load_model
 from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.text.graph import GRAPH_FILE
 from latentmotion.diffusion.leaps import Leap
-from latentmotion.evaluation.metrics.flops import flops
-from latentmotion.evaluation.metrics.traffic import Traffic, traffic
+from latentmotion.evaluation.metrics.cost import Traffic, flops, traffic
 from latentmotion.model.card import ModelCard
 from latentmotion.model.folder import find_model
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.request import GenerationRequest
 from latentmotion.runtime.computing import ON_CPU, Computing
+from latentmotion.runtime.device import describe_machine
 from latentmotion.runtime.eager import encoder_folder, torch_pipeline
 from latentmotion.runtime.session import Session
-from latentmotion.training.provenance import describe_machine
 from latentmotion.vae.interface import MotionVAE
 
 CAPTION = "a person walks forward and kicks with the left leg"

@@ -6,7 +6,7 @@ Bones are compared by their rotation in the world. A bone's *reason* to turn in 
 largest angular speed of its own direction and of those of the bones within two bones of its upper
 end. It spins without reason where it turns faster than a limit and more than twice its reason.
 
-    ours       latentmotion.inverse_kinematics
+    ours       latentmotion.kinematics.inverse_kinematics
     shortest   the shortest arc from each bone's rest direction, in the world (HumanML3D's features)
     chain      the shortest arc from the parent's rotation, the root turned by the hips
 """
@@ -21,16 +21,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.data.dataset import Dataset
-from latentmotion.inverse_kinematics import solve
-from latentmotion.rotations import (
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.inverse_kinematics import solve
+from latentmotion.kinematics.rotations import (
     axis_angle_from_matrix,
     matrix_from_axis_angle,
     matrix_from_quaternion,
     quaternion_between,
 )
-from latentmotion.skeleton import HUMANML3D, HUMANML3D_DIRECTIONS
+from latentmotion.kinematics.skeleton import HUMANML3D, HUMANML3D_DIRECTIONS
 from starter_motions import starter_motions
 
 PARENTS = [max(parent, 0) for parent in HUMANML3D.parents]

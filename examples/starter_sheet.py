@@ -13,8 +13,8 @@ from pathlib import Path
 from PIL import Image
 
 from latentmotion import MotionPipeline, formats
-from latentmotion.formats import video
 from latentmotion.model.folder import DEFAULT
+from latentmotion.render import video
 
 PROMPTS = (
     "a person walks forward",

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from latentmotion.kinematics.rotations import axis_angle_from_matrix
 from latentmotion.representation.smpl import SMPL_FEATURES
-from latentmotion.rotations import axis_angle_from_matrix
 from walker import walker
 
 START = np.array([0.1, 0.2, 3.0])

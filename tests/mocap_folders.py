@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.animation import Animation
 from latentmotion.data.resampling import every
 from latentmotion.formats.bvh import write_bvh
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D
 
 
 def swaying(frames: int, fps: float = 120.0, seed: int = 0) -> Animation:

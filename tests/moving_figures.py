@@ -9,10 +9,10 @@ import numpy as np
 from latentmotion.data.clip import Source, Split
 from latentmotion.data.manifest import StoredClip
 from latentmotion.data.store import StoredMotion, stored_normalizer, write_dataset
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.normalizer import Normalizer
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D
 
 
 def joints_of(generator: np.random.Generator, frames: int) -> np.ndarray:

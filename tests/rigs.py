@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
-from latentmotion.rotations import quaternion_between, quaternion_from_matrix
+from latentmotion.kinematics.rotations import quaternion_between, quaternion_from_matrix
 
 Tree = Mapping[str, tuple[str | None, tuple[float, float, float]]]
 """Joint → its parent and its place in rest pose, meters, y up, facing +z."""
@@ -182,7 +182,7 @@ def _axes(shape: RigShape, places: np.ndarray, parents: list[int], joint: int) -
     end = places[ends[0]] - places[joint] if ends else places[joint] - places[parents[joint]]
     if np.linalg.norm(end) < 1e-9:
         return np.eye(3)
-    from latentmotion.rotations import matrix_from_quaternion
+    from latentmotion.kinematics.rotations import matrix_from_quaternion
 
     return matrix_from_quaternion(quaternion_between(np.array(shape.along, float), end))
 

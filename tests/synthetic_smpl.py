@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.skeleton import BODY
+from latentmotion.kinematics.skeleton import BODY
 
 CORNERS = 0.04 * np.array(list(product((-1, 1), repeat=3)))
 """Eight vertices around a joint, whose mean it is."""

@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from latentmotion.cli.main import main
-from latentmotion.configuration import write_json
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import read_manifest
@@ -37,6 +36,7 @@ from latentmotion.evaluation.extractors.temporal import TemporalClassifierConfig
 from latentmotion.experiment import TrainingSettings
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.configuration import write_json
 from latentmotion.training.classifier import BEST, train_classifier
 from latentmotion.training.classifier_stage import ClassifierExperiment, labelled, labels_of
 from latentmotion.training.devices import Place

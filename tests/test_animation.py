@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from latentmotion import formats
-from latentmotion.animation import Animation
 from latentmotion.errors import InputError
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D
 from walker import walker
 
 

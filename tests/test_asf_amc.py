@@ -9,9 +9,9 @@ import pytest
 
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats.asf_amc import read_asf_amc
-from latentmotion.joint_map import to_humanml3d
-from latentmotion.rotations import matrix_from_euler
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.humanoid import to_humanml3d
+from latentmotion.kinematics.rotations import matrix_from_euler
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 ASF = """# a comment
 :version 1.10

@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from action_files import write_humanact12
-from latentmotion.body.smpl_model import load_smpl
 from latentmotion.checkpoint import save_model
 from latentmotion.cli.main import main
 from latentmotion.condition.task import ActionTask
@@ -25,10 +24,12 @@ from latentmotion.evaluation.extractors.action_classifier import (
 from latentmotion.evaluation.extractors.action_network import Recognizer
 from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.evaluation.extractors.interface import load_extractor
-from latentmotion.files import sha256
 from latentmotion.formats import load
+from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.config import DenoiserConfig
 from latentmotion.model.vae_config import LatentSpace, TransformerVAEConfig
+from latentmotion.representation.smpl import representation_of
+from latentmotion.storage.files import sha256
 from moving_figures import write_moving_figures
 from synthetic_smpl import synthetic_arrays, write_synthetic_smpl
 from test_converted_models import SMALL, card, untrained
@@ -87,7 +88,7 @@ def test_the_classifier_sees_the_bodys_joints(folder: Path) -> None:
     assert isinstance(extractor, Recognizer)
     features = dataset.features(dataset.clips(dataset.manifest.clips[0].split)[0])
     seen = extractor.prepare(features)
-    np.testing.assert_allclose(seen, body.representation.camera_joints(features))
+    np.testing.assert_allclose(seen, representation_of(body).camera_joints(features))
     bones = np.linalg.norm(seen[0, 4] - seen[0, 1]) / np.linalg.norm(
         dataset.representation.skeleton.offsets[4]
     )

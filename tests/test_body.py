@@ -7,17 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.body.skinning import Body
-from latentmotion.body.smpl_model import load_smpl
 from latentmotion.errors import FileFormatError
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import BODY
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import BODY
+from latentmotion.kinematics.smpl import SkinnedBody, load_smpl
 from synthetic_smpl import synthetic_arrays, write_synthetic_smpl
 
 
-def two_bones() -> Body:
+def two_bones() -> SkinnedBody:
     """A forearm and a hand along x, of three vertices: on each and where they meet."""
-    return Body(
+    return SkinnedBody(
         template=np.array([[0.5, 0.1, 0.0], [1.0, 0.0, 0.2], [1.5, 0.0, 0.0]]),
         shape_directions=np.zeros((3, 3, 1)),
         pose_directions=np.zeros((3, 3, 9)),
@@ -28,7 +27,7 @@ def two_bones() -> Body:
 
 
 @pytest.fixture(scope="module")
-def body(tmp_path_factory) -> Body:
+def body(tmp_path_factory) -> SkinnedBody:
     path = write_synthetic_smpl(tmp_path_factory.mktemp("smpl") / "smpl.npz")
     return load_smpl(path).body.like(np.zeros(1))
 
@@ -78,7 +77,7 @@ def test_joints_of_the_surface_are_those_of_forward_kinematics(tmp_path):
     expected = model.skeleton.forward_kinematics(rotations, root)
     np.testing.assert_allclose(found - found[:, :1], expected, atol=1e-5)
     np.testing.assert_allclose(model.skeleton.offsets, BODY.offsets, atol=1e-6)
-    assert model.representation.skeleton.name == "smpl"
+    assert representation_of(model).skeleton.name == "smpl"
 
 
 def test_against_the_formula_with_homogeneous_matrices():
@@ -101,7 +100,7 @@ def test_against_the_formula_with_homogeneous_matrices():
         back[:3, 3] = -joints[joint]
         moved = homogeneous @ (transform @ back).T
         expected += arrays["weights"][:, [joint]] * moved[:, :3]
-    body = Body(
+    body = SkinnedBody(
         arrays["v_template"],
         arrays["shapedirs"],
         arrays["posedirs"],

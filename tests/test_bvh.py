@@ -9,11 +9,11 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.rotations import matrix_from_euler
-from latentmotion.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_euler
+from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
 ARM = """HIERARCHY
 ROOT Hips

@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 
 from latentmotion.cleanup import CleanUp, CleanUpWarning, clean
-from latentmotion.cleanup.bones import constant_bones
-from latentmotion.cleanup.contacts import foot_contacts, spans
-from latentmotion.cleanup.floor import Floor, align_floor
+from latentmotion.cleanup.bone_lengths import constant_bones
+from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
+from latentmotion.cleanup.floor import Floor, align_floor, lift_hands
 from latentmotion.cleanup.foot_lock import lock_feet
 from latentmotion.cleanup.foot_shift import FootLock
-from latentmotion.cleanup.hands import lift_hands
-from latentmotion.cleanup.knees import keep_ahead
-from latentmotion.cleanup.legs import find_legs
-from latentmotion.cleanup.root import ground_path, in_place
+from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction, reach
+from latentmotion.cleanup.pipeline import ground_path, in_place
 from latentmotion.cleanup.smoothing import smooth, upper_envelope
-from latentmotion.cleanup.two_bone import reach
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError
-from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
-from latentmotion.evaluation.metrics.jitter import jitter
-from latentmotion.evaluation.metrics.penetration import penetration
+from latentmotion.evaluation.metrics.physical import (
+    foot_sliding,
+    jitter,
+    penetration,
+    skating_ratio,
+)
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D, KIT, Skeleton
 
 NAMES = HUMANML3D.names
 FPS = 20.0
@@ -147,8 +147,8 @@ def test_contacts_have_hysteresis_and_forget_blinks():
 
 
 def test_spans():
-    assert list(spans(np.array([True, False, True, True]))) == [(0, 1), (2, 4)]
-    assert list(spans(np.zeros(3, dtype=bool))) == []
+    assert list(contact_intervals(np.array([True, False, True, True]))) == [(0, 1), (2, 4)]
+    assert list(contact_intervals(np.zeros(3, dtype=bool))) == []
 
 
 def test_two_bones_reach_their_goal_and_keep_their_lengths():
@@ -282,11 +282,11 @@ def test_knees_are_turned_ahead_about_the_line_from_hip_to_ankle():
     for leg in find_legs(HUMANML3D):
         moved[:, leg.knee, 2] = 2 * moved[:, leg.hip, 2] - moved[:, leg.knee, 2] - 0.01
         moved[:, leg.knee, 0] += 0.02
-    kept = keep_ahead(moved, joints, HUMANML3D)
+    kept = keep_knee_direction(moved, joints, HUMANML3D)
     assert knees_ahead(moved).max() < -0.01
     np.testing.assert_allclose(knees_ahead(kept), 0, atol=1e-9)
     np.testing.assert_allclose(bone_lengths(kept), bone_lengths(moved), atol=1e-9)
-    np.testing.assert_allclose(keep_ahead(joints, joints, HUMANML3D), joints, atol=1e-9)
+    np.testing.assert_allclose(keep_knee_direction(joints, joints, HUMANML3D), joints, atol=1e-9)
 
 
 def test_bones_of_one_who_lies_down_with_thighs_too_long_turn_no_knee_backward():

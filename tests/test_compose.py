@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.animation import Animation
 from latentmotion.cli.main import main
 from latentmotion.data.captions import TaggedSentence, mirror_sentence
 from latentmotion.data.clip import Source, Split
@@ -24,9 +23,10 @@ from latentmotion.data.splicing import splice
 from latentmotion.describe.clauses import read_clauses
 from latentmotion.describe.ordering import in_order
 from latentmotion.errors import DataError
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D
 
 CAPTIONS = {
     "wave": "a person waves with the left hand.",

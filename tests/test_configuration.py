@@ -8,8 +8,8 @@ from typing import Literal
 
 import pytest
 
-from latentmotion.configuration import from_json, read_json, to_json, write_json
 from latentmotion.errors import InputError
+from latentmotion.storage.configuration import from_json, read_json, to_json, write_json
 
 
 @dataclass(frozen=True)

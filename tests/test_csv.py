@@ -9,8 +9,8 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.errors import FileFormatError
+from latentmotion.kinematics.skeleton import BODY, KIT
 from latentmotion.motion import Motion
-from latentmotion.skeleton import BODY, KIT
 from walker import walker
 
 

@@ -16,8 +16,8 @@ from latentmotion.data.own import OwnMotions
 from latentmotion.data.recording import Dropped, Recording
 from latentmotion.data.uestc import TRAIN_SUBJECTS, depth_shifts, uestc_recordings
 from latentmotion.errors import DataError, FileFormatError
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_axis_angle
 from mocap_folders import swaying, write_own
 
 

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.animation import Animation
 from latentmotion.data.clip import Source
 from latentmotion.data.finding import files_below
 from latentmotion.data.own import OwnMotions
 from latentmotion.data.recording import Dropped, Recording
 from latentmotion.errors import DataError
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.joint_map import load_joint_map
-from latentmotion.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import load_joint_map
+from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 from mocap_folders import swaying, write_own
 
 SOURCE = Source("own", "mine", "me")

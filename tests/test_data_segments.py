@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.animation import Animation
 from latentmotion.data.glitches import clean_spans
 from latentmotion.data.segments import LONGEST, SHORTEST, pieces
 from latentmotion.data.t_pose import begins_with_t_pose, held_t_pose, is_blended, without_blend
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D
 from mocap_folders import swaying, with_t_pose
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.animation import Animation
 from latentmotion.data.evidence import shows
 from latentmotion.data.recording import Dropped, Recording
 from latentmotion.data.snu import find_takes, recording_of, snu_recordings
@@ -16,8 +15,9 @@ from latentmotion.data.snu_annotations import Group, Span, grouped, read_annotat
 from latentmotion.data.snu_names import namings, sentences_for
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.joint_map import JOINT_MAPS, find_joint_map, to_humanml3d
-from latentmotion.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import JOINT_MAPS, find_joint_map, to_humanml3d
+from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 from mocap_folders import swaying
 
 COURT = JOINT_MAPS["snu_court"]

@@ -19,9 +19,9 @@ from latentmotion.describe.reading import describe
 from latentmotion.describe.sentences import sentences
 from latentmotion.describe.windows import Windows, caption_windows
 from latentmotion.errors import InputError
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D
 
 FPS = 20.0
 

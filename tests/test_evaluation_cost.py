@@ -9,10 +9,14 @@ import torch
 from torch import nn
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.evaluation.metrics.aits import aits
-from latentmotion.evaluation.metrics.flops import flops, thop_macs
-from latentmotion.evaluation.metrics.parameters import parameters
-from latentmotion.evaluation.metrics.traffic import Traffic, traffic
+from latentmotion.evaluation.metrics.cost import (
+    Traffic,
+    aits,
+    flops,
+    parameters,
+    thop_macs,
+    traffic,
+)
 from latentmotion.networks.build import build
 from latentmotion.nn.attention import SelfAttention
 from latentmotion.nn.transformer import EncoderLayer

@@ -10,7 +10,6 @@ import torch
 
 from latentmotion.cli.main import main
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.configuration import read_json
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
@@ -30,6 +29,7 @@ from latentmotion.experiments.tables import TABLES, rows_named, table_named
 from latentmotion.experiments.workplace import Workplace
 from latentmotion.model.vae_config import TransformerVAEConfig
 from latentmotion.networks.build import build
+from latentmotion.storage.configuration import read_json
 from latentmotion.training.devices import Place
 from latentmotion.training.randomness import Ranks
 from moving_figures import write_moving_figures

@@ -7,7 +7,6 @@ import pytest
 
 from latentmotion.checkpoint import load_model
 from latentmotion.cli.main import main
-from latentmotion.configuration import to_json
 from latentmotion.diffusion.prediction import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.experiment import differing_keys
@@ -18,6 +17,7 @@ from latentmotion.experiments.vae_cost import vae_cost
 from latentmotion.model.vae_config import ConvolutionalVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.presets import preset_named
+from latentmotion.storage.configuration import to_json
 from moving_figures import write_moving_figures
 
 STACK = '{"width": 16, "layers": 3, "heads": 2, "hidden": 16}'

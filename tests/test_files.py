@@ -11,7 +11,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import save_file
 
 from latentmotion.errors import InputError
-from latentmotion.files import atomic_file, atomic_folder, check_writable, sha256
+from latentmotion.storage.files import atomic_file, atomic_folder, check_writable, sha256
 
 
 def test_file_appears_only_when_complete(tmp_path: Path) -> None:

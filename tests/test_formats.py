@@ -14,8 +14,8 @@ import pytest
 from latentmotion import formats
 from latentmotion.errors import InputError
 from latentmotion.formats.gltf_reader import read_animations
+from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D, Skeleton
 from walker import walker
 
 EXACT = {".npz": 0, ".csv": 1e-6, ".bvh": 1e-3, ".glb": 1e-3, ".gltf": 1e-3}

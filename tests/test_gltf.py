@@ -12,9 +12,9 @@ import pytest
 
 from latentmotion.errors import InputError
 from latentmotion.formats import gltf
+from latentmotion.kinematics.rotations import matrix_from_quaternion
+from latentmotion.kinematics.skeleton import KIT
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_quaternion
-from latentmotion.skeleton import KIT
 from walker import walker
 
 pygltflib = pytest.importorskip("pygltflib")

@@ -12,13 +12,13 @@ from latentmotion import formats
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import read_animations
-from latentmotion.motion import Motion
-from latentmotion.rotations import (
+from latentmotion.kinematics.rotations import (
     matrix_from_axis_angle,
     quaternion_from_axis_angle,
     quaternion_from_matrix,
 )
-from latentmotion.skeleton import KIT
+from latentmotion.kinematics.skeleton import KIT
+from latentmotion.motion import Motion
 from walker import walker
 
 

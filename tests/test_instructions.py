@@ -25,7 +25,7 @@ from latentmotion.evaluation.instructions.prompts import GROUPS, instructions
 from latentmotion.evaluation.instructions.report import markdown
 from latentmotion.evaluation.instructions.scene import scene_of
 from latentmotion.evaluation.instructions.truth import patterns
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 FRAMES = 80
 JOINT = {name: index for index, name in enumerate(HUMANML3D.names)}

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.inverse_kinematics import solve
-from latentmotion.rotations import axis_angle_from_matrix, matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D, KIT, Skeleton
+from latentmotion.kinematics.inverse_kinematics import solve
+from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from walker import t_pose, walker
 
 NAMES = HUMANML3D.names

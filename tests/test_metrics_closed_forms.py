@@ -7,17 +7,22 @@ import pytest
 from scipy.stats import special_ortho_group
 
 from latentmotion.errors import InputError
-from latentmotion.evaluation.metrics.accl import accl
-from latentmotion.evaluation.metrics.accuracy import accuracy
-from latentmotion.evaluation.metrics.ape_ave import ape, ave, parts_of
-from latentmotion.evaluation.metrics.diversity import diversity, drawn_diversity
-from latentmotion.evaluation.metrics.frechet import Gaussian, fid, frechet_distance
-from latentmotion.evaluation.metrics.kid import drawn_kid, kid
-from latentmotion.evaluation.metrics.mm_dist import mm_dist
-from latentmotion.evaluation.metrics.multimodality import label_pairs, multimodality
-from latentmotion.evaluation.metrics.pa_mpjpe import pa_mpjpe
-from latentmotion.evaluation.metrics.r_precision import r_precision, ranks
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.evaluation.metrics.distribution import (
+    Gaussian,
+    drawn_kid,
+    fid,
+    frechet_distance,
+    kid,
+)
+from latentmotion.evaluation.metrics.diversity import (
+    diversity,
+    drawn_diversity,
+    label_pairs,
+    multimodality,
+)
+from latentmotion.evaluation.metrics.reconstruction import accl, ape, ave, pa_mpjpe, parts_of
+from latentmotion.evaluation.metrics.retrieval import accuracy, mm_dist, r_precision, ranks
+from latentmotion.kinematics.skeleton import HUMANML3D
 from moving_figures import joints_of
 
 

@@ -7,14 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.evaluation.metrics.accl import acceleration_errors
-from latentmotion.evaluation.metrics.distances import distances
-from latentmotion.evaluation.metrics.diversity import drawn_diversity
-from latentmotion.evaluation.metrics.frechet import Gaussian, fid, frechet_distance
-from latentmotion.evaluation.metrics.mpjpe import joint_errors
-from latentmotion.evaluation.metrics.multimodality import label_pairs, shared_pairs_multimodality
-from latentmotion.evaluation.metrics.pa_mpjpe import pa_errors
-from latentmotion.evaluation.metrics.r_precision import r_precision, ranks
+from latentmotion.evaluation.metrics.distribution import Gaussian, fid, frechet_distance
+from latentmotion.evaluation.metrics.diversity import (
+    drawn_diversity,
+    label_pairs,
+    shared_pairs_multimodality,
+)
+from latentmotion.evaluation.metrics.reconstruction import (
+    acceleration_errors,
+    joint_errors,
+    pa_errors,
+)
+from latentmotion.evaluation.metrics.retrieval import distances, r_precision, ranks
 
 Golden = dict[str, np.ndarray]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.evaluation.metrics.mpjpe import mpjpe
-from latentmotion.evaluation.metrics.nearest_clip import nearest_clip_distance
+from latentmotion.evaluation.metrics.nearest_clip import TrainingClips
+from latentmotion.evaluation.metrics.reconstruction import mpjpe
 
 
 def test_mpjpe_of_a_shift_is_seen_only_in_the_world() -> None:
@@ -32,9 +32,25 @@ def test_nearest_clip_finds_the_stretch_it_was_cut_from() -> None:
     clip = np.random.default_rng(1).standard_normal((40, 22, 3))
     other = clip + 1.0
     motion = clip[8:24] + np.array([0.0, 0.03, 0.04])
-    assert nearest_clip_distance(motion, [other, clip]) == pytest.approx(0.05)
+    assert TrainingClips([other, clip]).distance(motion) == pytest.approx(0.05)
 
 
 def test_nearest_clip_compares_with_a_shorter_clip_over_its_length() -> None:
     motion = np.random.default_rng(2).standard_normal((30, 22, 3))
-    assert nearest_clip_distance(motion, [motion[4:12]]) == pytest.approx(0)
+    assert TrainingClips([motion[4:12]]).distance(motion) == pytest.approx(0, abs=1e-6)
+
+
+def test_nearest_clip_skips_only_stretches_that_cannot_be_nearer() -> None:
+    generator = np.random.default_rng(3)
+    clips = [
+        np.cumsum(generator.normal(0, 0.02, (length, 22, 3)), axis=0) for length in (5, 30, 61, 90)
+    ]
+    for length in (6, 8, 37, 90, 100):
+        motion = np.cumsum(generator.normal(0, 0.02, (length, 22, 3)), axis=0)
+        every = [
+            np.linalg.norm(longer[start : start + len(shorter)] - shorter, axis=-1).mean()
+            for clip in clips
+            for longer, shorter in [sorted((clip, motion), key=len, reverse=True)]
+            for start in range(0, len(longer) - len(shorter) + 1, 4)
+        ]
+        assert TrainingClips(clips).distance(motion) == pytest.approx(min(every), rel=1e-5)

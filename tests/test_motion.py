@@ -9,8 +9,8 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D, KIT
 from walker import walker
 
 

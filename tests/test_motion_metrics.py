@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
-from latentmotion.evaluation.metrics.jitter import jitter
-from latentmotion.evaluation.metrics.penetration import penetration
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.evaluation.metrics.physical import (
+    foot_sliding,
+    jitter,
+    penetration,
+    skating_ratio,
+)
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 FPS = 20.0
 FEET = [*HUMANML3D.left_foot, *HUMANML3D.right_foot]

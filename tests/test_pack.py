@@ -21,10 +21,10 @@ from latentmotion.data.pack.packing import pack, unpack, unpacked
 from latentmotion.data.preparation import merge
 from latentmotion.data.store import StoredMotion, write_dataset
 from latentmotion.errors import DataError, FileFormatError, InputError
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.smpl import SMPL_FEATURES
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D
 from moving_figures import write_moving_figures
 
 HEAD = struct.Struct("<8s32sII")

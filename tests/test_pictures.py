@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from latentmotion.errors import InputError
-from latentmotion.formats.camera import camera_around
-from latentmotion.formats.mannequin import make_mannequin
 from latentmotion.motion import Motion
+from latentmotion.render.camera import camera_around
+from latentmotion.render.mannequin import make_mannequin
 from walker import t_pose, walker
 
 Image = pytest.importorskip("PIL.Image")
 av = pytest.importorskip("av")
 
-from latentmotion.formats import strip, video  # noqa: E402
+from latentmotion.render import strip, video  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_missing_packages_are_named(package: str, ending: str, tmp_path: Path):
         "import numpy as np\n"
         "from latentmotion.errors import MissingExtraError\n"
         "from latentmotion.motion import Motion\n"
-        "from latentmotion.skeleton import HUMANML3D\n"
+        "from latentmotion.kinematics.skeleton import HUMANML3D\n"
         "joints = np.tile(HUMANML3D.rest_joints(), (2, 1, 1))\n"
         "try:\n"
         f"    Motion(joints).save({str(tmp_path / ('a' + ending))!r})\n"

@@ -12,12 +12,12 @@ import pytest
 from safetensors import SafetensorError
 
 from latentmotion import MotionPipeline
-from latentmotion.cache_folder import cache_folder
 from latentmotion.condition.interface import TextEmbedding, TextEncoder
 from latentmotion.condition.text import prompt_cache
 from latentmotion.condition.text.prompt_cache import RememberingTextEncoder
 from latentmotion.condition.text.unknown_words import UnknownWordsWarning
 from latentmotion.errors import InputError, ModelError
+from latentmotion.storage.cache_folder import cache_folder
 
 
 class Letters:

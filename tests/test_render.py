@@ -9,8 +9,8 @@ import pytest
 
 from latentmotion.cli.main import main
 from latentmotion.formats import save
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import Skeleton
 from walker import walker
 
 Image = pytest.importorskip("PIL.Image")

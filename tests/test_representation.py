@@ -10,12 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from latentmotion.errors import InputError
-from latentmotion.representation.canonical import canonicalize
-from latentmotion.representation.facing import gaussian_smooth, heading, turn
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.representation.canonical import canonicalize, gaussian_smooth, heading, turn
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SMPL_FEATURES
-from latentmotion.rotations import matrix_from_axis_angle
 
 ALL = [HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES]
 REPRESENTATIONS = pytest.mark.parametrize("representation", ALL, ids=lambda r: r.name)

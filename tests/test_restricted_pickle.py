@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.data import restricted_pickle
 from latentmotion.errors import FileFormatError
+from latentmotion.storage import pickles
 
 PLAIN = {
     "floats": np.arange(6, dtype=np.float32).reshape(2, 3),
@@ -41,7 +41,7 @@ def same(one, other):
 @pytest.mark.parametrize("protocol", range(6))
 def test_plain_values_of_every_protocol_come_back(tmp_path, protocol):
     expected = PLAIN | {"nested": [PLAIN["nested"][0], {"b": b"\x00\xff"}, {3}, 1j]}
-    assert same(restricted_pickle.load(write(tmp_path / "a.pkl", PLAIN, protocol)), expected)
+    assert same(pickles.load(write(tmp_path / "a.pkl", PLAIN, protocol)), expected)
 
 
 def test_pickles_of_older_numpy_and_python_2(tmp_path):
@@ -49,10 +49,10 @@ def test_pickles_of_older_numpy_and_python_2(tmp_path):
     old = new.replace(b"numpy._core.multiarray", b"numpy.core.multiarray")
     assert old != new
     (tmp_path / "a.pkl").write_bytes(old)
-    np.testing.assert_array_equal(restricted_pickle.load(tmp_path / "a.pkl")["x"], np.arange(3.0))
+    np.testing.assert_array_equal(pickles.load(tmp_path / "a.pkl")["x"], np.arange(3.0))
     # `str` of Python 2 holds bytes.
     (tmp_path / "b.pkl").write_bytes(b"(dp0\nS'caf\\xe9'\np1\nI1\ns.")
-    assert restricted_pickle.load(tmp_path / "b.pkl") == {"café": 1}
+    assert pickles.load(tmp_path / "b.pkl") == {"café": 1}
 
 
 @pytest.mark.parametrize("protocol", [0, 2, 4])
@@ -60,7 +60,7 @@ def test_sparse_matrices_become_dense(tmp_path, protocol):
     sparse = pytest.importorskip("scipy.sparse")
     matrix = np.random.default_rng(0).random((4, 9)) * (np.arange(9) % 3 == 0)
     path = write(tmp_path / "a.pkl", {"J": [sparse.csc_matrix(matrix)]}, protocol)
-    np.testing.assert_array_equal(restricted_pickle.load(path)["J"][0], matrix)
+    np.testing.assert_array_equal(pickles.load(path)["J"][0], matrix)
 
 
 class Bomb:
@@ -76,7 +76,7 @@ def test_programs_are_named_and_not_run(tmp_path, protocol):
     target = tmp_path / "run"
     path = write(tmp_path / "a.pkl", [1, Bomb(Path.mkdir, (target,))], protocol)
     with pytest.raises(FileFormatError, match=r"a\.pkl: holds .*; it was not read"):
-        restricted_pickle.load(path)
+        pickles.load(path)
     assert not target.exists()
 
 
@@ -89,27 +89,27 @@ def test_nothing_is_reached_through_what_is_allowed(tmp_path):
     ):
         (tmp_path / "a.pkl").write_bytes(content)
         with pytest.raises(FileFormatError):
-            restricted_pickle.load(tmp_path / "a.pkl")
+            pickles.load(tmp_path / "a.pkl")
 
 
 def test_chumpy_says_how_to_convert(tmp_path):
     (tmp_path / "smpl.pkl").write_bytes(b"(dp0\nS'shapedirs'\np1\ncchumpy.ch\nCh\np2\ns.")
     with pytest.raises(FileFormatError, match=r"chumpy\.ch\.Ch.*convert the file once.*savez"):
-        restricted_pickle.load(tmp_path / "smpl.pkl")
+        pickles.load(tmp_path / "smpl.pkl")
 
 
 @pytest.mark.parametrize("content", [b"", b"text", pickle.dumps(PLAIN)[:-30]])
 def test_damaged_files(tmp_path, content):
     (tmp_path / "a.pkl").write_bytes(content)
     with pytest.raises(FileFormatError, match="download it again"):
-        restricted_pickle.load(tmp_path / "a.pkl")
+        pickles.load(tmp_path / "a.pkl")
     with pytest.raises(FileFormatError, match="No such file"):
-        restricted_pickle.load(tmp_path / "none.pkl")
+        pickles.load(tmp_path / "none.pkl")
 
 
 def test_word_vectors_indices(shared):
     folder = shared / "data/t2m_vocabulary"
-    words = restricted_pickle.load(folder / "our_vab_words.pkl")
-    index = restricted_pickle.load(folder / "our_vab_idx.pkl")
+    words = pickles.load(folder / "our_vab_words.pkl")
+    index = pickles.load(folder / "our_vab_idx.pkl")
     assert words[:3] == ["sos", "eos", "unk"]
     assert index[words[5]] == 5

@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.animation import Animation
 from latentmotion.cli.main import main
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import read_animations
-from latentmotion.joint_map import to_humanml3d
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import to_humanml3d
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.retarget import Rig, find_body, read_rig, retarget
-from latentmotion.retarget.actor import Actor
+from latentmotion.retarget import Rig, find_humanoid, read_rig, retarget
 from latentmotion.retarget.draft import draft_map
-from latentmotion.retarget.rig import open_rig
-from latentmotion.retarget.writing import write
-from latentmotion.skeleton import Skeleton
+from latentmotion.retarget.rig_files import open_rig
+from latentmotion.retarget.source import SourceCharacter
+from latentmotion.retarget.transfer import write
 from rigs import CHILD, MIXAMO, RIGS, UNREAL, RigShape, write_rig
 from walker import t_pose, walker
 
@@ -44,10 +44,10 @@ def rig(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 
 def angles(motion: Motion, animation: Animation, rig: Rig, bones: list) -> np.ndarray:
-    actor, joints, found = Actor.of(motion), animation.joints(), []
+    actor, joints, found = SourceCharacter.of(motion), animation.joints(), []
     for side in ("left", "right"):
         for upper, lower in bones:
-            seen = actor.place(f"{side}_{lower}") - actor.place(f"{side}_{upper}")
+            seen = actor.position(f"{side}_{lower}") - actor.position(f"{side}_{upper}")
             a, b = (joints[:, rig.body.joints[f"{side}_{name}"]] for name in (upper, lower))
             cosine = (seen * (b - a)).sum(-1) / np.linalg.norm(seen, axis=-1)
             found.append(
@@ -66,7 +66,7 @@ def test_bones_keep_their_lengths_and_others_rest(motion: Motion, rig: Rig):
     animation = retarget(motion, rig)
     joints, rest = animation.joints(), rig.rest()
     for joint, parent in list(enumerate(rig.skeleton.parents))[1:]:
-        if joint != rig.carrier:
+        if joint != rig.root_motion_bone:
             length = np.linalg.norm(joints[:, joint] - joints[:, parent], axis=-1)
             np.testing.assert_allclose(
                 length, np.linalg.norm(rest[joint] - rest[parent]), atol=1e-6
@@ -282,7 +282,7 @@ def test_names_of_other_programs(known: str, limbs: str, sides: str | tuple):
     words = [limbs.replace("@", side).split() for side in sides]
     names = ("all", "thigh.L", *words[0], *words[1])
     parents = (-1, 0, *(0, 2, 3, 0, 5, 6), *(0, 8, 9, 0, 11, 12))
-    body = find_body(Skeleton("a", names, parents, np.ones((14, 3))))
+    body = find_humanoid(Skeleton("a", names, parents, np.ones((14, 3))))
     assert body.names == known
     found = [names[body.joints[f"left_{part}"]] for part in ("hip", "ankle", "wrist")]
     assert found == [words[0][0], words[0][2], words[0][5]]

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from latentmotion import rotations as R
 from latentmotion.errors import InputError
+from latentmotion.kinematics import rotations as R
 
 torch = pytest.importorskip("torch")
 roma = pytest.importorskip("roma")

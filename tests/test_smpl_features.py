@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from latentmotion.errors import InputError
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import BODY
 from latentmotion.motion import Motion
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import representation_named
 from latentmotion.representation.smpl import SMPL_FEATURES, UPRIGHT, smpl_features
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import BODY
 from walker import walker
 
 FACING_CAMERA = np.array([np.pi, 0, 0])

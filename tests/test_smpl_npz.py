@@ -10,9 +10,9 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import BODY, HUMANML3D, KIT
 from walker import walker
 
 LAYOUTS = (".amass.npz", ".smplx.npz", ".smpl.npz")

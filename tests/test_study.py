@@ -14,8 +14,8 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.cli.main import main
-from latentmotion.configuration import read_json, write_json
 from latentmotion.motion import Motion
+from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.study.answers import Answer, Answers, read_answers, read_key, votes_of
 from latentmotion.study.design import Pair, StudyKey, design
 from latentmotion.study.page import study_html, write_study_page

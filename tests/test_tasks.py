@@ -15,11 +15,11 @@ from latentmotion.cli.main import main
 from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.task import ActionTask
 from latentmotion.condition.unconditional import Unconditional
-from latentmotion.configuration import write_json
 from latentmotion.data.manifest import read_manifest
 from latentmotion.errors import InputError
 from latentmotion.model.card import read_card
 from latentmotion.runtime.eager import torch_pipeline
+from latentmotion.storage.configuration import write_json
 from latentmotion.training.devices import Place
 from latentmotion.training.randomness import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae

@@ -14,12 +14,12 @@ import torch
 
 from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.configuration import read_json, write_json
 from latentmotion.data.manifest import read_manifest
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.networks.build import build
 from latentmotion.presets import PRESETS, preset_named
+from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.training.devices import Place
 from latentmotion.training.journal import read_journal
 from latentmotion.training.previews import Previews

@@ -11,9 +11,9 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import KIT
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import KIT
 from walker import walker
 
 pxr = pytest.importorskip("pxr")

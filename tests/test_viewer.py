@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from latentmotion.errors import InputError
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D, KIT
 from latentmotion.viewer.page import notebook_html, page_html, write_page
 
 HOSTILE = 'walk </script><b>&amp; <!--<script> {{script}} "quoted" \\u003c é'

@@ -12,13 +12,13 @@ import torch
 
 from action_files import write_humanact12, write_uestc
 from latentmotion.cli.main import main
-from latentmotion.data import restricted_pickle
 from latentmotion.evaluation.extractors.action_classifier import (
     ActionClassifier,
     save_action_classifier,
 )
 from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.model.folder import find_model
+from latentmotion.storage import pickles
 from moving_figures import write_moving_figures
 
 
@@ -39,7 +39,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_uestc(place / name)
     (place / "counts" / "info" / "num_frames_min.txt").write_text("x\n" * 5)
     (place / "names" / "info" / "names.txt").write_bytes(b"\xff\xfe\x81")
-    content = restricted_pickle.load(place / "shapes" / "vibe_cache_refined.pkl")
+    content = pickles.load(place / "shapes" / "vibe_cache_refined.pkl")
     content["pose"][1] = np.zeros((70, 10))
     (place / "shapes" / "vibe_cache_refined.pkl").write_bytes(pickle.dumps(content))
     config = MotionGRUConfig()

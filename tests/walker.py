@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from latentmotion.animation import Animation
-from latentmotion.inverse_kinematics import solve
-from latentmotion.rotations import matrix_from_axis_angle
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.inverse_kinematics import solve
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 _SWINGS = {
     "left_shoulder": ((0, 0.3, -1.1), (0.2, 0.5, 0.2)),

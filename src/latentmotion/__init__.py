@@ -16,7 +16,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from latentmotion.animation import Animation as Animation
     from latentmotion.data.dataset import Dataset as Dataset
     from latentmotion.errors import LatentMotionError as LatentMotionError
     from latentmotion.formats import load as load
@@ -24,25 +23,26 @@ if TYPE_CHECKING:
     from latentmotion.formats.asf_amc import read_asf_amc as read_asf_amc
     from latentmotion.formats.bvh import read_bvh as read_bvh
     from latentmotion.formats.bvh import write_bvh as write_bvh
-    from latentmotion.joint_map import to_humanml3d as to_humanml3d
+    from latentmotion.kinematics.animation import Animation as Animation
+    from latentmotion.kinematics.humanoid import to_humanml3d as to_humanml3d
+    from latentmotion.kinematics.skeleton import Skeleton as Skeleton
     from latentmotion.motion import Motion as Motion
     from latentmotion.pipeline import MotionPipeline as MotionPipeline
-    from latentmotion.skeleton import Skeleton as Skeleton
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Animation": "animation",
+    "Animation": "kinematics.animation",
     "Dataset": "data.dataset",
     "LatentMotionError": "errors",
     "Motion": "motion",
     "MotionPipeline": "pipeline",
-    "Skeleton": "skeleton",
+    "Skeleton": "kinematics.skeleton",
     "load": "formats",
     "read_asf_amc": "formats.asf_amc",
     "read_bvh": "formats.bvh",
     "save": "formats",
-    "to_humanml3d": "joint_map",
+    "to_humanml3d": "kinematics.humanoid",
     "write_bvh": "formats.bvh",
 }
 

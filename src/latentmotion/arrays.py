@@ -1,4 +1,4 @@
-"""NumPy or PyTorch, whichever an array is of: what both rings need is written once for both.
+"""Arrays of NumPy and PyTorch alike: their common functions, prefix masks, unit vectors.
 
 NumPy 2.1 speaks the array API itself. array-api-compat, which is for PyTorch and for older NumPy,
 imports the whole of NumPy to wrap it: 150 ms of the processor's time before the first motion.
@@ -6,11 +6,13 @@ imports the whole of NumPy to wrap it: 150 ms of the processor's time before the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import array_api_compat
 import numpy as np
 from array_api_compat import device as device
+from jaxtyping import Bool, Float, Int
 
 _SPEAKS_IT = hasattr(np, "unstack")  # the last of it to come, in 2.1
 
@@ -20,3 +22,23 @@ def array_namespace(*arrays: Any) -> Any:
     if _SPEAKS_IT and all(isinstance(array, (np.ndarray, np.generic)) for array in arrays):
         return np
     return array_api_compat.array_namespace(*arrays)
+
+
+def prefix_mask(
+    lengths: Sequence[int] | Int[Any, " batch"], longest: int | None = None
+) -> Bool[Any, "batch longest"]:
+    """Returns a row per length, True up to it: the real frames, tokens or words of a padded batch.
+
+    Args:
+        lengths: A list, for a NumPy mask, or an array, whose library and device the mask has.
+        longest: Width of the mask; by default the largest length.
+    """
+    counts: Any = np.asarray(lengths) if isinstance(lengths, Sequence) else lengths
+    xp = array_namespace(counts)
+    width = int(xp.max(counts)) if longest is None else longest
+    return xp.arange(width, device=device(counts)) < counts[:, None]
+
+
+def unit(vectors: Float[np.ndarray, "*batch width"]) -> Float[np.ndarray, "*batch width"]:
+    """Returns vectors of length 1 in the same directions; those of length 0 stay 0."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

@@ -17,10 +17,10 @@ from torch import Tensor, nn
 
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.errors import ModelError
-from latentmotion.files import atomic_folder
 from latentmotion.model.card import CARD_FILE, ModelCard, read_card
 from latentmotion.model.folder import find_model, shipped_models
 from latentmotion.networks.build import build
+from latentmotion.storage.files import atomic_folder
 from latentmotion.vae.interface import MotionVAE
 
 WEIGHTS_FILE = "weights.safetensors"

@@ -13,12 +13,12 @@ from typing import Any, Literal, TypeVar
 
 from latentmotion.condition.sentence import SentenceReading
 from latentmotion.condition.task import TaskName
-from latentmotion.configuration import from_json, to_json
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.loss import DenoiserObjective
 from latentmotion.errors import InputError
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.model.vae_config import VAEConfig
+from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.vae.loss import VAEObjective
 
 Precision = Literal["float32", "bfloat16"]

@@ -15,8 +15,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.normalizer import Normalizer, Scale
 from latentmotion.representation.smpl import SmplRepresentation
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import InputError
-from latentmotion.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
 if TYPE_CHECKING:
     from latentmotion.cleanup import CleanUp
@@ -118,7 +118,7 @@ class Motion:
 
     @cached_property
     def _solved(self) -> Animation:
-        from latentmotion.inverse_kinematics import solve
+        from latentmotion.kinematics.inverse_kinematics import solve
 
         return solve(self.joints, self.fps, self.skeleton)
 

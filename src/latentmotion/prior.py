@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.errors import ModelError
 from latentmotion.feature_decoder import FeatureDecoder, representation_of
-from latentmotion.masks import mask_of
 from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
@@ -79,7 +79,7 @@ class MotionPrior:
         space = self.card.latents
         tokens = [space.tokens_of(length) for length in frames]
         latents = SeededNoise(seeds, tokens)((len(seeds), max(tokens), space.width))
-        return FeatureDecoder.of(self.card, self.decoder).decode(latents, mask_of(frames))
+        return FeatureDecoder.of(self.card, self.decoder).decode(latents, prefix_mask(frames))
 
     @cached_property
     def representation(self) -> Representation:

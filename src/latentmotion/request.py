@@ -9,10 +9,10 @@ from itertools import groupby
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.errors import InputError
-from latentmotion.masks import mask_of
 from latentmotion.model.card import LatentSpace, ModelCard
 from latentmotion.model.config import Sampling
 from latentmotion.runtime.backend import Backend, Batch
@@ -86,10 +86,10 @@ def padded_batch(
     words = _padded(condition, rows, padding.words(condition.mask.shape[1]))
     batch = Batch(
         noise=place(noise((rows, most, latents.width))),
-        tokens=place(mask_of(tokens, most)),
+        tokens=place(prefix_mask(tokens, most)),
         words=place(words.tokens),
         words_mask=place(words.mask),
-        frames=place(mask_of(frames, longest)),
+        frames=place(prefix_mask(frames, longest)),
     )
     return batch, noise
 

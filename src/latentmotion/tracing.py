@@ -13,7 +13,7 @@ from onnx import GraphProto, ModelProto
 from torch import Tensor, nn
 from torch.export import Dim
 
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 
 def trace(

@@ -7,7 +7,7 @@ import sys
 import zipfile
 from pathlib import Path
 
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 SOURCE = Path(__file__).parent / "latentmotion_blender"
 """What is packed."""

@@ -1,12 +1,12 @@
-"""Clean-up of generated motion: one step a file, NumPy only.
+"""Clean-up of generated motion, NumPy only.
 
-    smoothing  →  bones  →  floor  →  contacts  →  foot lock  →  root
+    smoothing  →  bone lengths  →  floor  →  contacts  →  foot lock  →  root motion
 
 `clean` takes the steps in this order; each is a function of joints to joints that can be used and
 measured alone (`benchmarks/cleanup.py`).
 """
 
 from latentmotion.cleanup.foot_shift import FootLock
-from latentmotion.cleanup.steps import CleanUp, CleanUpWarning, clean
+from latentmotion.cleanup.pipeline import CleanUp, CleanUpWarning, clean
 
 __all__ = ["CleanUp", "CleanUpWarning", "FootLock", "clean"]

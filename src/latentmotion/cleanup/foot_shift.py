@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.cleanup.bearing import Bearing, Path, ramp
+from latentmotion.cleanup.contacts import FootStance, Path, ramp
 from latentmotion.cleanup.smoothing import upper_envelope
 
 
@@ -53,13 +53,13 @@ class FootLock:
 
 
 def foot_shift(
-    pivots: Float[np.ndarray, "frames pivots 3"], foot: Bearing, fps: float, settings: FootLock
+    pivots: Float[np.ndarray, "frames pivots 3"], foot: FootStance, fps: float, settings: FootLock
 ) -> Path:
     """Returns the way from where a foot is to where it should be.
 
     Args:
         pivots: Its joints that touch the floor.
-        foot: How it bears.
+        foot: Its stance.
         fps: Frames per second.
         settings: How feet are held.
     """
@@ -68,26 +68,19 @@ def foot_shift(
     return shift + _lift(pivots, shift, foot, fps, settings)
 
 
-def _hold(foot: Bearing, blend: int) -> Path:
+def _hold(foot: FootStance, blend: int) -> Path:
     """Returns how far a foot must be shifted along the floor for it not to slide."""
     shift = np.zeros_like(foot.path)
-    for period in foot.periods:
-        part = slice(*period)
-        shift[part] = foot.center(period) - foot.path[part]
-    for gap in _gaps(foot, len(shift)):
-        _bridge(shift, gap, blend)
+    for interval in foot.intervals:
+        part = slice(*interval)
+        shift[part] = foot.center(interval) - foot.path[part]
+    before: list[int | None] = [None, *(end - 1 for _, end in foot.intervals)]
+    after: list[int | None] = [*(start for start, _ in foot.intervals), None]
+    for last, first in zip(before, after, strict=True):
+        whole = last is None and first is None
+        if not whole and (len(shift) - 1 if last is None else last) != first:
+            _bridge(shift, (last, first), blend)
     return shift
-
-
-def _gaps(foot: Bearing, frames: int) -> list[tuple[int | None, int | None]]:
-    """Returns last and first standing frame around each stretch without contact."""
-    before: list[int | None] = [None, *(end - 1 for _, end in foot.periods)]
-    after: list[int | None] = [*(start for start, _ in foot.periods), None]
-    return [
-        (a, b)
-        for a, b in zip(before, after, strict=True)
-        if (a is not None or b is not None) and (frames - 1 if a is None else a) != b
-    ]
 
 
 @dataclass(frozen=True)
@@ -109,24 +102,19 @@ def _bridge(shift: Path, gap: tuple[int | None, int | None], blend: int) -> None
         knots += [_Knot(right - blend, none, none), meeting]
     if left is not None and right is not None and right - left < 2 * blend:
         knots = [knots[0], knots[-1]]
-    for a, b in pairwise(knots):
-        _cubic(shift, a, b)
-
-
-def _cubic(shift: Path, a: _Knot, b: _Knot) -> None:
-    """Writes the cubic between two knots, themselves left out (Hermite)."""
-    frames = np.arange(max(a.frame + 1, 0), min(b.frame, len(shift)))
-    length = max(b.frame - a.frame, 1)
-    u = ((frames - a.frame) / length)[:, None]
-    rise = length * (u * (1 - u) ** 2 * a.slope - u**2 * (1 - u) * b.slope)
-    ease = u**2 * (3 - 2 * u)
-    shift[frames] = (1 - ease) * a.value + ease * b.value + rise
+    for a, b in pairwise(knots):  # the cubic between two knots, themselves left out (Hermite)
+        frames = np.arange(max(a.frame + 1, 0), min(b.frame, len(shift)))
+        length = max(b.frame - a.frame, 1)
+        u = ((frames - a.frame) / length)[:, None]
+        rise = length * (u * (1 - u) ** 2 * a.slope - u**2 * (1 - u) * b.slope)
+        ease = u**2 * (3 - 2 * u)
+        shift[frames] = (1 - ease) * a.value + ease * b.value + rise
 
 
 def _lift(
     pivots: Float[np.ndarray, "frames pivots 3"],
     shift: Path,
-    foot: Bearing,
+    foot: FootStance,
     fps: float,
     settings: FootLock,
 ) -> Path:
@@ -135,7 +123,11 @@ def _lift(
         settings.clearance * ramp(_speed(pivots + shift[:, None], fps), 0.4, 0.8),
         settings.step * ramp(_speed(shift[:, None], fps), 0.2, 0.6),
     )
-    height = height * _away(foot, 0.15 * fps)[:, None]
+    frames, distance = np.arange(len(foot.path)), np.full(len(foot.path), np.inf)
+    for start, end in foot.intervals:
+        outside = np.maximum(start - frames, frames - (end - 1))
+        distance = np.minimum(distance, np.maximum(0, outside))
+    height = height * ramp(distance, 0.0, 0.15 * fps)[:, None]
     need = np.maximum(0, height - pivots[..., 1]).max(axis=1)
     up = upper_envelope(need, max(1, round(0.1 * fps)))
     return up[:, None] * (0, 1, 0)
@@ -147,13 +139,3 @@ def _speed(
     if len(points) < 2:
         return np.zeros(points.shape[:2])
     return np.linalg.norm(np.gradient(points, axis=0)[..., ::2], axis=-1) * fps
-
-
-def _away(foot: Bearing, reach: float) -> Float[np.ndarray, " frames"]:
-    """Returns 0 in contact, rising to 1 as many frames away from it as `reach` says."""
-    frames = np.arange(len(foot.path))
-    distance = np.full(len(frames), np.inf)
-    for start, end in foot.periods:
-        outside = np.maximum(start - frames, frames - (end - 1))
-        distance = np.minimum(distance, np.maximum(0, outside))
-    return ramp(distance, 0.0, reach)

@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp
-from latentmotion.files import check_writable
+from latentmotion.storage.files import check_writable
 
 _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
 

@@ -13,7 +13,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.preparation import Preparation
 from latentmotion.errors import InputError
-from latentmotion.files import check_replaceable
+from latentmotion.storage.files import check_replaceable
 
 
 @dataclass(frozen=True)

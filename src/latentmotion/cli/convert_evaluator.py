@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from latentmotion.errors import InputError, MissingExtraError
-from latentmotion.files import read_lines
+from latentmotion.storage.files import read_lines
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,10 @@ from latentmotion.data.own import OwnMotions
 from latentmotion.data.preparation import Preparation, merge
 from latentmotion.data.report import Report
 from latentmotion.data.snu import SNU, snu_recordings
-from latentmotion.files import check_replaceable
-from latentmotion.joint_map import load_joint_map
+from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
+from latentmotion.storage.files import check_replaceable
 
 Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 Folder = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FOLDER")]

@@ -21,8 +21,8 @@ from latentmotion.data.own import OwnMotions
 from latentmotion.data.recording import Dropped
 from latentmotion.describe.windows import Windows
 from latentmotion.errors import InputError
-from latentmotion.files import check_replaceable
-from latentmotion.joint_map import load_joint_map
+from latentmotion.kinematics.humanoid import load_joint_map
+from latentmotion.storage.files import check_replaceable
 
 
 @dataclass(frozen=True)

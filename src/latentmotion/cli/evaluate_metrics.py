@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from latentmotion.body.smpl_model import load_smpl
 from latentmotion.checkpoint import FirstStageModel, load_stages
 from latentmotion.cli.evaluate import Evaluate
 from latentmotion.cli.loading import load_generator
 from latentmotion.cli.train import text_encoder_named
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.configuration import to_json
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import ModelError
 from latentmotion.evaluation.bodies import seen_on
@@ -32,11 +30,13 @@ from latentmotion.evaluation.protocol import (
 )
 from latentmotion.evaluation.report import REPORT_FILE
 from latentmotion.evaluation.trials import Trial
-from latentmotion.files import check_replaceable
+from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import read_card
 from latentmotion.model.folder import find_model
 from latentmotion.runtime.computing import Computing
 from latentmotion.runtime.eager import torch_prior
+from latentmotion.storage.configuration import to_json
+from latentmotion.storage.files import check_replaceable
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,18 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
-from latentmotion.animation import check_fps
-from latentmotion.body.smpl_model import load_smpl
-from latentmotion.cache_folder import cache_folder
 from latentmotion.cli.loading import Engine, load_generator, load_prior
 from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError
-from latentmotion.files import check_writable, read_lines
+from latentmotion.kinematics.animation import check_fps
+from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.folder import DEFAULT, find_model
 from latentmotion.motion import Motion
-from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.representation.smpl import SmplRepresentation, representation_of
 from latentmotion.runtime.computing import Computing, Launch, Precision
+from latentmotion.storage.cache_folder import cache_folder
+from latentmotion.storage.files import check_writable, read_lines
 
 _OUTPUT = (
     f"Files to write, the ending picks the format: {' '.join(formats.ENDINGS)}. "
@@ -146,7 +146,7 @@ class Generate:
         return Computing(self.device, self.precision, self.launch)
 
     def _body(self) -> SmplRepresentation | None:
-        return load_smpl(self.body).representation if self.body else None
+        return representation_of(load_smpl(self.body)) if self.body else None
 
 
 def _needed(card: ModelCard, given: list[str]) -> list[str]:

@@ -18,8 +18,8 @@ from latentmotion.evaluation.instructions.joints_folder import read_folder
 from latentmotion.evaluation.instructions.prompts import instructions, write_prompts
 from latentmotion.evaluation.instructions.report import PAGE_FILE, REPORT_FILE, table, write
 from latentmotion.evaluation.instructions.truth import Claimed, claimed
-from latentmotion.files import check_replaceable
 from latentmotion.runtime.computing import Computing
+from latentmotion.storage.files import check_replaceable
 
 if TYPE_CHECKING:
     from latentmotion.cli.evaluate import Evaluate

@@ -17,11 +17,10 @@ from latentmotion.data.own import OwnMotions
 from latentmotion.data.preparation import Preparation
 from latentmotion.data.recording import Dropped, EncodedRecording
 from latentmotion.data.uestc import UESTC, uestc_recordings
-from latentmotion.files import check_replaceable
-from latentmotion.joint_map import load_joint_map
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.known import representation_named
+from latentmotion.kinematics.humanoid import load_joint_map
+from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.smpl import SMPL_FEATURES
+from latentmotion.storage.files import check_replaceable
 
 Out = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 

@@ -10,11 +10,11 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
-from latentmotion.animation import check_fps
 from latentmotion.errors import InputError
-from latentmotion.files import check_writable
-from latentmotion.formats import strip, video
+from latentmotion.kinematics.animation import check_fps
 from latentmotion.motion import Motion
+from latentmotion.render import strip, video
+from latentmotion.storage.files import check_writable
 
 _VIDEOS, _PICTURES = (".mp4", ".gif"), (".png",)
 

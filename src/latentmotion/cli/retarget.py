@@ -10,15 +10,15 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
-from latentmotion.animation import check_fps
 from latentmotion.errors import InputError
-from latentmotion.files import check_writable
-from latentmotion.joint_map import load_joint_map
+from latentmotion.kinematics.animation import check_fps
+from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.motion import Motion
 from latentmotion.retarget import Rig, read_rig
 from latentmotion.retarget.draft import draft_map, write_draft
-from latentmotion.retarget.rig import open_rig
-from latentmotion.retarget.writing import check_output, write
+from latentmotion.retarget.rig_files import open_rig
+from latentmotion.retarget.transfer import check_output, write
+from latentmotion.storage.files import check_writable
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from latentmotion.configuration import to_json, write_json
 from latentmotion.errors import InputError
-from latentmotion.files import check_writable
+from latentmotion.storage.configuration import to_json, write_json
+from latentmotion.storage.files import check_writable
 
 if TYPE_CHECKING:
     from latentmotion.study.design import Pair

@@ -12,8 +12,8 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import COMPOSED
 from latentmotion.data.sampling import Item, items_of
 from latentmotion.describe.clauses import Sentence, read_clauses
-from latentmotion.representation.facing import heading
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.representation.canonical import heading
 
 _FRAMES = (12, 130)
 """Shortest and longest single action; of a steady movement a piece is taken."""

@@ -13,10 +13,9 @@ from safetensors import SafetensorError, safe_open
 from latentmotion.data.clip import SPLITS, Clip, Source
 from latentmotion.data.manifest import MANIFEST, Manifest, StoredClip, read_manifest
 from latentmotion.errors import DataError, InputError
-from latentmotion.files import sha256
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.files import sha256
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.configuration import read_json, write_json
 from latentmotion.data.captions import TaggedSentence, fit_sentences, mirror_words
 from latentmotion.data.clip import Caption
 from latentmotion.data.contradictions import contradiction, without_contradicted
@@ -33,8 +32,9 @@ from latentmotion.describe.reading import describe
 from latentmotion.describe.sentences import plain_action, sentences
 from latentmotion.describe.windows import Row, Windows, caption_windows
 from latentmotion.errors import DataError
-from latentmotion.files import atomic_file, atomic_folder
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.storage.files import atomic_file, atomic_folder
 
 COLUMNS = ("file", "caption", "from", "to")
 """What `data prepare own --captions` reads."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 FPS = 20
 

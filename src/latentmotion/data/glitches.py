@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 ANY_JOINT = 240.0
 """Largest credible acceleration of any joint, m/s²."""

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.data import restricted_pickle
 from latentmotion.data.clip import Source
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.smpl_poses import JOINTS, PosedRecording
 from latentmotion.errors import FileFormatError
+from latentmotion.storage import pickles
 
 HUMANACT12 = Source(
     name="humanact12",
@@ -50,7 +50,7 @@ def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | 
     Raises:
         FileFormatError: The file cannot be read, or is laid out otherwise.
     """
-    content = restricted_pickle.load(path)
+    content = pickles.load(path)
     _check(path, content)
     for number, (pose, joints, action) in enumerate(zip(*map(content.get, _NEEDED), strict=True)):
         label = _label(number, int(action), path)

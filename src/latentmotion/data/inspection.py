@@ -20,7 +20,7 @@ from latentmotion.data.report import Report, parts_of
 from latentmotion.data.snu import find_takes
 from latentmotion.data.uestc import ACTIONS, FRAMES, NAMES, POSES, UESTC
 from latentmotion.errors import DataError
-from latentmotion.files import sha256
+from latentmotion.storage.files import sha256
 
 _EXPECTED = (
     f"expected a prepared folder ({MANIFEST}), HumanML3D's captions (index.csv, texts, train.txt), "

@@ -1,6 +1,6 @@
-"""HumanML3D's captions with the lengths of their motions, without the motions.
+"""Captions with the lengths of their motions, of HumanML3D without motions or of a prepared set.
 
-Lengths follow from index.csv as HumanML3D's own readers make them: features have one frame less
+HumanML3D's lengths follow from index.csv as its own readers make them: features have one frame less
 than the clip, a sentence tagged with a span lasts as long as that, items under 40 or from 200
 frames on are left out, what is longer than 196 is cut. Clips of 10 s are mostly cut from longer
 ones, so the longest length means "that or more".
@@ -9,6 +9,7 @@ ones, so the longest length means "that or more".
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from latentmotion.data.annotations import (
 )
 from latentmotion.data.captions import TAG_RATE, fit_sentences
 from latentmotion.data.clip import Split
+from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError
 
 SHORTEST, TOO_LONG, LONGEST = 40, 200, 196
@@ -62,6 +64,34 @@ def read_caption_lengths(folder: Path, split: Split) -> CaptionLengths:
         raise DataError(f"{folder}: no sentence of the split {split} has a length in index.csv")
     sentences, seconds = zip(*found, strict=True)
     return CaptionLengths(sentences, np.array(seconds, np.float32))
+
+
+def prepared_caption_lengths(dataset: Dataset, split: Split) -> CaptionLengths:
+    """Returns the sentences of a split of a prepared folder with the lengths of their spans.
+
+    Args:
+        dataset: The prepared folder.
+        split: Which part.
+
+    Raises:
+        DataError: The split has no sentence.
+    """
+    fps = dataset.representation.fps
+    found = [
+        (caption.text, (caption.end_frame - caption.start_frame) / fps)
+        for clip in dataset.clips(split)
+        for caption in clip.captions
+    ]
+    if not found:
+        raise DataError(f"{dataset.folder}: the split {split} has no caption")
+    sentences, seconds = zip(*found, strict=True)
+    return CaptionLengths(sentences, np.array(seconds, np.float32))
+
+
+def joined(parts: Sequence[CaptionLengths]) -> CaptionLengths:
+    """Returns several sets as one."""
+    sentences = tuple(sentence for part in parts for sentence in part.sentences)
+    return CaptionLengths(sentences, np.concatenate([part.seconds for part in parts]))
 
 
 def _frames(row: IndexRow) -> int:

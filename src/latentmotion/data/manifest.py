@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from latentmotion.configuration import read_json
 from latentmotion.data.clip import Caption, Clip, Source, Split
 from latentmotion.errors import DataError, InputError
+from latentmotion.storage.configuration import read_json
 
 MANIFEST = "manifest.json"
 FORMAT = "latentmotion dataset 1"

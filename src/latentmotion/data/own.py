@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.data.captions import (
     TaggedSentence,
     mirror_sentence,
@@ -35,8 +34,9 @@ from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats import npz
 from latentmotion.formats.asf_amc import find_asf, read_asf_amc
 from latentmotion.formats.bvh import read_bvh
-from latentmotion.joint_map import JointMap
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import JointMap
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 ENDINGS = (".bvh", ".amc", ".npz")
 FPS = 20

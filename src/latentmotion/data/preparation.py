@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.configuration import read_json, write_json
 from latentmotion.data.captions import fit_sentences
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
@@ -24,6 +23,7 @@ from latentmotion.data.store import (
 from latentmotion.errors import DataError
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.configuration import read_json, write_json
 
 
 class Preparation:

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import DataError
-from latentmotion.joint_map import JointMap, to_humanml3d
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import JointMap, to_humanml3d
 
 
 def joints_at(

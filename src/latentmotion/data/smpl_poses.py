@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.errors import InputError
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.representation.smpl import smpl_features
-from latentmotion.rotations import matrix_from_axis_angle
 
 JOINTS = 24
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.data.captions import TaggedSentence, mirror_sentence
 from latentmotion.data.clip import Source
 from latentmotion.data.evidence import floor_of
@@ -33,6 +32,7 @@ from latentmotion.data.t_pose import held_t_pose
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
+from latentmotion.kinematics.animation import Animation
 
 SNU = Source(
     name="snu",

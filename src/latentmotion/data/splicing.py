@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.representation.facing import heading, turn
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.representation.canonical import heading, turn
 from latentmotion.representation.interface import Representation
-from latentmotion.skeleton import Skeleton
 
 Joints = Float[np.ndarray, "frames joints 3"]
 

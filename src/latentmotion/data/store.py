@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float
 from safetensors.numpy import save
 
-from latentmotion.configuration import write_json
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.manifest import (
     FORMAT,
@@ -27,9 +26,10 @@ from latentmotion.data.manifest import (
     StoredNormalizer,
 )
 from latentmotion.errors import DataError
-from latentmotion.files import atomic_folder, sha256
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.configuration import write_json
+from latentmotion.storage.files import atomic_folder, sha256
 
 SHARD_FRAMES = 40_000
 """Frames after which a new shard begins: some 40 MB, which every host takes."""

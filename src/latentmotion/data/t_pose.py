@@ -7,8 +7,9 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.animation import Animation
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.arrays import unit
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import HUMANML3D
 
 BLENDED = 6
 """Frames of a BVH file after the T-pose that may be drawn towards it, at the native rate."""
@@ -64,24 +65,19 @@ def held_t_pose(joints: Float[np.ndarray, "frames joints 3"]) -> Bool[np.ndarray
         joints: HumanML3D's joints.
     """
     at = HUMANML3D.names.index
-    across = _unit(joints[:, at("left_shoulder")] - joints[:, at("right_shoulder")])
+    across = unit(joints[:, at("left_shoulder")] - joints[:, at("right_shoulder")])
     held = np.ones(len(joints), bool)
     for side, sign in (("left", 1), ("right", -1)):
         shoulder, elbow, wrist, hip, ankle = (
             joints[:, at(f"{side}_{name}")]
             for name in ("shoulder", "elbow", "wrist", "hip", "ankle")
         )
-        upper, lower = _unit(elbow - shoulder), _unit(wrist - elbow)
+        upper, lower = unit(elbow - shoulder), unit(wrist - elbow)
         held &= np.sum(upper * lower, axis=-1) > np.cos(np.radians(35))
-        held &= np.abs(_unit(wrist - shoulder)[:, 1]) < np.sin(np.radians(30))
-        held &= sign * np.sum(_unit(wrist - shoulder) * across, axis=-1) > np.cos(np.radians(40))
-        held &= _unit(hip - ankle)[:, 1] > np.cos(np.radians(20))
+        held &= np.abs(unit(wrist - shoulder)[:, 1]) < np.sin(np.radians(30))
+        held &= sign * np.sum(unit(wrist - shoulder) * across, axis=-1) > np.cos(np.radians(40))
+        held &= unit(hip - ankle)[:, 1] > np.cos(np.radians(20))
     return held
-
-
-def _unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
 def _turns(animation: Animation) -> Float[np.ndarray, " frames"]:
@@ -99,5 +95,5 @@ def _with_bones_of(
     for joint, parent in list(enumerate(HUMANML3D.parents))[1:]:
         bone = joints[:, joint] - joints[:, parent]
         length = np.linalg.norm(model[joint] - model[parent])
-        placed[:, joint] = placed[:, parent] + length * _unit(bone)
+        placed[:, joint] = placed[:, parent] + length * unit(bone)
     return placed

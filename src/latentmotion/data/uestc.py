@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data import restricted_pickle
 from latentmotion.data.captions import mirror_words
 from latentmotion.data.clip import Source, Split
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.smpl_poses import PosedRecording
 from latentmotion.errors import DataError, FileFormatError
-from latentmotion.rotations import axis_angle_from_matrix, matrix_from_axis_angle
+from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
+from latentmotion.storage import pickles
 
 UESTC = Source(
     name="uestc",
@@ -181,7 +181,7 @@ def _lines(path: Path) -> list[str]:
 
 def _poses(folder: Path, videos: int) -> Mapping[str, Sequence[np.ndarray]]:
     path = folder / POSES
-    content = restricted_pickle.load(path)
+    content = pickles.load(path)
     found = ", ".join(map(str, content)) if isinstance(content, Mapping) else type(content).__name__
     if not isinstance(content, Mapping) or any(key not in content for key in _KEYS):
         raise FileFormatError(path, f"expected {', '.join(_KEYS)}, found {found}")
@@ -194,7 +194,7 @@ def _known_shifts(folder: Path, videos: int) -> Sequence[np.ndarray] | None:
     path = folder / SHIFTS
     if not path.is_file():
         return None
-    shifts = restricted_pickle.load(path)
+    shifts = pickles.load(path)
     _check_count(path, "shifts", shifts, videos)
     return shifts
 

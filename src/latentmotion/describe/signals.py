@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float
 
 from latentmotion.describe.facts import FPS
 from latentmotion.errors import InputError
-from latentmotion.representation.facing import gaussian_smooth
-from latentmotion.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.representation.canonical import gaussian_smooth
 
 JOINT = {name: index for index, name in enumerate(HUMANML3D.names)}
 """Index of each joint by name."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TypeGuard
 
-from latentmotion.body.smpl_model import SmplModel
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.evaluation.extractors.action_network import Recognizer
 from latentmotion.evaluation.observation import Extractor
-from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.kinematics.smpl import SmplModel
+from latentmotion.representation.smpl import SmplRepresentation, representation_of
 
 
 def seen_on(
@@ -25,7 +25,7 @@ def seen_on(
     Raises:
         InputError: The features are not SMPL's poses.
     """
-    representation, found = body.representation, dataset.representation.name
+    representation, found = representation_of(body), dataset.representation.name
     if found != representation.name:
         raise InputError(
             f"{dataset.folder} has features {found!r}, which are no poses of a SMPL body; "

@@ -15,9 +15,7 @@ from pathlib import Path
 
 from latentmotion.checkpoint import load_stages
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.evaluation.metrics.aits import WARM_UP, aits
-from latentmotion.evaluation.metrics.flops import flops
-from latentmotion.evaluation.metrics.parameters import parameters
+from latentmotion.evaluation.metrics.cost import WARM_UP, aits, flops, parameters
 from latentmotion.evaluation.subject import Generated
 from latentmotion.evaluation.trials import Question
 from latentmotion.runtime.eager import torch_pipeline

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Int
 
-from latentmotion.evaluation.metrics.accuracy import accuracy
-from latentmotion.evaluation.metrics.diversity import diversity, drawn_diversity
-from latentmotion.evaluation.metrics.frechet import Gaussian, frechet_distance
-from latentmotion.evaluation.metrics.kid import drawn_kid, kid
-from latentmotion.evaluation.metrics.mm_dist import mm_dist
-from latentmotion.evaluation.metrics.multimodality import label_pairs, multimodality
-from latentmotion.evaluation.metrics.r_precision import BEST, r_precision, ranks
+from latentmotion.evaluation.metrics.distribution import Gaussian, drawn_kid, frechet_distance, kid
+from latentmotion.evaluation.metrics.diversity import (
+    diversity,
+    drawn_diversity,
+    label_pairs,
+    multimodality,
+)
+from latentmotion.evaluation.metrics.retrieval import BEST, accuracy, mm_dist, r_precision, ranks
 from latentmotion.evaluation.observation import View
 from latentmotion.evaluation.settings import Protocol
 

@@ -14,9 +14,10 @@ from latentmotion.evaluation.bodies import body_of
 from latentmotion.evaluation.observation import Extractor
 from latentmotion.evaluation.report import Provenance
 from latentmotion.evaluation.subject import Generated, Subject
-from latentmotion.files import sha256
 from latentmotion.model.card import ModelCard
-from latentmotion.training.provenance import commit, describe_machine
+from latentmotion.runtime.device import describe_machine
+from latentmotion.storage.files import sha256
+from latentmotion.storage.provenance import commit
 
 _WEIGHTS = ("*.safetensors", "*.onnx", "tokenizer.json")
 

@@ -11,14 +11,21 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.dataset import Dataset
-from latentmotion.evaluation.metrics.accl import acceleration_errors
-from latentmotion.evaluation.metrics.ape_ave import ape, ave, parts_of
-from latentmotion.evaluation.metrics.foot_sliding import foot_sliding, skating_ratio
-from latentmotion.evaluation.metrics.jitter import jitter
-from latentmotion.evaluation.metrics.mpjpe import joint_errors
-from latentmotion.evaluation.metrics.nearest_clip import nearest_clip_distance
-from latentmotion.evaluation.metrics.pa_mpjpe import pa_errors
-from latentmotion.evaluation.metrics.penetration import penetration
+from latentmotion.evaluation.metrics.nearest_clip import TrainingClips
+from latentmotion.evaluation.metrics.physical import (
+    foot_sliding,
+    jitter,
+    penetration,
+    skating_ratio,
+)
+from latentmotion.evaluation.metrics.reconstruction import (
+    acceleration_errors,
+    ape,
+    ave,
+    joint_errors,
+    pa_errors,
+    parts_of,
+)
 
 Motions = Sequence[Float[np.ndarray, "_ features"]]
 Joints = Float[np.ndarray, "_ joints 3"]
@@ -57,10 +64,7 @@ class PositionScores:
         if "positions" not in self.dataset.representation.blocks:
             return {}
         poses = [self._poses(motion) for motion in motions]
-        return {
-            "Nearest clip": 1000
-            * fmean(nearest_clip_distance(pose, self._training) for pose in poses)
-        }
+        return {"Nearest clip": 1000 * fmean(self._training.distance(pose) for pose in poses)}
 
     def repeated(
         self, motions: Motions, truth: Motions, padding: Float[np.ndarray, " features"] | None
@@ -106,9 +110,9 @@ class PositionScores:
         return positions.reshape(len(positions), -1, 3)
 
     @cached_property
-    def _training(self) -> list[Joints]:
+    def _training(self) -> TrainingClips:
         clips = self.dataset.clips("train", mirrored=True)
-        return [self._poses(self.dataset.features(clip)) for clip in clips]
+        return TrainingClips([self._poses(self.dataset.features(clip)) for clip in clips])
 
 
 def _padded(

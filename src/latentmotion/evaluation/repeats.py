@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from latentmotion.evaluation.metrics.multimodality import multimodality, shared_pairs_multimodality
+from latentmotion.evaluation.metrics.diversity import multimodality, shared_pairs_multimodality
 from latentmotion.evaluation.observation import Observer
 from latentmotion.evaluation.settings import Protocol
 from latentmotion.evaluation.subject import Generated

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.configuration import to_json
 from latentmotion.evaluation.cost import Cost
 from latentmotion.evaluation.settings import Protocol
-from latentmotion.files import atomic_folder
+from latentmotion.storage.configuration import to_json
+from latentmotion.storage.files import atomic_folder
 
 REPORT_FILE = "report.json"
 PAGE_FILE = "report.md"

@@ -13,11 +13,11 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.evaluation.settings import Protocol as Settings
 from latentmotion.evaluation.trials import Question, Trial
 from latentmotion.feature_decoder import FeatureDecoder, normalizer_of
-from latentmotion.masks import mask_of
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import Sampling
 from latentmotion.prior import MotionPrior
@@ -151,7 +151,7 @@ class Reconstructed:
         padded = np.zeros((len(motions), max(frames), motions[0].shape[1]), np.float32)
         for row, motion in zip(padded, motions, strict=True):
             row[: len(motion)] = normalizer.normalize(motion)
-        mask = torch.from_numpy(mask_of(frames))
+        mask = prefix_mask(torch.tensor(frames))
         posterior = self.vae.encode(torch.from_numpy(padded), mask)
         latents = posterior.mean
         if seeds is not None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from latentmotion.errors import InputError
 from latentmotion.experiments.tables import TABLES
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 _PART = re.compile(r"<!-- table (\w+) -->\n(.*?)<!-- end of table \1 -->", re.DOTALL)
 

@@ -12,7 +12,6 @@ from typing import Any
 
 from latentmotion.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.configuration import read_json, to_json, write_json
 from latentmotion.errors import InputError
 from latentmotion.evaluation.cost import cost_of, longest_of
 from latentmotion.evaluation.extractors.interface import ActionExtractor, TextMotionExtractor
@@ -25,10 +24,11 @@ from latentmotion.experiments.reverse import draw_latents
 from latentmotion.experiments.table import Row, Table
 from latentmotion.experiments.vae_cost import vae_cost
 from latentmotion.experiments.workplace import Workplace
-from latentmotion.files import sha256
 from latentmotion.model.card import read_card
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.runtime.eager import torch_pipeline, torch_prior
+from latentmotion.storage.configuration import read_json, to_json, write_json
+from latentmotion.storage.files import sha256
 from latentmotion.vae.interface import MotionVAE
 
 SLOW = 1000

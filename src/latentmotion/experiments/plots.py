@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import MissingExtraError
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 SIZE = (7.0, 4.5)
 """Inches of a plot of one panel."""

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from latentmotion.configuration import read_json, write_json
 from latentmotion.experiments.drawing import draw
 from latentmotion.experiments.measuring import Measurement
 from latentmotion.experiments.result import RowResult, TableResult, markdown
 from latentmotion.experiments.table import Row, Table
-from latentmotion.files import atomic_file
+from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.storage.files import atomic_file
 
 
 def run_table(measurement: Measurement, rows: Sequence[Row]) -> Path:

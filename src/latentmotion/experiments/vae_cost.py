@@ -12,7 +12,7 @@ from statistics import median
 import torch
 from torch import Tensor
 
-from latentmotion.evaluation.metrics.parameters import parameters
+from latentmotion.evaluation.metrics.cost import parameters
 from latentmotion.evaluation.report import Figure
 from latentmotion.vae.interface import MotionVAE
 

@@ -17,7 +17,6 @@ from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.task import TASKS
-from latentmotion.configuration import read_json, to_json
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment, differing_keys
@@ -27,6 +26,7 @@ from latentmotion.experiments.models import MODELS
 from latentmotion.experiments.table import Model
 from latentmotion.model.card import CARD_FILE
 from latentmotion.model.folder import find_model
+from latentmotion.storage.configuration import read_json, to_json
 from latentmotion.training.devices import Place
 from latentmotion.training.run_folder import MODEL, NAME, Run
 from latentmotion.training.stages import train_denoiser, train_vae

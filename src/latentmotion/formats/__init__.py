@@ -24,9 +24,9 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys((".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd:write"),
         ".fbx": "latentmotion.formats.fbx:write",
         ".html": "latentmotion.viewer.page:write_page",
-        ".gif": "latentmotion.formats.video:write",
-        ".mp4": "latentmotion.formats.video:write",
-        ".png": "latentmotion.formats.strip:write",
+        ".gif": "latentmotion.render.video:write",
+        ".mp4": "latentmotion.render.video:write",
+        ".png": "latentmotion.render.strip:write",
     }
 )
 """Each ending that can be written, some of two parts, and the `module:function` that writes it."""

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.lines import numbers, read_lines
-from latentmotion.rotations import matrix_from_euler
+from latentmotion.kinematics.rotations import matrix_from_euler
 
 _INCH = 0.0254
 _TURNS = frozenset({"RX", "RY", "RZ"})
@@ -136,7 +136,15 @@ class _Reader:
     def bonedata(self, lines: list[_Line]) -> None:
         """Reads `:bonedata`."""
         for line, words in lines:
-            self._take(line, words)
+            keyword = words[0].lower()
+            if keyword == "begin" and self._open is None:
+                self._open = Bone()
+            elif self._open is None:
+                raise FileFormatError(self.path, f"found {words[0]!r}, expected 'begin'", line)
+            elif keyword == "end":
+                self._close(line, self._open)
+            else:
+                self._set(line, self._open, keyword, words[1:])
         if self._open is not None:
             problem = f"ends inside bone {self._open.name!r}: 'end' is missing"
             raise FileFormatError(self.path, problem, lines[-1][0])
@@ -149,28 +157,15 @@ class _Reader:
         parents: dict[str, str] = {}
         for line, (parent, *children) in lines[1:-1]:
             for child in children:
-                self._check_link(line, parent, child, parents)
+                for name in (parent, child):
+                    if name not in self.bones:
+                        problem = f"found bone {name!r}, not in ':bonedata'"
+                        raise FileFormatError(self.path, problem, line)
+                if child in parents or child == "root" or parent not in ("root", *parents):
+                    problem = f"bone {child!r} below {parent!r} makes no tree from the root down"
+                    raise FileFormatError(self.path, problem, line)
                 parents[child] = parent
         return parents
-
-    def _take(self, line: int, words: list[str]) -> None:
-        keyword = words[0].lower()
-        if keyword == "begin" and self._open is None:
-            self._open = Bone()
-        elif self._open is None:
-            raise FileFormatError(self.path, f"found {words[0]!r}, expected 'begin'", line)
-        elif keyword == "end":
-            self._close(line, self._open)
-        else:
-            self._set(line, self._open, keyword, words[1:])
-
-    def _check_link(self, line: int, parent: str, child: str, parents: dict[str, str]) -> None:
-        for name in (parent, child):
-            if name not in self.bones:
-                raise FileFormatError(self.path, f"found bone {name!r}, not in ':bonedata'", line)
-        if child in parents or child == "root" or parent not in ("root", *parents):
-            problem = f"bone {child!r} below {parent!r} makes no tree from the root down"
-            raise FileFormatError(self.path, problem, line)
 
     def _set(self, line: int, bone: Bone, keyword: str, words: list[str]) -> None:
         match keyword:
@@ -179,7 +174,8 @@ class _Reader:
             case "name":
                 bone.name = " ".join(words)
             case "direction":
-                bone.direction = self._direction(line, words)
+                direction = numbers(self.path, line, words, 3)
+                bone.direction = direction / (np.linalg.norm(direction) or 1.0)
             case "length":
                 bone.length = self.meters * float(numbers(self.path, line, words, 1)[0])
             case "axis":
@@ -195,11 +191,6 @@ class _Reader:
             raise FileFormatError(self.path, f"found bone {bone.name!r} twice", line)
         self.bones[bone.name] = bone
         self._open = None
-
-    def _direction(self, line: int, words: list[str]) -> Float[np.ndarray, " 3"]:
-        direction = numbers(self.path, line, words, 3)
-        length = np.linalg.norm(direction)
-        return direction / length if length > 0 else direction
 
     def _axes(self, line: int, words: list[str]) -> Float[np.ndarray, "3 3"]:
         order = words[-1].upper() if words else ""

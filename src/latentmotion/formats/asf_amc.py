@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.formats.asf import Bone, Figure, read_asf, turned_in_order
+from latentmotion.formats.asf import Figure, read_asf, turned_in_order
 from latentmotion.formats.lines import numbers, read_lines
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import Skeleton
 
 
 def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 120.0) -> Animation:
@@ -47,7 +47,11 @@ def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 12
     values = _read_frames(path, lines, start, figure)
     skeleton = figure_skeleton(path.stem, figure)
     rotations = _rotations(skeleton, figure, values, degrees)
-    return Animation(skeleton, rotations, _root_positions(figure, values), float(fps))
+    positions = np.tile(figure.position, (len(values["root"]), 1))
+    for column, channel in enumerate(figure.bones["root"].channels):
+        if channel[0] == "T":
+            positions[:, "XYZ".index(channel[1])] += values["root"][:, column]
+    return Animation(skeleton, rotations, figure.meters * positions, float(fps))
 
 
 def find_asf(amc: str | Path) -> Path:
@@ -180,25 +184,11 @@ def _rotations(
     rotations = np.tile(np.eye(3), (len(values["root"]), len(skeleton), 1, 1))
     for order in {figure.bones[name].order for name in values} - {""}:
         bones = [figure.bones[name] for name in values if figure.bones[name].order == order]
-        angles = np.stack([_angles(bone, values[bone.name]) for bone in bones], axis=1)
+        turning = [[n for n, c in enumerate(bone.channels) if c[0] == "R"] for bone in bones]
+        columns = [values[bone.name][:, turns] for bone, turns in zip(bones, turning, strict=True)]
+        angles = np.stack(columns, axis=1)
         turns = turned_in_order(np.deg2rad(angles) if degrees else angles, order)
         axes = np.stack([bone.axes for bone in bones])
         joints = [skeleton.names.index(bone.name) for bone in bones]
         rotations[:, joints] = axes @ turns @ axes.swapaxes(-1, -2)
     return rotations
-
-
-def _angles(
-    bone: Bone, values: Float[np.ndarray, "frames channels"]
-) -> Float[np.ndarray, "frames turns"]:
-    return values[:, [n for n, channel in enumerate(bone.channels) if channel[0] == "R"]]
-
-
-def _root_positions(
-    figure: Figure, values: Mapping[str, Float[np.ndarray, "frames channels"]]
-) -> Float[np.ndarray, "frames 3"]:
-    positions = np.tile(figure.position, (len(values["root"]), 1))
-    for column, channel in enumerate(figure.bones["root"].channels):
-        if channel[0] == "T":
-            positions[:, "XYZ".index(channel[1])] += values["root"][:, column]
-    return figure.meters * positions

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError
-from latentmotion.files import atomic_file
 from latentmotion.formats.bvh_hierarchy import Node, hierarchy_lines, read_hierarchy
-from latentmotion.formats.lines import meters_per_unit, numbers, read_lines, table
-from latentmotion.rotations import euler_from_matrix, matrix_from_euler
-from latentmotion.skeleton import Skeleton
+from latentmotion.formats.lines import meters_per_unit, numbers, read_lines, table, whole_rate
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.storage.files import atomic_file
 
 WRITTEN_ORDER = "ZXY"
 """Rotation order of the files we write: an upright body is far from its singularity."""
@@ -72,7 +72,10 @@ def write_bvh(path: str | Path, animation: Animation) -> None:
     """
     skeleton, order = animation.skeleton, _depth_first(animation.skeleton)
     joints = [joint for joint in order if joint not in skeleton.end_sites]
-    moving = _moving(animation, joints)
+    moving = {0}
+    if animation.translations is not None:
+        away = np.abs(animation.translations - skeleton.offsets).max((0, 2))
+        moving |= {joint for joint in joints if away[joint] > _SAME}
     rows = _rows(animation, joints, moving)
     template = " ".join(["%.6f"] * rows.shape[1])
     with atomic_file(path) as temporary:
@@ -96,13 +99,7 @@ def _read_timing(path: Path, lines: Sequence[str], start: int) -> tuple[int, flo
     seconds = float(numbers(path, then + 1, [time[1]], 1)[0])
     if seconds <= 0:
         raise FileFormatError(path, f"a frame time of {seconds} s; expected more", then + 1)
-    return int(frames[1]), _frames_per_second(seconds), then + 1
-
-
-def _frames_per_second(seconds: float) -> float:
-    """Undoes the rounding of the frame time: 0.0083333 s means 120 frames per second."""
-    fps = 1 / seconds
-    return float(round(fps)) if abs(fps - round(fps)) < 5e-4 * fps else fps
+    return int(frames[1]), whole_rate(1 / seconds), then + 1
 
 
 def _animation(
@@ -113,7 +110,10 @@ def _animation(
     fps: float,
 ) -> Animation:
     offsets = scale * np.array([node.offset for node in nodes])
-    moved = _translations(nodes, values, offsets, scale)
+    moved = np.repeat(offsets[None], len(values), axis=0)
+    for column, (joint, axis, kind) in enumerate(_columns(nodes)):
+        if kind == "position":
+            moved[:, joint, "XYZ".index(axis)] = scale * values[:, column]
     offsets[0] = 0
     skeleton = Skeleton(
         name=name,
@@ -125,19 +125,6 @@ def _animation(
     moves = any(kind == "position" for node in nodes[1:] for _, kind in node.channels)
     track = moved if moves else None
     return Animation(skeleton, _rotations(nodes, values), moved[:, 0].copy(), fps, track)
-
-
-def _translations(
-    nodes: Sequence[Node],
-    values: Float[np.ndarray, "frames columns"],
-    offsets: Float[np.ndarray, "joints 3"],
-    scale: float,
-) -> Float[np.ndarray, "frames joints 3"]:
-    moved = np.repeat(offsets[None], len(values), axis=0)
-    for column, (joint, axis, kind) in enumerate(_columns(nodes)):
-        if kind == "position":
-            moved[:, joint, "XYZ".index(axis)] = scale * values[:, column]
-    return moved
 
 
 def _rotations(
@@ -172,24 +159,12 @@ def _rows(
     blocks = []
     for number, joint in enumerate(joints):
         if joint in moving:
-            blocks.append(100 * _positions(animation, joint))
+            track = animation.translations
+            positions = animation.root_positions if not joint or track is None else track[:, joint]
+            blocks.append(100 * np.asarray(positions, np.float64))
         blocks.append(np.rad2deg(angles[:, number]))
     # Adding zero turns the -0 that rounding leaves into 0.
     return np.round(np.concatenate(blocks, axis=1), 6) + 0.0
-
-
-def _moving(animation: Animation, joints: Sequence[int]) -> set[int]:
-    """Returns the root and the joints that are ever elsewhere than their offsets say."""
-    if animation.translations is None:
-        return {0}
-    away = np.abs(animation.translations - animation.skeleton.offsets).max((0, 2))
-    return {0} | {joint for joint in joints if away[joint] > _SAME}
-
-
-def _positions(animation: Animation, joint: int) -> Float[np.ndarray, "frames 3"]:
-    if joint == 0 or animation.translations is None:
-        return np.asarray(animation.root_positions, np.float64)
-    return np.asarray(animation.translations[:, joint], np.float64)
 
 
 def continuous_euler(

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.lines import numbers
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 _STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\b)", re.IGNORECASE)
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)

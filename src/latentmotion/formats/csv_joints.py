@@ -16,11 +16,11 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
-from latentmotion.files import atomic_file
-from latentmotion.formats.lines import numbers, read_lines
+from latentmotion.formats.lines import numbers, read_lines, whole_rate
 from latentmotion.formats.takes import OURS, numbered
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import Skeleton
+from latentmotion.storage.files import atomic_file
 
 _TIME = "time"
 _SINGLE_FPS = 20.0
@@ -57,11 +57,14 @@ def read(path: str | Path) -> list[Motion]:
     header = [name.strip() for name in rows[0]]
     skeleton = _skeleton(path, header)
     wanted = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
-    values = [
-        numbers(path, line, [row[column].strip() for column in wanted], len(wanted))
-        for line, row in enumerate(rows[1:], 2)
-        if row and _complete(path, line, row, header)
-    ]
+    values = []
+    for line, row in enumerate(rows[1:], 2):
+        if row and len(row) != len(header):
+            problem = f"found {len(row)} values, expected {len(header)} as in the header"
+            raise FileFormatError(path, problem, line)
+        if row:
+            words = [row[column].strip() for column in wanted]
+            values.append(numbers(path, line, words, len(wanted)))
     if not values:
         raise FileFormatError(path, "has a header and no frame; it is truncated", 1)
     table = np.stack(values)
@@ -89,13 +92,6 @@ def _skeleton(path: str | Path, header: Sequence[str]) -> Skeleton:
     )
 
 
-def _complete(path: str | Path, line: int, row: Sequence[str], header: Sequence[str]) -> bool:
-    if len(row) != len(header):
-        problem = f"found {len(row)} values, expected {len(header)} as in the header"
-        raise FileFormatError(path, problem, line)
-    return True
-
-
 def _rate(path: str | Path, times: Float[np.ndarray, " frames"]) -> float:
     if len(times) == 1:
         return _SINGLE_FPS
@@ -103,4 +99,4 @@ def _rate(path: str | Path, times: Float[np.ndarray, " frames"]) -> float:
     uneven = np.abs(np.diff(times) * fps - 1).max()
     if uneven > 0.01:
         raise FileFormatError(path, "the times of the frames are not evenly apart; resample them")
-    return float(round(fps)) if abs(fps - round(fps)) < 5e-4 * fps else fps
+    return whole_rate(fps)

@@ -16,9 +16,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from latentmotion.errors import InputError, MissingProgramError
-from latentmotion.files import atomic_file, check_writable
 from latentmotion.formats import gltf
 from latentmotion.motion import Motion
+from latentmotion.storage.files import atomic_file, check_writable
 
 VARIABLE = "LATENTMOTION_BLENDER"
 """Environment variable that names Blender's program, or a Python that has `bpy`."""

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import InputError
-from latentmotion.formats.bone_axes import BoneAxes, bone_axes
+from latentmotion.formats.bones import BoneAxes, bone_axes
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
-from latentmotion.formats.mannequin import Mannequin, make_mannequin
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
-from latentmotion.skeleton import Skeleton
+from latentmotion.render.mannequin import Mannequin, make_mannequin
 
 _COLOR = (0.10, 0.215, 0.552, 1.0)
 """Linear RGB of the mannequin."""
@@ -107,22 +107,18 @@ def _figure(mannequin: Mannequin, axes: BoneAxes, document: Document) -> dict[st
     skeleton = mannequin.skeleton
     surface = {"baseColorFactor": _COLOR, "metallicFactor": 0.0, "roughnessFactor": 0.7}
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
-    binding = document.add_array(_inverse_bind_matrices(axes))
+    # The moves of each joint's axes to the world's.
+    places = skeleton.rest_joints() + _standing(skeleton)
+    inverse = np.tile(np.eye(4), (len(places), 1, 1))
+    inverse[:, :3, :3] = np.swapaxes(axes.world, -1, -2)
+    inverse[:, :3, 3] = -np.einsum("jba,jb->ja", axes.world, places)
+    binding = document.add_array(inverse.astype("f4"))
     skin = {"name": skeleton.name, "joints": [*range(len(skeleton))], "skeleton": 0}
     return {
         "materials": [{"name": "mannequin", "pbrMetallicRoughness": surface}],
         "meshes": [{"name": "mannequin", "primitives": [primitive]}],
         "skins": [skin | {"inverseBindMatrices": binding}],
     }
-
-
-def _inverse_bind_matrices(axes: BoneAxes) -> Float[np.ndarray, "joints 4 4"]:
-    """Returns the moves of each joint's axes to the world's."""
-    places = axes.skeleton.rest_joints() + _standing(axes.skeleton)
-    matrices = np.tile(np.eye(4), (len(places), 1, 1))
-    matrices[:, :3, :3] = np.swapaxes(axes.world, -1, -2)
-    matrices[:, :3, 3] = -np.einsum("jba,jb->ja", axes.world, places)
-    return matrices.astype("f4")
 
 
 def _animation(

@@ -21,7 +21,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from latentmotion.errors import FileFormatError
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 VERTICES, INDICES = 34962, 34963
 """Targets of `add_array` for the arrays of a mesh."""
@@ -77,8 +77,12 @@ class Document:
         Raises:
             InputError: The folder does not exist or cannot be written.
         """
-        as_text = Path(path).suffix.lower() == ".gltf"
-        content = self._text() if as_text else self._glb()
+        if Path(path).suffix.lower() == ".gltf":
+            buffer = base64.b64encode(self.binary).decode()
+            whole = self._whole(uri="data:application/octet-stream;base64," + buffer)
+            content = json.dumps(whole, indent=1, allow_nan=False).encode()
+        else:
+            content = self._glb()
         with atomic_file(path) as temporary:
             temporary.write_bytes(content)
 
@@ -90,7 +94,12 @@ class Document:
         """
         try:
             about = self.json["accessors"][accessor]
-            values = self._dense(about)
+            shape = (about["count"], *_SHAPES[about["type"]])
+            dtype = np.dtype(_DTYPES[about["componentType"]])
+            values = np.zeros(shape, dtype)
+            if "bufferView" in about:
+                offset = about.get("byteOffset", 0)
+                values = self._values(about["bufferView"], offset, shape, dtype)
             if "sparse" in about:
                 values = self._replaced(values, about["sparse"])
         except _DAMAGE as error:
@@ -170,13 +179,6 @@ class Document:
             raise ValueError(f"names {uri!r}; expected a file in its own folder")
         return _content(self.path, self.path.parent / name)
 
-    def _dense(self, about: dict[str, Any]) -> np.ndarray:
-        shape = (about["count"], *_SHAPES[about["type"]])
-        dtype = np.dtype(_DTYPES[about["componentType"]])
-        if "bufferView" not in about:
-            return np.zeros(shape, dtype)
-        return self._values(about["bufferView"], about.get("byteOffset", 0), shape, dtype)
-
     def _values(
         self, number: int, offset: int, shape: tuple[int, ...], dtype: np.dtype
     ) -> np.ndarray:
@@ -204,10 +206,6 @@ class Document:
             new["bufferView"], new.get("byteOffset", 0), shape, values.dtype
         )
         return values
-
-    def _text(self) -> bytes:
-        inside = "data:application/octet-stream;base64," + base64.b64encode(self.binary).decode()
-        return json.dumps(self._whole(uri=inside), indent=1, allow_nan=False).encode()
 
     def _glb(self) -> bytes:
         text = json.dumps(self._whole(), separators=(",", ":"), allow_nan=False).encode()

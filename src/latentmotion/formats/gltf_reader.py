@@ -2,6 +2,10 @@
 
 Positions take all scales and all nodes above the bones into account; `bones.py` makes plain
 bones of them, whose rests have neither rotation nor scale.
+
+Channels are steps, straight lines and great arcs, or cubic splines. Between keys k and k + 1, d
+seconds apart, at the share s of the way, glTF's cubic spline is Hermite's with the tangents d b_k
+and d a_{k+1}; its keys are triples (in-tangent a, value, b).
 """
 
 from __future__ import annotations
@@ -14,13 +18,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError
-from latentmotion.formats.bones import Pose, plain_animation, plain_skeleton
+from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.gltf_document import Document
-from latentmotion.formats.gltf_tracks import Track, clock, read_tracks
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_quaternion, quaternion_from_matrix
+
+_PATHS = ("translation", "rotation", "scale")
 
 Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Where a node is in the world: its position, its rotation, and its matrix with all scales."""
@@ -99,14 +104,6 @@ class Scene:
     def animation(self, tracks: Sequence[Track]) -> Animation:
         """Returns how one animation moves the bones."""
         fps, times = clock(tracks)
-        pose = self._world(self._moved(tracks, times))
-        moved = Pose(
-            np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
-            np.broadcast_to(pose.turns, (len(times), *pose.turns.shape[-3:])),
-        )
-        return plain_animation(self.skeleton, self.rest, moved, fps)
-
-    def _moved(self, tracks: Sequence[Track], times: Float[np.ndarray, " frames"]) -> list[_Place]:
         values = {(track.node, track.path): track.sample(times) for track in tracks}
         places = []
         for node, rest in enumerate(self.places):
@@ -118,13 +115,18 @@ class Scene:
                     values.get((node, "scale"), rest.scale),
                 )
             )
-        return places
+        pose = self._world(places)
+        moved = WorldPose(
+            np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
+            np.broadcast_to(pose.turns, (len(times), *pose.turns.shape[-3:])),
+        )
+        return plain_animation(self.skeleton, self.rest, moved, fps)
 
-    def _world(self, places: Sequence[_Place]) -> Pose:
+    def _world(self, places: Sequence[_Place]) -> WorldPose:
         """Returns positions and rotations of the bones in the world."""
         known = self._frames(places, self.bones)
         bones = [known[bone] for bone in self.bones]
-        return Pose(
+        return WorldPose(
             _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
         )
 
@@ -135,7 +137,8 @@ class Scene:
     def _frames(self, places: Sequence[_Place], nodes: Sequence[int]) -> dict[int, Frame]:
         """Returns where nodes are, and all above them."""
         known: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
-        for node in self._above(nodes):
+        needed = {ancestor for node in nodes for ancestor in self._line(node)}
+        for node in sorted(needed, key=lambda node: len(self._line(node))):
             place = places[node]
             start, turn, linear = known[self.parents[node]]
             known[node] = (
@@ -144,11 +147,6 @@ class Scene:
                 linear @ (place.rotation * place.scale[..., None, :]),
             )
         return known
-
-    def _above(self, nodes: Sequence[int]) -> list[int]:
-        """Returns the nodes and all above them, parents first."""
-        needed = {ancestor for node in nodes for ancestor in self._line(node)}
-        return sorted(needed, key=lambda node: len(self._line(node)))
 
     def _line(self, node: int) -> list[int]:
         """Returns a node and those above it, upward."""
@@ -161,7 +159,10 @@ class Scene:
     def _bones(self, document: Document, path: Path) -> list[int]:
         """Returns the nodes that are bones, the root first and parents before children."""
         groups = [list(skin["joints"]) for skin in document.json.get("skins", [])]
-        groups = groups or [_animated(document)]
+        if not groups:
+            takes = document.json.get("animations", [])
+            targets = [channel["target"] for take in takes for channel in take["channels"]]
+            groups = [sorted({target["node"] for target in targets if "node" in target})]
         main = max(groups, key=len)
         if not main:
             raise FileFormatError(path, "has neither a skin nor an animation; expected a figure")
@@ -184,11 +185,6 @@ class Scene:
         if not shared:
             raise FileFormatError(path, "the joints of its skin hang on no common node")
         return max(shared, key=lambda node: len(self._line(node)))
-
-
-def _animated(document: Document) -> list[int]:
-    channels = [c for take in document.json.get("animations", []) for c in take["channels"]]
-    return sorted({c["target"]["node"] for c in channels if "node" in c["target"]})
 
 
 def _parents(nodes: Sequence[Mapping[str, Any]], path: Path) -> list[int]:
@@ -232,3 +228,74 @@ def _stacked(arrays: Sequence[np.ndarray], dimensions: int) -> np.ndarray:
     lead = np.broadcast_shapes(*(array.shape[:-dimensions] for array in arrays))
     whole = [np.broadcast_to(array, (*lead, *array.shape[-dimensions:])) for array in arrays]
     return np.stack(whole, axis=-dimensions - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One property of one node over time."""
+
+    node: int
+    """Whose it is."""
+    path: str
+    """`translation`, `rotation` or `scale`."""
+    times: Float[np.ndarray, " keys"]
+    """Seconds, rising."""
+    values: Float[np.ndarray, "rows values"]
+    """One row a key, or three of a cubic spline; quaternions are (x, y, z, w)."""
+    interpolation: str
+    """`LINEAR`, `STEP` or `CUBICSPLINE`."""
+
+    def sample(self, times: Float[np.ndarray, " frames"]) -> Float[np.ndarray, "frames values"]:
+        """Returns its values at any times; before the first and after the last key it holds."""
+        last = max(len(self.times) - 2, 0)
+        before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, last)
+        after = np.minimum(before + 1, len(self.times) - 1)
+        span = self.times[after] - self.times[before]
+        share = (times - self.times[before]) / np.where(span > 0, span, 1)
+        share = np.clip(np.where(span > 0, share, 0), 0, 1)
+        if self.interpolation == "CUBICSPLINE":
+            keys, s, span = (
+                self.values.reshape(len(self.times), 3, -1),
+                share[:, None],
+                span[:, None],
+            )
+            return (
+                (2 * s**3 - 3 * s**2 + 1) * keys[before, 1]
+                + (s**3 - 2 * s**2 + s) * (span * keys[before, 2])
+                + (3 * s**2 - 2 * s**3) * keys[after, 1]
+                + (s**3 - s**2) * (span * keys[after, 0])
+            )
+        if self.interpolation == "STEP":
+            return self.values[np.where(share > 1 - 1e-6, after, before)]
+        start, end = self.values[before], self.values[after]
+        if self.path == "rotation":
+            return slerp(start, end, share)
+        return start + share[:, None] * (end - start)
+
+
+def read_tracks(document: Document, animation: Mapping[str, Any]) -> list[Track]:
+    """Returns the channels of one animation that move nodes; shapes that morph are left out."""
+    tracks = []
+    for channel in animation["channels"]:
+        target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
+        if "node" in target and target["path"] in _PATHS:
+            times, values = (document.array(sampler[side]) for side in ("input", "output"))
+            kind = sampler.get("interpolation", "LINEAR")
+            tracks.append(_track(target["node"], target["path"], times, values, kind))
+    return tracks
+
+
+def clock(tracks: Sequence[Track]) -> tuple[float, Float[np.ndarray, " frames"]]:
+    """Returns the rate at which all keys fall on frames, and the time of each frame."""
+    times = [track.times for track in tracks]
+    return even_rate(np.unique(np.concatenate(times)) if times else np.zeros(0))
+
+
+def _track(node: int, path: str, times: np.ndarray, values: np.ndarray, kind: str) -> Track:
+    rows, width = len(times) * (3 if kind == "CUBICSPLINE" else 1), 4 if path == "rotation" else 3
+    if values.shape != (rows, width) or not len(times):
+        raise ValueError(f"{path} of node {node} has {values.shape}, expected {(rows, width)}")
+    times, values = times.astype(np.float64), values.astype(np.float64)
+    if not (np.isfinite(times).all() and np.isfinite(values).all() and (np.diff(times) > 0).all()):
+        raise ValueError(f"{path} of node {node} has NaN, or times that do not rise")
+    return Track(node, path, times, values, kind)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -75,17 +76,18 @@ def numbers(
     """
     if len(words) != count:
         raise FileFormatError(path, f"found {len(words)} numbers, expected {count}", line)
-    for word in words:
-        if not _is_finite(word):
+    values = np.full(count, np.nan)
+    for number, word in enumerate(words):
+        with suppress(ValueError):
+            values[number] = float(word)
+        if not np.isfinite(values[number]):
             raise FileFormatError(path, f"found {word!r}, expected a finite number", line)
-    return np.array(words, dtype=np.float64)
+    return values
 
 
-def _is_finite(word: str) -> bool:
-    try:
-        return bool(np.isfinite(float(word)))
-    except ValueError:
-        return False
+def whole_rate(fps: float) -> float:
+    """Undoes the rounding of times in a file: frames 0.0083333 s apart are 120 per second."""
+    return float(round(fps)) if abs(fps - round(fps)) < 5e-4 * fps else fps
 
 
 def table(

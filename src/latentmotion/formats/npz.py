@@ -22,9 +22,9 @@ from typing import BinaryIO
 import numpy as np
 
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError
-from latentmotion.files import atomic_file
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import HUMANML3D, KIT, Skeleton
+from latentmotion.storage.files import atomic_file
 
 _KNOWN = {len(skeleton): skeleton for skeleton in (HUMANML3D, KIT)}
 
@@ -102,10 +102,7 @@ def _read(path: str | Path, opened: BinaryIO) -> list[Motion]:
     file = np.load(opened, allow_pickle=False)
     if smpl_npz.is_smpl(file.files):
         return [smpl_npz.read_arrays(path, file)]
-    return _takes({name: file[name] for name in file.files})
-
-
-def _takes(arrays: dict[str, np.ndarray]) -> list[Motion]:
+    arrays = {name: file[name] for name in file.files}
     skeleton = _skeleton(arrays)
     takes = np.split(arrays["joints"], np.cumsum(arrays["frames"])[:-1])
     facts = zip(arrays["fps"], arrays["caption"], arrays["metadata"], strict=True)

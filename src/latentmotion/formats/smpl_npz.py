@@ -27,12 +27,12 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.files import atomic_file
 from latentmotion.formats.takes import numbered
+from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
+from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.representation.rest_pose import rotations_from
-from latentmotion.rotations import axis_angle_from_matrix, matrix_from_axis_angle
-from latentmotion.skeleton import BODY, HUMANML3D, Skeleton
+from latentmotion.representation.canonical import rotations_from
+from latentmotion.storage.files import atomic_file
 
 _JOINTS, _SMPLX_JOINTS = len(HUMANML3D), 55
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])

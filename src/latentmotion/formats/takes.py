@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from latentmotion.animation import Animation
 from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.joint_map import to_humanml3d
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import to_humanml3d
+from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT
 from latentmotion.motion import Motion
-from latentmotion.skeleton import BODY, HUMANML3D, KIT
 
 OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
 """Our own skeletons by the names of their joints."""

@@ -25,14 +25,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import InputError, MissingExtraError
-from latentmotion.files import atomic_file
-from latentmotion.formats.bone_axes import BoneAxes, bone_axes
-from latentmotion.formats.mannequin import Mannequin, make_mannequin
+from latentmotion.formats.bones import BoneAxes, bone_axes
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.rotations import continuous_quaternions, quaternion_from_matrix
-from latentmotion.skeleton import Skeleton
+from latentmotion.render.mannequin import Mannequin, make_mannequin
+from latentmotion.storage.files import atomic_file
 
 try:
     from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel, UsdUtils, Vt
@@ -58,7 +58,12 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     stage = make_stage(motions)
     with atomic_file(path) as temporary:
         if temporary.suffix.lower() == ".usdz":
-            _package(stage, temporary, Path(path).stem)
+            with tempfile.TemporaryDirectory() as folder:  # an archive without compression
+                inside = Path(folder) / f"{Path(path).stem}.usdc"
+                stage.GetRootLayer().Export(str(inside))
+                asset = Sdf.AssetPath(str(inside))
+                if not UsdUtils.CreateNewUsdzPackage(asset, str(temporary)):
+                    raise InputError(f"cannot write {temporary}: USD refused to make a package")
         elif not stage.GetRootLayer().Export(str(temporary)):
             raise InputError(f"cannot write {path}: USD refused")
     return [Path(path)]
@@ -79,7 +84,10 @@ def make_stage(motions: Sequence[Motion]) -> Any:
         prim = _add_take(stage, number, motion, animation, paths, axes)
         if number == 1:
             UsdSkel.BindingAPI.Apply(bones).CreateAnimationSourceRel().SetTargets([prim.GetPath()])
-    _add_extent(root, [animation.joints() for animation in animations])
+    # Where the figure ever is, so that viewers need not skin it to know.
+    low, high = _corners(np.concatenate([a.joints().reshape(-1, 3) for a in animations]))
+    corners = [Gf.Vec3f(*corner.tolist()) for corner in (low - 0.25, high + 0.25)]
+    UsdGeom.Boundable(root).CreateExtentAttr(corners)
     return stage
 
 
@@ -176,7 +184,11 @@ def _add_take(
     )
     # UsdSkel's quaternions lie in memory as x, y, z, w.
     quaternions = quaternions[..., [1, 2, 3, 0]].astype("f4")
-    places = axes.offsets(_places(animation)).astype("f4")
+    places = animation.translations
+    if places is None:
+        places = np.tile(animation.skeleton.offsets, (len(animation), 1, 1))
+    places = np.concatenate([animation.root_positions[:, None], places[:, 1:]], axis=1)
+    places = axes.offsets(places).astype("f4")
     codes = np.arange(len(animation)) * (stage.GetTimeCodesPerSecond() / animation.fps)
     for code, turn, place in zip(codes.tolist(), quaternions, places, strict=True):
         turns.Set(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(turn)), code)
@@ -187,29 +199,5 @@ def _add_take(
     return take.GetPrim()
 
 
-def _places(animation: Animation) -> Float[np.ndarray, "frames joints 3"]:
-    """Returns all joints relative to their parents."""
-    places = animation.translations
-    if places is None:
-        places = np.tile(animation.skeleton.offsets, (len(animation), 1, 1))
-    return np.concatenate([animation.root_positions[:, None], places[:, 1:]], axis=1)
-
-
-def _add_extent(root: Any, joints: Sequence[Float[np.ndarray, "_ joints 3"]]) -> None:
-    """Says where the figure ever is, so that viewers need not skin it to know."""
-    low, high = _corners(np.concatenate([take.reshape(-1, 3) for take in joints]))
-    corners = [Gf.Vec3f(*corner.tolist()) for corner in (low - 0.25, high + 0.25)]
-    UsdGeom.Boundable(root).CreateExtentAttr(corners)
-
-
 def _corners(points: Float[np.ndarray, "points 3"]) -> tuple[np.ndarray, np.ndarray]:
     return points.min(0), points.max(0)
-
-
-def _package(stage: Any, path: Path, name: str) -> None:
-    """Writes a `.usdz`: the stage as `.usdc` in an archive without compression."""
-    with tempfile.TemporaryDirectory() as folder:
-        inside = Path(folder) / f"{name}.usdc"
-        stage.GetRootLayer().Export(str(inside))
-        if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(inside)), str(path)):
-            raise InputError(f"cannot write {path}: USD refused to make a package")

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
 from latentmotion.errors import FileFormatError, MissingExtraError
-from latentmotion.formats.bones import Pose, even_rate, plain_animation, plain_skeleton
+from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.takes import motion_of
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
 from latentmotion.motion import Motion
-from latentmotion.rotations import matrix_from_quaternion, quaternion_from_matrix
 
 try:
     from pxr import Tf, Usd, UsdGeom, UsdSkel
@@ -68,12 +68,14 @@ class _Figure:
         if bones is None or not self.joints:
             raise FileFormatError(path, "has no skeleton; expected a figure of UsdSkel")
         self.topology = self._parents()
-        self.above = self._axes() @ _columns(
-            UsdGeom.XformCache().GetLocalToWorldTransform(bones.GetPrim())
-        )
+        axes = np.eye(4)  # from the file's units and axes to ours
+        up = np.eye(3) if UsdGeom.GetStageUpAxis(self.stage) == "Y" else _Y_FROM_Z
+        axes[:3, :3] = up * UsdGeom.GetStageMetersPerUnit(self.stage)
+        above = UsdGeom.XformCache().GetLocalToWorldTransform(bones.GetPrim())
+        self.above = axes @ _columns(above)
         self.places = self._rest(bones)
         self.rest = self._pose(*(part[None] for part in _parts(self.places)))
-        self.rest = Pose(self.rest.positions[0], self.rest.turns[0])
+        self.rest = WorldPose(self.rest.positions[0], self.rest.turns[0])
         names = [joint.rpartition("/")[2] for joint in self.joints]
         self.skeleton = plain_skeleton(path.stem, names, self.topology, self.rest)
         takes = [UsdSkel.Animation(prim) for prim in prims if prim.IsA(UsdSkel.Animation)]
@@ -81,17 +83,15 @@ class _Figure:
 
     def animation(self, take: Any | None) -> Animation:
         """Returns how one animation moves the skeleton."""
-        codes = np.array(sorted({*self._codes(take)}), dtype=np.float64)
+        tracks = []
+        if take is not None:
+            tracks = [take.GetRotationsAttr(), take.GetTranslationsAttr(), take.GetScalesAttr()]
+        keys = sorted({code for track in tracks for code in track.GetTimeSamples()})
+        codes = np.array(keys, dtype=np.float64)
         pace = self.stage.GetTimeCodesPerSecond()
         fps, seconds = even_rate(codes / pace)
         moved = self._pose(*self._sampled(take, seconds * pace))
         return plain_animation(self.skeleton, self.rest, moved, fps)
-
-    def _codes(self, take: Any | None) -> list[float]:
-        if take is None:
-            return []
-        tracks = (take.GetRotationsAttr(), take.GetTranslationsAttr(), take.GetScalesAttr())
-        return [code for track in tracks for code in track.GetTimeSamples()]
 
     def _sampled(
         self, take: Any | None, codes: Float[np.ndarray, " frames"]
@@ -112,7 +112,7 @@ class _Figure:
             raise FileFormatError(self.path, f"{take.GetPath()} holds NaN or infinite numbers")
         return whole[0], whole[1], whole[2]
 
-    def _pose(self, places: np.ndarray, turns: np.ndarray, scales: np.ndarray) -> Pose:
+    def _pose(self, places: np.ndarray, turns: np.ndarray, scales: np.ndarray) -> WorldPose:
         """Returns where joints are and how they are turned in the world."""
         base = self.above[:3, :3]
         world = {-1: (self.above[:3, 3], _rotation(base), base)}
@@ -124,7 +124,7 @@ class _Figure:
                 linear @ (turns[:, joint] * scales[:, joint, None, :]),
             )
         joints = [world[joint] for joint in range(len(self.joints))]
-        return Pose(*(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1)))
+        return WorldPose(*(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1)))
 
     def _known(self, take: Any) -> list[str]:
         """Returns the joints of an animation that are joints of the skeleton."""
@@ -138,13 +138,6 @@ class _Figure:
         if not valid or parents.count(-1) != 1 or parents[0] != -1:
             raise FileFormatError(self.path, f"its joints make no tree: {why or 'several roots'}")
         return parents
-
-    def _axes(self) -> Float[np.ndarray, "4 4"]:
-        """Returns what takes the file's units and axes to ours."""
-        up = np.eye(3) if UsdGeom.GetStageUpAxis(self.stage) == "Y" else _Y_FROM_Z
-        axes = np.eye(4)
-        axes[:3, :3] = up * UsdGeom.GetStageMetersPerUnit(self.stage)
-        return axes
 
     def _rest(self, bones: Any) -> Float[np.ndarray, "joints 4 4"]:
         """Returns the rest pose relative to the parents; from the bind pose where there is none."""
@@ -163,15 +156,12 @@ def _opened(path: Path) -> Any:
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        raise FileFormatError(path, f"damaged, or not USD ({_first_line(error)})") from error
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        reason = lines[-1][:200] if lines else "no reason given"
+        raise FileFormatError(path, f"damaged, or not USD ({reason})") from error
     if stage is None:
         raise FileFormatError(path, "damaged, or not USD")
     return stage
-
-
-def _first_line(error: Exception) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[-1][:200] if lines else "no reason given"
 
 
 def _notes(take: Any | None) -> dict[str, Any]:

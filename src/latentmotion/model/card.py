@@ -14,7 +14,6 @@ from latentmotion.condition.task import (
     TextTask,
     UnconditionalTask,
 )
-from latentmotion.configuration import from_json, read_plain, to_json, write_json
 from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
 from latentmotion.diffusion.sampler import SamplerName
@@ -22,6 +21,7 @@ from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.model.vae_config import LatentSpace, VAEConfig
+from latentmotion.storage.configuration import from_json, read_plain, to_json, write_json
 
 FORMAT = 1
 """Version of model.json that this code writes and reads."""

@@ -23,13 +23,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion import skeleton
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
+from latentmotion.kinematics import skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation import canonical
-from latentmotion.representation.bone_rotations import bone_rotations
-from latentmotion.representation.facing import smooth_heading, turn
-from latentmotion.skeleton import Skeleton
+from latentmotion.representation.canonical import bone_rotations, smooth_heading, turn
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,8 @@ from typing import Any, Protocol, runtime_checkable
 
 from jaxtyping import Float
 
-from latentmotion.skeleton import Skeleton
+from latentmotion.errors import InputError, hint
+from latentmotion.kinematics.skeleton import Skeleton
 
 
 @runtime_checkable
@@ -75,3 +76,18 @@ class Representation(Protocol):
     ) -> Float[Any, "*batch frames features"]:
         """Swaps left and right of the body and of its path."""
         ...
+
+
+def representation_named(name: str) -> Representation:
+    """Returns one of the representations that files and model cards name.
+
+    Raises:
+        InputError: There is none of that name.
+    """
+    from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
+    from latentmotion.representation.smpl import SMPL_FEATURES
+
+    known = {part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES)}
+    if name in known:
+        return known[name]
+    raise InputError(f"unknown representation {name!r}; {hint(name, known)}")

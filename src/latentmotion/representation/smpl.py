@@ -13,7 +13,7 @@ Petrovich et al., "Action-Conditioned 3D Human Motion Synthesis with Transformer
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -21,14 +21,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion import skeleton
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
-from latentmotion.inverse_kinematics import solve
+from latentmotion.kinematics import skeleton
+from latentmotion.kinematics.inverse_kinematics import solve
+from latentmotion.kinematics.rotations import matrix_from_sixd, sixd_from_matrix
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation import canonical
-from latentmotion.representation.rest_pose import rotations_from
-from latentmotion.rotations import matrix_from_sixd, sixd_from_matrix
-from latentmotion.skeleton import Skeleton
+from latentmotion.representation.canonical import rotations_from
 
 TOKENS = 25
 """Joints that turn, and the way of the root."""
@@ -216,3 +217,8 @@ def smpl_features(
 
 SMPL_FEATURES = SmplRepresentation(name="smpl", skeleton=skeleton.BODY, fps=20.0)
 """The 150 features of HumanAct12 and UESTC, which name no frame rate; ACTOR plays 20 a second."""
+
+
+def representation_of(model: SmplModel) -> SmplRepresentation:
+    """Returns the features `smpl`, whose joints are those of a model file."""
+    return replace(SMPL_FEATURES, skeleton=model.skeleton, body=model.fingerprint)

@@ -1,13 +1,13 @@
 """Retargeting: a motion moves the skeleton that a user brings.
 
-    file → rig  (names → body, rest pose → size, axes, floor)
-    motion + rig → turns of the rig's bones → feet on the floor → the user's file, animated
+    file → rig  (names → humanoid, rest pose → size, axes, floor)
+    motion + rig → rotations of the rig's bones → feet on the floor → the user's file, animated
 
 NumPy only.
 """
 
-from latentmotion.retarget.body import Body, find_body
+from latentmotion.retarget.humanoid import Humanoid, find_humanoid
 from latentmotion.retarget.rig import Rig, read_rig
 from latentmotion.retarget.transfer import retarget
 
-__all__ = ["Body", "Rig", "find_body", "read_rig", "retarget"]
+__all__ = ["Humanoid", "Rig", "find_humanoid", "read_rig", "retarget"]

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.errors import DataError
-from latentmotion.files import atomic_file
-from latentmotion.retarget.body import SIDES
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.retarget.humanoid import SIDES
+from latentmotion.storage.files import atomic_file
 
 _WORDS: Mapping[str, str] = {
     "hip": r"thigh|up(per)?_?leg|femur|hip",

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.errors import DataError, InputError
-from latentmotion.joint_map import JointMap
-from latentmotion.retarget.body import SIDES, Body, body_of_map, find_body
-from latentmotion.retarget.rig_file import RigFile
-from latentmotion.skeleton import Skeleton
+from latentmotion.errors import DataError
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.humanoid import JointMap
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.retarget.humanoid import SIDES, Humanoid, find_humanoid, humanoid_of_map
+from latentmotion.retarget.rig_files import RigFile, open_rig
 
 _UNITS: Mapping[str, float] = {
     **{"meters": 1.0, "centimeters": 0.01, "inches": 0.0254, "decimeters": 0.1},
@@ -37,8 +37,8 @@ _SOLE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Stance:
-    """How a body stands in rest pose in its own file."""
+class RestPose:
+    """How a body stands at rest in its own file."""
 
     axes: Float[np.ndarray, "3 3"]
     """Its left, up and ahead in the file's axes, in the columns."""
@@ -46,8 +46,8 @@ class Stance:
     """Length of thigh and shank, in the file's unit."""
 
     @classmethod
-    def of(cls, body: Body) -> Stance:
-        """Sees how a body stands.
+    def of(cls, body: Humanoid) -> RestPose:
+        """Finds how a body stands.
 
         Raises:
             DataError: It has no legs to stand on, or its toes point backward.
@@ -78,7 +78,7 @@ class Rig:
 
     file: RigFile
     """Where it comes from and how it is written."""
-    body: Body
+    body: Humanoid
     """Which joint is which; its skeleton is in meters, y up, facing +z."""
     axes: Float[np.ndarray, "3 3"]
     """Its left, up and ahead in the file's axes."""
@@ -97,7 +97,7 @@ class Rig:
         return self.body.skeleton
 
     @property
-    def carrier(self) -> int:
+    def root_motion_bone(self) -> int:
         """The joint whose position moves the body: the pelvis, or one above where it cannot."""
         line = self.body.lines[self.body.pelvis]
         return next((joint for joint in line if joint in self.file.movable), 0)
@@ -139,55 +139,29 @@ def read_rig(path: str | Path, joint_map: JointMap | None = None) -> Rig:
     """
     file = open_rig(path)
     if joint_map is not None:
-        return make_rig(file, body_of_map(file.skeleton, joint_map))
-    return make_rig(file, find_body(file.skeleton, file.declared))
+        return make_rig(file, humanoid_of_map(file.skeleton, joint_map))
+    return make_rig(file, find_humanoid(file.skeleton, file.declared))
 
 
-def open_rig(path: str | Path) -> RigFile:
-    """Reads the skeleton of a file, whatever its names.
-
-    Raises:
-        FileFormatError: The file is damaged.
-        InputError: There is no such file, or of no such kind.
-    """
-    source = Path(path)
-    if not source.is_file():
-        raise InputError(f"there is no file {source}")
-    match source.suffix.lower():
-        case ".glb" | ".gltf":
-            from latentmotion.retarget.gltf_file import GltfFile
-
-            return GltfFile(source)
-        case ".bvh":
-            from latentmotion.retarget.bvh_file import BvhFile
-
-            return BvhFile(source)
-        case ".asf":
-            from latentmotion.retarget.asf_file import AsfFile
-
-            return AsfFile(source)
-    raise InputError(f"{source} is no rig that can be read; expected .glb, .gltf, .bvh or .asf")
-
-
-def make_rig(file: RigFile, body: Body) -> Rig:
+def make_rig(file: RigFile, body: Humanoid) -> Rig:
     """Stands a body upright.
 
     Raises:
         DataError: It cannot stand.
     """
-    stance = Stance.of(body)
-    meters = file.unit or min(_UNITS.values(), key=lambda unit: _off(stance.leg * unit))
-    if _off(stance.leg * meters) > np.log(4):
-        meters = min(_UNITS.values(), key=lambda unit: _off(stance.leg * unit))
-    skeleton = replace(body.skeleton, offsets=meters * body.skeleton.offsets @ stance.axes)
-    root = meters * file.root @ stance.axes
+    rest_pose = RestPose.of(body)
+    meters = file.unit or min(_UNITS.values(), key=lambda unit: _off(rest_pose.leg * unit))
+    if _off(rest_pose.leg * meters) > np.log(4):
+        meters = min(_UNITS.values(), key=lambda unit: _off(rest_pose.leg * unit))
+    skeleton = replace(body.skeleton, offsets=meters * body.skeleton.offsets @ rest_pose.axes)
+    root = meters * file.root @ rest_pose.axes
     lowest = float(root[1] + skeleton.rest_joints()[:, 1].min())
-    leg = stance.leg * meters
+    leg = rest_pose.leg * meters
     floor = 0.0 if 0 <= lowest + 0.01 * leg <= 0.15 * leg else lowest - _SOLE * leg
     return Rig(
         file=file,
         body=replace(body, skeleton=skeleton),
-        axes=stance.axes,
+        axes=rest_pose.axes,
         meters=meters,
         root=root - (0, floor, 0),
         floor=floor,

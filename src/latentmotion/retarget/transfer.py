@@ -1,8 +1,8 @@
 """Transfer: how a body moves, carried to bones of other lengths, rest directions and numbers.
 
-D is a joint's turn in the world away from its rest pose, d its bone's direction at rest.
+D is a joint's rotation in the world away from its rest pose, d its bone's direction at rest.
 
-    limbs          D_rig = D A,      A the shortest turn, joint by joint down the limb, with
+    limbs          D_rig = D A,      A the shortest rotation, joint by joint down the limb, with
                                      A d_rig = d:  bones point where the source's point, and A-poses
                                      lie down into T-poses without a twist
     feet           D_rig = D A,      A about the vertical: a sole that is level stays level
@@ -18,30 +18,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.animation import Animation
-from latentmotion.motion import Motion
-from latentmotion.retarget.actor import Actor
-from latentmotion.retarget.body import SIDES, Body
-from latentmotion.retarget.feet import align_foot, ground_feet
-from latentmotion.retarget.pose import Pose
-from latentmotion.retarget.rig import Rig
-from latentmotion.rotations import (
+from latentmotion.errors import InputError
+from latentmotion.formats.bvh import write_bvh
+from latentmotion.formats.takes import numbered
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import (
+    matrix_between,
     matrix_from_quaternion,
-    quaternion_between,
     quaternion_from_matrix,
     slerp,
 )
+from latentmotion.motion import Motion
+from latentmotion.retarget.feet import align_foot, ground_feet
+from latentmotion.retarget.humanoid import SIDES, Humanoid
+from latentmotion.retarget.pose import Pose
+from latentmotion.retarget.rig import Rig
+from latentmotion.retarget.rig_files import Take
+from latentmotion.retarget.source import SourceCharacter
 
-Turns = Float[np.ndarray, "frames 3 3"]
+Rotations = Float[np.ndarray, "frames 3 3"]
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 
 
-def retarget(source: Motion | Animation, rig: Rig, body: Body | None = None) -> Animation:
+def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None) -> Animation:
     """Carries a motion to a rig.
 
     Args:
@@ -57,83 +62,125 @@ def retarget(source: Motion | Animation, rig: Rig, body: Body | None = None) -> 
     Raises:
         DataError: The joints of the source are unknown.
     """
-    actor = Actor.of(source, body)
-    turns = _torso(actor, rig.body) | _arms_and_legs(actor, rig)
-    turns |= _feet(actor, rig)
-    pose = Pose(rig, turns, _hips(actor, rig))
-    return ground_feet(pose, actor).animation(actor.fps)
+    character = SourceCharacter.of(source, body)
+    rotations = _torso(character, rig.body) | _limbs(character, rig)
+    for side in SIDES:
+        align = align_foot(rig, character, side)
+        for name in (f"{side}_ankle", f"{side}_foot"):
+            if name in character.body.joints and name in rig.body.joints:
+                rotations[rig.body.joints[name]] = character.rotation(name) @ align
+    pose = Pose(rig, rotations, _hips(character, rig))
+    return ground_feet(pose, character).animation(character.fps)
 
 
-def _torso(actor: Actor, body: Body) -> dict[int, Turns]:
-    seen = actor.body
+def write(
+    path: str | Path,
+    rig: Rig,
+    motions: Sequence[Motion],
+    fps: float | None = None,
+    names: Sequence[str] | None = None,
+) -> list[Path]:
+    """Carries motions to a rig and writes it.
+
+    Args:
+        path: `.glb` or `.gltf`: the rig's file with the animations added; those of the same name
+            are replaced. `.bvh`: its skeleton, one file for each motion.
+        rig: The rig.
+        motions: At least one.
+        fps: Frames per second of the animations; by default each motion's own.
+        names: What the animations are called; by default by the captions.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: The ending does not fit the rig, or the folder cannot be written.
+    """
+    target = Path(path)
+    check_output(rig, target)
+    if not motions:
+        raise InputError(f"no motion to write to {target}, expected at least one")
+    motions = motions if fps is None else [motion.resampled(fps) for motion in motions]
+    names = names or [motion.caption or f"take {n}" for n, motion in enumerate(motions, 1)]
+    animations = [retarget(motion, rig) for motion in motions]
+    if target.suffix.lower() in rig.file.endings:
+        takes = [Take(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)]
+        return rig.file.write(target, takes)
+    paths = numbered(target, len(animations))
+    for place, animation in zip(paths, animations, strict=True):
+        write_bvh(place, animation)
+    return paths
+
+
+def check_output(rig: Rig, path: Path) -> None:
+    """Checks early that a rig can be written with such an ending.
+
+    Raises:
+        InputError: It cannot.
+    """
+    endings = dict.fromkeys((*rig.file.endings, ".bvh"))
+    if path.suffix.lower() not in endings:
+        raise InputError(
+            f"{rig.file.path} cannot be written as {path.suffix or 'a file without ending'}; "
+            f"expected {' or '.join(endings)}"
+        )
+
+
+def _torso(source: SourceCharacter, body: Humanoid) -> dict[int, Rotations]:
+    seen = source.body
     spine = [seen.pelvis, *seen.spine]
-    turns = {body.pelvis: actor.world[:, seen.pelvis]}
-    turns |= _chain([actor.world[:, joint] for joint in spine], body.spine)
+    rotations = {body.pelvis: source.world[:, seen.pelvis]}
+    rotations |= _chain([source.world[:, joint] for joint in spine], body.spine)
     if "head" in seen.joints:
         neck = [seen.chest, *seen.neck]
-        turns |= _chain([actor.world[:, joint] for joint in neck], body.neck)
+        rotations |= _chain([source.world[:, joint] for joint in neck], body.neck)
         if "head" in body.joints:
-            turns[body.joints["head"]] = actor.world[:, seen.joints["head"]]
+            rotations[body.joints["head"]] = source.world[:, seen.joints["head"]]
     for side in SIDES:
-        collar = actor.turn(f"{side}_collar")
-        if collar is not None and f"{side}_collar" in body.joints:
-            turns[body.joints[f"{side}_collar"]] = collar
-    return turns
+        collar = f"{side}_collar"
+        if collar in seen.joints and collar in body.joints:
+            rotations[body.joints[collar]] = source.rotation(collar)
+    return rotations
 
 
-def _chain(seen: Sequence[Turns], joints: Sequence[int]) -> dict[int, Turns]:
-    """Spreads the turns of one chain evenly over another with any number of joints."""
-    quaternions = [quaternion_from_matrix(turn) for turn in seen]
-    turns = {}
+def _chain(seen: Sequence[Rotations], joints: Sequence[int]) -> dict[int, Rotations]:
+    """Spreads the rotations of one chain evenly over another with any number of joints."""
+    quaternions = [quaternion_from_matrix(rotation) for rotation in seen]
+    rotations = {}
     for number, joint in enumerate(joints, 1):
-        place = number / len(joints) * (len(seen) - 1)
-        before = min(int(place), max(len(seen) - 2, 0))
+        along = number / len(joints) * (len(seen) - 1)
+        before = min(int(along), max(len(seen) - 2, 0))
         after = min(before + 1, len(seen) - 1)
-        between = slerp(quaternions[before], quaternions[after], place - before)
-        turns[joint] = matrix_from_quaternion(between)
-    return turns
+        between = slerp(quaternions[before], quaternions[after], along - before)
+        rotations[joint] = matrix_from_quaternion(between)
+    return rotations
 
 
-def _arms_and_legs(actor: Actor, rig: Rig) -> dict[int, Turns]:
-    turns, rest, seen = {}, rig.rest(), actor.rest()
+def _limbs(source: SourceCharacter, rig: Rig) -> dict[int, Rotations]:
+    rotations, rest, seen = {}, rig.rest(), source.rest()
     for side in SIDES:
         for limb in _LIMBS:
             names = [f"{side}_{joint}" for joint in limb]
             align = np.eye(3)
             for upper, lower in pairwise(names):
                 bone = _bone(rest, rig.body, upper, lower)
-                align = _shortest(align @ bone, _bone(seen, actor.body, upper, lower)) @ align
-                turns[rig.body.joints[upper]] = actor.world[:, actor.body.joints[upper]] @ align
-            turns[rig.body.joints[names[-1]]] = actor.world[:, actor.body.joints[names[-1]]] @ align
-    return turns
+                align = matrix_between(align @ bone, _bone(seen, source.body, upper, lower)) @ align
+                rotations[rig.body.joints[upper]] = source.rotation(upper) @ align
+            rotations[rig.body.joints[names[-1]]] = source.rotation(names[-1]) @ align
+    return rotations
 
 
-def _feet(actor: Actor, rig: Rig) -> dict[int, Turns]:
-    turns = {}
-    for side in SIDES:
-        align = align_foot(rig, actor, side)
-        for name in (f"{side}_ankle", f"{side}_foot"):
-            turn = actor.turn(name)
-            if turn is not None and name in rig.body.joints:
-                turns[rig.body.joints[name]] = turn @ align
-    return turns
-
-
-def _hips(actor: Actor, rig: Rig) -> Float[np.ndarray, "frames 3"]:
+def _hips(source: SourceCharacter, rig: Rig) -> Float[np.ndarray, "frames 3"]:
     """Returns where the middle of the rig's hips goes."""
-    hips = np.mean([actor.place(f"{side}_hip") for side in SIDES], axis=0)
-    scale = rig.leg / actor.leg
-    up = scale * actor.standing_height("ankle")
+    hips = np.mean([source.position(f"{side}_hip") for side in SIDES], axis=0)
+    scale = rig.leg / source.leg
+    up = scale * source.standing_height("ankle")
     rest = np.mean([rig.rest()[rig.body.joints[f"{side}_ankle"], 1] for side in SIDES])
     return scale * hips + (0, rest - up, 0)
 
 
 def _bone(
-    rest: Float[np.ndarray, "joints 3"], body: Body, upper: str, lower: str
+    rest: Float[np.ndarray, "joints 3"], body: Humanoid, upper: str, lower: str
 ) -> Float[np.ndarray, " 3"]:
     bone = rest[body.joints[lower]] - rest[body.joints[upper]]
     return bone / max(float(np.linalg.norm(bone)), 1e-12)
-
-
-def _shortest(a: Float[np.ndarray, " 3"], b: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    return matrix_from_quaternion(quaternion_between(a, b))

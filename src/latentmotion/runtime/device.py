@@ -1,10 +1,12 @@
-"""Where PyTorch computes, by the name that users know."""
+"""Where PyTorch computes: devices by the names that users know, and the machine in words."""
 
 from __future__ import annotations
 
 import torch
+import torch.distributed
 
 from latentmotion.errors import InputError
+from latentmotion.storage.provenance import processor
 
 
 def device_named(name: str) -> torch.device:
@@ -18,3 +20,12 @@ def device_named(name: str) -> torch.device:
     except (RuntimeError, AssertionError) as error:
         raise InputError(f"no device {name!r} here: {error}; try --device cpu") from error
     return torch.device(name)
+
+
+def describe_machine() -> str:
+    """Returns processor, processes with their threads, devices and PyTorch's version."""
+    world = torch.distributed.get_world_size() if torch.distributed.is_initialized() else 1
+    parts = [processor(), f"{world} processes of {torch.get_num_threads()} threads"]
+    if torch.cuda.is_available():
+        parts.append(f"{torch.cuda.device_count()} x {torch.cuda.get_device_name()}")
+    return ", ".join([*parts, f"PyTorch {torch.__version__}"])

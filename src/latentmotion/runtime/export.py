@@ -18,9 +18,9 @@ from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import GuidanceAsInput
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import Sampling
 from latentmotion.errors import ModelError
 from latentmotion.feature_decoder import FeatureDecoder
+from latentmotion.model.config import Sampling
 from latentmotion.pipeline import features_from_noise, sampler_of
 from latentmotion.representation.normalizer import Scale
 from latentmotion.runtime.backend import Batch

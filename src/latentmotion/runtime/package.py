@@ -31,7 +31,6 @@ from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import ModelError
-from latentmotion.files import atomic_folder
 from latentmotion.model.card import CARD_FILE, GraphPrecision, ModelCard, read_card
 from latentmotion.runtime.export import (
     FusedSampler,
@@ -42,6 +41,7 @@ from latentmotion.runtime.export import (
 from latentmotion.runtime.quantization import quantize
 from latentmotion.runtime.session import fused_sampler_file, has_decoder, open_session
 from latentmotion.runtime.shared_weights import share_weights
+from latentmotion.storage.files import atomic_folder
 from latentmotion.tracing import anonymous
 from latentmotion.vae.interface import MotionVAE
 

@@ -17,7 +17,7 @@ import onnx
 from onnx import ModelProto
 
 from latentmotion.engines import onnxruntime_session
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 BLOCK = 64
 """Numbers that share a scale."""

@@ -17,7 +17,7 @@ import numpy as np
 import onnx
 from onnx import NodeProto, TensorProto, helper, numpy_helper
 
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 FEWEST = 256
 """Numbers of a tensor that is worth a reference."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from latentmotion.configuration import read_json
 from latentmotion.errors import DataError, InputError
+from latentmotion.storage.configuration import read_json
 from latentmotion.study.design import KEY_FORMAT, Model, StudyKey
 
 ANSWERS_FORMAT = "latentmotion study answers 1"

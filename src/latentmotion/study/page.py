@@ -10,7 +10,7 @@ from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 from latentmotion.study.design import Study, asked
 from latentmotion.viewer.page import json_in_html, payload, script
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from latentmotion.errors import InputError
-from latentmotion.files import read_lines, sha256
 from latentmotion.model.card import CARD_FILE
 from latentmotion.model.folder import shipped_models
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
+from latentmotion.storage.files import read_lines, sha256
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from latentmotion.evaluation.extractors.action_classifier import (
 from latentmotion.evaluation.extractors.action_network import Recognizer
 from latentmotion.evaluation.extractors.temporal import TemporalClassifier
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.provenance import command_line
 from latentmotion.training.classifier_stage import (
     ClassifierExperiment,
     ClassifierStage,
@@ -29,7 +30,6 @@ from latentmotion.training.classifier_stage import (
 from latentmotion.training.crops import FeatureMemory
 from latentmotion.training.devices import Place
 from latentmotion.training.loop import train
-from latentmotion.training.provenance import command_line
 from latentmotion.training.run_folder import MODEL, open_run
 
 BEST = "best.safetensors"

@@ -24,8 +24,8 @@ from latentmotion.evaluation.extractors.temporal import (
     TemporalClassifierConfig,
 )
 from latentmotion.experiment import TrainingSettings
-from latentmotion.files import atomic_file
 from latentmotion.motion import Motion
+from latentmotion.storage.files import atomic_file
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.devices import Place
 from latentmotion.training.loop import Stage

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Cropping, Item, items_of, plan_epoch
@@ -76,7 +77,7 @@ class FeatureMemory:
         for row, part in zip(features, parts, strict=True):
             row[: len(part)] = part
         lengths = torch.tensor([crop.frames for crop in crops])
-        return torch.from_numpy(features), torch.arange(frames)[None] < lengths[:, None]
+        return torch.from_numpy(features), prefix_mask(lengths, frames)
 
     def _part(self, crop: Crop) -> Float[np.ndarray, "frames features"]:
         part = self._features[crop.clip.id][crop.start : crop.start + crop.frames]

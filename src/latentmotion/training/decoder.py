@@ -16,10 +16,10 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.exchange import check_latents, other_figures, scale_of
 from latentmotion.experiment import Experiment, differing_keys
-from latentmotion.files import sha256
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.vae_config import VAEConfig
 from latentmotion.networks.build import build
+from latentmotion.storage.files import sha256
 from latentmotion.training.devices import Place
 from latentmotion.training.imitation import ImitatingStage, load_imitation
 from latentmotion.training.loop import train

@@ -14,10 +14,10 @@ from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.distillation import Distillation
 from latentmotion.errors import InputError, ModelError
-from latentmotion.files import sha256
 from latentmotion.model.card import CARD_FILE, ModelCard, Provenance, read_card
 from latentmotion.model.config import DenoiserConfig
 from latentmotion.networks.build import build
+from latentmotion.storage.files import sha256
 from latentmotion.training.devices import Place
 from latentmotion.training.distill_data import prepare_lessons
 from latentmotion.training.distill_stage import DistillStage

@@ -10,8 +10,9 @@ import torch
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import GuidanceAsInput
 from latentmotion.diffusion.loss import leap_loss
-from latentmotion.diffusion.sampler import Sampling, sample
+from latentmotion.diffusion.sampler import sample
 from latentmotion.model.card import ModelCard
+from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.nn.masked import mean_of_real
 from latentmotion.pipeline import sampler_of

@@ -13,10 +13,10 @@ from latentmotion.data.sampling import Crop, Item
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, LatentSettings
 from latentmotion.feature_decoder import normalizer_of
-from latentmotion.files import sha256
 from latentmotion.model.card import CARD_FILE, ModelCard
 from latentmotion.model.vae_config import LatentSpace
 from latentmotion.networks.build import build
+from latentmotion.storage.files import sha256
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.denoiser_stage import LatentData
 from latentmotion.training.devices import Place

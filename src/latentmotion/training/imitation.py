@@ -19,9 +19,9 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.exchange import check_latents
 from latentmotion.experiment import Experiment
-from latentmotion.files import sha256
 from latentmotion.model.vae_config import LatentSpace
 from latentmotion.representation.normalizer import Scale
+from latentmotion.storage.files import sha256
 from latentmotion.training.devices import Place
 from latentmotion.training.run_folder import MODEL
 from latentmotion.training.trajectories import WAYS_FILE, ends_of

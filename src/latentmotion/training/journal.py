@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.errors import MissingExtraError
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 NAME = "journal.jsonl"
 

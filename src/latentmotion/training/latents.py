@@ -15,8 +15,9 @@ import torch
 from jaxtyping import Bool, Float
 from safetensors.torch import load_file, save_file
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.data.sampling import Crop, Cropping, Item
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 from latentmotion.training.crops import FeatureMemory
 from latentmotion.training.devices import Place
 from latentmotion.vae.interface import MotionVAE
@@ -148,5 +149,5 @@ def _padded(rows: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> Posteriors:
     return Posteriors(
         pad([mean for mean, _ in rows], batch_first=True),
         pad([std for _, std in rows], batch_first=True),
-        torch.arange(int(lengths.max()))[None] < lengths[:, None],
+        prefix_mask(lengths),
     )

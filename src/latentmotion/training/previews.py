@@ -16,7 +16,7 @@ from latentmotion.feature_decoder import FeatureDecoder
 from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.pipeline import features_from_noise
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import representation_named
 from latentmotion.runtime.backend import Batch
 from latentmotion.vae.interface import MotionVAE
 

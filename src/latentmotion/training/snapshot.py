@@ -13,7 +13,7 @@ import torch
 from torch import nn
 
 from latentmotion.errors import ModelError
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 from latentmotion.training.ema import ExponentialMovingAverage
 
 NAME = "snapshot.pt"

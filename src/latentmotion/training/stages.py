@@ -7,12 +7,12 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.body.smpl_model import SmplModel, load_smpl
 from latentmotion.checkpoint import FirstStageModel, LatentModel, save_model
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
+from latentmotion.kinematics.smpl import SmplModel, load_smpl
 from latentmotion.networks.build import build
 from latentmotion.training.cards import first_stage_card, second_stage_card
 from latentmotion.training.denoiser_stage import DenoiserStage

@@ -12,7 +12,7 @@ from latentmotion.motion import Motion
 def write_strip(path: Path, motions: Sequence[Motion]) -> None:
     """Writes `motions` as a picture, a row each; does nothing without Pillow or motions."""
     try:
-        from latentmotion.formats.strip import write
+        from latentmotion.render.strip import write
     except MissingExtraError:
         return
     if motions:

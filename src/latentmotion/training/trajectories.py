@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import Conditioning
 from latentmotion.data.sampling import Crop
 from latentmotion.diffusion.denoiser import Denoiser
@@ -27,8 +28,8 @@ from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.sampler import SamplerName, sample, sampler_named
 from latentmotion.experiment import Precision
-from latentmotion.files import atomic_file
 from latentmotion.model.card import ModelCard
+from latentmotion.storage.files import atomic_file
 from latentmotion.training.devices import Place
 from latentmotion.training.steering import PromptTable
 
@@ -88,7 +89,7 @@ class Guide:
         tokens = [self.card.latents.tokens_of(crop.frames) for crop in crops]
         seeds = generator.integers(2**32, size=len(crops)).tolist()
         z = SeededNoise(seeds, tokens)((len(crops), max(tokens), self.card.latents.width))
-        mask = torch.arange(max(tokens))[None] < torch.tensor(tokens)[:, None]
+        mask = prefix_mask(torch.tensor(tokens))
         scale = torch.from_numpy(guidance)
         condition = self.prompts([crop.caption for crop in crops])
         moved = (part.to(self.device) for part in (torch.from_numpy(z), mask, scale))

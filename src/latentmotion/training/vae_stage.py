@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import torch
 from jaxtyping import Float
 
-from latentmotion.body.skinning import Body
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop
-from latentmotion.evaluation.metrics.mpjpe import mpjpe
+from latentmotion.evaluation.metrics.reconstruction import mpjpe
 from latentmotion.experiment import Experiment
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.smpl import SkinnedBody
 from latentmotion.motion import Motion
 from latentmotion.representation.smpl import SmplRepresentation
-from latentmotion.skeleton import Skeleton
 from latentmotion.training.crops import FeatureMemory, Plan, items_by_length
 from latentmotion.training.devices import Place
 from latentmotion.training.loop import Stage
@@ -44,7 +44,7 @@ class VAEStage(Stage[MotionVAE]):
         dataset: Dataset,
         experiment: Experiment,
         place: Place,
-        body: Body | None = None,
+        body: SkinnedBody | None = None,
     ) -> None:
         super().__init__()
         self.network = vae

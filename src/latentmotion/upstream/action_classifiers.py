@@ -20,7 +20,7 @@ from latentmotion.evaluation.extractors.action_classifier import (
 from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.evaluation.extractors.interface import EVALUATOR_FILE
 from latentmotion.evaluation.extractors.stgcn import GraphNetworkConfig
-from latentmotion.files import check_replaceable, sha256
+from latentmotion.storage.files import check_replaceable, sha256
 
 GRU_WEIGHT, GRAPH_WEIGHT = "recurrent.weight_ih_l0", "st_gcn_networks.0.gcn.conv.weight"
 """Names by which the files are known."""

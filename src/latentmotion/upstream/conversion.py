@@ -17,11 +17,11 @@ from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.prediction import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.errors import InputError, ModelError
-from latentmotion.files import sha256
 from latentmotion.model.card import ModelCard, Provenance
 from latentmotion.model.config import DenoiserConfig
 from latentmotion.model.vae_config import IdentityVAEConfig, TransformerVAEConfig
 from latentmotion.networks.build import build
+from latentmotion.storage.files import sha256
 from latentmotion.upstream import names
 from latentmotion.upstream.configurations import Unstated, denoiser_config, is_actor, vae_config
 from latentmotion.upstream.reading import read_checkpoint, split_parts

@@ -21,9 +21,9 @@ from latentmotion.evaluation.extractors.glove import read_glove
 from latentmotion.evaluation.extractors.networks import TextMotionConfig
 from latentmotion.evaluation.extractors.text_motion import TextMotionCard, TextMotionEvaluator
 from latentmotion.evaluation.extractors.text_motion_folder import save_text_motion
-from latentmotion.files import sha256
 from latentmotion.model.card import Provenance
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.files import sha256
 from latentmotion.upstream.reading import read_content
 
 _PARTS = {

@@ -7,7 +7,6 @@ other name the reading ends: nothing that is named is ever imported or run.
 
 from __future__ import annotations
 
-import pickle
 from collections import OrderedDict
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,8 @@ from zipfile import ZipFile
 
 import torch
 from torch import Tensor
+
+from latentmotion.storage.pickles import RestrictedUnpickler
 
 KNOWN_PACKAGES = (
     *("omegaconf.", "antlr4.", "pytorch_lightning.", "lightning.", "lightning_fabric."),
@@ -30,9 +31,6 @@ KNOWN = {
     *("builtins.long", "builtins.unicode", "_codecs.encode", "copyreg._reconstructor"),
 }
 """Names that do so as well."""
-
-_PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
-"""Names of modules in pickles of protocol 2."""
 
 _STORAGES = {
     "FloatStorage": torch.float32,
@@ -65,7 +63,7 @@ def read_with_stand_ins(path: Path) -> Any:
     """Returns what a PyTorch file holds: tensors and plain values, a `StandIn` for all else.
 
     Raises:
-        pickle.UnpicklingError: It names something unknown.
+        ForbiddenName: It names something unknown.
         Exception: The file is damaged, or no zip file.
     """
     with ZipFile(path) as archive:
@@ -74,22 +72,22 @@ def read_with_stand_ins(path: Path) -> Any:
             return _Unpickler(file, archive, names[0].removesuffix(".pkl")).load()
 
 
-class _Unpickler(pickle.Unpickler):
+class _Unpickler(RestrictedUnpickler):
     def __init__(self, file: Any, archive: ZipFile, folder: str) -> None:
-        super().__init__(file, encoding="utf-8")
+        super().__init__(file, self._named, encoding="utf-8")
         self._archive, self._folder = archive, folder
 
-    def find_class(self, module: str, name: str) -> Any:
+    def _named(self, module: str, name: str) -> Any:
         if module == "torch" and name in _STORAGES:
             return _STORAGES[name]
         if module == "torch._utils" and name in ("_rebuild_tensor_v2", "_rebuild_parameter"):
             return getattr(self, name)
         if (module, name) == ("collections", "OrderedDict"):
             return OrderedDict
-        full = f"{_PYTHON_2.get(module, module)}.{name}"
+        full = f"{module}.{name}"
         if full in KNOWN or full.startswith(KNOWN_PACKAGES):
             return StandIn
-        raise pickle.UnpicklingError(f"it names {full}")
+        raise KeyError(full)
 
     def persistent_load(self, pid: Any) -> Tensor:
         _, dtype, key, _, count = pid

@@ -15,8 +15,8 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.nn.masked import mean_of_all, mean_of_real
-from latentmotion.skeleton import Skeleton
 from latentmotion.vae.interface import MotionVAE
 
 STANDING = 0.2

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from latentmotion.errors import InputError
-from latentmotion.files import atomic_file
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.skeleton import Skeleton
+from latentmotion.storage.files import atomic_file
 
 FINEST_STEP = 1e-4
 """Step of the quantized joint positions, meters."""

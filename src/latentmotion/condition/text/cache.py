@@ -14,7 +14,7 @@ from safetensors.numpy import save_file
 
 from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
 from latentmotion.errors import InputError
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 AT_ONCE = 512
 """Sentences per file."""

@@ -24,7 +24,7 @@ from jaxtyping import Bool, Float, Int
 
 from latentmotion.condition.text.network import StudentNetwork
 from latentmotion.condition.text.targets import Targets, padded
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 POOLED_WEIGHT = 20.0
 RELATION_WEIGHT = 20.0

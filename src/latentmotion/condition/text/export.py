@@ -15,7 +15,7 @@ from torch import nn
 from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.network import NetworkShape, StudentNetwork
 from latentmotion.condition.text.packing import packed
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 from latentmotion.tracing import trace
 
 WEIGHTS_FILE = "text_encoder.safetensors"

@@ -17,7 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from latentmotion.errors import ModelError
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 LENGTHS_FILE = "lengths.safetensors"
 """Name in the folder of a model or text encoder."""

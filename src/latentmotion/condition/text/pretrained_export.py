@@ -15,7 +15,7 @@ from latentmotion.condition.text.encoder_files import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.export import write_graph
 from latentmotion.condition.text.pretrained import PretrainedTextEncoder, Read
 from latentmotion.errors import ModelError
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 
 def export_pretrained(encoder: PretrainedTextEncoder, folder: Path) -> None:

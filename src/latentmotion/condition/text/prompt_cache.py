@@ -25,7 +25,7 @@ from safetensors.numpy import save_file
 from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
 from latentmotion.condition.text.unknown_words import warn_of_unknown
 from latentmotion.errors import InputError
-from latentmotion.files import atomic_file, sha256
+from latentmotion.storage.files import atomic_file, sha256
 
 MOST = 1000
 """Prompts that are kept, some 20 kB each."""

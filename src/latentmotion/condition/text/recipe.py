@@ -30,7 +30,7 @@ from latentmotion.condition.text.student import StudentTextEncoder
 from latentmotion.condition.text.targets import teacher_targets
 from latentmotion.condition.text.unknown_words import UnknownWordsWarning
 from latentmotion.condition.text.variation import plain_phrases, vary
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 CHECKPOINT_FILE = "state.pt"
 CARD_FILE = "card.json"

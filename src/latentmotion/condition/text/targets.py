@@ -13,7 +13,8 @@ import torch
 from jaxtyping import Float, Int
 from tokenizers import Tokenizer
 
-from latentmotion.files import atomic_folder
+from latentmotion.arrays import prefix_mask
+from latentmotion.storage.files import atomic_folder
 
 TeacherCall = Callable[
     [torch.Tensor, torch.Tensor], tuple[torch.Tensor, torch.Tensor]
@@ -56,7 +57,7 @@ def teacher_targets(
 def padded(ids: Sequence[Sequence[int]]) -> tuple[torch.Tensor, torch.Tensor]:
     """Returns (tokens, mask) of several sentences, filled with zeros at the end."""
     lengths = torch.tensor([len(row) for row in ids])
-    mask = torch.arange(int(lengths.max())) < lengths[:, None]
+    mask = prefix_mask(lengths)
     tokens = torch.zeros(mask.shape, dtype=torch.long)
     tokens[mask] = torch.tensor([token for row in ids for token in row])
     return tokens, mask

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 
 _MOMENTUM = 0.9
 """How much of its last turn a bone is taken to repeat; fewest bytes on CMU's and HDM05's clips."""

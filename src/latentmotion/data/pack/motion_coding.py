@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from latentmotion.data.pack.directions import BoneCoder
 from latentmotion.errors import DataError
-from latentmotion.representation.facing import turn
+from latentmotion.representation.canonical import turn
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 
 Clips = Sequence[Float[np.ndarray, "_ features"]]

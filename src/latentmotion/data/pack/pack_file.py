@@ -18,12 +18,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from latentmotion.configuration import from_json, to_json
 from latentmotion.data.manifest import FORMAT as DATASET_FORMAT
 from latentmotion.data.manifest import Manifest
 from latentmotion.data.report import Report
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.files import atomic_file
+from latentmotion.storage.configuration import from_json, to_json
+from latentmotion.storage.files import atomic_file
 
 FORMAT = "latentmotion pack 1"
 

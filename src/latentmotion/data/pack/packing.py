@@ -11,8 +11,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.cache_folder import VARIABLE, cache_folder
-from latentmotion.configuration import read_json, write_json
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import MANIFEST, Manifest, StoredClip
 from latentmotion.data.pack.motion_coding import MotionCoder, posed
@@ -27,10 +25,12 @@ from latentmotion.data.pack.pack_file import (
 from latentmotion.data.report import REPORT, Report
 from latentmotion.data.store import StoredMotion, write_dataset
 from latentmotion.errors import DataError, FileFormatError, InputError
-from latentmotion.files import check_replaceable, check_writable, sha256
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import representation_named
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.cache_folder import VARIABLE, cache_folder
+from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.storage.files import check_replaceable, check_writable, sha256
 
 QUANTUM = 0.00025
 """Step of positions, meters."""

@@ -16,7 +16,6 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from latentmotion.checkpoint import load_weights, read_weights
-from latentmotion.configuration import read_json, to_json
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.extractors.action_network import (
     ActionNetwork,
@@ -27,10 +26,11 @@ from latentmotion.evaluation.extractors.gru import MotionGRUConfig
 from latentmotion.evaluation.extractors.interface import EVALUATOR_FILE, WEIGHTS_FILE
 from latentmotion.evaluation.extractors.stgcn import GraphNetworkConfig
 from latentmotion.evaluation.extractors.temporal import TemporalClassifierConfig
-from latentmotion.files import atomic_folder, sha256
-from latentmotion.representation.known import representation_named
+from latentmotion.representation.interface import representation_named
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.storage.configuration import read_json, to_json
+from latentmotion.storage.files import atomic_folder, sha256
 
 ROTATION_CHANNELS = 6
 """Numbers per joint of the representation "smpl", whose index is channel · 25 + joint."""

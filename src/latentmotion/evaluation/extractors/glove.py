@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data import restricted_pickle
 from latentmotion.errors import FileFormatError, ModelError
 from latentmotion.evaluation.extractors.tokens import END, START
 from latentmotion.evaluation.extractors.word_vectors import UNKNOWN, GloveWords
+from latentmotion.storage import pickles
 
 VECTORS, WORDS, NUMBERS = "our_vab_data.npy", "our_vab_words.pkl", "our_vab_idx.pkl"
 
@@ -48,7 +48,7 @@ def _vectors(path: Path) -> Float[np.ndarray, "words width"]:
 
 
 def _plain(path: Path, kind: type) -> Any:
-    content = restricted_pickle.load(path)
+    content = pickles.load(path)
     if not isinstance(content, kind):
         raise FileFormatError(path, f"found a {type(content).__name__}, expected {kind.__name__}")
     return content

@@ -14,7 +14,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from latentmotion.configuration import to_json
 from latentmotion.data.clip import Caption
 from latentmotion.errors import InputError
 from latentmotion.evaluation.extractors.networks import (
@@ -25,6 +24,7 @@ from latentmotion.evaluation.extractors.networks import (
 from latentmotion.evaluation.extractors.word_vectors import GloveWords, WordVectors
 from latentmotion.model.card import Provenance
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.configuration import to_json
 
 FORMAT = 1
 """Version of evaluator.json that this code writes and reads."""

@@ -16,7 +16,6 @@ from torch import Tensor
 from latentmotion.checkpoint import load_weights, read_weights
 from latentmotion.condition.text.graph import GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.condition.text.student import StudentTextEncoder
-from latentmotion.configuration import read_json, write_json
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.extractors.interface import EVALUATOR_FILE, WEIGHTS_FILE
 from latentmotion.evaluation.extractors.text_motion import (
@@ -29,8 +28,9 @@ from latentmotion.evaluation.extractors.text_motion import (
     tensors_of,
 )
 from latentmotion.evaluation.extractors.word_vectors import EncodedWords, GloveWords, WordVectors
-from latentmotion.files import atomic_folder
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.storage.files import atomic_folder
 
 
 def save_text_motion(

@@ -12,6 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.text.unknown_words import UnknownWordsWarning
 from latentmotion.data.clip import Caption
@@ -127,8 +128,7 @@ def fill(
     rows: Sequence[Float[np.ndarray, "_ width"]], parts: Sequence[Int[np.ndarray, " _"]]
 ) -> Sentences:
     """Fills sentences up with zeros to the longest."""
-    longest = max(len(row) for row in rows)
-    mask = np.arange(longest) < np.array([len(row) for row in rows])[:, None]
+    mask = prefix_mask([len(row) for row in rows])
     words = np.zeros((*mask.shape, rows[0].shape[1]), np.float32)
     classes = np.zeros(mask.shape, np.int64)
     words[mask], classes[mask] = np.concatenate(rows), np.concatenate(parts)

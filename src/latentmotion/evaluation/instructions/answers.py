@@ -13,10 +13,10 @@ from latentmotion.data.resampling import interpolate
 from latentmotion.describe.facts import FPS
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.instructions.prompts import Instruction
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.skeleton import HUMANML3D
 
 Joints = Float[np.ndarray, "_ 22 3"]
 

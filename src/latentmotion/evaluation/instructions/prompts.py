@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 
 from latentmotion.evaluation.instructions.expressions import Check, parse
-from latentmotion.files import atomic_file
+from latentmotion.storage.files import atomic_file
 
 VERSION = 1
 """Version of the list; figures of different versions do not compare."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from latentmotion.configuration import to_json
 from latentmotion.evaluation.instructions.benchmark import OVERALL, Benchmark
-from latentmotion.files import atomic_folder
+from latentmotion.storage.configuration import to_json
+from latentmotion.storage.files import atomic_folder
 
 REPORT_FILE = "instructions.json"
 PAGE_FILE = "instructions.md"

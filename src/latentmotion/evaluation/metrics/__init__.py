@@ -1,1 +1,1 @@
-"""One metric a file."""
+"""Metrics: one file for each thing that is measured."""

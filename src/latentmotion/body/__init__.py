@@ -1,1 +1,0 @@
-"""Bodies with a surface: SMPL model files that users bring, and skin that follows bones."""

@@ -1,0 +1,1 @@
+"""Skeletons and how they move: rotations, kinematics both ways, names of joints, SMPL."""

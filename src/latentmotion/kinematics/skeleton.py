@@ -1,0 +1,207 @@
+"""Skeletons: names, parents, rest offsets, feet; forward kinematics; the skeletons we know.
+
+Axes are right-handed with y up; a body in rest pose faces +z, its left side is +x. Meters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.arrays import array_namespace, device
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A tree of joints in rest pose. A parent always comes before its children."""
+
+    name: str
+    """What it is called, e.g. `humanml3d`."""
+    names: tuple[str, ...]
+    """One name per joint."""
+    parents: tuple[int, ...]
+    """Index of each joint's parent; -1 for the root, which is joint 0."""
+    offsets: Float[np.ndarray, "joints 3"]
+    """Rest position of each joint relative to its parent, meters; the root's is zero."""
+    left_foot: tuple[int, ...] = ()
+    """Joints of the left foot that touch the floor (ankle, toe)."""
+    right_foot: tuple[int, ...] = ()
+    """Joints of the right foot that touch the floor (ankle, toe)."""
+    end_sites: tuple[int, ...] = ()
+    """Joints that are only the tips of bones (BVH's `End Site`) and never rotate."""
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def mirror(self) -> tuple[int, ...]:
+        """For each joint the index of its counterpart on the other side, by name."""
+        return tuple(self.names.index(_other_side(name)) for name in self.names)
+
+    def children(self, joint: int) -> tuple[int, ...]:
+        """Returns the joints whose parent is `joint`."""
+        return tuple(j for j, parent in enumerate(self.parents) if parent == joint)
+
+    def rest_joints(self) -> Float[np.ndarray, "joints 3"]:
+        """Returns the joint positions of the rest pose, the root at the origin."""
+        joints = np.array(self.offsets, dtype=np.float64)
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                joints[joint] += joints[parent]
+        return joints
+
+    def world_rotations(
+        self, rotations: Float[np.ndarray, "*batch joints 3 3"]
+    ) -> Float[np.ndarray, "*batch joints 3 3"]:
+        """Turns rotations relative to the parents into rotations in the world, float64."""
+        world = np.array(rotations, dtype=np.float64)
+        for joint, parent in list(enumerate(self.parents))[1:]:
+            world[..., joint, :, :] = world[..., parent, :, :] @ rotations[..., joint, :, :]
+        return world
+
+    def local_rotations(
+        self, world: Float[np.ndarray, "*batch joints 3 3"]
+    ) -> Float[np.ndarray, "*batch joints 3 3"]:
+        """Turns rotations in the world into rotations relative to the parents."""
+        above = world[..., list(self.parents[1:]), :, :]
+        local = world.copy()
+        local[..., 1:, :, :] = np.swapaxes(above, -1, -2) @ world[..., 1:, :, :]
+        return local
+
+    def forward_kinematics(
+        self,
+        rotations: Float[Any, "*batch joints 3 3"],
+        root_positions: Float[Any, "*batch 3"],
+        translations: Float[Any, "*batch joints 3"] | None = None,
+    ) -> Float[Any, "*batch joints 3"]:
+        """Turns local rotations into joint positions.
+
+        Args:
+            rotations: Rotation of each joint relative to its parent; identity is the rest pose.
+            root_positions: Position of the root, meters.
+            translations: Animated offsets that replace the rest offsets, where a file has them.
+
+        Returns:
+            Global joint positions, meters.
+        """
+        xp = array_namespace(rotations, root_positions)
+        offsets = xp.asarray(self.offsets, dtype=rotations.dtype, device=device(rotations))
+        world, positions = [rotations[..., 0, :, :]], [root_positions]
+        for joint, parent in list(enumerate(self.parents))[1:]:
+            offset = offsets[joint] if translations is None else translations[..., joint, :]
+            step = xp.sum(world[parent] * offset[..., None, :], axis=-1)
+            positions.append(positions[parent] + step)
+            world.append(xp.matmul(world[parent], rotations[..., joint, :, :]))
+        return xp.stack(positions, axis=-2)
+
+
+def _other_side(name: str) -> str:
+    for side, other in (("left", "right"), ("right", "left")):
+        if name.startswith(side):
+            return other + name.removeprefix(side)
+    return name
+
+
+def _from_lengths(
+    directions: list[tuple[int, int, int]], lengths: list[float]
+) -> Float[np.ndarray, "joints 3"]:
+    return np.array(directions, dtype=np.float64) * np.array(lengths)[:, None]
+
+
+_RIGHT, _LEFT, _UP, _DOWN, _AHEAD = (-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)
+
+HUMANML3D_DIRECTIONS = [
+    *((0, 0, 0), _LEFT, _RIGHT, _UP, _DOWN, _DOWN, _UP, _DOWN, _DOWN, _UP, _AHEAD, _AHEAD),
+    *(_UP, _LEFT, _RIGHT, _AHEAD, _DOWN, _DOWN, _DOWN, _DOWN, _DOWN, _DOWN),
+]
+"""Bone directions from which HumanML3D's inverse kinematics measures rotations."""
+
+HUMANML3D_LENGTHS = [
+    *(0.0, 0.1031, 0.1099, 0.1316, 0.3936, 0.3902, 0.1432, 0.4324, 0.4256, 0.0574, 0.1434),
+    *(0.1494, 0.2194, 0.1375, 0.1434, 0.1030, 0.1316, 0.1230, 0.2568, 0.2631, 0.2660, 0.2699),
+]
+"""Canonical bone lengths of HumanML3D, meters."""
+
+HUMANML3D = Skeleton(
+    name="humanml3d",
+    names=(
+        *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2"),
+        *("left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck"),
+        *("left_collar", "right_collar", "head", "left_shoulder", "right_shoulder"),
+        *("left_elbow", "right_elbow", "left_wrist", "right_wrist"),
+    ),
+    parents=(-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19),
+    offsets=_from_lengths(HUMANML3D_DIRECTIONS, HUMANML3D_LENGTHS),
+    left_foot=(7, 10),
+    right_foot=(8, 11),
+)
+"""The 22 body joints of SMPL as HumanML3D orders them."""
+
+KIT_DIRECTIONS = [
+    *((0, 0, 0), _UP, _UP, _UP, _UP, _LEFT, _DOWN, _DOWN, _RIGHT, _DOWN, _DOWN),
+    *(_LEFT, _DOWN, _DOWN, _AHEAD, _AHEAD, _RIGHT, _DOWN, _DOWN, _AHEAD, _AHEAD),
+]
+"""Bone directions from which KIT's inverse kinematics measures rotations."""
+
+KIT_LENGTHS = [
+    *(0.0, 0.07, 0.14, 0.28, 0.13, 0.22, 0.32, 0.25, 0.22, 0.32, 0.25),
+    *(0.16, 0.42, 0.42, 0.05, 0.15, 0.16, 0.42, 0.42, 0.05, 0.15),
+]
+"""Bone lengths of a body of 1.7 m, after Winter's proportions (thigh and shank 0.245 of height...).
+
+KIT's own sample body is not at hand; features do not depend on these unless one retargets.
+"""
+
+KIT = Skeleton(
+    name="kit",
+    names=(
+        *("pelvis", "spine1", "spine2", "neck", "head"),
+        *("right_shoulder", "right_elbow", "right_wrist"),
+        *("left_shoulder", "left_elbow", "left_wrist"),
+        *("right_hip", "right_knee", "right_ankle", "right_heel", "right_foot"),
+        *("left_hip", "left_knee", "left_ankle", "left_heel", "left_foot"),
+    ),
+    parents=(-1, 0, 1, 2, 3, 3, 5, 6, 3, 8, 9, 0, 11, 12, 13, 14, 0, 16, 17, 18, 19),
+    offsets=_from_lengths(KIT_DIRECTIONS, KIT_LENGTHS) * (-1, 1, 1),
+    left_foot=(19, 20),
+    right_foot=(14, 15),
+)
+"""The 21 joints of KIT-ML's Master Motor Map; sides as the published features have them.
+
+Their inverse kinematics takes the right hip and shoulder to point to +x, so x is negated here.
+"""
+
+_SIDE = {
+    **{"hip": (0.08, -0.09, 0.0), "knee": (0.03, -0.41, 0.0), "ankle": (0.0, -0.41, -0.02)},
+    **{"foot": (0.02, -0.06, 0.13), "collar": (0.08, 0.12, 0.0), "shoulder": (0.11, 0.02, 0.0)},
+    **{"elbow": (0.28, 0.0, 0.0), "wrist": (0.25, 0.0, 0.0), "hand": (0.08, 0.0, 0.0)},
+}
+_MIDDLE = {
+    **{"pelvis": (0.0, 0.0, 0.0), "spine1": (0.0, 0.12, -0.01), "spine2": (0.0, 0.13, 0.01)},
+    **{"spine3": (0.0, 0.06, 0.01), "neck": (0.0, 0.21, -0.02), "head": (0.0, 0.11, 0.04)},
+}
+
+
+def _rest_offset(name: str) -> tuple[float, float, float]:
+    side, _, part = name.partition("_")
+    x, y, z = _MIDDLE[name] if name in _MIDDLE else _SIDE[part]
+    return (-x if side == "right" else x, y, z)
+
+
+_BODY_NAMES = (*HUMANML3D.names, "left_hand", "right_hand")
+
+BODY = Skeleton(
+    name="body",
+    names=_BODY_NAMES,
+    parents=(*HUMANML3D.parents, 20, 21),
+    offsets=np.array([_rest_offset(name) for name in _BODY_NAMES]),
+    left_foot=(7, 10),
+    right_foot=(8, 11),
+)
+"""A body of 1.7 m in a T-pose with the 24 joints that SMPL's poses turn, in their order.
+
+Lengths are round figures after Winter's proportions, and owe nothing to SMPL's files.
+"""

@@ -1,0 +1,257 @@
+"""A mannequin of our own: a smooth skin around the bones of any human skeleton, made by formula.
+
+The body is the surface f(p) = 0 of tapered capsules, blended by a soft minimum
+
+    f(p) = −k log Σᵢ exp(−dᵢ(p) / k),      wᵢ(p) = exp((f(p) − dᵢ(p)) / k),
+
+and wᵢ, the share that each capsule has in the blend, is also the skinning weight of its joint.
+The surface net of a coarse grid is pulled onto f = 0 by Newton's method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.render.surface_nets import surface_net
+
+_BLEND = 0.013
+"""k, meters: how widely neighboring capsules flow into one another."""
+
+_REFERENCE_HEIGHT = 1.4
+"""Distance of the neck from the ankles, meters, at which the radii below are true."""
+
+_SOFTNESS = 1.5
+"""How much wider than the skin's blend the skinning's is, so that bent joints stay round."""
+
+_INFLUENCES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """A piece of the body between two points, in meters from joints in rest pose."""
+
+    joint: str
+    """The joint that carries it."""
+    start: tuple[float, float, float]
+    """Where it starts, relative to the joint; x points to the body's outside."""
+    end: tuple[float, float, float]
+    """Where it ends, relative to `toward`."""
+    radii: tuple[float, float]
+    """Radius at the start and at the end."""
+    toward: str = ""
+    """The joint it leads to; the same joint if empty."""
+    squash: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """How much thicker or thinner it is along each axis."""
+
+
+_FLAT = (1.0, 0.62, 1.0)
+_DEEP = (1.0, 1.0, 0.84)
+
+_WIDE = (1.34, 1.0, 0.86)
+
+_MIDDLE = (
+    Capsule("pelvis", (-0.058, -0.03, 0), (0.058, -0.03, 0), (0.104, 0.104), squash=_DEEP),
+    Capsule("pelvis", (0, 0, 0), (0, 0, 0.002), (0.100, 0.092), "spine1", _WIDE),
+    Capsule("spine1", (0, 0, 0.002), (0, 0, 0.006), (0.092, 0.097), "spine2", _WIDE),
+    Capsule("spine2", (0, 0, 0.006), (0, 0, 0.01), (0.097, 0.104), "spine3", _WIDE),
+    Capsule("spine3", (-0.075, 0.05, 0.01), (0.075, 0.05, 0.01), (0.106, 0.106), squash=_DEEP),
+    Capsule("spine3", (0, 0.1, -0.01), (0, -0.03, -0.01), (0.085, 0.060), "neck", (1.2, 1, 0.9)),
+    Capsule("neck", (0, -0.03, -0.006), (0, 0.01, 0), (0.058, 0.052), "head"),
+    Capsule("head", (0, 0.012, 0.03), (0, 0.09, 0.014), (0.068, 0.098), squash=(0.9, 1.06, 1.05)),
+)
+_SIDE = (
+    Capsule("collar", (0.0, -0.02, 0), (-0.015, -0.005, 0), (0.070, 0.068), "shoulder"),
+    Capsule("shoulder", (0, 0, 0), (0, 0, 0), (0.062, 0.044), "elbow"),
+    Capsule("elbow", (0, 0, 0), (0, 0, 0), (0.045, 0.031), "wrist"),
+    Capsule("wrist", (0.03, 0, 0), (0.085, -0.004, 0), (0.043, 0.041), squash=_FLAT),
+    Capsule("wrist", (0.10, -0.005, 0.002), (0.155, -0.015, 0.002), (0.037, 0.027), squash=_FLAT),
+    Capsule("wrist", (0.03, -0.005, 0.025), (0.085, -0.012, 0.058), (0.021, 0.016)),
+    Capsule("hip", (0.022, -0.02, 0), (0, 0.02, 0), (0.086, 0.059), "knee"),
+    Capsule("knee", (0, 0, 0.004), (0, 0, 0), (0.058, 0.038), "ankle"),
+    Capsule("knee", (0, -0.07, -0.014), (0, -0.18, -0.012), (0.050, 0.046)),
+    Capsule("ankle", (0, 0, -0.022), (0, 0.012, 0), (0.042, 0.038), "foot"),
+    Capsule("foot", (0, 0.012, -0.01), (0.004, 0.008, 0.065), (0.040, 0.031)),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Mannequin:
+    """A skinned mesh in the rest pose of a skeleton."""
+
+    vertices: Float[np.ndarray, "vertices 3"]
+    """Positions in rest pose, meters, the root at the origin."""
+    normals: Float[np.ndarray, "vertices 3"]
+    """Outward unit normals."""
+    quads: Int[np.ndarray, "quads 4"]
+    """Corners of each face, counterclockwise from outside."""
+    joints: Int[np.ndarray, "vertices 4"]
+    """The joints that move each vertex."""
+    weights: Float[np.ndarray, "vertices 4"]
+    """How much each does; the sum is 1."""
+    skeleton: Skeleton
+    """Whose rest pose it is made for."""
+
+    def pose(
+        self, animation: Animation
+    ) -> tuple[Float[np.ndarray, "frames vertices 3"], Float[np.ndarray, "frames vertices 3"]]:
+        """Returns vertices and normals in every frame, by linear blend skinning."""
+        world = animation.rotations.copy()
+        for joint, parent in list(enumerate(self.skeleton.parents))[1:]:
+            world[:, joint] = world[:, parent] @ world[:, joint]
+        shift = animation.joints() - np.einsum("tjab,jb->tja", world, self.skeleton.rest_joints())
+        turn = np.einsum("vk,tvkab->tvab", self.weights, world[:, self.joints])
+        moved = np.einsum("vk,tvka->tva", self.weights, shift[:, self.joints])
+        return (
+            np.einsum("tvab,vb->tva", turn, self.vertices) + moved,
+            np.einsum("tvab,vb->tva", turn, self.normals),
+        )
+
+
+def make_mannequin(skeleton: Skeleton, cell: float = 0.022) -> Mannequin:
+    """Makes a body for a skeleton whose rest pose is a T.
+
+    Args:
+        skeleton: With the joint names of HumanML3D or KIT; capsules of joints it lacks are left
+            out, and one with none of them gets a stick for each bone.
+        cell: Size of the grid's cells, meters on a body of 1.7 m: about the length of a face.
+    """
+    body = _Body(skeleton)
+    cell = cell * body.scale
+    low, values = body.sample(cell)
+    places, quads = surface_net(values)
+    vertices = low + cell * places
+    for _ in range(2):
+        value, slope, _ = body.evaluate(vertices)
+        vertices = vertices - (value / (slope**2).sum(-1))[:, None] * slope
+    _, slope, share = body.evaluate(vertices)
+    joints, weights = body.influences(vertices, share)
+    normals = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
+    return Mannequin(vertices, normals, quads, joints, weights, skeleton)
+
+
+class _Body:
+    """The capsules of one skeleton as arrays, and the function whose zero is their skin."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self.skeleton = skeleton
+        self.scale = _scale(skeleton)
+        known = [piece for piece in _pieces() if {piece.joint, piece.toward} <= {*skeleton.names}]
+        pieces = known or _sticks(skeleton)
+        rest, index = skeleton.rest_joints(), skeleton.names.index
+        self.owner = np.array([index(piece.joint) for piece in pieces])
+        toward = [index(piece.toward) for piece in pieces]
+        self.start = rest[self.owner] + self.scale * np.array([piece.start for piece in pieces])
+        self.end = rest[toward] + self.scale * np.array([piece.end for piece in pieces])
+        self.radii = self.scale * np.array([piece.radii for piece in pieces])
+        self.squash = np.array([piece.squash for piece in pieces])
+        self.blend = _BLEND * self.scale
+        self.sole = float(rest[:, 1].min())
+
+    def distances(
+        self, points: Float[np.ndarray, "*batch 3"], parts: slice = slice(None)
+    ) -> tuple[Float[np.ndarray, "*batch parts"], Float[np.ndarray, "*batch parts 3"]]:
+        """Returns the distance from the surface of each capsule, negative inside, and its slope."""
+        start, radii, squash = self.start[parts], self.radii[parts], self.squash[parts]
+        axis = (self.end[parts] - start) / squash
+        taper = (radii[:, 1] - radii[:, 0]) / np.maximum((axis**2).sum(-1), 1e-9)
+        along = (points[..., None, :] - start) / squash
+        share = (along * axis).sum(-1) / np.maximum((axis**2).sum(-1), 1e-9)
+        between = (share > 0) & (share < 1)
+        share = np.clip(share, 0, 1)
+        across = along - share[..., None] * axis
+        length = np.linalg.norm(across, axis=-1)
+        slope = across / np.maximum(length, 1e-9)[..., None] - (between * taper)[..., None] * axis
+        return length - radii[:, 0] - share * (radii[:, 1] - radii[:, 0]), slope / squash
+
+    def evaluate(
+        self, points: Float[np.ndarray, "points 3"]
+    ) -> tuple[
+        Float[np.ndarray, " points"],
+        Float[np.ndarray, "points 3"],
+        Float[np.ndarray, "points parts"],
+    ]:
+        """Returns f, its gradient, and the share of each capsule in the blend."""
+        distances, slopes = self.distances(points)
+        closest = distances.min(-1, keepdims=True)
+        share = np.exp((closest - distances) / self.blend)
+        total = share.sum(-1, keepdims=True)
+        value = closest[:, 0] - self.blend * np.log(total[:, 0])
+        slope = np.einsum("pc,pcx->px", share / total, slopes)
+        below = self.sole - points[:, 1]
+        cut = below > value
+        return np.where(cut, below, value), np.where(cut[:, None], (0, -1, 0), slope), share / total
+
+    def sample(self, cell: float) -> tuple[Float[np.ndarray, " width"], Float[np.ndarray, "x y z"]]:
+        """Returns f on a grid and the grid's corner; far outside, f is just large."""
+        edge = 0.15 * self.scale
+        low = np.minimum(self.start, self.end).min(0) - edge
+        extent = np.maximum(self.start, self.end).max(0) + edge - low
+        size = np.ceil(extent / cell).astype(int)
+        total = np.full(size, 1e-30)
+        margin = (self.radii.max(-1, keepdims=True) + 5 * self.blend) * self.squash
+        first = ((np.minimum(self.start, self.end) - margin - low) / cell).astype(int).clip(0)
+        last = ((np.maximum(self.start, self.end) + margin - low) / cell).astype(int) + 2
+        for part in range(len(self.owner)):
+            box = tuple(slice(*ends) for ends in zip(first[part], last[part], strict=True))
+            places = np.stack(
+                np.meshgrid(
+                    *[np.arange(n)[b] for n, b in zip(size, box, strict=True)], indexing="ij"
+                ),
+                axis=-1,
+            )
+            distance, _ = self.distances(low + cell * places, slice(part, part + 1))
+            total[box] += np.exp(-distance[..., 0] / self.blend)
+        height = low[1] + cell * np.arange(size[1])
+        return low, np.maximum(-self.blend * np.log(total), (self.sole - height)[:, None])
+
+    def influences(
+        self, points: Float[np.ndarray, "points 3"], share: Float[np.ndarray, "points parts"]
+    ) -> tuple[Int[np.ndarray, "points 4"], Float[np.ndarray, "points 4"]]:
+        """Returns the joints that move each point, and by how much.
+
+        What is right of the middle is not moved by the left limbs, nor the other way around.
+        """
+        total = share ** (1 / _SOFTNESS) @ np.eye(len(self.skeleton))[self.owner]
+        sides = [name.partition("_")[0] for name in self.skeleton.names]
+        side = np.array([{"left": 1, "right": -1}.get(name, 0) for name in sides])
+        total /= 1 + np.exp(np.clip(-side * points[:, :1] / (0.012 * self.scale), -30, 30))
+        total = np.pad(total, ((0, 0), (0, max(0, _INFLUENCES - total.shape[1]))))
+        joints = np.argsort(-total, axis=-1)[:, :_INFLUENCES]
+        weights = np.take_along_axis(total, joints, axis=-1)
+        return np.minimum(joints, len(self.skeleton) - 1), weights / weights.sum(-1, keepdims=True)
+
+
+def _pieces() -> list[Capsule]:
+    """Returns the capsules of the whole body, both sides, with full names."""
+    whole = [_named(piece, "", 1) for piece in _MIDDLE]
+    for side, sign in (("left_", 1), ("right_", -1)):
+        whole += [_named(piece, side, sign) for piece in _SIDE]
+    return whole
+
+
+def _sticks(skeleton: Skeleton) -> list[Capsule]:
+    """Returns a stick for each bone of a skeleton whose joints have other names."""
+    names = skeleton.names
+    bones = [(names[parent], name) for name, parent in zip(names, skeleton.parents, strict=True)]
+    return [Capsule(a, (0, 0, 0), (0, 0, 0), (0.035, 0.025), b) for a, b in bones[1:] or bones]
+
+
+def _named(piece: Capsule, side: str, sign: int) -> Capsule:
+    (a, b, c), (d, e, f) = piece.start, piece.end
+    ends = (sign * a, b, c), (sign * d, e, f)
+    toward = side + (piece.toward or piece.joint)
+    return Capsule(side + piece.joint, *ends, piece.radii, toward, piece.squash)
+
+
+def _scale(skeleton: Skeleton) -> float:
+    """Returns how large this body is, by the length of leg and trunk."""
+    rest, names = skeleton.rest_joints(), skeleton.names
+    if not {"neck", "left_ankle"} <= set(names):
+        return 1.0
+    height = rest[names.index("neck"), 1] - rest[names.index("left_ankle"), 1]
+    return max(0.1, float(height) / _REFERENCE_HEIGHT)

@@ -1,0 +1,253 @@
+"""Drawing a mannequin on a floor without a GPU: camera, floor, shadow, shaded body, with Pillow.
+
+Faces are painted from far to near. Light on a face with normal n, towards the eye v:
+
+    color · (ambient · (1 + n_y)/2 + key · max(n·l, 0)) + rim · (1 − n·v)³
+
+Everything is drawn at twice the size and reduced, which smooths the edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from latentmotion.arrays import unit
+from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.motion import Motion
+from latentmotion.render.camera import Camera
+from latentmotion.render.mannequin import make_mannequin
+
+try:
+    from PIL import Image, ImageDraw, ImageFilter, ImageFont
+except ImportError as error:
+    raise MissingExtraError("drawing motions", "Pillow", "video") from error
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+OVERSAMPLING = 2
+"""How much larger a picture is drawn than it is kept, in each direction."""
+
+BACKGROUND = (247, 248, 250)
+INK = (58, 64, 76)
+COLORS = ((88, 128, 196), (222, 128, 84), (92, 166, 128), (152, 118, 190))
+"""One color for each take."""
+
+_GRID = (205, 211, 220)
+_SHADOW = (176, 183, 196)
+_SHADOW_REDUCTION = 4
+_SUN = (-0.3, 1.0, -0.35)
+"""Where the light comes from as the camera sees it: right, up, ahead."""
+_SHADOW_WIDTHS = {"head": 0.09, "neck": 0.07, "wrist": 0.035, "elbow": 0.045, "foot": 0.045}
+_SOLE = 0.01
+"""The skin reaches this far below the lowest joint, meters."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """The skin of one person in every frame, ready to be drawn."""
+
+    vertices: Float[np.ndarray, "frames vertices 3"]
+    """Positions, meters."""
+    normals: Float[np.ndarray, "frames vertices 3"]
+    """Outward normals."""
+    quads: Int[np.ndarray, "quads 4"]
+    """Corners of the faces."""
+    joints: Float[np.ndarray, "frames joints 3"]
+    """Positions of the joints, which cast the shadow."""
+    parents: tuple[int, ...]
+    """Parent of each joint."""
+    names: tuple[str, ...]
+    """Name of each joint."""
+
+    def moved(self, frame: int, shift: Float[np.ndarray, " width"]) -> Bodies:
+        """Returns one frame alone, somewhere else."""
+        parts = (self.vertices, self.joints)
+        vertices, joints = (part[frame : frame + 1] + shift for part in parts)
+        normals = self.normals[frame : frame + 1]
+        return replace(self, vertices=vertices, normals=normals, joints=joints)
+
+    @property
+    def floor(self) -> float:
+        """Height of the floor on which the lowest foot stands."""
+        return float(np.percentile(self.joints[..., 1].min(-1), 10)) - _SOLE
+
+
+def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float = 0.022) -> Bodies:
+    """Gives a motion a body; of some frames only, if they are given; with faces of size `cell`.
+
+    Raises:
+        InputError: The joints are not named as a body's.
+    """
+    names = motion.skeleton.names
+    if not {"left_hip", "right_hip"} <= {*names}:
+        found = ", ".join(names[:4])
+        raise InputError(f"cannot draw joints {found}, …; expected a body with left_hip, right_hip")
+    animation = motion.animation()
+    mannequin = make_mannequin(animation.skeleton, cell)
+    chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
+    moves = animation.translations
+    picked = replace(
+        animation,
+        rotations=animation.rotations[chosen],
+        root_positions=animation.root_positions[chosen],
+        translations=None if moves is None else moves[chosen],
+    )
+    vertices, normals = mannequin.pose(picked)
+    joints = motion.joints[chosen].astype(np.float64)
+    skeleton = motion.skeleton
+    return Bodies(vertices, normals, mannequin.quads, joints, skeleton.parents, skeleton.names)
+
+
+def oversampled(size: tuple[int, int]) -> tuple[int, int]:
+    """Returns the size at which a picture of final size is drawn."""
+    return size[0] * OVERSAMPLING, size[1] * OVERSAMPLING
+
+
+def new_picture(size: tuple[int, int]) -> Picture:
+    """Returns an empty picture, oversampled."""
+    return Image.new("RGB", oversampled(size), BACKGROUND)
+
+
+def paint_floor(
+    picture: Picture, camera: Camera, height: float, reach: float, spacing: float = 0.5
+) -> None:
+    """Draws a grid on the floor around the camera's target that fades with the distance."""
+    # Lines along x and z stay where they are when the target moves.
+    across = np.arange(-np.ceil(reach / spacing), np.ceil(reach / spacing) + 1) * spacing
+    still, moving = np.meshgrid(across, np.linspace(-reach, reach, 17), indexing="ij")
+    grids = []
+    for axis in (0, 2):
+        points = np.full((*still.shape, 3), height)
+        points[..., axis] = still + np.round(camera.target[axis] / spacing) * spacing
+        points[..., 2 - axis] = moving + camera.target[2 - axis]
+        grids.append(points)
+    lines = np.concatenate(grids)
+    pixels, depth = camera.project(lines)
+    away = np.linalg.norm((lines - camera.target)[..., [0, 2]], axis=-1) / reach
+    strength = np.clip(1 - away**2, 0, 1)
+    seen = (np.minimum(depth[:, 1:], depth[:, :-1]) > 0.3) & (strength[:, 1:] > 0.02)
+    ends = np.concatenate([pixels[:, :-1], pixels[:, 1:]], axis=-1)[seen].tolist()
+    draw = ImageDraw.Draw(picture)
+    for line, share in zip(ends, strength[:, 1:][seen].tolist(), strict=True):
+        draw.line(line, fill=faded(_GRID, share), width=OVERSAMPLING)
+
+
+def paint_shadow(
+    picture: Picture, camera: Camera, bodies: Sequence[Bodies], frame: int, height: float
+) -> None:
+    """Darkens the floor where bodies keep the sun off."""
+    size = picture.width // _SHADOW_REDUCTION, picture.height // _SHADOW_REDUCTION
+    mask = Image.new("L", size, 0)
+    draw = ImageDraw.Draw(mask)
+    for body in bodies:
+        _paint_bones(draw, camera, body, frame, height)
+    mask = mask.filter(ImageFilter.GaussianBlur(max(1.0, size[1] / 130)))
+    box = mask.getbbox()
+    if box is not None:
+        left, top, right, bottom = (n * _SHADOW_REDUCTION for n in box)
+        soft = mask.crop(box).resize((right - left, bottom - top), Image.Resampling.BILINEAR)
+        picture.paste(_SHADOW, (left, top, right, bottom), soft)
+
+
+def _paint_bones(
+    draw: ImageDraw.ImageDraw, camera: Camera, body: Bodies, frame: int, height: float
+) -> None:
+    joints = body.joints[frame]
+    right, _, ahead = camera.axes()
+    sun = _SUN[0] * right + _SUN[2] * ahead
+    sun[1] = _SUN[1]
+    above = joints[:, 1:2] - height
+    pixels, depth = camera.project(joints - above * sun)
+    pixels = pixels / _SHADOW_REDUCTION
+    scale = camera.focal / np.maximum(depth, 0.1) / _SHADOW_REDUCTION
+    for joint, parent in list(enumerate(body.parents))[1:]:
+        part = body.names[joint].rpartition("_")[2]
+        radius = _SHADOW_WIDTHS.get(part, 0.07) * float(scale[joint])
+        (x, y), (u, v) = pixels[joint].tolist(), pixels[parent].tolist()
+        draw.line((x, y, u, v), fill=190, width=max(1, round(1.5 * radius)))
+        draw.ellipse((x - radius, y - 0.6 * radius, x + radius, y + 0.6 * radius), fill=190)
+
+
+def paint_bodies(
+    picture: Picture,
+    camera: Camera,
+    bodies: Sequence[Bodies],
+    frame: int,
+    colors: Sequence[tuple[int, int, int]],
+) -> None:
+    """Draws one frame of each body, the farthest face first."""
+    faces = []
+    for body, color in zip(bodies, colors, strict=True):
+        pixels, depth = camera.project(body.vertices[frame])
+        corners = pixels[body.quads]
+        first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+        front = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
+        quads = body.quads[front]
+        light = _light(camera, unit(body.normals[frame][quads].sum(1)), color)
+        faces.append((corners[front], depth[quads].mean(1), light))
+    pixels, depth, shade = (np.concatenate(part) for part in zip(*faces, strict=True))
+    order = np.argsort(-depth)
+    draw = ImageDraw.Draw(picture)
+    corners = pixels[order].reshape(-1, 8).tolist()
+    for polygon, color in zip(corners, shade[order].tolist(), strict=True):
+        draw.polygon(polygon, fill=tuple(color))
+
+
+def _light(
+    camera: Camera, normals: Float[np.ndarray, "faces 3"], color: tuple[int, int, int]
+) -> Int[np.ndarray, "faces 3"]:
+    right, up, ahead = camera.axes()
+    key = unit(0.6 * up - 0.45 * right - 0.65 * ahead)
+    sky = 0.5 + 0.5 * normals[:, 1]
+    lambert = np.maximum(normals @ key, 0)
+    shine = np.maximum(normals @ unit(key - ahead), 0) ** 24
+    rim = np.clip(1 + normals @ ahead, 0, 1) ** 3
+    share = 0.36 + 0.32 * sky + 0.50 * lambert
+    light = share[:, None] * np.array(color) + (34 * shine + 26 * rim * sky)[:, None]
+    return np.clip(light, 0, 255).astype(np.int64)
+
+
+def paint_trail(
+    picture: Picture, camera: Camera, way: Float[np.ndarray, "frames 3"], height: float
+) -> None:
+    """Draws a way on the floor."""
+    pixels, _ = camera.project(way * (1, 0, 1) + (0, height, 0))
+    line = [tuple(pixel) for pixel in pixels.tolist()]
+    ImageDraw.Draw(picture).line(line, fill=_SHADOW, width=3 * OVERSAMPLING, joint="curve")
+
+
+def reduced(picture: Picture) -> Picture:
+    """Returns the picture at its final size, with smooth edges."""
+    return picture.reduce(OVERSAMPLING)
+
+
+def paint_text(
+    picture: Picture,
+    text: str,
+    place: tuple[float, float],
+    size: int,
+    anchor: str,
+    room: float = 1e9,
+) -> None:
+    """Writes one line on a picture of final size, shortened to the room in pixels it has."""
+    font = ImageFont.load_default(size)
+    draw = ImageDraw.Draw(picture)
+    if draw.textlength(text, font=font) > room:
+        while text and draw.textlength(text + "…", font=font) > room:
+            text = text[:-1].rstrip()
+        text += "…"
+    draw.text(place, text, fill=INK, font=font, anchor=anchor)
+
+
+def faded(color: tuple[int, int, int], strength: float) -> tuple[int, int, int]:
+    """Returns a color on its way from the background (0) to itself (1)."""
+    red, green, blue = (
+        round(x + (y - x) * strength) for x, y in zip(BACKGROUND, color, strict=True)
+    )
+    return red, green, blue

@@ -1,0 +1,139 @@
+"""Picture strips as in papers: a motion as a row of frames, or as fading figures along its path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
+from latentmotion.render import painter
+from latentmotion.render.camera import Camera, camera_around, camera_of_all, half_front
+from latentmotion.storage.files import atomic_file
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+Style = Literal["row", "path"]
+
+WIDTH = 1280
+"""Pixels from left to right, if nothing else is said."""
+
+WIDTHS = (200, 8000)
+"""The narrowest and the widest strip."""
+
+_ROW, _PATH, _BAND = 268 / 1280, 560 / 1280, 34 / 1280
+"""Heights of a row, of a path and of the line with the caption, in widths."""
+
+
+def write(
+    path: str | Path,
+    motions: Sequence[Motion],
+    style: Style = "row",
+    figures: int = 9,
+    width: int = WIDTH,
+) -> list[Path]:
+    """Writes a PNG with one strip for each motion, under each other.
+
+    Args:
+        path: Where to.
+        motions: What to show.
+        style: `row`: figures at even distances from left to right, without their travel;
+            `path`: figures where they are, the earlier the paler.
+        figures: How many frames of each motion.
+        width: Pixels from left to right.
+
+    Raises:
+        InputError: Unknown style, no figures, a width that makes no picture, or a folder that
+            cannot be written.
+        MissingExtraError: Pillow is not installed.
+    """
+    painters = {"row": _row, "path": _path}
+    if style not in painters:
+        raise InputError(f"strip style {style!r}; expected one of {', '.join(painters)}")
+    if figures < 1:
+        raise InputError(f"{figures} figures in a strip; expected at least 1")
+    if not WIDTHS[0] <= width <= WIDTHS[1]:
+        raise InputError(f"a strip {width} pixels wide; expected {WIDTHS[0]} to {WIDTHS[1]}")
+    strips = [_captioned(painters[style](m, figures, width), m.caption) for m in motions]
+    sheet = painter.Image.new("RGB", (strips[0].width, sum(strip.height for strip in strips)))
+    for number, strip in enumerate(strips):
+        sheet.paste(strip, (0, number * strip.height))
+    with atomic_file(path) as temporary:
+        sheet.save(temporary, format="PNG", optimize=False)
+    return [Path(path)]
+
+
+def _row(motion: Motion, figures: int, across: int) -> Picture:
+    frames = np.unique(np.linspace(0, len(motion) - 1, figures).round().astype(int)).tolist()
+    bodies = painter.make_bodies(motion, frames)
+    floor = bodies.floor
+    height = max(1.7, float(bodies.vertices[..., 1].max()) - floor) + 0.36
+    size = across, round(_ROW * across)
+    width = height * size[0] / size[1]
+    target = np.array([0.0, floor + height / 2 - 0.26, 0.0])
+    pixels = painter.oversampled(size)
+    camera = camera_around(target, half_front(motion), np.radians(9), 40, pixels, height)
+    places = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
+    steps = places[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
+    moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
+    picture = _painted(size, camera, moved, [painter.COLORS[0]] * len(moved), floor, 0.62 * width)
+    for frame, place in zip(frames, places, strict=True):
+        spot = (size[0] * (0.5 + place / width), size[1] - across * 11 / WIDTH)
+        painter.paint_text(picture, f"{frame / motion.fps:.1f} s", spot, _text(13, across), "mm")
+    return picture
+
+
+def _path(motion: Motion, figures: int, across: int) -> Picture:
+    bodies = painter.make_bodies(motion, _along_path(motion, figures), cell=0.017)
+    count = len(bodies.joints)
+    size = across, round(_PATH * across)
+    camera, height = camera_of_all(motion, bodies.vertices, painter.oversampled(size))
+    moved = [bodies.moved(number, np.zeros(3)) for number in range(count)]
+    colors = [painter.faded(painter.COLORS[0], s) for s in np.linspace(0.35, 1, count).tolist()]
+    trail = motion.joints[:, 0].astype(np.float64)
+    return _painted(size, camera, moved, colors, bodies.floor, 1.6 * height, trail)
+
+
+def _painted(
+    size: tuple[int, int],
+    camera: Camera,
+    bodies: Sequence[painter.Bodies],
+    colors: Sequence[tuple[int, int, int]],
+    floor: float,
+    reach: float,
+    trail: Float[np.ndarray, "frames 3"] | None = None,
+) -> Picture:
+    picture = painter.new_picture(size)
+    painter.paint_floor(picture, camera, floor, reach)
+    painter.paint_shadow(picture, camera, bodies, 0, floor)
+    if trail is not None:
+        painter.paint_trail(picture, camera, trail, floor)
+    painter.paint_bodies(picture, camera, bodies, 0, colors)
+    return painter.reduced(picture)
+
+
+def _along_path(motion: Motion, figures: int) -> list[int]:
+    """Picks frames evenly along the way; where nobody walks, evenly in time."""
+    steps = np.linalg.norm(np.diff(motion.joints[:, 0, [0, 2]], axis=0), axis=-1)
+    way = np.concatenate([[0.0], np.cumsum(steps + 0.05 / motion.fps)])
+    wanted = np.linspace(0, way[-1], figures)
+    return np.unique(np.searchsorted(way, wanted).clip(0, len(motion) - 1)).tolist()
+
+
+def _text(size: int, across: int) -> int:
+    """Returns the size of letters that are `size` pixels high on a strip of usual width."""
+    return max(10, round(size * across / WIDTH))
+
+
+def _captioned(strip: Picture, caption: str) -> Picture:
+    band, letters = round(_BAND * strip.width), _text(18, strip.width)
+    whole = painter.Image.new("RGB", (strip.width, strip.height + band), painter.BACKGROUND)
+    whole.paste(strip, (0, band))
+    spot, room = (letters, 0.6 * band), strip.width - 2 * letters
+    painter.paint_text(whole, caption, spot, letters, "lm", room)
+    return whole

@@ -1,0 +1,174 @@
+"""Videos and GIFs of a mannequin with volume, drawn without a GPU; the camera follows or stays.
+
+Takes stand side by side, each in its own panel. `.mp4` is H.264 through PyAV, `.gif` is Pillow's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.motion import Motion
+from latentmotion.render import painter
+from latentmotion.render.camera import Camera, camera_around, camera_of_all, half_front
+from latentmotion.storage.files import atomic_file
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+View = Literal["follow", "still"]
+
+MOST_TAKES = 6
+"""Panels that fit beside each other."""
+
+SIZES = (96, 4096)
+"""The smallest and the largest height of a video, pixels."""
+
+_GIF_FPS = 50
+"""Programs slow down GIFs of more frames per second."""
+
+_CAPTION = 44
+"""Height of the line with the caption, pixels."""
+
+_FOLLOWING = 0.5
+"""Seconds over which the camera's way is smoothed."""
+
+_CELL = 0.025
+"""Size of the figure's faces, meters."""
+
+_X264 = {"crf": "18", "preset": "veryfast"}
+
+
+def write(
+    path: str | Path, motions: Sequence[Motion], size: int = 512, view: View = "follow"
+) -> list[Path]:
+    """Writes a `.gif` or `.mp4` of one or more takes side by side.
+
+    Args:
+        path: Where to; the ending says which.
+        motions: What to show, with one frame rate; the shorter ones wait at their end.
+        size: Height of the picture, pixels; an even number.
+        view: Whether each take's camera follows its person, or stays where it sees all.
+
+    Raises:
+        InputError: Too many takes, different frame rates, a size that makes no video, or a folder
+            that cannot be written.
+        MissingExtraError: Pillow or PyAV is not installed.
+    """
+    if len(motions) > MOST_TAKES:
+        raise InputError(f"{len(motions)} takes in one video; expected at most {MOST_TAKES}")
+    if len({motion.fps for motion in motions}) > 1:
+        raise InputError("the takes of one video must share a frame rate; write several files")
+    if size % 2 or not SIZES[0] <= size <= SIZES[1]:
+        raise InputError(
+            f"a video of size {size}; expected an even number {SIZES[0]} to {SIZES[1]}"
+        )
+    encode = _write_mp4
+    if Path(path).suffix.lower() == ".gif":
+        encode, rate = _write_gif, min(motions[0].fps, _GIF_FPS)
+        motions = [motion.resampled(rate) for motion in motions]
+    with atomic_file(path) as temporary:
+        encode(temporary, frames(motions, size, view), motions[0].fps)
+    return [Path(path)]
+
+
+def frames(motions: Sequence[Motion], size: int = 512, view: View = "follow") -> Iterator[Picture]:
+    """Yields the pictures of a video, drawn as they are asked for."""
+    width = size if len(motions) == 1 else size * 3 // 8 * 2
+    panels = [
+        _Panel(motion, (width, size - _CAPTION), painter.COLORS[number % len(painter.COLORS)], view)
+        for number, motion in enumerate(motions)
+    ]
+    for frame in range(max(len(motion) for motion in motions)):
+        whole = painter.Image.new("RGB", (width * len(panels), size), painter.BACKGROUND)
+        for number, panel in enumerate(panels):
+            whole.paste(panel.draw(frame), (number * width, 0))
+        _write_captions(whole, motions, size - _CAPTION / 2)
+        yield whole
+
+
+class _Panel:
+    """One take with its camera."""
+
+    def __init__(
+        self, motion: Motion, size: tuple[int, int], color: tuple[int, int, int], view: View
+    ) -> None:
+        self.size, self.color = size, color
+        self.bodies = painter.make_bodies(motion, cell=_CELL)
+        self.way = _smooth(self.bodies.joints[:, 0] * (1, 0, 1), _FOLLOWING * motion.fps)
+        self.azimuth = half_front(motion)
+        above = self.bodies.vertices[..., 1].max() - self.bodies.floor
+        self.height = max(1.75, float(above)) + 0.35
+        self.still: Camera | None = None
+        if view == "still":
+            self.still, self.height = camera_of_all(
+                motion, self.bodies.vertices, painter.oversampled(size)
+            )
+
+    def draw(self, frame: int) -> Picture:
+        frame = min(frame, len(self.way) - 1)
+        floor, camera = self.bodies.floor, self.still
+        if camera is None:  # it follows the person
+            target = self.way[frame] + (0, floor + self.height / 2 - 0.17, 0)
+            pixels = painter.oversampled(self.size)
+            camera = camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
+        picture = painter.new_picture(self.size)
+        painter.paint_floor(picture, camera, floor, reach=max(3.2, 1.3 * self.height))
+        painter.paint_shadow(picture, camera, [self.bodies], frame, floor)
+        painter.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
+        return painter.reduced(picture)
+
+
+def _write_captions(whole: Picture, motions: Sequence[Motion], height: float) -> None:
+    """Writes a caption under each panel, or one under all if they are the same."""
+    captions = [motion.caption for motion in motions]
+    if len(set(captions)) == 1:
+        captions = captions[:1]
+    width = whole.width / len(captions)
+    for number, caption in enumerate(captions):
+        place = ((number + 0.5) * width, height)
+        painter.paint_text(whole, caption, place, 17, "mm", room=0.94 * width)
+
+
+def _smooth(way: Float[np.ndarray, "frames 3"], reach: float) -> Float[np.ndarray, "frames 3"]:
+    """Smooths a way by a Gaussian of `reach` frames, its ends carried on."""
+    radius = int(3 * reach)
+    kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / reach) ** 2)
+    padded = np.pad(way, ((radius, radius), (0, 0)), mode="reflect", reflect_type="odd")
+    columns = [np.convolve(column, kernel / kernel.sum(), mode="valid") for column in padded.T]
+    return np.stack(columns, axis=-1)
+
+
+def _write_gif(path: Path, pictures: Iterator[Picture], fps: float) -> None:
+    first = next(pictures).quantize(128)
+    plain = painter.Image.Dither.NONE
+    rest = [picture.quantize(palette=first, dither=plain) for picture in pictures]
+    # GIF counts in hundredths of a second: frames differ by one, so that the whole keeps its speed.
+    ends = [round(100 * frame / fps) * 10 for frame in range(len(rest) + 2)]
+    each = [end - start for start, end in pairwise(ends)]
+    first.save(path, format="GIF", save_all=True, append_images=rest, duration=each, loop=0)
+
+
+def _write_mp4(path: Path, pictures: Iterator[Picture], fps: float) -> None:
+    try:
+        import av
+    except ImportError as error:
+        raise MissingExtraError("writing .mp4", "PyAV (av)", "video") from error
+    with av.open(str(path), "w", format="mp4") as container:
+        rate = Fraction(fps).limit_denominator(1000)
+        stream = None
+        for picture in pictures:
+            if stream is None:
+                stream = container.add_stream("libx264", rate=rate, options=_X264)
+                stream.width, stream.height = picture.width // 2 * 2, picture.height // 2 * 2
+                stream.pix_fmt = "yuv420p"
+            container.mux(stream.encode(av.VideoFrame.from_image(picture)))
+        if stream is not None:
+            container.mux(stream.encode())

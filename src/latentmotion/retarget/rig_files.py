@@ -1,0 +1,298 @@
+"""Rig files: a skeleton as its file has it, and the same file written again with animations.
+
+    glTF   mesh, materials and skin stay as they are, the file only gains animations
+    BVH    the hierarchy is kept to the letter, only the motion below it is new
+    ASF    Acclaim's skeleton, whose motions are written as BVH of the same names
+
+glTF's bones rest turned. With W₀ a bone's rotation in the world at rest, D its rotation from
+there, M the matrix of its parent:
+
+    its rotation    (D_p W₀_p)ᵀ D W₀            its translation    M_p⁻¹ (p − p_parent)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.errors import FileFormatError, InputError
+from latentmotion.formats.asf import read_asf
+from latentmotion.formats.asf_amc import figure_skeleton
+from latentmotion.formats.bvh import continuous_euler, write_bvh
+from latentmotion.formats.bvh_hierarchy import read_hierarchy
+from latentmotion.formats.gltf_document import Document
+from latentmotion.formats.gltf_reader import Scene
+from latentmotion.formats.lines import read_lines
+from latentmotion.formats.takes import numbered
+from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.storage.files import atomic_file
+
+_STILL = 1e-6
+"""Changes of a rotation or a place below which a bone rests."""
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """One animation, in axes and unit of the file that it goes into."""
+
+    name: str
+    """What it is called there."""
+    animation: Animation
+    """Of the file's own skeleton."""
+
+
+@runtime_checkable
+class RigFile(Protocol):
+    """A file with a skeleton, unchanged since it was read."""
+
+    @property
+    def path(self) -> Path:
+        """Where it was read."""
+        ...
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Its joints in rest pose, in the file's own axes and unit."""
+        ...
+
+    @property
+    def root(self) -> Float[np.ndarray, " 3"]:
+        """Where joint 0 rests."""
+        ...
+
+    @property
+    def unit(self) -> float | None:
+        """Meters per unit, where the file says so."""
+        ...
+
+    @property
+    def movable(self) -> frozenset[int]:
+        """Joints that may move besides turning."""
+        ...
+
+    @property
+    def declared(self) -> Mapping[str, int]:
+        """Joints by their names in VRM's humanoid, where the file says them."""
+        ...
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """Endings that `write` can write."""
+        ...
+
+    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+        """Writes the file again, with these takes."""
+        ...
+
+
+def open_rig(path: str | Path) -> RigFile:
+    """Reads the skeleton of a file, whatever its names.
+
+    Raises:
+        FileFormatError: The file is damaged.
+        InputError: There is no such file, or of no such kind.
+    """
+    source = Path(path)
+    if not source.is_file():
+        raise InputError(f"there is no file {source}")
+    match source.suffix.lower():
+        case ".glb" | ".gltf":
+            return GltfFile(source)
+        case ".bvh":
+            return BvhFile(source)
+        case ".asf":
+            return AsfFile(source)
+    raise InputError(f"{source} is no rig that can be read; expected .glb, .gltf, .bvh or .asf")
+
+
+class GltfFile:
+    """A `.glb` or `.gltf` file.
+
+    Args:
+        path: The file.
+
+    Raises:
+        FileFormatError: It is damaged, or has no skeleton.
+    """
+
+    unit = 1.0
+    endings = (".glb", ".gltf")
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.document = Document.read(path)
+        try:
+            self.scene = Scene(self.document, path)
+            self.declared = _vrm_bones(self.document.json, self.scene)
+        except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+            raise FileFormatError(path, f"damaged glTF: {error!r}") from error
+        self.skeleton = self.scene.skeleton
+        self.root = self.scene.rest.positions[0]
+        self.movable = frozenset(range(len(self.skeleton)))
+
+    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+        """Writes the document with these animations; those that it has of the same name go."""
+        document = Document.read(self.path)
+        fresh = {take.name for take in takes}
+        kept = [a for a in document.json.get("animations", []) if a.get("name") not in fresh]
+        document.json["animations"] = kept + [self._animation(document, take) for take in takes]
+        document.write(path)
+        return [path]
+
+    def _animation(self, document: Document, take: Take) -> dict[str, Any]:
+        animation = take.animation
+        times = (np.arange(len(animation)) / animation.fps).astype("f4")
+        clock = document.add_array(times, bounds=True)
+        channels, samplers = [], []
+        for node, path, values in self._tracks(animation):
+            _split_matrix(document.json["nodes"][node])
+            samplers.append({"input": clock, "output": document.add_array(values.astype("f4"))})
+            channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+        return {"name": take.name, "channels": channels, "samplers": samplers}
+
+    def _tracks(self, animation: Animation) -> list[tuple[int, str, np.ndarray]]:
+        """Returns node, property and values of everything that moves."""
+        tracks = []
+        for joint, node in enumerate(self.scene.bones):
+            start, above, linear = self.scene.rest_frame(self.scene.parents[node])
+            if np.abs(animation.rotations[:, joint] - np.eye(3)).max() > _STILL:
+                turns = above.T @ animation.rotations[:, joint] @ self.scene.rest.turns[joint]
+                quaternions = continuous_quaternions(quaternion_from_matrix(turns))
+                tracks.append((node, "rotation", quaternions[:, [1, 2, 3, 0]]))
+            if joint == 0:
+                steps, rest = animation.root_positions - start, self.root - start
+            elif animation.translations is not None:
+                steps, rest = animation.translations[:, joint], self.skeleton.offsets[joint]
+            else:
+                continue
+            if np.abs(steps - rest).max() > _STILL:
+                tracks.append((node, "translation", steps @ np.linalg.inv(linear).T))
+        return tracks
+
+
+def _vrm_bones(json: Mapping[str, Any], scene: Scene) -> dict[str, int]:
+    """Returns the bones that VRM's extension names, 0.x or 1.0."""
+    extensions = json.get("extensions", {})
+    bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
+    nodes = {name: bone["node"] for name, bone in bones.items()}
+    older = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+    nodes |= {bone["bone"]: bone["node"] for bone in older}
+    rank = {node: joint for joint, node in enumerate(scene.bones)}
+    return {name: rank[node] for name, node in nodes.items() if node in rank}
+
+
+def _split_matrix(node: dict[str, Any]) -> None:
+    """Gives a node that rests as a matrix its parts, as animated nodes must have them."""
+    if "matrix" not in node:
+        return
+    matrix = np.array(node.pop("matrix"), dtype=np.float64).reshape(4, 4).T
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
+    turn = quaternion_from_matrix(matrix[:3, :3] / scale)
+    node |= {
+        "translation": matrix[:3, 3].tolist(),
+        "rotation": turn[[1, 2, 3, 0]].tolist(),
+        "scale": scale.tolist(),
+    }
+
+
+class BvhFile:
+    """A BVH file. Its rest pose is the one in which all its angles are 0.
+
+    Args:
+        path: The file.
+
+    Raises:
+        FileFormatError: It is damaged.
+    """
+
+    unit = None
+    declared: Mapping[str, int] = {}
+    endings = (".bvh",)
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        lines = read_lines(path)
+        self.nodes, start = read_hierarchy(path, lines)
+        self.head = lines[:start]
+        offsets = np.array([node.offset for node in self.nodes], dtype=np.float64)
+        self.root = offsets[0].copy()
+        offsets[0] = 0
+        self.skeleton = Skeleton(
+            name=path.stem,
+            names=tuple(node.name for node in self.nodes),
+            parents=tuple(node.parent for node in self.nodes),
+            offsets=offsets,
+            end_sites=tuple(joint for joint, node in enumerate(self.nodes) if node.is_end),
+        )
+        self.movable = frozenset(
+            joint
+            for joint, node in enumerate(self.nodes)
+            if {axis for axis, kind in node.channels if kind == "position"} == set("XYZ")
+        )
+
+    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+        """Writes one file for each take: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on."""
+        paths = numbered(path, len(takes))
+        for target, take in zip(paths, takes, strict=True):
+            rows = self._rows(take.animation)
+            template = " ".join(["%.6f"] * rows.shape[1])
+            timing = [f"Frames: {len(rows)}", f"Frame Time: {1 / take.animation.fps:.8f}"]
+            lines = [*self.head, *timing, *(template % tuple(row) for row in rows.tolist())]
+            with atomic_file(target) as temporary:
+                temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return paths
+
+    def _rows(self, animation: Animation) -> Float[np.ndarray, "frames columns"]:
+        """Returns positions and angles, degrees, in the order of the file's channels."""
+        columns = []
+        for joint, node in enumerate(self.nodes):
+            # Angles about axes that a joint does not have are left out.
+            order = node.order + "".join(axis for axis in "ZXY" if axis not in node.order)
+            turns = continuous_euler(animation.rotations[:, joint, None], order)[:, 0]
+            angles = dict(zip(order, np.rad2deg(turns).T, strict=True))
+            if joint == 0:
+                positions = animation.root_positions
+            elif animation.translations is not None:
+                positions = animation.translations[:, joint]
+            else:
+                positions = np.tile(animation.skeleton.offsets[joint], (len(animation), 1))
+            for axis, kind in node.channels:
+                moved = positions[:, "XYZ".index(axis)] if kind == "position" else angles[axis]
+                columns.append(moved)
+        return np.round(np.stack(columns, axis=1), 6) + 0.0
+
+
+class AsfFile:
+    """An ASF file.
+
+    Args:
+        path: The file.
+
+    Raises:
+        FileFormatError: It is damaged.
+    """
+
+    declared: Mapping[str, int] = {}
+    endings = (".bvh",)
+    movable = frozenset({0})
+
+    def __init__(self, path: Path) -> None:
+        figure = read_asf(path)
+        self.path, self.unit = path, 1.0
+        self.skeleton = figure_skeleton(path.stem, figure)
+        self.root = figure.meters * np.asarray(figure.position)
+
+    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+        """Writes one BVH file for each take, in centimeters."""
+        paths = numbered(path, len(takes))
+        for target, take in zip(paths, takes, strict=True):
+            write_bvh(target, take.animation)
+        return paths

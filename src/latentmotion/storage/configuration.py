@@ -1,0 +1,134 @@
+"""Frozen dataclasses to JSON and strictly back: a misspelled key is an error, never ignored."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from latentmotion.errors import InputError, hint
+from latentmotion.storage.files import atomic_file
+
+T = TypeVar("T")
+
+
+def to_json(value: Any) -> Any:
+    """Turns (nested) dataclasses into plain JSON values; a union's member names its class."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {f.name: to_json(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {"kind": type(value).__name__, **fields}
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [to_json(item) for item in value]
+    return value
+
+
+def from_json(cls: type[T], data: Any, where: str = "") -> T:
+    """Builds the dataclass `cls` from what `to_json` made.
+
+    Raises:
+        InputError: A key is unknown, missing or of the wrong type; the message names the nearest.
+    """
+    if not isinstance(data, Mapping):
+        raise InputError(f"{where or cls.__name__}: expected an object, found {data!r}")
+    found = {key: value for key, value in data.items() if key != "kind"}
+    fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    for key in found:
+        if key not in fields:
+            raise InputError(f"{where or cls.__name__}: unknown key {key!r}; {hint(key, fields)}")
+    absent = dataclasses.MISSING
+    needed = [n for n, f in fields.items() if f.default is absent and f.default_factory is absent]
+    missing = ", ".join(repr(name) for name in needed if name not in found)
+    if missing:
+        raise InputError(f"{where or cls.__name__}: missing key {missing}")
+    hints = typing.get_type_hints(cls)
+    prefix = f"{where}." if where else ""
+    values = {key: _convert(hints[key], value, prefix + key) for key, value in found.items()}
+    return cls(**values)
+
+
+def write_json(path: str | Path, value: Any) -> None:
+    """Writes a dataclass as indented JSON."""
+    with atomic_file(path) as temporary:
+        temporary.write_text(json.dumps(to_json(value), indent=1) + "\n", encoding="utf-8")
+
+
+def read_json(cls: type[T], path: str | Path) -> T:
+    """Reads a dataclass that `write_json` wrote.
+
+    Raises:
+        InputError: The file is missing, is not JSON or does not fit the dataclass.
+    """
+    data = read_plain(path)
+    try:
+        return from_json(cls, data)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def read_plain(path: str | Path) -> Any:
+    """Reads a JSON file as plain values.
+
+    Raises:
+        InputError: The file is missing or is not JSON.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise InputError(f"{path} is not JSON: {error}") from error
+
+
+def _convert(hint: Any, value: Any, where: str) -> Any:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        return _convert_union(arguments, value, where)
+    if dataclasses.is_dataclass(hint):
+        return from_json(typing.cast(type, hint), value, where)
+    if origin is tuple:
+        return _convert_tuple(arguments, value, where)
+    if origin is typing.Literal:
+        return _check(value in arguments, value, f"one of {', '.join(map(str, arguments))}", where)
+    if hint is float:
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        return float(_check(number, value, "a number", where))
+    plain = origin or hint
+    if isinstance(plain, type) and plain is not object:
+        fits = isinstance(value, plain) and (plain is bool or not isinstance(value, bool))
+        return _check(fits, value, plain.__name__, where)
+    return value
+
+
+def _convert_union(members: tuple[Any, ...], value: Any, where: str) -> Any:
+    if value is None and type(None) in members:
+        return None
+    classes = {
+        m.__name__: m for m in members if isinstance(m, type) and dataclasses.is_dataclass(m)
+    }
+    if classes and isinstance(value, Mapping):
+        kind = value.get("kind", next(iter(classes)) if len(classes) == 1 else None)
+        _check(kind in classes, kind, f"kind to be one of {', '.join(classes)}", where)
+        return from_json(typing.cast(type, classes[typing.cast(str, kind)]), value, where)
+    plain = [m for m in members if m is not type(None) and not dataclasses.is_dataclass(m)]
+    _check(bool(plain), value, " or ".join(classes) or "null", where)
+    return _convert(plain[0], value, where)
+
+
+def _convert_tuple(arguments: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
+    items = _check(isinstance(value, (list, tuple)), value, "a list", where)
+    if len(arguments) == 2 and arguments[1] is Ellipsis:
+        return tuple(_convert(arguments[0], item, where) for item in items)
+    _check(len(items) == len(arguments), value, f"{len(arguments)} values", where)
+    return tuple(_convert(hint, item, where) for hint, item in zip(arguments, items, strict=True))
+
+
+def _check(fits: bool, value: Any, expected: str, where: str) -> Any:
+    if not fits:
+        raise InputError(f"{where}: expected {expected}, found {value!r}")
+    return value
