@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.checkpoint import load_model
+from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.condition.interface import TextEmbedding
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment, with_changes
@@ -105,7 +105,7 @@ def test_vposer_t_is_trained_and_goes_on_where_it_was_killed(
     parts = train_vae(vposer_t(), figures, tmp_path / "parts", PLACE)
     name = "weights.safetensors"
     assert (whole / name).read_bytes() == (parts / name).read_bytes()
-    model = load_model(whole)
+    model = load_stages(whole)
     assert model.card.latents.tokens == 1 and model.card.latents.width == 8
     assert int(model.vae.state_dict()["encoder.0.num_batches_tracked"]) == 6
 

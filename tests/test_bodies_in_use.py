@@ -42,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     poses = write_humanact12(folder / "poses.pkl", frames=(62, 65, 61, 60))
     main(["data", "prepare", "humanact12", "--poses", str(poses), "-o", str(folder / "data")])
     denoiser = DenoiserConfig(16, 12, SMALL, False, "table", places="latents_first", sine_width=16)
-    about = card("action", 150, "smpl", LatentSpace(16, tokens=1))
+    about = card(150, "smpl", LatentSpace(16, tokens=1))
     labels = ActionTask(tuple(HUMANACT12_LABELS))
     about = replace(about, condition=labels, frames=(60, 60), steps=2)
     vae = TransformerVAEConfig(features=150, transformer=SMALL, position="sine")

@@ -19,13 +19,14 @@ from latentmotion.checkpoint import (
     load_stages,
     save_model,
 )
-from latentmotion.condition.task import TextTask
+from latentmotion.condition.sentence import SentenceReading
+from latentmotion.condition.task import ActionTask, TextTask, UnconditionalTask
 from latentmotion.diffusion.prediction import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.errors import ModelError
-from latentmotion.model.card import ModelCard
+from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
-from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace
+from latentmotion.model.vae_config import ConvolutionalVAEConfig, IdentityVAEConfig, LatentSpace
 from latentmotion.networks.build import build
 
 VAE = ConvolutionalVAEConfig(features=5, width=8, channels=3, dilations=(1, 2))
@@ -41,7 +42,6 @@ DENOISER = DenoiserConfig(
 def small_model() -> LatentModel:
     card = ModelCard(
         name="small",
-        task="text",
         representation="tiny",
         normalizer_mean=(0.0,) * 5,
         normalizer_std=(1.0,) * 5,
@@ -83,6 +83,44 @@ def test_a_first_stage_alone(tmp_path: Path) -> None:
         load_model(tmp_path / "model")
 
 
+OLD_CARDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "no vae": ({"vae": {}}, {"vae": IdentityVAEConfig(3)}),
+    "vae alone": ({"denoiser": {}, "condition": {}}, {"denoiser": None}),
+    "sentences": (
+        {"condition": {"encoder": "clip", "width": 6}},
+        {"condition": TextTask("clip", 6, SentenceReading())},
+    ),
+    "labels": (
+        {"task": "action", "condition": {"kind": "action", "labels": ["a", "b"]}},
+        {"condition": ActionTask(("a", "b"))},
+    ),
+    "numbers": (
+        {"task": "action", "condition": {"classes": 2}, "denoiser": {"condition_width": 2}},
+        {"condition": ActionTask(("0", "1")), "denoiser": DenoiserConfig(condition_width=2)},
+    ),
+    "nothing": (
+        {"task": "unconditional", "condition": {"kind": "unconditional"}},
+        {"condition": UnconditionalTask()},
+    ),
+}
+"""Content of cards that earlier versions wrote, and what it means."""
+
+
+@pytest.mark.parametrize("name", OLD_CARDS)
+def test_cards_of_earlier_versions_are_read(name: str, tmp_path: Path) -> None:
+    written, meant = OLD_CARDS[name]
+    small_model().card.write(tmp_path)
+    edit_card(lambda card: card.update(written))(tmp_path)
+    card = read_card(tmp_path)
+    for key, value in meant.items():
+        assert getattr(card, key) == value
+    card.write(tmp_path)
+    assert read_card(tmp_path) == card
+    kept = json.loads((tmp_path / "model.json").read_text())
+    assert list(kept)[:3] == ["kind", "name", "task"] and kept["task"] == card.task
+    assert kept["condition"].get("kind", "text") == card.task
+
+
 def edit_card(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
     def edit(folder: Path) -> None:
         path = folder / "model.json"
@@ -112,6 +150,9 @@ DAMAGES: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no json": (lambda folder: (folder / "model.json").write_text("{"), "not JSON"),
     "misspelt": (edit_card(lambda card: card.update(gidance=3)), "did you mean 'guidance'"),
     "misspelt size": (edit_card(lambda card: card["vae"].update(widht=3)), "mean 'width'"),
+    "misspelt label": (edit_card(lambda card: card["condition"].update(encodr="x")), "'encoder'"),
+    "other task": (edit_card(lambda card: card.update(task="texts")), "expected one of text, act"),
+    "no task": (edit_card(lambda card: card.pop("task")), "missing key 'task'"),
     "other kind": (edit_card(lambda card: card["vae"].update(kind="Vae3")), "Vae3"),
     "future": (edit_card(lambda card: card.update(format=99)), "format 99"),
     "missing": (edit_card(lambda card: card.pop("schedule")), "missing key 'schedule'"),

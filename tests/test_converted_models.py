@@ -54,10 +54,9 @@ def untrained(card: ModelCard, vae: VAEConfig, denoiser: DenoiserConfig) -> Late
     return LatentModel(card, build(vae), build(denoiser))
 
 
-def card(task: str, features: int, representation: str, latents: LatentSpace) -> ModelCard:
+def card(features: int, representation: str, latents: LatentSpace) -> ModelCard:
     return ModelCard(
         name="converted",
-        task=task,  # type: ignore[arg-type]
         representation=representation,
         normalizer_mean=(0.0,) * features,
         normalizer_std=(1.0,) * features,
@@ -77,7 +76,7 @@ def write_text_model(folder: Path) -> None:
         places="latents_first", sine_width=16,
     )  # fmt: skip
     vae = TransformerVAEConfig(features=251, transformer=SMALL)
-    about = card("text", 251, "kit", LatentSpace(16, tokens=1))
+    about = card(251, "kit", LatentSpace(16, tokens=1))
     save_model(folder, untrained(about, vae, denoiser))
 
 
@@ -86,7 +85,7 @@ def write_raw_model(folder: Path) -> None:
         263, 3, SMALL, condition_projection="table", places="context_first", sine_width=16,
         position="sine", sees_padding=True,
     )  # fmt: skip
-    about = card("action", 263, "humanml3d", LatentSpace(263, frames_per_token=1))
+    about = card(263, "humanml3d", LatentSpace(263, frames_per_token=1))
     about = replace(about, condition=ActionTask(("a", "b", "c")), steps=1000, sampler="ddpm")
     save_model(folder, untrained(about, IdentityVAEConfig(263), denoiser))
 
@@ -167,7 +166,7 @@ def test_raw_frames_run_as_a_graph(tmp_path: Path) -> None:
 
 def test_actions_of_smpl_generate(tmp_path: Path) -> None:
     denoiser = DenoiserConfig(16, 12, SMALL, False, "table", places="latents_first", sine_width=16)
-    about = card("action", 150, "smpl", LatentSpace(16, tokens=1))
+    about = card(150, "smpl", LatentSpace(16, tokens=1))
     about = replace(about, condition={"classes": 12})
     vae = TransformerVAEConfig(features=150, transformer=SMALL, position="sine")
     save_model(tmp_path / "run", untrained(about, vae, denoiser))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from latentmotion.condition.task import ActionTask, UnconditionalTask
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError, InputError, ModelError
@@ -229,7 +230,7 @@ def actions(dataset: Dataset) -> Dataset:
 
 @pytest.mark.parametrize("protocol", [SMALL, AS_AUTHORS])
 def test_an_action_model(actions: Dataset, protocol: Protocol) -> None:
-    subject = Generated(Answers(card(task="action"), {}))
+    subject = Generated(Answers(card(condition=ActionTask()), {}))
     report = evaluate(subject, actions, Signs(), protocol)
     assert report[TRUTH]["Accuracy"].mean > 0.85
     wanted = {"Accuracy", "FID", "KID", "Diversity", "MultiModality"}
@@ -239,7 +240,7 @@ def test_an_action_model(actions: Dataset, protocol: Protocol) -> None:
 
 
 def test_a_label_that_the_classifier_does_not_know_is_named(actions: Dataset) -> None:
-    subject = Generated(Answers(card(task="action"), {}))
+    subject = Generated(Answers(card(condition=ActionTask()), {}))
     labels = Signs(labels=("up", "down"))
     with pytest.raises(InputError, match=r"does not know the label '(back|forth)'"):
         evaluate(subject, actions, labels, SMALL)
@@ -259,7 +260,9 @@ def test_the_random_state_of_a_recurrent_classifier_is_a_quirk(actions: Dataset)
 
 
 def test_unconditional_models_match_nothing(dataset: Dataset) -> None:
-    report = evaluate(Generated(Answers(card(task="unconditional"), {})), dataset, Echo(), SMALL)
+    report = evaluate(
+        Generated(Answers(card(condition=UnconditionalTask()), {})), dataset, Echo(), SMALL
+    )
     assert {"FID", "KID", "Diversity"} < set(report["generated"])
     assert not {"R@1", "MultiModality", "APE root"} & set(report["generated"])
     prior = Prior(torch_prior("starter"))
@@ -273,7 +276,9 @@ def test_what_does_not_fit_is_refused(dataset: Dataset) -> None:
         compare([noise_model(), noise_model()], dataset, None, SMALL)
     with pytest.raises(DataError, match=r"0 clips with captions .* test split"):
         evaluate(noise_model(), dataset, None, replace(SMALL, split="test"))
-    action = replace(noise_model(), generator=Answers(card(task="action"), {}), row="labels")
+    action = replace(
+        noise_model(), generator=Answers(card(condition=ActionTask()), {}), row="labels"
+    )
     with pytest.raises(InputError, match="evaluate them apart"):
         compare([noise_model(), action], dataset, None, SMALL)
     with pytest.raises(InputError, match="no motion of at most 8 frames"):

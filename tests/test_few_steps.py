@@ -273,7 +273,7 @@ def test_what_it_cannot_be_asked_is_refused(figures: Path, teacher: Path, tmp_pa
         distill(short, figures, teacher, None, tmp_path / "a", PLACE)
     model = load_model(teacher / "model")
     condition = ActionTask(("fly", "swim"))
-    card = replace(model.card, task="action", condition=condition)
+    card = replace(model.card, condition=condition)
     save_model(tmp_path / "birds", replace(model, card=card))
     with pytest.raises(InputError, match=r"no training clip .* that model 'starter' knows"):
         distill(SETTINGS, figures, tmp_path / "birds", None, tmp_path / "b", PLACE)

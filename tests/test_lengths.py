@@ -13,6 +13,7 @@ from safetensors.numpy import save_file
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
+from latentmotion.condition.task import UnconditionalTask
 from latentmotion.condition.text.lengths import (
     LENGTHS_FILE,
     QUANTILES,
@@ -131,7 +132,7 @@ def test_the_student_borrows_its_teachers_lengths() -> None:
     fast, starter = find_model("fast"), find_model("starter")
     lengths = find_lengths(read_card(fast), fast)
     assert lengths is not None and lengths.path == starter / LENGTHS_FILE
-    unconditional = replace(read_card(fast), task="unconditional")
+    unconditional = replace(read_card(fast), condition=UnconditionalTask())
     assert find_lengths(unconditional, fast) is None
 
 

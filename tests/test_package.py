@@ -37,7 +37,6 @@ def untrained(kind: str) -> LatentModel:
     flow = kind == "over time"
     card = ModelCard(
         name="untrained",
-        task="text",
         representation="humanml3d",
         normalizer_mean=(0.0,) * 263,
         normalizer_std=(1.0,) * 263,

@@ -12,7 +12,7 @@ import torch
 
 from latentmotion import MotionPipeline
 from latentmotion.checkpoint import LatentModel, save_model
-from latentmotion.condition.task import TextTask
+from latentmotion.condition.task import ActionTask
 from latentmotion.diffusion.leaps import Leaps
 from latentmotion.diffusion.prediction import Velocity
 from latentmotion.diffusion.schedule import LinearPath
@@ -40,7 +40,6 @@ def student(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     card = ModelCard(
         name="untrained",
-        task="action",
         representation="humanml3d",
         normalizer_mean=(0.5,) * 263,
         normalizer_std=(2.0,) * 263,
@@ -49,7 +48,7 @@ def student(tmp_path_factory: pytest.TempPathFactory) -> Path:
         prediction=Velocity(),
         vae=vae,
         denoiser=denoiser,
-        condition=TextTask(),
+        condition=ActionTask(),
         steps=2,
     )
     network = build(denoiser)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from latentmotion.condition.task import (
     TASKS,
     ActionTask,
+    Task,
     TaskName,
     TextTask,
     UnconditionalTask,
@@ -58,8 +59,6 @@ class ModelCard:
 
     name: str
     """What users call it, e.g. `starter`."""
-    task: TaskName
-    """What it is conditioned on."""
     representation: str
     """Name of the motion features, e.g. `humanml3d`."""
     normalizer_mean: tuple[float, ...]
@@ -77,7 +76,7 @@ class ModelCard:
     denoiser: DenoiserConfig | None
     """Configuration of the denoiser; None where only the first stage is trained."""
     condition: TextTask | ActionTask | UnconditionalTask
-    """Its task in full: which text encoder, which labels; empty where no denoiser is trained."""
+    """Its task: which text encoder, which labels; empty where no denoiser is trained."""
     steps: int = 50
     """Default number of sampling steps."""
     guidance: float = 1.0
@@ -94,6 +93,11 @@ class ModelCard:
     """Measured figures, by name."""
     format: int = FORMAT
     """Version of this file."""
+
+    @property
+    def task(self) -> TaskName:
+        """What it is conditioned on, by name."""
+        return self.condition.name
 
     @property
     def masks_padding(self) -> bool:
@@ -158,6 +162,7 @@ def read_card(folder: Path) -> ModelCard:
 def _in_version_1(card: ModelCard) -> dict[str, Any]:
     """Returns a card as its file has it: conditions are told by words, an untrained part is {}."""
     data = to_json(card)
+    data = {"kind": data.pop("kind"), "name": data.pop("name"), "task": card.task, **data}
     if card.denoiser is None:
         return {**data, "denoiser": {}, "condition": {}}
     condition = {key: value for key, value in data["condition"].items() if key != "kind"}
@@ -167,27 +172,35 @@ def _in_version_1(card: ModelCard) -> dict[str, Any]:
 
 
 def _from_version_1(data: Any) -> Any:
-    """Returns a file's content with the classes named that it leaves out."""
+    """Returns a file's content with the classes named that it leaves out.
+
+    Raises:
+        InputError: The task is missing or unknown.
+    """
     if not isinstance(data, Mapping):
         return data
     read = dict(data)
+    if "task" not in read:
+        raise InputError("missing key 'task'")
+    task = read.pop("task")
+    if task not in TASKS:
+        raise InputError(f"task: expected one of {', '.join(TASKS)}, found {task!r}")
     if read.get("denoiser") == {}:
         read["denoiser"] = None
     if read.get("vae") == {} and isinstance(read.get("latents"), Mapping):
         # A converted diffusion on raw frames.
         read["vae"] = {"kind": "IdentityVAEConfig", "features": read["latents"].get("width")}
-    if isinstance(read.get("condition"), Mapping) and read.get("task") in TASKS:
-        read["condition"] = _condition_from_version_1(read)
+    if isinstance(read.get("condition"), Mapping):
+        read["condition"] = _condition_from_version_1(TASKS[task], read)
     return read
 
 
-def _condition_from_version_1(read: Mapping[str, Any]) -> dict[str, Any]:
+def _condition_from_version_1(task: type[Task], read: Mapping[str, Any]) -> dict[str, Any]:
     """Returns the condition with its class; actions that were converted without names get numbers.
 
     Old conversions kept the number of actions, which the denoiser has as well.
     """
-    task, condition = TASKS[read["task"]], dict(read["condition"])
-    condition["kind"] = task.__name__
+    condition = {**read["condition"], "kind": task.__name__}
     denoiser = read.get("denoiser")
     if task is ActionTask and isinstance(denoiser, Mapping):
         condition.pop("classes", None)

@@ -20,7 +20,6 @@ def first_stage_card(
     objective, cropping = experiment.denoiser_objective, experiment.latents.cropping
     return ModelCard(
         name=experiment.name,
-        task=experiment.task,
         representation=dataset.representation.name,
         normalizer_mean=tuple(dataset.normalizer.mean.tolist()),
         normalizer_std=tuple(dataset.normalizer.std.tolist()),
@@ -50,7 +49,6 @@ def second_stage_card(
     return replace(
         first,
         name=experiment.name,
-        task=experiment.task,
         schedule=objective.schedule,
         prediction=objective.prediction,
         denoiser=experiment.denoiser,

@@ -130,7 +130,6 @@ def _card(
     condition = _condition(denoiser, origin)
     return ModelCard(
         name=path.stem,
-        task=condition.name,
         representation=_REPRESENTATIONS.get(features, f"unknown-{features}"),
         normalizer_mean=mean,
         normalizer_std=std,
