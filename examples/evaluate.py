@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 
-from latentmotion import Dataset, MotionGenerator
+from latentmotion import Dataset, MotionPipeline
 from latentmotion.evaluation.protocol import compare
 from latentmotion.evaluation.settings import CLEAN
 from latentmotion.evaluation.subject import Generated
@@ -21,7 +21,7 @@ SETTINGS = ((10, 4.0), (50, 4.0), (50, 7.5))
 
 def main(model: str, folder: str, split: str = "test") -> None:
     """Prints a table with a row for each setting, beside the real motions."""
-    generate = MotionGenerator.load(model)
+    generate = MotionPipeline.from_pretrained(model)
     subjects = [
         Generated(generate, steps, guidance, row=f"{steps} steps, guidance {guidance:g}")
         for steps, guidance in SETTINGS

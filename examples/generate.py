@@ -10,12 +10,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from latentmotion import MotionGenerator, save
+from latentmotion import MotionPipeline, save
 
 
 def main(folder: str, *sentences: str) -> None:
     """Generates one motion for each sentence, cleans it up and saves it."""
-    generate = MotionGenerator.load()
+    generate = MotionPipeline.from_pretrained()
     motions = [motion.cleaned() for motion in generate.batch(sentences)]
     Path(folder).mkdir(parents=True, exist_ok=True)
     for number, motion in enumerate(motions):

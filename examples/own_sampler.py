@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from itertools import pairwise
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.diffusion.prediction import Prediction
 from latentmotion.diffusion.schedule import Schedule
 
@@ -28,10 +28,12 @@ class AdamsBashforth:
         return z
 
 
-class Generator(MotionGenerator):
-    def _sampler(self, order):
+class Pipeline(MotionPipeline):
+    def sampler(self, sampling):
         return AdamsBashforth(self.card.schedule, self.card.prediction)
 
 
 if __name__ == "__main__":
-    Generator.load("starter")(sys.argv[1], seconds=4, steps=20).cleaned().save(sys.argv[2])
+    Pipeline.from_pretrained("starter")(sys.argv[1], seconds=4, steps=20).cleaned().save(
+        sys.argv[2]
+    )

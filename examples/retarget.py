@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.retarget import read_rig
 from latentmotion.retarget.transfer import write
 
@@ -17,7 +17,7 @@ from latentmotion.retarget.transfer import write
 def main(character: str, sentence: str, output: str, seconds: str = "4") -> None:
     """Generates, cleans up and carries the motion to the character's skeleton."""
     rig = read_rig(character)
-    motion = MotionGenerator.load()(sentence, float(seconds)).cleaned()
+    motion = MotionPipeline.from_pretrained()(sentence, float(seconds)).cleaned()
     for path in write(output, rig, [motion], names=[sentence]):
         print(f"wrote {path}")
 

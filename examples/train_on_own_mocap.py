@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.cli.main import main as latentmotion
 
 
@@ -27,7 +27,7 @@ def main(takes: str, out: str, *settings: str) -> None:
     second = ["--data", data, "--vae", vae, *encoder, "-o", denoiser]
     latentmotion(["train", "denoiser", *second, *settings])
     latentmotion(["export", denoiser, *encoder, "-o", model])
-    generate = MotionGenerator.load(model)
+    generate = MotionPipeline.from_pretrained(model)
     generate("a person walks", seconds=2).save(folder / "walk.bvh")
 
 

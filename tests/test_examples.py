@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.quality.rigs import MIXAMO, write_rig
-from latentmotion import MotionGenerator, load
+from latentmotion import MotionPipeline, load
 from tests.support.mocap_folders import write_own
 from tests.support.small_training import CHANGES
 
@@ -46,14 +46,14 @@ def test_own_takes_train_both_stages(tmp_path: Path) -> None:
         changes |= {f"{stage}_training.{name}": 2 for name in ("steps", "validate_every")}
     settings = [f"--set={key}={json.dumps(value)}" for key, value in changes.items()]
     run("train_on_own_mocap", tmp_path / "takes", tmp_path, *settings, "--device", "cpu")
-    assert MotionGenerator.load(tmp_path / "model").card.provenance.commands
+    assert MotionPipeline.from_pretrained(tmp_path / "model").card.provenance.commands
     assert len(load(tmp_path / "walk.bvh")[0]) == 40
 
 
 def test_an_own_sampler_comes_near_the_models_own() -> None:
     own = importlib.import_module("examples.own_sampler").Generator.load("starter")
     found = own("a person walks forward", 4.0, steps=30).cleaned()
-    generate = MotionGenerator.load("starter")
+    generate = MotionPipeline.from_pretrained("starter")
     by_ddim = generate("a person walks forward", 4.0, steps=30, sampler="ddim").cleaned()
     assert np.abs(found.joints - by_ddim.joints).mean() < 0.1
 

@@ -28,7 +28,7 @@ def test_importing_the_package_imports_nothing_else() -> None:
 
 def test_generation_imports_no_pytorch() -> None:
     code = (
-        "import sys; import latentmotion.generator, latentmotion.cli.generate;"
+        "import sys; import latentmotion.pipeline, latentmotion.cli.generate;"
         "print(sorted({'torch', 'scipy', 'transformers', 'onnx', 'PIL', 'av'} & set(sys.modules)))"
     )
     assert run(code) == "[]"

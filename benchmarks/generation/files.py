@@ -14,10 +14,10 @@ from functools import partial
 from pathlib import Path
 
 import torch
+from contest import figure, table, take_turns, whole
+from generation import Model
 
-from benchmarks.generation.ours import Model
-from benchmarks.harness.contest import figure, table, take_turns, whole
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 
 ENDINGS = (".npz", ".csv", ".bvh", ".glb", ".html")
 
@@ -41,7 +41,7 @@ def report(model: Model, seconds: float, turns: int) -> str:
         seconds: The motion's length.
         turns: Turns that count.
     """
-    generate = MotionGenerator.load(model.folder, "onnxruntime", threads=1)
+    generate = MotionPipeline.from_pretrained(model.folder, "onnxruntime", threads=1)
     motion = generate("a person walks forward and kicks", seconds)
     cleaned = motion.cleaned()
     with tempfile.TemporaryDirectory() as folder:

@@ -28,11 +28,10 @@ from benchmarks.generation.roofline import ordered, report
 from benchmarks.harness.contest import figure, table
 from benchmarks.training.device import training_rows
 from latentmotion.condition.interface import Conditioning
-from latentmotion.order import Order
+from latentmotion.request import GenerationRequest
 from latentmotion.runtime.computing import Computing
 from latentmotion.runtime.device import describe_machine
-from latentmotion.runtime.eager import eager_generator
-from latentmotion.runtime.on_device import DeviceGenerator
+from latentmotion.runtime.eager import torch_pipeline
 
 STEPS = 50, 10, 4, 2, 1
 BATCHES = 1, 4, 16, 64, 256, 512, 1024
@@ -102,13 +101,13 @@ def _tried(results: Results, measure: Callable[..., None], *given: object) -> No
 
 
 def _agreement(results: Results, model: str, options: argparse.Namespace) -> None:
-    expected = eager_generator(model)
+    expected = torch_pipeline(model)
     steps = _steps_of(expected, options.quick)[0]
     prompts, frames, seeds = ["a person walks forward", "a person jumps"], [80, 63], [1, 2]
     wanted = expected.features(prompts, frames, seeds, steps)
     std = np.array(expected.card.normalizer_std)
     for computing in _ways(options):
-        found = eager_generator(model, computing=computing).features(prompts, frames, seeds, steps)
+        found = torch_pipeline(model, computing=computing).features(prompts, frames, seeds, steps)
         error = [((a - b) / std) ** 2 for a, b in zip(found, wanted, strict=True)]
         rms = float(np.sqrt(np.concatenate(error).mean()))
         row = {"model": model, "way": str(computing), "steps": steps, "rms of normalized": rms}
@@ -117,7 +116,7 @@ def _agreement(results: Results, model: str, options: argparse.Namespace) -> Non
 
 def _latency(results: Results, model: str, options: argparse.Namespace) -> None:
     for computing in _ways(options):
-        generator = eager_generator(model, computing=computing)
+        generator = torch_pipeline(model, computing=computing)
         for steps in _steps_of(generator, options.quick):
             order = ordered(generator, 1, SECONDS, steps)
             text = _milliseconds(partial(generator.condition, order.prompts), options)
@@ -132,7 +131,7 @@ def _latency(results: Results, model: str, options: argparse.Namespace) -> None:
 
 def _throughput(results: Results, model: str, options: argparse.Namespace) -> None:
     for computing in _ways(options):
-        generator = eager_generator(model, computing=computing)
+        generator = torch_pipeline(model, computing=computing)
         for steps in {generator.card.steps, min(_steps_of(generator, options.quick))}:
             for batch in (1, 4) if options.quick else BATCHES:
                 row = {"model": model, "way": str(computing), "steps": steps, "batch": batch}
@@ -141,7 +140,7 @@ def _throughput(results: Results, model: str, options: argparse.Namespace) -> No
 
 
 def _pace(
-    generator: DeviceGenerator, batch: int, steps: int, options: argparse.Namespace
+    generator: MotionPipeline, batch: int, steps: int, options: argparse.Namespace
 ) -> dict[str, object]:
     if options.device != "cpu":
         torch.cuda.reset_peak_memory_stats()
@@ -154,8 +153,8 @@ def _pace(
     return {"ms": elapsed, "motions/s": 1e3 * batch / elapsed, "peak memory, MB": memory}
 
 
-def _walk(generator: DeviceGenerator, words: Conditioning, order: Order) -> np.ndarray:
-    return generator.joints_of(generator.features_of(words, order)).cpu().numpy()
+def _walk(generator: MotionPipeline, words: Conditioning, order: GenerationRequest) -> np.ndarray:
+    return generator.joints_of(generator.generate_batch(order, words)).cpu().numpy()
 
 
 def _roofline(results: Results, model: str, options: argparse.Namespace) -> None:
@@ -170,7 +169,7 @@ def _ways(options: argparse.Namespace) -> Iterator[Computing]:
             yield Computing(options.device, precision, launch)
 
 
-def _steps_of(generator: DeviceGenerator, quick: bool) -> Sequence[int]:
+def _steps_of(generator: MotionPipeline, quick: bool) -> Sequence[int]:
     leaps = generator.card.leaps
     known = sorted(leaps.steps, reverse=True) if leaps else STEPS
     return known[-2:] if quick else known

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-
 from benchmarks.generation.ours import Generation, Model, entries, label, options_parser
+
 from benchmarks.harness.contest import figure, table, take_turns
 from latentmotion.cli.loading import load_generator
-from latentmotion.generator import MotionGenerator
+from latentmotion.pipeline import MotionPipeline
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def _steps(options: argparse.Namespace, model: Model) -> int:
     return max(model.steps(options.steps))
 
 
-def _axes(options: argparse.Namespace, model: Model, generator: MotionGenerator) -> Iterator[Axis]:
+def _axes(options: argparse.Namespace, model: Model, generator: MotionPipeline) -> Iterator[Axis]:
     steps, seconds = _steps(options, model), options.seconds
     longest = model.card.frames[1] / generator.representation.fps
     lengths = sorted({min(length, longest) for length in options.lengths})

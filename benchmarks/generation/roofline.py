@@ -32,13 +32,13 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.text.graph import GRAPH_FILE
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.evaluation.metrics.cost import Traffic, flops, traffic
-from latentmotion.generator import MotionGenerator
 from latentmotion.model.card import ModelCard
 from latentmotion.model.folder import find_model
-from latentmotion.order import Order
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.request import GenerationRequest
 from latentmotion.runtime.computing import ON_CPU, Computing
 from latentmotion.runtime.device import describe_machine
-from latentmotion.runtime.eager import eager_generator, encoder_folder
+from latentmotion.runtime.eager import encoder_folder, torch_pipeline
 from latentmotion.runtime.session import Session
 from latentmotion.vae.interface import MotionVAE
 
@@ -96,14 +96,14 @@ class Chain:
     """
 
     def __init__(self, model: str, computing: Computing) -> None:
-        self.generator = eager_generator(model, computing=computing)
+        self.generator = torch_pipeline(model, computing=computing)
         self.networks = load_model(find_model(model))
         self.encoder = encoder_folder(self.generator.card, find_model(model))
         self.host = Ceilings(ON_CPU)
         self.device = self.host if computing == ON_CPU else Ceilings(computing)
         self.shrink = 2 if computing.precision == "bfloat16" else 1
 
-    def parts(self, order: Order) -> Iterator[Part]:
+    def parts(self, order: GenerationRequest) -> Iterator[Part]:
         """Yields text, denoiser and decoder, for motions of one length."""
         condition = self.generator.condition(order.prompts)
         if self.encoder is not None:
@@ -111,7 +111,7 @@ class Chain:
         yield self.denoiser(order, condition)
         yield self.decoder(order, self.networks.vae)
 
-    def text(self, order: Order, words: int) -> Part:
+    def text(self, order: GenerationRequest, words: int) -> Part:
         """The small text encoder, which reads one sentence after the other."""
         assert self.encoder is not None  # the caller asked
         numbers, width, layers = encoder_sizes(self.encoder / GRAPH_FILE)
@@ -121,11 +121,11 @@ class Chain:
         run = partial(self.generator.condition, order.prompts[:1])
         return Part("text", len(order.prompts), each, moved, run, self.host)
 
-    def denoiser(self, order: Order, condition: Conditioning) -> Part:
+    def denoiser(self, order: GenerationRequest, condition: Conditioning) -> Part:
         """One pass, of two rows per motion where it is guided from outside."""
         card, network = self.generator.card, self.networks.denoiser
         assert network is not None  # it generates
-        rows = 1 if card.leaps or order.guidance == 1 else 2
+        rows = 1 if card.leaps or order.sampling.guidance == 1 else 2
         words, seen = (
             torch.tensor(array).repeat(rows, *[1] * (array.ndim - 1))
             for array in (condition.tokens, condition.mask)
@@ -136,19 +136,26 @@ class Chain:
         inputs = {"z": z, "t": ones, "words": words, "words_mask": seen, "mask": mask, **told}
         leap = Leap(**told) if told else None
         action = partial(network, z, ones, Conditioning(words, seen), mask, leap)
-        return self._part("denoiser", order.steps, network, action, self.generator.denoiser, inputs)
+        return self._part(
+            "denoiser",
+            order.sampling.steps,
+            network,
+            action,
+            self.generator.backend.denoiser,
+            inputs,
+        )
 
-    def decoder(self, order: Order, vae: MotionVAE) -> Part:
+    def decoder(self, order: GenerationRequest, vae: MotionVAE) -> Part:
         """The way from latents to features."""
         latents, _ = latents_of(order, self.generator.card, 1)
         mask = torch.ones(len(order.frames), order.frames[0], dtype=torch.bool)
         inputs = {"latents": latents, "mask": mask}
         action = partial(vae.decode, latents, mask)
-        return self._part("decoder", 1, vae, action, self.generator.decoder, inputs)
+        return self._part("decoder", 1, vae, action, self.generator.backend.decoder, inputs)
 
-    def walk(self, order: Order) -> Tensor:
+    def walk(self, order: GenerationRequest) -> Tensor:
         """Walks from sentences to joints, which stay on the device."""
-        features = self.generator.features_of(self.generator.condition(order.prompts), order)
+        features = self.generator.generate_batch(order)
         return self.generator.joints_of(features)
 
     def _part(
@@ -162,7 +169,8 @@ class Chain:
     ) -> Part:
         moved = traffic(network, action)
         moved = Traffic(moved.weights // self.shrink, moved.activations // self.shrink)
-        there = {key: value.to(self.generator.device) for key, value in inputs.items()}
+        place = self.generator.backend.place
+        there = {key: place(value.numpy()) for key, value in inputs.items()}
         run = partial(session, **there)
         return Part(name, passes, flops(action), moved, run, self.device)
 
@@ -200,16 +208,16 @@ def report(
 
 
 def ordered(
-    generator: MotionGenerator, batch: int, seconds: float, steps: int | None = None
-) -> Order:
+    generator: MotionPipeline, batch: int, seconds: float, steps: int | None = None
+) -> GenerationRequest:
     """Returns one sentence so many times, with other seeds."""
     card, frames = generator.card, round(seconds * generator.representation.fps)
     prompts, seeds = (CAPTION,) * batch, tuple(range(batch))
     steps = steps or card.steps
-    return Order(prompts, (frames,) * batch, seeds, steps, card.guidance, card.sampler)
+    return GenerationRequest(prompts, (frames,) * batch, seeds, card.sampling.but(steps))
 
 
-def latents_of(order: Order, card: ModelCard, rows: int) -> tuple[Tensor, Tensor]:
+def latents_of(order: GenerationRequest, card: ModelCard, rows: int) -> tuple[Tensor, Tensor]:
     """Returns noise of the latents' shape and its mask, `rows` for each motion."""
     tokens = card.latents.tokens_of(order.frames[0])
     z = torch.randn(rows * len(order.frames), tokens, card.latents.width)

@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from latentmotion import MotionGenerator, formats
+from latentmotion import MotionPipeline, formats
 from latentmotion.motion import Motion
 
 PER_SHEET = 6
@@ -41,7 +41,7 @@ class BlindSheet:
 
 def main(sheet: BlindSheet) -> None:
     """Writes pictures and key."""
-    generate = MotionGenerator.load(sheet.model)
+    generate = MotionPipeline.from_pretrained(sheet.model)
     prompts = [line for line in sheet.prompts.read_text("utf-8").splitlines() if line.strip()]
     asked = [(prompt, seed) for prompt in prompts for seed in sheet.seeds]
     motions = [

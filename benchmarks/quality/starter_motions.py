@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.quality.starter_sheet import PROMPTS
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.data.dataset import Dataset
 
 
@@ -22,7 +21,7 @@ def starter_motions(dataset: Dataset, captions: int = 40) -> list[Float[np.ndarr
 
 def starter_features(dataset: Dataset, captions: int = 40) -> list[Float[np.ndarray, "_ features"]]:
     """Returns the features of these motions, in their own units."""
-    generate = MotionGenerator.load("starter", threads=1)
+    generate = MotionPipeline.from_pretrained("starter", threads=1)
     test = [clip.captions[0].text for clip in dataset.clips("test") if clip.captions]
     prompts = [*PROMPTS, *test[:captions]]
     frames = round(4 * dataset.representation.fps)

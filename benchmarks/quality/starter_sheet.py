@@ -12,7 +12,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from latentmotion import MotionGenerator, formats
+from latentmotion import MotionPipeline, formats
 from latentmotion.model.folder import DEFAULT
 from latentmotion.render import video
 
@@ -50,7 +50,7 @@ WIDTH, COLORS = 900, 32
 
 def main(folder: Path, model: str = DEFAULT) -> None:
     """Writes the pictures."""
-    generate = MotionGenerator.load(model)
+    generate = MotionPipeline.from_pretrained(model)
     motions = generate.batch(PROMPTS, seconds=4, seeds=[SEED] * len(PROMPTS))
     for sheet in range(3):
         path = folder / f"{generate.card.name}_{sheet + 1}.png"

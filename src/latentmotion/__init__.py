@@ -1,8 +1,8 @@
 """Latent Motion: sentences become 3D human motion, by diffusion in a VAE's latent space.
 
-    from latentmotion import MotionGenerator
+    from latentmotion import MotionPipeline
 
-    generate = MotionGenerator.load()
+    generate = MotionPipeline.from_pretrained()
     motion = generate("a person walks forward and kicks", seconds=4, seed=7)
     motion.save("kick.bvh")
 
@@ -11,6 +11,7 @@ Public names are imported when first used, so that importing the package costs n
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -22,11 +23,11 @@ if TYPE_CHECKING:
     from latentmotion.formats.asf_amc import read_asf_amc as read_asf_amc
     from latentmotion.formats.bvh import read_bvh as read_bvh
     from latentmotion.formats.bvh import write_bvh as write_bvh
-    from latentmotion.generator import MotionGenerator as MotionGenerator
     from latentmotion.kinematics.animation import Animation as Animation
     from latentmotion.kinematics.humanoid import to_humanml3d as to_humanml3d
     from latentmotion.kinematics.skeleton import Skeleton as Skeleton
     from latentmotion.motion import Motion as Motion
+    from latentmotion.pipeline import MotionPipeline as MotionPipeline
 
 __version__ = "0.1.0"
 
@@ -35,7 +36,7 @@ _HOMES = {
     "Dataset": "data.dataset",
     "LatentMotionError": "errors",
     "Motion": "motion",
-    "MotionGenerator": "generator",
+    "MotionPipeline": "pipeline",
     "Skeleton": "kinematics.skeleton",
     "load": "formats",
     "read_asf_amc": "formats.asf_amc",
@@ -50,7 +51,7 @@ __all__ = [
     "Dataset",
     "LatentMotionError",
     "Motion",
-    "MotionGenerator",
+    "MotionPipeline",
     "Skeleton",
     "__version__",
     "load",
@@ -63,6 +64,14 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "MotionGenerator":
+        warnings.warn(
+            "MotionGenerator is now called MotionPipeline, and its load is from_pretrained; the "
+            "old name goes with the next release",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        name = "MotionPipeline"
     if name not in _HOMES:
         raise AttributeError(f"module 'latentmotion' has no attribute {name!r}")
     return getattr(import_module(f"latentmotion.{_HOMES[name]}"), name)

@@ -1,80 +1,92 @@
-"""The way back from latents: features in their own units, joints, a motion."""
+"""From latents to features in their own units, for NumPy and PyTorch arrays alike.
+
+latents = z · std + mean          (the denoiser's scale → the VAE's)
+features = decoder(latents) · std + mean
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from latentmotion.arrays import prefix_mask
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
-from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation, representation_named
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.normalizer import Normalizer, Scale
 from latentmotion.representation.smpl import SmplRepresentation
-from latentmotion.runtime.session import Session
 
 
 @dataclass(frozen=True)
 class FeatureDecoder:
-    """A VAE's decoder with the scales and the representation of a card.
+    """A VAE's decoder between the scale of the latents and that of the features."""
+
+    network: Callable[..., Any]
+    """`latents`, `mask` → normalized features: a session, or `decode` of a VAE."""
+    latents: Scale
+    """Scale in which the denoiser sees latents."""
+    features: Scale
+    """Scale in which the networks see features."""
+
+    @classmethod
+    def of(
+        cls,
+        card: ModelCard,
+        network: Callable[..., Any],
+        place: Callable[[np.ndarray], Any] = np.asarray,
+    ) -> FeatureDecoder:
+        """Returns the decoder of a model.
+
+        Args:
+            card: Has the scales.
+            network: The VAE's decoder.
+            place: Makes arrays of the network's library, on its device.
+        """
+        space = card.latents
+        rows = space.mean, space.std, card.normalizer_mean, card.normalizer_std
+        mean, std, features_mean, features_std = (place(np.array(r, np.float32)) for r in rows)
+        return cls(network, Scale(mean, std), Scale(features_mean, features_std))
+
+    def __call__(
+        self, z: Float[Any, "batch tokens width"], frames: Bool[Any, "batch frames"]
+    ) -> Float[Any, "batch frames features"]:
+        """Returns the features of latents in the denoiser's scale.
+
+        Args:
+            z: What sampling ends with.
+            frames: True on real frames; beyond them the features mean nothing.
+        """
+        return self.decode(self.latents.denormalize(z), frames)
+
+    def decode(
+        self, latents: Float[Any, "batch tokens width"], frames: Bool[Any, "batch frames"]
+    ) -> Float[Any, "batch frames features"]:
+        """Returns the features of latents in the VAE's own scale."""
+        return self.features.denormalize(self.network(latents=latents, mask=frames))
+
+
+def normalizer_of(card: ModelCard) -> Normalizer:
+    """Returns the normalizer that a model was trained with."""
+    mean, std = card.normalizer_mean, card.normalizer_std
+    return Normalizer(np.asarray(mean, np.float32), np.asarray(std, np.float32))
+
+
+def representation_of(card: ModelCard, body: SmplRepresentation | None = None) -> Representation:
+    """Returns what a model's features mean.
+
+    Args:
+        card: Names the representation.
+        body: A body whose joints the features move, in place of the skeleton that ships.
 
     Raises:
         InputError: There is a body, but the model's features are not SMPL's poses.
     """
-
-    card: ModelCard
-    """What the model is."""
-    network: Session
-    """Latents, mask → normalized features."""
-    body: SmplRepresentation | None = None
-    """Whose joints motions have, in place of the skeleton's that ships."""
-
-    def __post_init__(self) -> None:
-        if self.body is not None and self.card.representation != self.body.name:
-            raise InputError(
-                f"model {self.card.name!r} makes features {self.card.representation!r}, which are "
-                "no poses of a SMPL body; leave the body out"
-            )
-
-    def __call__(
-        self, latents: Float[np.ndarray, "batch tokens width"], frames: Sequence[int]
-    ) -> Float[np.ndarray, "batch longest features"]:
-        """Returns features in their own units; beyond a motion's length they mean nothing."""
-        normalized = self.network(latents=latents, mask=prefix_mask(frames))
-        return self._normalizer.denormalize(normalized)
-
-    def joints(
-        self, features: Float[np.ndarray, "frames features"]
-    ) -> Float[np.ndarray, "frames joints 3"]:
-        """Returns the joints that features of one motion describe."""
-        return self.representation.decode(features)
-
-    def motion(
-        self,
-        joints: Float[np.ndarray, "frames joints 3"],
-        caption: str,
-        metadata: Mapping[str, str | int | float],
-    ) -> Motion:
-        """Returns joints as a motion of the model's."""
-        return Motion(
-            joints=np.asarray(joints, dtype=np.float32),
-            fps=self.representation.fps,
-            skeleton=self.representation.skeleton,
-            caption=caption,
-            metadata=dict(metadata),
+    if body is not None and card.representation != body.name:
+        raise InputError(
+            f"model {card.name!r} makes features {card.representation!r}, which are "
+            "no poses of a SMPL body; leave the body out"
         )
-
-    @cached_property
-    def representation(self) -> Representation:
-        """What the features mean."""
-        return self.body or representation_named(self.card.representation)
-
-    @cached_property
-    def _normalizer(self) -> Normalizer:
-        mean, std = self.card.normalizer_mean, self.card.normalizer_std
-        return Normalizer(np.array(mean, np.float32), np.array(std, np.float32))
+    return body or representation_named(card.representation)

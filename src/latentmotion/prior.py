@@ -12,13 +12,15 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import prefix_mask
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.errors import ModelError
-from latentmotion.feature_decoder import FeatureDecoder
+from latentmotion.feature_decoder import FeatureDecoder, representation_of
 from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
-from latentmotion.order import batches, check_frames, check_seeds, frames_of
+from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.request import batches, check_frames, check_seeds, frames_of, unpadded
 from latentmotion.runtime.session import Session
 
 
@@ -34,10 +36,10 @@ class MotionPrior:
     """What the model is."""
     decoder: Session
     """Network: latents → normalized features."""
-    at_once: int = 32
+    max_batch_size: int = 32
     """Motions that go through the network together."""
     body: SmplRepresentation | None = None
-    """Whose joints motions have, in place of the skeleton's that ships."""
+    """Body whose joints motions have, in place of the skeleton that ships."""
 
     def __post_init__(self) -> None:
         if not self.card.vae.has_weights:
@@ -49,12 +51,12 @@ class MotionPrior:
         Raises:
             InputError: A number is out of range.
         """
-        fps = self._features.representation.fps
-        frames = frames_of(self.card, seconds, len(seeds), fps)
-        about = {"model": self.card.name, "license": self.card.provenance.license}
+        part, card = self.representation, self.card
+        frames = frames_of(card, seconds, len(seeds), part.fps)
+        about = {"model": card.name, "license": card.provenance.license}
         return [
-            self._features.motion(self._features.joints(features), "", {**about, "seed": seed})
-            for features, seed in zip(self.features(frames, seeds), seeds, strict=True)
+            Motion(part.decode(each), part.fps, part.skeleton, "", {**about, "seed": seed})
+            for each, seed in zip(self.features(frames, seeds), seeds, strict=True)
         ]
 
     def features(
@@ -65,23 +67,21 @@ class MotionPrior:
         Raises:
             InputError: A number is out of range.
         """
-        check_frames(self.card, frames, self._features.representation.fps)
+        check_frames(self.card, frames, self.representation.fps)
         check_seeds(frames, seeds)
-        found: dict[int, np.ndarray] = {}
-        for rows in batches(frames, self.at_once):
-            lengths, own = [frames[row] for row in rows], [seeds[row] for row in rows]
-            features = self._together(lengths, own)
-            found |= {row: features[n, : frames[row]] for n, row in enumerate(rows)}
-        return [found[row] for row in range(len(frames))]
+        rows = batches(frames, self.max_batch_size)
+        parts = (([frames[row] for row in each], [seeds[row] for row in each]) for each in rows)
+        return unpadded((self._decoded(*part) for part in parts), rows, frames)
 
-    def _together(
+    def _decoded(
         self, frames: Sequence[int], seeds: Sequence[int]
     ) -> Float[np.ndarray, "batch longest features"]:
         space = self.card.latents
         tokens = [space.tokens_of(length) for length in frames]
         latents = SeededNoise(seeds, tokens)((len(seeds), max(tokens), space.width))
-        return self._features(latents, frames)
+        return FeatureDecoder.of(self.card, self.decoder).decode(latents, prefix_mask(frames))
 
     @cached_property
-    def _features(self) -> FeatureDecoder:
-        return FeatureDecoder(self.card, self.decoder, self.body)
+    def representation(self) -> Representation:
+        """What the features mean."""
+        return representation_of(self.card, self.body)

@@ -103,9 +103,9 @@ def chromium() -> str:
 @pytest.fixture(scope="session")
 def motions() -> list[Motion]:
     """What `latentmotion generate` makes of three prompts."""
-    from latentmotion.generator import MotionGenerator
+    from latentmotion.pipeline import MotionPipeline
 
-    made = MotionGenerator.load("starter").batch(PROMPTS, SECONDS, range(len(PROMPTS)))
+    made = MotionPipeline.from_pretrained("starter").batch(PROMPTS, SECONDS, range(len(PROMPTS)))
     with warnings.catch_warnings():
         # What clean-up thinks of a motion is no matter of formats.
         warnings.simplefilter("ignore")

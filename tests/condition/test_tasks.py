@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.task import ActionTask
@@ -18,7 +18,8 @@ from latentmotion.condition.unconditional import Unconditional
 from latentmotion.data.manifest import read_manifest
 from latentmotion.errors import InputError
 from latentmotion.model.card import read_card
-from latentmotion.runtime.eager import eager_generator
+from latentmotion.runtime.eager import torch_pipeline
+from latentmotion.storage.configuration import write_json
 from latentmotion.training.stages import train_denoiser
 from latentmotion.training.steering import PromptTable
 from tests.support.moving_figures import write_moving_figures
@@ -63,7 +64,7 @@ def test_mirrored_copies_have_labels_of_their_own(
 
 
 def test_an_action_model_generates(actions: Path) -> None:
-    generate = eager_generator(actions)
+    generate = torch_pipeline(actions)
     features = generate.features(["swayLeft1", "swayRight0"], [24, 41], [3, 4], steps=2)
     assert [len(each) for each in features] == [24, 41]
     one, other = (generate("swayLeft1", 1.2, 3, steps=2, guidance=g).joints for g in (1, 50))
@@ -80,7 +81,7 @@ def test_an_action_model_generates(actions: Path) -> None:
 
 def test_an_unconditional_model_generates(nothing: Path) -> None:
     assert read_card(nothing).guidance == 1
-    generate = eager_generator(nothing)
+    generate = torch_pipeline(nothing)
     plain, guided = (generate(seconds=1.2, seed=3, steps=2, guidance=g).joints for g in (1, 7))
     np.testing.assert_allclose(plain, guided, atol=1e-4)
     assert len(generate.features(["", ""], [24, 41], [3, 4])[1]) == 41
@@ -96,9 +97,9 @@ def test_models_without_sentences_run_as_graphs(
     main(["export", str(model), "-o", str(tmp_path / "model")])
     assert not (tmp_path / "model" / "tokenizer.json").exists()
     prompts = ["swayLeft1", "swayRight0"] if task == "actions" else ["", ""]
-    expected = eager_generator(tmp_path / "model").features(prompts, [24, 41], [3, 4], steps=3)
+    expected = torch_pipeline(tmp_path / "model").features(prompts, [24, 41], [3, 4], steps=3)
     for runtime in ("onnxruntime", "openvino"):
-        graphs = MotionGenerator.load(tmp_path / "model", runtime, 1)
+        graphs = MotionPipeline.from_pretrained(tmp_path / "model", runtime, 1)
         found = graphs.features(prompts, [24, 41], [3, 4], steps=3)
         for one, other in zip(found, expected, strict=True):
             np.testing.assert_allclose(one, other, atol=1e-3)

@@ -9,9 +9,11 @@ import numpy as np
 import onnx
 import pytest
 import torch
+from test_text_pretrained import clip, write_dense, write_t5
+from tiny_text import CAPTIONS, teacher_tokenizer
 from transformers import PreTrainedTokenizerFast
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.checkpoint import save_model
 from latentmotion.cli.main import main
 from latentmotion.condition.task import ActionTask
@@ -19,10 +21,12 @@ from latentmotion.condition.text.pretrained import PretrainedTextEncoder
 from latentmotion.condition.text.pretrained_export import export_pretrained
 from latentmotion.condition.text.student import load_text_encoder
 from latentmotion.model.config import DenoiserConfig
-from latentmotion.model.vae_config import LatentSpace, TransformerVAEConfig
-from latentmotion.runtime.eager import eager_generator
-from tests.support.tiny_text import CAPTIONS, clip, teacher_tokenizer, write_dense, write_t5
-from tests.support.untrained import SMALL, card, untrained
+from latentmotion.model.vae_config import (
+    IdentityVAEConfig,
+    LatentSpace,
+    TransformerVAEConfig,
+)
+from latentmotion.runtime.eager import torch_pipeline
 
 FRAMES, SEEDS = [24, 41], [3, 4]
 
@@ -89,9 +93,9 @@ def test_a_model_with_clip_generates_with_and_without_pytorch(
     main(["export", str(tmp_path / "run"), *encoder, "-o", str(tmp_path / "model")])
     clip_encoder = PretrainedTextEncoder.load("clip", str(clip_folder))
     prompts = ["a person walks", "person walks and kicks"]
-    eager = eager_generator(tmp_path / "model", clip_encoder)
+    eager = torch_pipeline(tmp_path / "model", clip_encoder)
     expected = eager.features(prompts, FRAMES, SEEDS, steps=3)
-    graphs = MotionGenerator.load(tmp_path / "model", "onnxruntime", 1)
+    graphs = MotionPipeline.from_pretrained(tmp_path / "model", "onnxruntime", 1)
     for one, other in zip(graphs.features(prompts, FRAMES, SEEDS, steps=3), expected, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-3)
     kit = graphs("a person kicks", seconds=2, steps=1)
@@ -100,7 +104,7 @@ def test_a_model_with_clip_generates_with_and_without_pytorch(
 
 def test_frames_are_those_of_a_motion_alone_where_padding_is_seen(tmp_path: Path) -> None:
     write_raw_model(tmp_path / "run")
-    generate = eager_generator(tmp_path / "run")
+    generate = torch_pipeline(tmp_path / "run")
     assert not generate.card.masks_padding
     prompts, frames, seeds = ["a", "b", "c"], [24, 20, 24], [1, 2, 3]
     together = generate.features(prompts, frames, seeds, steps=3)
@@ -112,7 +116,7 @@ def test_frames_are_those_of_a_motion_alone_where_padding_is_seen(tmp_path: Path
 @pytest.mark.parametrize("sampler", ["ddpm", "ddim"])
 def test_a_thousand_steps(sampler: str, tmp_path: Path) -> None:
     write_raw_model(tmp_path / "run")
-    generate = eager_generator(tmp_path / "run")
+    generate = torch_pipeline(tmp_path / "run")
     features = generate.features(["a"], [16], [0], guidance=1.0, sampler=sampler)
     assert np.isfinite(features[0]).all()
 
@@ -124,8 +128,8 @@ def test_raw_frames_run_as_a_graph(tmp_path: Path) -> None:
     # ACTOR's table of places has 5,000 rows; no part of the graph is nearly as large.
     graph = onnx.load(tmp_path / "model" / "denoiser.onnx").graph
     assert max(np.prod(part.dims) for part in graph.initializer) < 5000
-    graphs = MotionGenerator.load(tmp_path / "model", "onnxruntime", 1)
-    expected = eager_generator(tmp_path / "model").features(["a", "b"], FRAMES, SEEDS, steps=3)
+    graphs = MotionPipeline.from_pretrained(tmp_path / "model", "onnxruntime", 1)
+    expected = torch_pipeline(tmp_path / "model").features(["a", "b"], FRAMES, SEEDS, steps=3)
     for one, other in zip(
         graphs.features(["a", "b"], FRAMES, SEEDS, steps=3), expected, strict=True
     ):
@@ -138,5 +142,5 @@ def test_actions_of_smpl_generate(tmp_path: Path) -> None:
     about = replace(about, condition={"classes": 12})
     vae = TransformerVAEConfig(features=150, transformer=SMALL, position="sine")
     save_model(tmp_path / "run", untrained(about, vae, denoiser))
-    motion = eager_generator(tmp_path / "run")("11", seconds=2, steps=2)
+    motion = torch_pipeline(tmp_path / "run")("11", seconds=2, steps=2)
     assert np.isfinite(motion.joints).all() and motion.caption == "11"

@@ -10,7 +10,7 @@ import onnx
 import pytest
 import torch
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.checkpoint import LatentModel, save_model
 from latentmotion.condition.task import ActionTask
 from latentmotion.diffusion.leaps import Leaps
@@ -63,9 +63,9 @@ def student(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("runtime", ["onnxruntime", "openvino"])
 def test_a_walk_says_what_the_steps_say(student: Path, runtime: Runtime) -> None:
     pytest.importorskip(runtime)
-    whole = MotionGenerator.load(student, runtime, 1)
-    assert set(whole.walks) == {2}
-    stepwise = replace(whole, walks={})
+    whole = MotionPipeline.from_pretrained(student, runtime, 1)
+    assert set(whole.backend.fused) == {2}
+    stepwise = replace(whole, backend=replace(whole.backend, fused={}))
     order = ["1", "3", "5"], [41, 24, 37], [3, 4, 5], 2
     for guidance in (1.0, 3.5):
         expected = stepwise.features(*order, guidance)
@@ -77,15 +77,14 @@ def test_a_walk_says_what_the_steps_say(student: Path, runtime: Runtime) -> None
 
 
 def test_other_numbers_of_steps_go_step_by_step(student: Path) -> None:
-    generate = MotionGenerator.load(student, "onnxruntime", 1)
+    generate = MotionPipeline.from_pretrained(student, "onnxruntime", 1)
     called: list[str] = []
-    watched = replace(
-        generate, walks={2: lambda **_: called.append("walk") or np.zeros((1, 20, 263))}
-    )
+    fused = {2: lambda **_: called.append("fused") or np.zeros((1, 20, 263))}
+    watched = replace(generate, backend=replace(generate.backend, fused=fused))
     watched("1", 1.0, steps=8)
     assert not called
     watched("1", 1.0)
-    assert called == ["walk"]
+    assert called == ["fused"]
 
 
 def test_graphs_share_their_weights_and_name_no_place(student: Path) -> None:

@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from moving_figures import write_moving_figures
+from synthetic_smpl import synthetic_arrays, write_synthetic_smpl
+from test_converted_models import SMALL, card, untrained
 
 from latentmotion.checkpoint import save_model
 from latentmotion.cli.main import main
@@ -25,11 +28,10 @@ from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUC
 from latentmotion.evaluation.extractors.interface import load_extractor
 from latentmotion.formats import load
 from latentmotion.kinematics.smpl import load_smpl
+from latentmotion.model.config import DenoiserConfig
 from latentmotion.model.vae_config import LatentSpace, TransformerVAEConfig
-from tests.support.action_files import write_humanact12
-from tests.support.moving_figures import write_moving_figures
-from tests.support.synthetic_smpl import synthetic_arrays, write_synthetic_smpl
-from tests.support.untrained import SMALL, card, untrained
+from latentmotion.representation.smpl import representation_of
+from latentmotion.storage.files import sha256
 
 
 @pytest.fixture(scope="module")

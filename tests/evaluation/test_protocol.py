@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from moving_figures import write_moving_figures
 
 from latentmotion.condition.task import ActionTask, UnconditionalTask
 from latentmotion.data.clip import Caption
@@ -38,8 +39,8 @@ from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.folder import find_model
 from latentmotion.model.vae_config import ConvolutionalVAEConfig, IdentityVAEConfig
 from latentmotion.networks.build import build
-from latentmotion.runtime.eager import eager_prior
-from tests.support.moving_figures import write_moving_figures
+from latentmotion.request import GenerationRequest
+from latentmotion.runtime.eager import torch_prior
 
 SMALL = replace(CLEAN, replications=3, split="val", repeats=Repeats(4, 3, None, 2))
 AS_AUTHORS = replace(PAPER, replications=3, split="val", repeats=Repeats(4, 6, 5, 3))
@@ -83,14 +84,14 @@ class Answers:
     card: ModelCard
     known: dict[tuple[str, int], np.ndarray]
 
-    def features(
-        self, prompts: Sequence[str], frames: Sequence[int], seeds: Sequence[int], *_: object
-    ) -> list[np.ndarray]:
+    def generate(self, request: GenerationRequest) -> list[np.ndarray]:
         return [
             self.known[prompt, length]
             if (prompt, length) in self.known
             else np.random.default_rng(seed).standard_normal((length, 263)).astype(np.float32)
-            for prompt, length, seed in zip(prompts, frames, seeds, strict=True)
+            for prompt, length, seed in zip(
+                request.prompts, request.frames, request.seeds, strict=True
+            )
         ]
 
 
@@ -264,7 +265,7 @@ def test_unconditional_models_match_nothing(dataset: Dataset) -> None:
     )
     assert {"FID", "KID", "Diversity"} < set(report["generated"])
     assert not {"R@1", "MultiModality", "APE root"} & set(report["generated"])
-    prior = Prior(eager_prior("starter"))
+    prior = Prior(torch_prior("starter"))
     assert {"FID", "Jitter"} < set(evaluate(prior, dataset, Echo(), SMALL)["prior"])
 
 

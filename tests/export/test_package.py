@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 from latentmotion.cli.main import main
 from latentmotion.condition.task import TextTask
@@ -60,7 +60,7 @@ def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
     main(["export", str(tmp_path / "run"), *options, "--precision", precision])
     card = read_card(output)
     assert (card.provenance.license, card.precision) == ("CC0", precision)
-    motion = MotionGenerator.load(output, "onnxruntime", 1)("a person walks", 1, steps=3)
+    motion = MotionPipeline.from_pretrained(output, "onnxruntime", 1)("a person walks", 1, steps=3)
     assert motion.joints.shape == (20, 22, 3)
     assert motion.metadata["model"] == "model"
 

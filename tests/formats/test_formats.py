@@ -31,9 +31,11 @@ def motion() -> Motion:
 
 
 def starter() -> Motion:
-    from latentmotion import MotionGenerator
+    from latentmotion import MotionPipeline
 
-    return MotionGenerator.load("starter")("a person waves with the right hand", seconds=2)
+    return MotionPipeline.from_pretrained("starter")(
+        "a person waves with the right hand", seconds=2
+    )
 
 
 @pytest.mark.parametrize("ending", EXACT)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 from latentmotion.condition.task import TextTask
 from latentmotion.errors import InputError, ModelError
@@ -17,15 +17,15 @@ from latentmotion.model.folder import find_model
 from latentmotion.model.vae_config import IdentityVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.prior import MotionPrior
-from latentmotion.runtime.eager import eager_generator, prior_features
+from latentmotion.runtime.eager import prior_features, torch_pipeline
 from latentmotion.runtime.session import open_decoder
 
 PROMPTS, FRAMES, SEEDS = ["a person walks forward", "a person jumps"], [41, 24], [3, 4]
 
 
 def test_networks_and_graphs_make_the_same_features() -> None:
-    graphs = MotionGenerator.load("starter", "onnxruntime", 1)
-    networks = eager_generator("starter")
+    graphs = MotionPipeline.from_pretrained("starter", "onnxruntime", 1)
+    networks = torch_pipeline("starter")
     for options in ({"steps": 5}, {"steps": 5, "sampler": "ddpm", "guidance": 1.0}):
         expected = graphs.features(PROMPTS, FRAMES, SEEDS, **options)
         found = networks.features(PROMPTS, FRAMES, SEEDS, **options)
@@ -36,13 +36,13 @@ def test_networks_and_graphs_make_the_same_features() -> None:
 def test_the_encoder_of_a_card_is_found_among_the_shipped(tmp_path: Path) -> None:
     model = load_model(find_model("starter"))
     save_model(tmp_path / "model", model)
-    found = eager_generator(tmp_path / "model").features(PROMPTS, FRAMES, SEEDS, steps=1)
-    expected = eager_generator("starter").features(PROMPTS, FRAMES, SEEDS, steps=1)
+    found = torch_pipeline(tmp_path / "model").features(PROMPTS, FRAMES, SEEDS, steps=1)
+    expected = torch_pipeline("starter").features(PROMPTS, FRAMES, SEEDS, steps=1)
     np.testing.assert_array_equal(found[0], expected[0])
     foreign = replace(model.card, condition=TextTask("clip:/no/such/folder"))
     save_model(tmp_path / "foreign", LatentModel(foreign, model.vae, model.denoiser))
     with pytest.raises(ModelError, match=r"not at hand .*--text-encoder"):
-        eager_generator(tmp_path / "foreign")
+        torch_pipeline(tmp_path / "foreign")
 
 
 def test_a_prior_is_sampled_with_and_without_graphs(tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_half_models_say_what_to_do(tmp_path: Path) -> None:
     card = replace(model.card, denoiser=None)
     save_model(tmp_path / "vae", FirstStageModel(card, model.vae))
     with pytest.raises(ModelError, match=r"train denoiser.*--prior"):
-        eager_generator(tmp_path / "vae")
+        torch_pipeline(tmp_path / "vae")
     assert prior_features(tmp_path / "vae", [20], [0])[0].shape == (20, 263)
     card = replace(model.card, vae=IdentityVAEConfig(model.card.latents.width))
     save_model(tmp_path / "raw", LatentModel(card, build(card.vae), model.denoiser))

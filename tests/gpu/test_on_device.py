@@ -11,32 +11,45 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from played_graphs import play_graphs
 from torch import Tensor
 
-from latentmotion import MotionGenerator
 from latentmotion.checkpoint import load_model
 from latentmotion.cli.loading import load_generator
+from latentmotion.diffusion.sampler import sample
 from latentmotion.errors import InputError
 from latentmotion.model.card import read_card
 from latentmotion.model.folder import find_model
+from latentmotion.pipeline import MotionPipeline, sampler_of
+from latentmotion.request import GenerationRequest, padded_batch
 from latentmotion.runtime.buckets import Buckets
 from latentmotion.runtime.computing import Computing
-from latentmotion.runtime.eager import denoiser_session, eager_generator
+from latentmotion.runtime.eager import denoiser_session, torch_pipeline
 from latentmotion.runtime.launch import Recorder, on_gpu
-from latentmotion.runtime.on_device import DeviceGenerator
-from tests.support.played_graphs import play_graphs
 
 PROMPTS = ["a person walks forward", "a person jumps", "someone turns left and waves with one hand"]
 FRAMES, SEEDS = [41, 24, 30], [3, 4, 5]
 
 
 @pytest.fixture(scope="module")
-def exact() -> DeviceGenerator:
-    return eager_generator("starter")
+def exact() -> MotionPipeline:
+    return torch_pipeline("starter")
 
 
-def test_joints_found_for_a_batch_are_those_of_each_motion(exact: DeviceGenerator) -> None:
-    graphs = MotionGenerator.load("starter", "onnxruntime", 1)
+def on_backend(pipeline: MotionPipeline, **changes: object) -> MotionPipeline:
+    return replace(pipeline, backend=replace(pipeline.backend, **changes))
+
+
+def latents_of(pipeline: MotionPipeline, request: GenerationRequest) -> np.ndarray:
+    card, sampling, condition = pipeline.card, request.sampling, pipeline.condition(request.prompts)
+    batch, noise = padded_batch(request, condition, card.latents, pipeline.backend)
+    guided, sampler = pipeline.guided(sampling), sampler_of(card, sampling)
+    z = sample(guided, sampler, batch.noise, batch.condition, batch.tokens, sampling.steps, noise)
+    return pipeline._decoder.latents.denormalize(z).numpy()
+
+
+def test_joints_found_for_a_batch_are_those_of_each_motion(exact: MotionPipeline) -> None:
+    graphs = MotionPipeline.from_pretrained("starter", "onnxruntime", 1)
     seconds = [frames / 20 for frames in FRAMES]
     expected = graphs.batch(PROMPTS, seconds, SEEDS, steps=2)
     found = exact.batch(PROMPTS, seconds, SEEDS, steps=2)
@@ -61,18 +74,18 @@ def test_a_session_answers_in_kind() -> None:
 
 
 @pytest.mark.parametrize("sampler", ["ddim", "ddpm"])
-def test_what_fills_a_bucket_moves_nothing(exact: DeviceGenerator, sampler: str) -> None:
-    filled = replace(exact, sizes=Buckets(exact.card))
+def test_what_fills_a_bucket_moves_nothing(exact: MotionPipeline, sampler: str) -> None:
+    filled = on_backend(exact, padding=Buckets(exact.card))
     options = {"steps": 2, "sampler": sampler}
     expected = exact.features(PROMPTS, FRAMES, SEEDS, **options)
     found = filled.features(PROMPTS, FRAMES, SEEDS, **options)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, atol=2e-5)
-    order = exact._order(PROMPTS, FRAMES, SEEDS, 2, None, None)
-    condition = exact.condition(PROMPTS)
-    assert filled.features_of(condition, order).shape == (4, 64, 263)
-    latents = filled.latents(condition, order)
-    np.testing.assert_allclose(latents, exact.latents(condition, order), atol=2e-5)
+    sampling = exact.card.sampling.but(steps=2)
+    request = GenerationRequest(tuple(PROMPTS), tuple(FRAMES), tuple(SEEDS), sampling)
+    assert filled.generate_batch(request).shape == (4, 64, 263)
+    latents = latents_of(filled, request)[:3, : exact.card.latents.tokens_of(41)]
+    np.testing.assert_allclose(latents, latents_of(exact, request), atol=2e-5)
 
 
 def test_sizes_of_buckets() -> None:
@@ -89,7 +102,7 @@ def test_sizes_of_buckets() -> None:
     assert first.words(2) == 2
 
 
-def test_one_recording_serves_a_bucket(exact: DeviceGenerator) -> None:
+def test_one_recording_serves_a_bucket(exact: MotionPipeline) -> None:
     made: list[object] = []
 
     def record(
@@ -98,7 +111,7 @@ def test_one_recording_serves_a_bucket(exact: DeviceGenerator) -> None:
         made.append(function)
         return function
 
-    recorded = replace(exact, sizes=Buckets(exact.card), launch=Recorder(record))
+    recorded = on_backend(exact, padding=Buckets(exact.card), launch=Recorder(record))
     for frames in (33, 40, 64):
         recorded.batch([PROMPTS[0]], frames / 20, [1], steps=1)
     assert len(made) == 2  # features and joints
@@ -130,9 +143,9 @@ def test_a_recording_makes_the_motions_of_other_prompts(
     model: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     devices = play_graphs(monkeypatch)
-    alone = eager_generator(model)
-    filled = replace(alone, sizes=Buckets(alone.card))
-    recorded = replace(filled, launch=Recorder(on_gpu(torch.device("cuda:1"))))
+    alone = torch_pipeline(model)
+    filled = on_backend(alone, padding=Buckets(alone.card))
+    recorded = on_backend(filled, launch=Recorder(on_gpu(torch.device("cuda:1"))))
     orders = [
         (PROMPTS[:2], [2.0, 3.0], [1, 2], 2),
         (PROMPTS[1:], [3.2, 2.5], [5, 6], 2),
@@ -160,8 +173,8 @@ def test_a_recording_keeps_what_it_reads(monkeypatch: pytest.MonkeyPatch) -> Non
     assert first.tolist() == [1.0] * 3
 
 
-def test_bfloat16_stays_near_and_answers_in_float32(exact: DeviceGenerator) -> None:
-    halved = eager_generator("starter", computing=Computing(precision="bfloat16"))
+def test_bfloat16_stays_near_and_answers_in_float32(exact: MotionPipeline) -> None:
+    halved = torch_pipeline("starter", computing=Computing(precision="bfloat16"))
     expected = exact.features(PROMPTS, FRAMES, SEEDS, steps=4)
     found = halved.features(PROMPTS, FRAMES, SEEDS, steps=4)
     scale = np.array(exact.card.normalizer_std)
@@ -176,11 +189,11 @@ def test_a_compiled_chain_makes_the_same_motion() -> None:
     program = """
 from latentmotion.runtime import network
 from latentmotion.runtime.computing import Computing
-from latentmotion.runtime.eager import eager_generator
+from latentmotion.runtime.eager import torch_pipeline
 # The compiler proper takes a minute; this one traces, takes gradients apart and runs the rest.
 network.COMPILER = "aot_eager"
 made = [
-    eager_generator("starter", computing=Computing(launch=launch)).features(
+    torch_pipeline("starter", computing=Computing(launch=launch)).features(
         ["a person walks"], [41], [3], steps=1
     )[0]
     for launch in ("eager", "compiled")
@@ -198,4 +211,4 @@ def test_what_does_not_go_together_says_so() -> None:
     with pytest.raises(InputError, match="onnxruntime computes on the CPU, in float32; for cpu, b"):
         load_generator("starter", "onnxruntime", computing=Computing(precision="bfloat16"))
     chosen = load_generator("starter", computing=Computing(precision="bfloat16"))
-    assert isinstance(chosen, DeviceGenerator)
+    assert isinstance(chosen.backend.place(np.zeros(1)), Tensor)

@@ -10,7 +10,7 @@ import pytest
 import torch
 from safetensors import safe_open
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.checkpoint import WEIGHTS_FILE, load_model
 from latentmotion.errors import InputError
 from latentmotion.model.card import read_card
@@ -19,18 +19,18 @@ from latentmotion.vae.convolutional import ConvolutionalVAE
 
 
 @pytest.fixture(scope="module")
-def generate() -> MotionGenerator:
-    return MotionGenerator.load(threads=1)
+def generate() -> MotionPipeline:
+    return MotionPipeline.from_pretrained(threads=1)
 
 
-def test_both_models_ship_and_the_distilled_one_is_the_default(generate: MotionGenerator) -> None:
+def test_both_models_ship_and_the_distilled_one_is_the_default(generate: MotionPipeline) -> None:
     assert shipped_models() == ("fast", "starter")
     assert generate.card.name == DEFAULT == "fast"
     assert generate.card.leaps is not None and generate.card.figures["teacher"] == "starter"
 
 
 @pytest.mark.parametrize("steps", [1, 2, 4])
-def test_few_steps_do_what_the_sentence_says(generate: MotionGenerator, steps: int) -> None:
+def test_few_steps_do_what_the_sentence_says(generate: MotionPipeline, steps: int) -> None:
     sentences = ["a person walks forward", "a person lies down on the floor", "a person squats"]
     walk, lie, squat = (motion.joints for motion in generate.batch(sentences, 4, steps=steps))
     assert walk[-1, 0, 2] - walk[0, 0, 2] > 1.0, "walks less than a meter"
@@ -40,7 +40,7 @@ def test_few_steps_do_what_the_sentence_says(generate: MotionGenerator, steps: i
 
 
 def test_other_steps_and_samplers_are_refused_with_what_there_is(
-    generate: MotionGenerator,
+    generate: MotionPipeline,
 ) -> None:
     with pytest.raises(InputError, match="1, 2, 4"):
         generate("a person walks", steps=50)
@@ -48,10 +48,10 @@ def test_other_steps_and_samplers_are_refused_with_what_there_is(
         generate("a person walks", sampler="heun")
 
 
-def test_the_text_encoder_is_in_the_package_once(tmp_path: Path, generate: MotionGenerator) -> None:
+def test_the_text_encoder_is_in_the_package_once(tmp_path: Path, generate: MotionPipeline) -> None:
     assert not (find_model("fast") / "text_encoder.onnx").exists()
     copy = shutil.copytree(find_model("fast"), tmp_path / "mine")
-    elsewhere = MotionGenerator.load(copy, threads=1)
+    elsewhere = MotionPipeline.from_pretrained(copy, threads=1)
     np.testing.assert_array_equal(
         elsewhere("a person waves", 2).joints, generate("a person waves", 2).joints
     )

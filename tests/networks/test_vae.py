@@ -49,7 +49,7 @@ CONFIGS = {
 }
 
 
-def mask_of(lengths: list[int]) -> Tensor:
+def prefix_mask(lengths: list[int]) -> Tensor:
     return torch.arange(max(lengths)) < torch.tensor(lengths)[:, None]
 
 
@@ -69,12 +69,12 @@ def motion() -> Tensor:
 
 @torch.no_grad()
 def test_padding_changes_nothing_and_each_motion_is_alone(vae: MotionVAE, motion: Tensor) -> None:
-    mask = mask_of(LENGTHS)
+    mask = prefix_mask(LENGTHS)
     posterior = vae.encode(motion, mask)
     features = vae.decode(posterior.mean, mask)
     tokens = vae.latent_mask(mask).sum(1)
     for i, (length, count) in enumerate(zip(LENGTHS, tokens.tolist(), strict=True)):
-        row, alone = slice(i, i + 1), mask_of([length])
+        row, alone = slice(i, i + 1), prefix_mask([length])
         single = vae.encode(motion[row, :length], alone)
         assert single.mean.shape[1] == count
         assert torch.allclose(single.mean, posterior.mean[row, :count], atol=1e-5)
@@ -86,7 +86,7 @@ def test_padding_changes_nothing_and_each_motion_is_alone(vae: MotionVAE, motion
 
 @torch.no_grad()
 def test_what_padding_holds_does_not_matter(vae: MotionVAE, motion: Tensor) -> None:
-    mask = mask_of(LENGTHS)
+    mask = prefix_mask(LENGTHS)
     other = torch.where(mask[..., None], motion, 1e3)
     real = vae.latent_mask(mask)[..., None]
     found, same = vae.encode(motion, mask).mean * real, vae.encode(other, mask).mean * real
@@ -97,12 +97,12 @@ def test_what_padding_holds_does_not_matter(vae: MotionVAE, motion: Tensor) -> N
 def test_evaluation_is_deterministic_and_training_is_not_needed(
     vae: MotionVAE, motion: Tensor
 ) -> None:
-    mask = mask_of(LENGTHS)
+    mask = prefix_mask(LENGTHS)
     assert torch.equal(vae.encode(motion, mask).mean, vae.encode(motion, mask).mean)
 
 
 def test_gradient_reaches_every_parameter(vae: MotionVAE, motion: Tensor) -> None:
-    mask = mask_of(LENGTHS)
+    mask = prefix_mask(LENGTHS)
     motion.requires_grad_()  # the network without weights passes it on
     latents = vae.train().encode(motion, mask).sample(torch.Generator().manual_seed(0))
     assert latents.shape == (3, vae.latent_mask(mask).shape[1], vae.latent_width)
@@ -113,7 +113,7 @@ def test_gradient_reaches_every_parameter(vae: MotionVAE, motion: Tensor) -> Non
 @torch.no_grad()
 @pytest.mark.parametrize("length", [1, 2, 3, 5, 8])
 def test_any_length(vae: MotionVAE, motion: Tensor, length: int) -> None:
-    mask = mask_of([length])
+    mask = prefix_mask([length])
     latents = vae.encode(motion[:1, :length], mask).mean
     assert vae.decode(latents, mask).shape == (1, length, FEATURES)
 
@@ -121,7 +121,7 @@ def test_any_length(vae: MotionVAE, motion: Tensor, length: int) -> None:
 @torch.no_grad()
 def test_the_way_back_is_told_apart(vae: MotionVAE, motion: Tensor) -> None:
     """Other weights there change no latent, other weights elsewhere change no decoding."""
-    mask = mask_of(LENGTHS)
+    mask = prefix_mask(LENGTHS)
     latents, before = vae.encode(motion, mask).mean, fingerprint(vae)
     features = vae.decode(latents, mask)
     inside = list(way_back(vae).parameters())
@@ -148,7 +148,7 @@ def test_another_way_back_keeps_latents_and_begins_alike(motion: Tensor) -> None
     blocks = QuarterRateDecoder((9, 3, 1, 3, 1))
     new = build(dataclasses.replace(CONFIGS["convolutional"], decoder=blocks)).eval()
     keep_latents(new, old)
-    mask = mask_of(LENGTHS)
+    mask = prefix_mask(LENGTHS)
     assert torch.equal(new.encode(motion, mask).mean, old.encode(motion, mask).mean)
     assert fingerprint(new) == fingerprint(old)
     same = [
@@ -165,11 +165,11 @@ def test_another_way_back_keeps_latents_and_begins_alike(motion: Tensor) -> None
 
 def test_convolutional_latents_keep_time() -> None:
     vae = build(CONFIGS["convolutional"])
-    assert vae.latent_mask(mask_of([13, 40, 22])).sum(1).tolist() == [4, 10, 6]
+    assert vae.latent_mask(prefix_mask([13, 40, 22])).sum(1).tolist() == [4, 10, 6]
 
 
 def test_identity_latents_are_the_frames_without_doubt(motion: Tensor) -> None:
-    vae, mask = build(CONFIGS["identity"]), mask_of(LENGTHS)
+    vae, mask = build(CONFIGS["identity"]), prefix_mask(LENGTHS)
     posterior = vae.encode(motion, mask)
     assert posterior.std.abs().max() == 0
     assert torch.equal(posterior.sample(), motion * mask[..., None])
@@ -179,18 +179,18 @@ def test_identity_latents_are_the_frames_without_doubt(motion: Tensor) -> None:
 def test_vposer_t_knows_one_length(motion: Tensor) -> None:
     """A shorter motion stands still after its end; a longer one is refused."""
     vae = build(VPoserTConfig(FEATURES, frames=44, hidden=24, width=12)).eval()
-    mask = mask_of([13])
+    mask = prefix_mask([13])
     still = torch.cat([motion[:1, :13], motion[:1, 12:13].expand(-1, 31, -1)], dim=1)
-    whole = vae.encode(still, mask_of([44])).mean
-    assert torch.allclose(vae.encode(motion[:1], mask_of([13, 40])[:1]).mean, whole, atol=1e-6)
+    whole = vae.encode(still, prefix_mask([44])).mean
+    assert torch.allclose(vae.encode(motion[:1], prefix_mask([13, 40])[:1]).mean, whole, atol=1e-6)
     assert torch.allclose(vae.encode(motion[:1, :13], mask).mean, whole, atol=1e-6)
     for refused in (vae.encode, vae.decode):
         with pytest.raises(InputError, match=r"45 frames.*at most 44"):
-            refused(torch.zeros(1, 45, FEATURES), mask_of([45]))
+            refused(torch.zeros(1, 45, FEATURES), prefix_mask([45]))
 
 
 def test_vposer_t_deviation_is_a_softplus_that_never_vanishes(motion: Tensor) -> None:
-    vae, mask = build(VPoserTConfig(FEATURES, frames=40, hidden=24, width=12)), mask_of(LENGTHS)
+    vae, mask = build(VPoserTConfig(FEATURES, frames=40, hidden=24, width=12)), prefix_mask(LENGTHS)
     torch.nn.init.zeros_(vae.deviation[0].weight)
     torch.nn.init.zeros_(vae.deviation[0].bias)
     assert torch.allclose(vae.encode(motion, mask).std, torch.tensor(math.log(2.0)))

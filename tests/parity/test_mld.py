@@ -25,9 +25,9 @@ from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEn
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.sampler import DDIM, sample
 from latentmotion.errors import InputError
-from latentmotion.generator import MotionGenerator
 from latentmotion.model.vae_config import IdentityVAEConfig
-from latentmotion.runtime.eager import eager_generator
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.runtime.eager import torch_pipeline
 from latentmotion.upstream.configurations import Unstated
 from latentmotion.upstream.conversion import Origin, convert_checkpoint
 from tests.support.golden import formula, golden_input, prefix_mask, relative
@@ -200,13 +200,13 @@ class Counting:
 
 def generator_of(
     model: FirstStageModel, folder: Path, encoder: TextEncoder | None
-) -> MotionGenerator:
+) -> MotionPipeline:
     """The tiny networks have 19 features a frame, which is no representation; HumanML3D's name is
     borrowed for its frame rate.
     """
     card = replace(model.card, representation="humanml3d")
     save_model(folder, replace(model, card=card))
-    return eager_generator(folder, encoder)
+    return torch_pipeline(folder, encoder)
 
 
 def test_a_whole_action_file_generates_by_label(variants: Variants) -> None:

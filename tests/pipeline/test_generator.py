@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.folder import find_model
@@ -22,12 +22,12 @@ CAPTION = "a person walks forward"
 
 
 @pytest.fixture(scope="module")
-def generate() -> MotionGenerator:
-    return MotionGenerator.load("starter", runtime="onnxruntime", threads=1)
+def generate() -> MotionPipeline:
+    return MotionPipeline.from_pretrained("starter", runtime="onnxruntime", threads=1)
 
 
 @pytest.fixture(scope="module")
-def walk(generate: MotionGenerator) -> Motion:
+def walk(generate: MotionPipeline) -> Motion:
     return generate(CAPTION, seconds=2, seed=3)
 
 
@@ -41,7 +41,7 @@ def test_a_walk_goes_forward_on_alternating_feet(walk: Motion) -> None:
     assert lead.max() > 0.15 and lead.min() < -0.15, "one foot is never ahead of the other"
 
 
-def test_other_sentences_make_other_movements(generate: MotionGenerator) -> None:
+def test_other_sentences_make_other_movements(generate: MotionPipeline) -> None:
     sentences = [
         "a person lies down on the floor",
         "a person jumps forward",
@@ -57,20 +57,20 @@ def test_other_sentences_make_other_movements(generate: MotionGenerator) -> None
     assert turned[-1] - turned[0] > 1.0, "who jogs in a circle to the left does not turn left"
 
 
-def test_the_same_seed_gives_the_same_motion(generate: MotionGenerator) -> None:
+def test_the_same_seed_gives_the_same_motion(generate: MotionPipeline) -> None:
     first, second, other = (generate(CAPTION, 2, seed, steps=4) for seed in (5, 5, 6))
     np.testing.assert_array_equal(first.joints, second.joints)
     assert np.abs(first.joints - other.joints).max() > 0.01
 
 
-def test_a_motion_is_the_same_in_any_batch(generate: MotionGenerator) -> None:
+def test_a_motion_is_the_same_in_any_batch(generate: MotionPipeline) -> None:
     captions = ["a person jumps", CAPTION, "someone kicks with the right leg"]
     together = generate.batch(captions, 2, seeds=[9, 5, 7], steps=4)
     alone = generate(CAPTION, 2, seed=5, steps=4)
     np.testing.assert_allclose(together[1].joints, alone.joints, atol=1e-3)
 
 
-def test_lengths_may_differ_in_a_batch(generate: MotionGenerator) -> None:
+def test_lengths_may_differ_in_a_batch(generate: MotionPipeline) -> None:
     captions = ["a person jumps", CAPTION, "someone kicks with the right leg"]
     seconds, seeds = (3, 1.2, 2), [9, 5, 7]
     for sampler in ("ddim", "ddpm"):
@@ -81,7 +81,7 @@ def test_lengths_may_differ_in_a_batch(generate: MotionGenerator) -> None:
             np.testing.assert_allclose(motion.joints, alone.joints, atol=1e-3)
 
 
-def test_features_are_what_motions_are_made_of(generate: MotionGenerator) -> None:
+def test_features_are_what_motions_are_made_of(generate: MotionPipeline) -> None:
     features = generate.features([CAPTION, "a person jumps"], [41, 24], [3, 4], steps=2)
     assert [each.shape for each in features] == [(41, 263), (24, 263)]
     motion = generate("a person jumps", 1.2, seed=4, steps=2)
@@ -94,18 +94,18 @@ def test_features_are_what_motions_are_made_of(generate: MotionGenerator) -> Non
     assert generate.features([], [], []) == []
 
 
-def test_more_motions_than_go_at_once(generate: MotionGenerator) -> None:
+def test_more_motions_than_go_at_once(generate: MotionPipeline) -> None:
     motions = generate.batch([CAPTION] * 33, 1, steps=1)
     assert [motion.metadata["seed"] for motion in motions] == list(range(33))
 
 
 def test_both_engines_agree(walk: Motion) -> None:
     pytest.importorskip("openvino")
-    other = MotionGenerator.load("starter", runtime="openvino", threads=1)
+    other = MotionPipeline.from_pretrained("starter", runtime="openvino", threads=1)
     np.testing.assert_allclose(other(CAPTION, 2, seed=3).joints, walk.joints, atol=5e-3)
 
 
-def test_length_is_what_was_asked_for(generate: MotionGenerator) -> None:
+def test_length_is_what_was_asked_for(generate: MotionPipeline) -> None:
     assert [len(generate(CAPTION, s, steps=1)) for s in (1.0, 1.35, 9.8)] == [20, 27, 196]
 
 
@@ -122,12 +122,12 @@ def test_length_is_what_was_asked_for(generate: MotionGenerator) -> None:
         ({"guidance": -3.0}, "guidance -3"),
     ],
 )
-def test_numbers_out_of_range(generate: MotionGenerator, options: dict, message: str) -> None:
+def test_numbers_out_of_range(generate: MotionPipeline, options: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         generate(**{"prompt": CAPTION, **options})
 
 
-def test_unknown_words_are_named_and_survive(generate: MotionGenerator) -> None:
+def test_unknown_words_are_named_and_survive(generate: MotionPipeline) -> None:
     with pytest.warns(UserWarning, match="qzxv"):
         motion = generate("a person qzxvs", 1, steps=1)
     assert np.isfinite(motion.joints).all()
@@ -135,9 +135,9 @@ def test_unknown_words_are_named_and_survive(generate: MotionGenerator) -> None:
 
 def test_models_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="did you mean 'starter'"):
-        MotionGenerator.load("startr")
+        MotionPipeline.from_pretrained("startr")
     with pytest.raises(ModelError, match="not a model folder"):
-        MotionGenerator.load(tmp_path)
+        MotionPipeline.from_pretrained(tmp_path)
 
 
 @pytest.mark.parametrize("runtime", ["onnxruntime", "openvino"])
@@ -145,12 +145,12 @@ def test_a_damaged_graph_is_named(runtime: Runtime, tmp_path: Path) -> None:
     pytest.importorskip(runtime)
     shutil.copytree(find_model("starter"), tmp_path / "damaged")
     (tmp_path / "damaged" / "denoiser.onnx").write_bytes(b"not a graph")
-    generate = MotionGenerator.load(tmp_path / "damaged", runtime)
+    generate = MotionPipeline.from_pretrained(tmp_path / "damaged", runtime)
     with pytest.raises(ModelError, match=r"denoiser\.onnx cannot be loaded"):
         generate(CAPTION, 1)
     (tmp_path / "damaged" / "denoiser.onnx").unlink()
     with pytest.raises(ModelError, match=r"denoiser\.onnx is missing"):
-        MotionGenerator.load(tmp_path / "damaged", runtime)
+        MotionPipeline.from_pretrained(tmp_path / "damaged", runtime)
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads as Linux does")
@@ -159,13 +159,13 @@ def test_no_more_threads_work_than_were_asked_for(runtime: Runtime) -> None:
     pytest.importorskip(runtime)
     code = f"""
 from pathlib import Path
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 
 def ticks():
     stats = ((task.name, (task / "stat").read_text()) for task in Path("/proc/self/task").iterdir())
     return {{name: sum(map(int, stat.rpartition(")")[2].split()[11:13])) for name, stat in stats}}
 
-generate = MotionGenerator.load("starter", {runtime!r}, threads=1)
+generate = MotionPipeline.from_pretrained("starter", {runtime!r}, threads=1)
 work = lambda: generate.batch(["a person walks"] * 4, 9, steps=2)
 work()  # Graphs are compiled, by more threads.
 before, worked = ticks(), [0]
@@ -181,7 +181,7 @@ print(*sorted(worked))
 
 def test_a_number_of_threads_is_checked_at_once() -> None:
     with pytest.raises(InputError, match="0 threads: expected 1 or more"):
-        MotionGenerator.load("starter", "onnxruntime", threads=0)
+        MotionPipeline.from_pretrained("starter", "onnxruntime", threads=0)
 
 
 def test_command_writes_every_file_and_reports(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from moving_figures import write_moving_figures
 
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
@@ -26,9 +27,8 @@ from latentmotion.experiments.table import Model, Row, Table
 from latentmotion.experiments.tables import TABLES, rows_named, table_named
 from latentmotion.experiments.workplace import Workplace
 from latentmotion.model.vae_config import TransformerVAEConfig
+from latentmotion.networks.build import build
 from latentmotion.storage.configuration import read_json
-from tests.support.moving_figures import write_moving_figures
-from tests.support.small_training import PLACE, LetterCount
 
 TINY = replace(
     SMALL,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from safetensors import SafetensorError
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.condition.interface import TextEmbedding, TextEncoder
 from latentmotion.condition.text import prompt_cache
 from latentmotion.condition.text.prompt_cache import RememberingTextEncoder
@@ -150,9 +150,9 @@ def test_where_the_cache_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
 def test_a_generator_remembers_and_says_the_same(tmp_path: Path) -> None:
     order = ["a person walks", "a person jumps"], [24, 24], [3, 4], 2
-    expected = MotionGenerator.load("starter", "onnxruntime", 1).features(*order)
+    expected = MotionPipeline.from_pretrained("starter", "onnxruntime", 1).features(*order)
     for _ in range(2):
-        generate = MotionGenerator.load("starter", "onnxruntime", 1, tmp_path)
+        generate = MotionPipeline.from_pretrained("starter", "onnxruntime", 1, tmp_path)
         for one, other in zip(generate.features(*order), expected, strict=True):
             np.testing.assert_array_equal(one, other)
     assert len(kept(tmp_path)) == 3  # the null prompt is one

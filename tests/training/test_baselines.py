@@ -17,7 +17,7 @@ from latentmotion.model.vae_config import VPoserTConfig
 from latentmotion.networks.build import build
 from latentmotion.presets import preset_named
 from latentmotion.presets.mdm import mdm
-from latentmotion.runtime.eager import eager_generator
+from latentmotion.runtime.eager import torch_pipeline
 from latentmotion.runtime.export import export_decoder
 from latentmotion.runtime.session import open_session
 from latentmotion.training.ema import ExponentialMovingAverage
@@ -125,7 +125,7 @@ def test_mdm_is_trained_and_generates_alone_as_in_a_batch(
     }
     experiment = quick(mdm(steps), **changes)
     folder = train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", PLACE)
-    generator = eager_generator(folder, LetterCount())
+    generator = torch_pipeline(folder, LetterCount())
     assert (generator.card.sampler, generator.card.guidance) == ("ddpm", 2.5)
     assert generator.card.steps == steps
     prompts, frames, seeds = ["a person walks", "a person kicks"], [20, 12], [1, 2]

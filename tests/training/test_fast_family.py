@@ -17,6 +17,7 @@ from latentmotion.experiments.vae_cost import vae_cost
 from latentmotion.model.vae_config import ConvolutionalVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.presets import preset_named
+from latentmotion.storage.configuration import to_json
 
 STACK = '{"width": 16, "layers": 3, "heads": 2, "hidden": 16}'
 TINY = [

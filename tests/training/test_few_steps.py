@@ -25,7 +25,7 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import with_changes
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.build import build
-from latentmotion.runtime.eager import eager_generator
+from latentmotion.runtime.eager import torch_pipeline
 from latentmotion.runtime.package import package_model
 from latentmotion.training.distill import distill, student_of
 from latentmotion.training.stages import train_denoiser
@@ -219,11 +219,11 @@ def test_training_brings_leaps_nearer_to_the_teachers(
 
 
 def test_it_generates_alike_on_pytorch_and_exported(student: Path, tmp_path: Path) -> None:
-    from latentmotion import MotionGenerator
+    from latentmotion import MotionPipeline
 
-    eager = eager_generator(student)
+    eager = torch_pipeline(student)
     package_model(student, eager.card, None, tmp_path / "student")
-    exported = MotionGenerator.load(tmp_path / "student", "onnxruntime")
+    exported = MotionPipeline.from_pretrained(tmp_path / "student", "onnxruntime")
     for steps in (1, 2, 4):
         arguments = ["", ""], [16, 24], [0, 1], steps, 2.0
         for one, other in zip(
@@ -234,7 +234,7 @@ def test_it_generates_alike_on_pytorch_and_exported(student: Path, tmp_path: Pat
 
 
 def test_what_it_has_not_learned_is_refused(student: Path) -> None:
-    generator = eager_generator(student)
+    generator = torch_pipeline(student)
     for message, asked in {
         "3 sampling steps: this distilled model takes 1, 2, 4": {"steps": 3},
         "guidance 7: this distilled model learned 1 to 4": {"guidance": 7.0},
@@ -279,4 +279,4 @@ def test_raw_frames_have_students_too(figures: Path, tmp_path: Path) -> None:
     )
     train_denoiser(experiment, figures, None, None, tmp_path / "mdm", PLACE)
     found = distill(SETTINGS, figures, tmp_path / "mdm", None, tmp_path / "run", PLACE)
-    assert len(eager_generator(found).features([""], [20], [0], steps=2)[0]) == 20
+    assert len(torch_pipeline(found).features([""], [20], [0], steps=2)[0]) == 20

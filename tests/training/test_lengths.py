@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from latentmotion import MotionGenerator
+from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.condition.task import UnconditionalTask
 from latentmotion.condition.text.lengths import (
@@ -25,7 +25,7 @@ from latentmotion.data.lengths import CaptionLengths, read_caption_lengths
 from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.model.card import read_card
 from latentmotion.model.folder import find_model
-from latentmotion.order import frames_of
+from latentmotion.request import frames_of
 from latentmotion.runtime.conditions import find_lengths
 from latentmotion.training.lengths import LengthRecipe, measured, train_lengths
 
@@ -115,7 +115,7 @@ def test_what_is_predicted_is_what_the_model_makes() -> None:
 
 def test_motions_take_their_sentences_lengths(tmp_path: Path) -> None:
     constant_model(100.0).write(tmp_path / LENGTHS_FILE)
-    fast = MotionGenerator.load("fast", threads=1)
+    fast = MotionPipeline.from_pretrained("fast", threads=1)
     assert fast.lengths is not None
     longest = replace(fast, lengths=LengthFile(tmp_path / LENGTHS_FILE, ENCODER))
     assert len(longest("a person walks", steps=1)) == 196
@@ -139,7 +139,7 @@ def test_the_student_borrows_its_teachers_lengths() -> None:
 def test_an_older_folder_makes_four_seconds(tmp_path: Path) -> None:
     older = tmp_path / "older"
     shutil.copytree(find_model("starter"), older, ignore=shutil.ignore_patterns(LENGTHS_FILE))
-    generate = MotionGenerator.load(older, threads=1)
+    generate = MotionPipeline.from_pretrained(older, threads=1)
     assert generate.lengths is None
     assert len(generate("a person walks", steps=1)) == 80
 

@@ -20,7 +20,7 @@ from latentmotion.presets import PRESETS, preset_named
 from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.training.devices import Place
 from latentmotion.training.journal import read_journal
-from latentmotion.training.latent_decoder import LatentDecoder
+from latentmotion.training.previews import Previews
 from latentmotion.training.randomness import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.vae_stage import VAEStage
@@ -56,9 +56,9 @@ def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_
 
 def test_samples_are_decoded_where_their_latents_are(vae_run: Path) -> None:
     model = load_stages(vae_run / "model")
-    decoder, latents = LatentDecoder(model.vae, model.card, 8), torch.zeros(1, 2, 4, device="meta")
+    previews, latents = Previews(model.vae, model.card, 8), torch.zeros(1, 2, 4, device="meta")
     with pytest.raises(NotImplementedError, match="out of meta tensor"):  # the way back to the host
-        decoder(latents, [""])
+        previews.decode(latents, [""])
     assert {parameter.device.type for parameter in model.vae.parameters()} == {"meta"}
 
 

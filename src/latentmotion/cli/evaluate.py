@@ -156,12 +156,13 @@ class Evaluate:
             self.model, text_encoder=self.text_encoder, computing=self.computing
         )
         card = generator.card
-        asking = Asking(self.takes, self.clean, self.steps, self.guidance, self.sampler)
+        sampling = card.sampling.but(self.steps, self.guidance, self.sampler)
+        asking = Asking(self.takes, self.clean, sampling)
         about = {
             "model": card.name,
-            "steps": str(card.steps if asking.steps is None else asking.steps),
-            "guidance": f"{card.guidance if asking.guidance is None else asking.guidance:g}",
-            "sampler": card.sampler if asking.sampler is None else asking.sampler,
+            "steps": str(sampling.steps),
+            "guidance": f"{sampling.guidance:g}",
+            "sampler": sampling.sampler,
             "takes": str(asking.takes),
             "motions": "cleaned" if asking.clean else "as the network made them",
         }

@@ -33,7 +33,7 @@ from latentmotion.evaluation.trials import Trial
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import read_card
 from latentmotion.model.folder import find_model
-from latentmotion.runtime.eager import eager_prior
+from latentmotion.runtime.eager import torch_prior
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable
 
@@ -91,8 +91,7 @@ class Measuring:
         model, weights = load_stages(folder), weights_hash(folder)
         rebuilt = self._rebuilt(model, weights)
         if self.options.prior:
-            prior = eager_prior(folder, located(self.options.computing))
-            return [Prior(prior, weights), *rebuilt]
+            return [Prior(torch_prior(folder, located(self.options.computing)), weights), *rebuilt]
         if model.card.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if model.card.denoiser is None:
@@ -100,10 +99,9 @@ class Measuring:
         generator = load_generator(
             folder, text_encoder=self.options.text_encoder, computing=self.options.computing
         )
-        made = Generated(
-            generator, self.options.steps, self.options.guidance, self.options.sampler, weights
-        )
-        return [made, *rebuilt]
+        options = self.options
+        sampling = generator.card.sampling.but(options.steps, options.guidance, options.sampler)
+        return [Generated(generator, sampling, weights), *rebuilt]
 
     def _rebuilt(self, model: FirstStageModel, weights: str) -> list[Subject]:
         if not model.card.vae.has_weights:

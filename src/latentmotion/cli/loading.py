@@ -12,9 +12,9 @@ from types import ModuleType
 from latentmotion.cli.options import AUTO, Runtime
 from latentmotion.engines import most_threads
 from latentmotion.errors import InputError, MissingExtraError, ModelError
-from latentmotion.generator import MotionGenerator
 from latentmotion.model.card import read_card
 from latentmotion.model.folder import find_model
+from latentmotion.pipeline import MotionPipeline
 from latentmotion.prior import MotionPrior
 from latentmotion.runtime.computing import ON_CPU, Computing, Launch, Precision
 from latentmotion.runtime.session import open_decoder
@@ -46,7 +46,7 @@ def load_generator(
     text_encoder: str | None = None,
     computing: Computing = ON_CPU,
     cache: Path | None = None,
-) -> MotionGenerator:
+) -> MotionPipeline:
     """Loads a model, exported or not.
 
     Args:
@@ -70,11 +70,9 @@ def load_generator(
         )
     runtime = _runtime_for(computing, runtime, text_encoder)
     if runtime != "pytorch" and (folder / "denoiser.onnx").is_file():
-        return MotionGenerator.load(folder, runtime, threads, cache)
+        return MotionPipeline.from_pretrained(folder, runtime, threads, cache)
     eager = _pytorch(folder, runtime, threads)
-    return eager.eager_generator(
-        folder, text_encoder and _encoder(text_encoder), located(computing)
-    )
+    return eager.torch_pipeline(folder, text_encoder and _encoder(text_encoder), located(computing))
 
 
 def load_prior(
@@ -93,7 +91,7 @@ def load_prior(
     if runtime != "pytorch" and (folder / "decoder.onnx").is_file():
         card = read_card(folder)
         return MotionPrior(card, open_decoder(card, folder, runtime, threads))
-    return _pytorch(folder, runtime, threads).eager_prior(folder, located(computing))
+    return _pytorch(folder, runtime, threads).torch_prior(folder, located(computing))
 
 
 def _runtime_for(

@@ -18,7 +18,7 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.evaluation.metrics.cost import WARM_UP, aits, flops, parameters
 from latentmotion.evaluation.subject import Generated
 from latentmotion.evaluation.trials import Question
-from latentmotion.runtime.eager import eager_generator
+from latentmotion.runtime.eager import torch_pipeline
 
 TIMED = 20
 """Motions that are timed; fewer where a split has fewer."""
@@ -73,7 +73,7 @@ def cost_of(
     if subject is None:
         return Cost(counts)
     longest = longest_of(questions)
-    eager = replace(subject, generator=eager_generator(folder, encoder))
+    eager = replace(subject, generator=torch_pipeline(folder, encoder))
     return Cost(
         counts,
         generation_flops(eager, longest) / 1e9,
@@ -93,9 +93,11 @@ def parameter_counts(folder: Path) -> dict[str, int]:
 
 def generation_flops(subject: Generated, question: Question) -> int:
     """Returns the floating-point operations of one motion, of a subject on PyTorch."""
-    steps = subject.steps or subject.card.steps
-    first, second = (flops(_action(replace(subject, steps=n), question)) for n in (1, 2))
-    return first + (steps - 1) * (second - first)
+    sampling = subject.sampling or subject.card.sampling
+    first, second = (
+        flops(_action(replace(subject, sampling=sampling.but(steps=n)), question)) for n in (1, 2)
+    )
+    return first + (sampling.steps - 1) * (second - first)
 
 
 def _action(subject: Generated, question: Question) -> Callable[[], object]:

@@ -61,9 +61,8 @@ def _sampling(subject: Subject) -> str:
     if not isinstance(subject, Generated):
         return ""
     card = subject.card
-    steps = subject.steps or card.steps
-    guidance = card.guidance if subject.guidance is None else subject.guidance
-    return f", {subject.sampler or card.sampler} {steps} steps, guidance {guidance:g}"
+    sampling = subject.sampling or card.sampling
+    return f", {sampling.sampler} {sampling.steps} steps, guidance {sampling.guidance:g}"
 
 
 def _versions() -> dict[str, str]:

@@ -15,18 +15,18 @@ from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.evaluation.settings import Protocol as Settings
 from latentmotion.evaluation.trials import Question, Trial
+from latentmotion.feature_decoder import FeatureDecoder, normalizer_of
 from latentmotion.model.card import ModelCard
-from latentmotion.order import batches
+from latentmotion.model.config import Sampling
 from latentmotion.prior import MotionPrior
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.request import GenerationRequest, batches
 from latentmotion.vae.interface import MotionVAE
 
 Motions = list[Float[np.ndarray, "_ features"]]
 
-MOST_AT_ONCE = 32
+MAX_BATCH_SIZE = 32
 """Motions that a VAE repeats together."""
 
 
@@ -66,22 +66,14 @@ class Subject(Protocol):
 
 @runtime_checkable
 class Generator(Protocol):
-    """What is asked of a `MotionGenerator`."""
+    """What is asked of a `MotionPipeline`."""
 
     @property
     def card(self) -> ModelCard:
         """What the model is."""
         ...
 
-    def features(
-        self,
-        prompts: Sequence[str],
-        frames: Sequence[int],
-        seeds: Sequence[int],
-        steps: int | None = None,
-        guidance: float | None = None,
-        sampler: SamplerName | None = None,
-    ) -> Motions:
+    def generate(self, request: GenerationRequest) -> Motions:
         """Returns motions in their own units, (frames, features)."""
         ...
 
@@ -91,13 +83,9 @@ class Generated:
     """Motions that a generator makes of the questions' sentences, labels, or lengths alone."""
 
     generator: Generator
-    """The model, a `MotionGenerator`."""
-    steps: int | None = None
-    """Sampling steps; by default the model's own."""
-    guidance: float | None = None
-    """Guidance scale; by default the model's own."""
-    sampler: SamplerName | None = None
-    """Rule of a step; by default the model's own."""
+    """The model, a `MotionPipeline`."""
+    sampling: Sampling | None = None
+    """Steps, guidance scale and sampler; by default the model's own."""
     weights: str = ""
     """Hash of its files."""
     row: str = "generated"
@@ -121,11 +109,10 @@ class Generated:
 
     def answer(self, questions: Sequence[Question], seeds: Sequence[int]) -> Motions:
         """Answers questions with seeds of one's own."""
-        prompts = [question.prompt(self.card.condition) for question in questions]
-        frames = [question.frames for question in questions]
-        return self.generator.features(
-            prompts, frames, seeds, self.steps, self.guidance, self.sampler
-        )
+        prompts = tuple(question.prompt(self.card.condition) for question in questions)
+        frames = tuple(question.frames for question in questions)
+        sampling = self.sampling or self.card.sampling
+        return self.generator.generate(GenerationRequest(prompts, frames, tuple(seeds), sampling))
 
 
 @dataclass(frozen=True)
@@ -150,7 +137,7 @@ class Reconstructed:
         sampled = settings.quirks.sampled_latents if self.sampled is None else self.sampled
         seeds = settings.seeds("motions", trial.replication, len(trial.questions))
         found: dict[int, np.ndarray] = {}
-        for rows in batches(trial.frames, MOST_AT_ONCE):
+        for rows in batches(trial.frames, MAX_BATCH_SIZE):
             motions = [trial.features[row] for row in rows]
             drawn = [seeds[row] for row in rows] if sampled else None
             found |= dict(zip(rows, self._repeat(motions, drawn), strict=True))
@@ -159,7 +146,8 @@ class Reconstructed:
     @torch.no_grad()
     def _repeat(self, motions: Motions, seeds: list[int] | None) -> Motions:
         frames = [len(motion) for motion in motions]
-        normalizer = self._normalizer
+        normalizer = normalizer_of(self.card)
+        decoder = FeatureDecoder.of(self.card, self.vae.decode, torch.tensor)
         padded = np.zeros((len(motions), max(frames), motions[0].shape[1]), np.float32)
         for row, motion in zip(padded, motions, strict=True):
             row[: len(motion)] = normalizer.normalize(motion)
@@ -170,14 +158,8 @@ class Reconstructed:
             tokens = self.vae.latent_mask(mask).sum(1).tolist()
             noise = SeededNoise(seeds, tokens)(tuple(latents.shape))
             latents = latents + posterior.std * torch.from_numpy(noise)
-        decoded = normalizer.denormalize(self.vae.decode(latents, mask).numpy())
-        return [features[:length] for features, length in zip(decoded, frames, strict=True)]
-
-    @property
-    def _normalizer(self) -> Normalizer:
-        card = self.card
-        mean, std = (np.array(v, np.float32) for v in (card.normalizer_mean, card.normalizer_std))
-        return Normalizer(mean, std)
+        features = decoder.decode(latents, mask).numpy()
+        return [each[:length] for each, length in zip(features, frames, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,9 @@ from latentmotion.experiments.reverse import draw_latents
 from latentmotion.experiments.table import Row, Table
 from latentmotion.experiments.vae_cost import vae_cost
 from latentmotion.experiments.workplace import Workplace
-from latentmotion.generator import MotionGenerator
 from latentmotion.model.card import read_card
-from latentmotion.runtime.eager import eager_generator, eager_prior
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.runtime.eager import torch_pipeline, torch_prior
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import sha256
 from latentmotion.vae.interface import MotionVAE
@@ -79,9 +79,9 @@ class Measurement:
             "budget": self.work.budget.says,
         }
 
-    def generator(self, row: Row) -> MotionGenerator:
+    def generator(self, row: Row) -> MotionPipeline:
         """Returns the trained model of a row, ready to generate."""
-        return eager_generator(self._model(row), self._encoder(row))
+        return torch_pipeline(self._model(row), self._encoder(row))
 
     def _encoder(self, row: Row) -> TextEncoder | None:
         model = self.work.model(row.model)
@@ -152,13 +152,15 @@ class Measurement:
 
     def _subject(self, row: Row, folder: Path) -> Subject:
         if row.kind == "prior":
-            return Prior(eager_prior(folder))
+            return Prior(torch_prior(folder))
         if row.kind == "reconstructed":
             model = load_stages(folder)
             if not model.card.vae.has_weights:
                 raise InputError(f"{folder} has no VAE to rebuild motions with")
             return Reconstructed(model.vae, model.card)
-        return Generated(self.generator(row), row.steps, row.guidance, row.sampler)
+        generator = self.generator(row)
+        sampling = generator.card.sampling.but(row.steps, row.guidance, row.sampler)
+        return Generated(generator, sampling)
 
     def _warnings(self, row: Row, report: Report) -> list[str]:
         asked, count = self.protocol.replications, report.protocol.replications

@@ -14,14 +14,13 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.guidance import ClassifierFreeGuidance
 from latentmotion.diffusion.interface import Denoiser
-from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import sample, sampler_named
+from latentmotion.diffusion.sampler import sample
 from latentmotion.errors import MissingExtraError
 from latentmotion.evaluation.report import Figure
 from latentmotion.experiments.plots import latent_maps
-from latentmotion.generator import MotionGenerator
+from latentmotion.pipeline import MotionPipeline, sampler_of
+from latentmotion.request import GenerationRequest, padded_batch
 
 PER_LABEL = 30
 """Motions of each action, as in the paper."""
@@ -48,7 +47,7 @@ class Recorder:
         return self.denoiser(z, t, condition, mask)
 
 
-def draw_latents(generator: MotionGenerator, path: Path) -> dict[str, Figure]:
+def draw_latents(generator: MotionPipeline, path: Path) -> dict[str, Figure]:
     """Draws the maps of a model of actions; returns how well noise and latents are apart."""
     known = generator.card.condition.known_prompts
     labels = [label for label in known for _ in range(PER_LABEL)]
@@ -62,7 +61,7 @@ def draw_latents(generator: MotionGenerator, path: Path) -> dict[str, Figure]:
 
 
 def latents_along(
-    generator: MotionGenerator, labels: Sequence[str], frames: int
+    generator: MotionPipeline, labels: Sequence[str], frames: int
 ) -> list[tuple[float, Float[np.ndarray, "items numbers"]]]:
     """Samples a motion for each label; returns its latents at each time, the last without noise.
 
@@ -72,20 +71,14 @@ def latents_along(
         frames: Length of the motions.
     """
     card = generator.card
-    tokens = [card.latents.tokens_of(frames)] * len(labels)
-    noise = SeededNoise(range(len(labels)), tokens)
-    z = noise((len(labels), tokens[0], card.latents.width))
-    mask = np.ones(z.shape[:2], bool)
+    sampling = card.sampling.but(sampler="ddim")
+    request = GenerationRequest(
+        tuple(labels), (frames,) * len(labels), tuple(range(len(labels))), sampling
+    )
     condition = generator.condition(labels)
-    null = generator.condition.null(1)
-
-    def denoise(z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
-        words, known = condition.tokens, condition.mask
-        return generator.denoiser(z=z, t=t, words=words, words_mask=known, mask=mask)
-
-    recorder = Recorder(ClassifierFreeGuidance(denoise, null, card.guidance))
-    sampler = sampler_named("ddim", card.schedule, card.prediction)
-    z = sample(recorder, sampler, z, condition, mask, card.steps, noise)
+    batch, noise = padded_batch(request, condition, card.latents, generator.backend)
+    recorder, sampler = Recorder(generator.guided(sampling)), sampler_of(card, sampling)
+    z = sample(recorder, sampler, batch.noise, condition, batch.tokens, sampling.steps, noise)
     return [*recorder.states, (CLEAN, z.reshape(len(z), -1))]
 
 

@@ -98,3 +98,13 @@ class Sampling:
     """Guidance scale (paper eq. 6)."""
     sampler: SamplerName = "ddim"
     """Rule of a sampling step."""
+
+    def but(
+        self,
+        steps: int | None = None,
+        guidance: float | None = None,
+        sampler: SamplerName | None = None,
+    ) -> Sampling:
+        """Returns it with other values for those that are not None."""
+        given = {"steps": steps, "guidance": guidance, "sampler": sampler}
+        return replace(self, **{name: value for name, value in given.items() if value is not None})

@@ -21,6 +21,20 @@ _TYPICAL, _BLOCK = 3.0, 10.0
 
 
 @dataclass(frozen=True, eq=False)
+class Scale:
+    """Mean and deviation of every channel, arrays of the library and on the device of the data."""
+
+    mean: Float[Any, " channels"]
+    """Mean of each channel, or one for all."""
+    std: Float[Any, " channels"]
+    """Deviation of each channel, or one for all."""
+
+    def denormalize(self, x: Float[Any, "*batch channels"]) -> Float[Any, "*batch channels"]:
+        """Returns x · std + mean: normalized numbers in their own units."""
+        return x * self.std + self.mean
+
+
+@dataclass(frozen=True, eq=False)
 class Normalizer:
     """Mean and scale of every feature over a data set.
 
@@ -74,8 +88,7 @@ class Normalizer:
 
     def denormalize(self, features: Float[Any, "*batch features"]) -> Float[Any, "*batch features"]:
         """Returns a network's output as features of the representation."""
-        mean, std = self._like(features)
-        return features * std + mean
+        return Scale(*self._like(features)).denormalize(features)
 
     def check(self, features: Float[Any, "frames features"], blocks: Mapping[str, slice]) -> None:
         """Refuses a data set that was not normalized, twice, or with other statistics.

@@ -7,7 +7,6 @@ as padding moves nothing. Where it would, sizes stay as they are.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 from latentmotion.model.card import ModelCard
 
@@ -15,39 +14,6 @@ FRAMES = 32
 """Lengths are filled up to a multiple of this."""
 WORDS = 8
 """Words beside the pooled sentence likewise."""
-
-
-@runtime_checkable
-class Sizes(Protocol):
-    """To which sizes a batch is filled."""
-
-    def rows(self, count: int) -> int:
-        """Returns the motions of a batch."""
-        ...
-
-    def words(self, count: int) -> int:
-        """Returns the words of its condition."""
-        ...
-
-    def frames(self, longest: int) -> int:
-        """Returns its frames."""
-        ...
-
-
-class Exact:
-    """A batch is as large as it is."""
-
-    def rows(self, count: int) -> int:
-        """Returns them as they are."""
-        return count
-
-    def words(self, count: int) -> int:
-        """Returns them as they are."""
-        return count
-
-    def frames(self, longest: int) -> int:
-        """Returns them as they are."""
-        return longest
 
 
 @dataclass(frozen=True)

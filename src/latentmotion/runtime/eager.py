@@ -1,6 +1,9 @@
-"""The chain on PyTorch, for any model folder: a training's, a converted one, an exported one.
+"""The pipeline on PyTorch, for any model folder: a training's, a converted one, an exported one.
 
-The networks are sessions, as graphs of ONNX are; what walks through them is `DeviceGenerator`.
+    host: prompts → words, seeds → noise       device: noise, words → latents → features → joints
+
+The networks are sessions, as graphs of ONNX are. Noise is drawn on the CPU, so that a seed means
+the same motion everywhere.
 """
 
 from __future__ import annotations
@@ -9,10 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from latentmotion import generator
 from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.condition.interface import Conditioning, TextEncoder
 from latentmotion.condition.text.pretrained import local_encoder
@@ -22,24 +25,25 @@ from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.model.card import ModelCard
 from latentmotion.model.folder import find_model
+from latentmotion.pipeline import MAX_BATCH_SIZE, MotionPipeline
 from latentmotion.prior import MotionPrior
-from latentmotion.runtime.buckets import Buckets, Exact
+from latentmotion.runtime.backend import Backend, Exact, directly
+from latentmotion.runtime.buckets import Buckets
 from latentmotion.runtime.computing import ON_CPU, Computing
 from latentmotion.runtime.conditions import build_condition, encoder_folder, find_lengths
 from latentmotion.runtime.device import device_named
-from latentmotion.runtime.launch import Recorder, directly, on_gpu
+from latentmotion.runtime.launch import Recorder, on_gpu
 from latentmotion.runtime.network import network_session
-from latentmotion.runtime.on_device import DeviceGenerator
 from latentmotion.runtime.session import Session
 from latentmotion.vae.interface import MotionVAE
 
-MOST_AT_ONCE = 256
+GPU_BATCH_SIZE = 256
 """Motions that go through the networks of a GPU together."""
 
 
-def eager_generator(
+def torch_pipeline(
     folder: str | Path, encoder: TextEncoder | None = None, computing: Computing = ON_CPU
-) -> DeviceGenerator:
+) -> MotionPipeline:
     """Loads the weights of any model folder, exported or not.
 
     Args:
@@ -54,28 +58,45 @@ def eager_generator(
     place = find_model(folder)
     model = load_model(place)
     condition = build_condition(model.card, lambda: encoder or find_encoder(model.card, place))
-    repeats, device = computing.launch != "eager", device_named(computing.device)
-    return DeviceGenerator(
+    backend = torch_backend(
         model.card,
-        condition,
         denoiser_session(model.denoiser, computing),
         decoder_session(model.vae, computing),
-        _at_once(computing),
-        lengths=find_lengths(model.card, place),
-        device=device,
-        sizes=Buckets(model.card) if repeats else Exact(),
+        computing,
+    )
+    lengths, most = find_lengths(model.card, place), _max_batch_size(computing)
+    return MotionPipeline(model.card, condition, backend, most, lengths=lengths)
+
+
+def torch_backend(
+    card: ModelCard, denoiser: Session, decoder: Session, computing: Computing = ON_CPU
+) -> Backend:
+    """Returns sessions whose arrays are tensors of a device.
+
+    From words to joints nothing leaves the device; where the chain is recorded or compiled,
+    batches are filled up to few sizes.
+    """
+    repeats, device = computing.launch != "eager", device_named(computing.device)
+    return Backend(
+        denoiser,
+        decoder,
+        padding=Buckets(card) if repeats else Exact(),
         launch=Recorder(on_gpu(device)) if repeats and computing.on_gpu else directly,
+        place=lambda array: torch.tensor(array, device=device),
+        fetch=lambda tensor: tensor.cpu().numpy(),
     )
 
 
-def eager_prior(folder: str | Path, computing: Computing = ON_CPU) -> MotionPrior:
+def torch_prior(folder: str | Path, computing: Computing = ON_CPU) -> MotionPrior:
     """Loads the VAE of any model folder, to sample its prior.
 
     Raises:
         ModelError: The folder is damaged or has no VAE.
     """
     model = load_stages(find_model(folder))
-    return MotionPrior(model.card, decoder_session(model.vae, computing), _at_once(computing))
+    return MotionPrior(
+        model.card, decoder_session(model.vae, computing), _max_batch_size(computing)
+    )
 
 
 def prior_features(
@@ -90,7 +111,7 @@ def prior_features(
         ModelError: The folder is damaged or has no VAE.
         InputError: A number is out of range.
     """
-    return eager_prior(folder, computing).features(frames, seeds)
+    return torch_prior(folder, computing).features(frames, seeds)
 
 
 def denoiser_session(denoiser: Denoiser, computing: Computing = ON_CPU) -> Session:
@@ -132,5 +153,5 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
         ) from error
 
 
-def _at_once(computing: Computing) -> int:
-    return MOST_AT_ONCE if computing.on_gpu else generator.MOST_AT_ONCE
+def _max_batch_size(computing: Computing) -> int:
+    return GPU_BATCH_SIZE if computing.on_gpu else MAX_BATCH_SIZE

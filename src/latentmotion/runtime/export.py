@@ -1,7 +1,7 @@
 """Trained networks to ONNX graphs, which the inner ring runs without PyTorch.
 
-Each graph has named inputs, and axes of any batch and any length. A walk is a graph of all that
-follows the condition: few steps unrolled, un-normalization and decoder in one.
+Each graph has named inputs, and axes of any batch and any length. A fused sampler is a graph of
+all that follows the condition: few steps unrolled, un-normalization and decoder in one.
 """
 
 from __future__ import annotations
@@ -16,10 +16,14 @@ from latentmotion.checkpoint import LatentModel
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import GuidanceAsInput
-from latentmotion.diffusion.leaps import Leap, LeapTimes
+from latentmotion.diffusion.leaps import Leap
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import sample, sampler_named
 from latentmotion.errors import ModelError
+from latentmotion.feature_decoder import FeatureDecoder
+from latentmotion.model.config import Sampling
+from latentmotion.pipeline import features_from_noise, sampler_of
+from latentmotion.representation.normalizer import Scale
+from latentmotion.runtime.backend import Batch
 from latentmotion.tracing import trace
 from latentmotion.vae.interface import MotionVAE
 
@@ -53,7 +57,7 @@ def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> 
     trace(_DecoderGraph(vae), inputs, _free(inputs), path)
 
 
-def export_walk(model: LatentModel, steps: int, path: Path) -> None:
+def export_fused_sampler(model: LatentModel, steps: int, path: Path) -> None:
     """Writes a distilled model's graph of the whole way in so many steps.
 
     noise, words, words_mask, mask, frames, guidance → features in their own units.
@@ -66,11 +70,11 @@ def export_walk(model: LatentModel, steps: int, path: Path) -> None:
         "frames": _frames(card.latents.frames_per_token),
         "guidance": torch.rand(_BATCH),
     }
-    trace(Walk(model, steps), inputs, _free(inputs), path)
+    trace(FusedSampler(model, steps), inputs, _free(inputs), path)
 
 
-class Walk(nn.Module):
-    """The generator's chain from noise to features, by the same sampler, on tensors.
+class FusedSampler(nn.Module):
+    """The pipeline's way from noise to features as one network.
 
     Args:
         model: A distilled model.
@@ -87,7 +91,7 @@ class Walk(nn.Module):
             raise ModelError(f"model {card.name!r} is not distilled, so no few steps are its way")
         self.denoiser, self.vae = model.denoiser, model.vae
         self.steps = steps
-        self.sampler = sampler_named("ddim", LeapTimes(card.schedule, card.leaps), card.prediction)
+        self.sampler = sampler_of(card, Sampling(steps, sampler="ddim"))
         self.latents = _Scale(card.latents.mean, card.latents.std)
         self.features = _Scale(card.normalizer_mean, card.normalizer_std)
 
@@ -101,14 +105,14 @@ class Walk(nn.Module):
         guidance: Tensor,
     ) -> Tensor:
         """Returns features in their own units, (batch, frames, features)."""
+        batch, no_more = Batch(noise, mask, words, words_mask, frames), SeededNoise([])
         guided = GuidanceAsInput(self.denoiser, guidance, self.steps)
-        seen, no_more = Conditioning(words, words_mask), SeededNoise([])
-        z = sample(guided, self.sampler, noise, seen, mask, self.steps, no_more)
-        return self.features(self.vae.decode(self.latents(z), frames))
+        decoder = FeatureDecoder(self.vae.decode, self.latents.scale, self.features.scale)
+        return features_from_noise(batch, guided, self.sampler, self.steps, no_more, decoder)
 
 
 class _Scale(nn.Module):
-    """Numbers around 0 of size 1 to their own units."""
+    """A scale whose numbers are a part of the graph."""
 
     mean: Tensor
     std: Tensor
@@ -118,8 +122,10 @@ class _Scale(nn.Module):
         self.register_buffer("mean", torch.tensor(mean))
         self.register_buffer("std", torch.tensor(std))
 
-    def forward(self, x: Tensor) -> Tensor:
-        return x * self.std + self.mean
+    @property
+    def scale(self) -> Scale:
+        """What the pipeline computes with."""
+        return Scale(self.mean, self.std)
 
 
 class _DenoiserGraph(nn.Module):

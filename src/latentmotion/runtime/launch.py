@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from threading import Lock
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -22,26 +22,6 @@ WARM_UP = 3
 """Runs before a recording, in which libraries choose their kernels."""
 
 _ONE_AT_A_TIME = Lock()  # a process may make but one recording at once, whichever model's
-
-
-@runtime_checkable
-class Launcher(Protocol):
-    """Runs functions."""
-
-    def __call__(self, name: Hashable, function: Function, *inputs: Tensor) -> Tensor:
-        """Returns the function's output.
-
-        Args:
-            name: Equal for functions that do the same.
-            function: What is run.
-            inputs: Its inputs.
-        """
-        ...
-
-
-def directly(name: Hashable, function: Function, *inputs: Tensor) -> Tensor:
-    """Runs a function kernel by kernel."""
-    return function(*inputs)
 
 
 class Recording:

@@ -32,11 +32,15 @@ from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.leaps import Leap
 from latentmotion.errors import ModelError
 from latentmotion.model.card import CARD_FILE, GraphPrecision, ModelCard, read_card
-from latentmotion.runtime.export import Walk, export_decoder, export_denoiser, export_walk
+from latentmotion.runtime.export import (
+    FusedSampler,
+    export_decoder,
+    export_denoiser,
+    export_fused_sampler,
+)
 from latentmotion.runtime.quantization import quantize
-from latentmotion.runtime.session import has_decoder, open_session
+from latentmotion.runtime.session import fused_sampler_file, has_decoder, open_session
 from latentmotion.runtime.shared_weights import share_weights
-from latentmotion.runtime.walks import walk_file
 from latentmotion.storage.files import atomic_folder
 from latentmotion.tracing import anonymous
 from latentmotion.vae.interface import MotionVAE
@@ -44,8 +48,8 @@ from latentmotion.vae.interface import MotionVAE
 TOLERANCE: dict[GraphPrecision, float] = {"float32": 1e-4, "int8": 0.1}
 """Largest difference between a graph and the network that it was made from."""
 
-MOST_FOLDED = 4
-"""Most steps that get a graph of the whole way; the gain is per motion, the size per step."""
+MOST_FUSED = 4
+"""Most steps that get a fused sampler; the gain is per motion, the size per step."""
 
 WriteTextEncoder = Callable[[Path], None]
 """Writes the files of a text encoder into a folder."""
@@ -58,7 +62,7 @@ def package_model(
     output: Path,
     share_encoder: bool = False,
 ) -> None:
-    """Writes a folder from which `MotionGenerator.load` generates.
+    """Writes a folder from which `MotionPipeline.from_pretrained` generates.
 
     Args:
         source: Folder that training wrote, with the weights of all networks.
@@ -137,8 +141,8 @@ def _write_graphs(model: LatentModel, folder: Path) -> None:
     export_denoiser(model.denoiser, card.latents.width, width, folder / "denoiser.onnx")
     if has_decoder(card):
         export_decoder(model.vae, card.latents.frames_per_token, folder / "decoder.onnx")
-    for steps in _folded(card):
-        export_walk(model, steps, folder / walk_file(steps))
+    for steps in _fused_steps(card):
+        export_fused_sampler(model, steps, folder / fused_sampler_file(steps))
     for graph in folder.glob("*.onnx"):
         if card.precision == "int8":
             quantize(graph)
@@ -147,9 +151,9 @@ def _write_graphs(model: LatentModel, folder: Path) -> None:
     _check_graphs(model, folder)
 
 
-def _folded(card: ModelCard) -> list[int]:
-    """Returns which numbers of steps get a graph of the whole way."""
-    return [steps for steps in card.leaps.steps if steps <= MOST_FOLDED] if card.leaps else []
+def _fused_steps(card: ModelCard) -> list[int]:
+    """Returns which numbers of steps get a fused sampler."""
+    return [steps for steps in card.leaps.steps if steps <= MOST_FUSED] if card.leaps else []
 
 
 def _check_graphs(model: LatentModel, folder: Path) -> None:
@@ -160,8 +164,10 @@ def _check_graphs(model: LatentModel, folder: Path) -> None:
     _check_denoiser(model.denoiser, folder, shape, seen)
     if (folder / "decoder.onnx").is_file():
         _check_decoder(model.vae, folder, shape, card.frames[0])
-    for steps in _folded(card):
-        _check_walk(Walk(model, steps), folder / walk_file(steps), shape, seen)
+    for steps in _fused_steps(card):
+        _check_fused_sampler(
+            FusedSampler(model, steps), folder / fused_sampler_file(steps), shape, seen
+        )
 
 
 def _check_denoiser(
@@ -184,19 +190,19 @@ def _check_decoder(vae: MotionVAE, folder: Path, shape: tuple[int, int, int], fr
     _compare(folder / "decoder.onnx", {"latents": latents, "mask": mask}, expected)
 
 
-def _check_walk(
-    walk: Walk, graph: Path, shape: tuple[int, int, int], seen: tuple[int, int, int]
+def _check_fused_sampler(
+    sampler: FusedSampler, graph: Path, shape: tuple[int, int, int], seen: tuple[int, int, int]
 ) -> None:
     inputs = {
         "noise": torch.randn(shape),
         "words": torch.randn(seen),
         "words_mask": torch.ones(seen[:2], dtype=torch.bool),
         "mask": torch.ones(shape[:2], dtype=torch.bool),
-        "frames": torch.ones(shape[0], walk.card.frames[0], dtype=torch.bool),
+        "frames": torch.ones(shape[0], sampler.card.frames[0], dtype=torch.bool),
         "guidance": torch.full(shape[:1], 1.5),
     }
     with torch.no_grad():
-        expected = walk(**inputs)
+        expected = sampler(**inputs)
     _compare(graph, inputs, expected)
 
 

@@ -74,6 +74,28 @@ class OpenedWhenCalled:
         return open_session(self.path, self.runtime, self.threads)
 
 
+def fused_sampler_file(steps: int) -> str:
+    """Returns the name of a fused sampler's graph in a model folder."""
+    return f"walk_{steps}.onnx"
+
+
+def open_fused_samplers(
+    card: ModelCard, folder: Path, runtime: Runtime = "auto", threads: int | None = None
+) -> dict[int, Session]:
+    """Finds a model folder's fused samplers, by number of steps.
+
+    Such a graph holds the whole way from noise to features, so that Python and the engine are
+    called once instead of once per step: noise, words, words_mask, mask, frames, guidance →
+    features in their own units.
+    """
+    known = card.leaps.steps if card.leaps else ()
+    return {
+        steps: OpenedWhenCalled(folder / fused_sampler_file(steps), runtime, threads)
+        for steps in known
+        if (folder / fused_sampler_file(steps)).is_file()
+    }
+
+
 def open_decoder(
     card: ModelCard, folder: Path, runtime: Runtime = "auto", threads: int | None = None
 ) -> Session:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from latentmotion.errors import InputError
-from latentmotion.generator import MotionGenerator
 from latentmotion.model.card import CARD_FILE
 from latentmotion.model.folder import shipped_models
 from latentmotion.motion import Motion
+from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import read_lines, sha256
 
 
@@ -31,7 +31,9 @@ class Wanted:
 
 
 def motions_of(
-    source: str, wanted: Wanted, load: Callable[[str], MotionGenerator] = MotionGenerator.load
+    source: str,
+    wanted: Wanted,
+    load: Callable[[str], MotionPipeline] = MotionPipeline.from_pretrained,
 ) -> list[Motion]:
     """Returns a motion for each of `wanted.rows()`.
 
@@ -67,7 +69,7 @@ def read_prompts(path: Path) -> tuple[str, ...]:
     return tuple(dict.fromkeys(read_lines(path, "sentence")))
 
 
-def _generated(generator: MotionGenerator, wanted: Wanted) -> list[Motion]:
+def _generated(generator: MotionPipeline, wanted: Wanted) -> list[Motion]:
     prompts, seeds = zip(*wanted.rows(), strict=True)
     return generator.batch(prompts, wanted.seconds, seeds)
 

@@ -11,15 +11,14 @@ from latentmotion.data.sampling import Crop
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop
 from latentmotion.diffusion.loss import denoiser_loss
-from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import sample, sampler_named
+from latentmotion.diffusion.sampler import sampler_named
 from latentmotion.experiment import Experiment
 from latentmotion.motion import Motion
 from latentmotion.training.crops import Plan
 from latentmotion.training.devices import Place
-from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.latents import LatentMemory
 from latentmotion.training.loop import Stage
+from latentmotion.training.previews import Previews
 from latentmotion.training.randomness import Ranks, StepRandomness
 from latentmotion.training.raw_frames import FrameMemory
 from latentmotion.training.steering import PromptTable
@@ -51,7 +50,7 @@ class DenoiserStage(Stage[Denoiser]):
     Args:
         denoiser: The network to train.
         data: Latents and prompts.
-        decoder: Latents to motions, to look at samples.
+        previews: Makes motions, to look at samples.
         experiment: Which objective.
         place: The device and rank.
     """
@@ -60,13 +59,13 @@ class DenoiserStage(Stage[Denoiser]):
         self,
         denoiser: Denoiser,
         data: LatentData,
-        decoder: LatentDecoder,
+        previews: Previews,
         experiment: Experiment,
         place: Place,
     ) -> None:
         super().__init__()
         self.network = denoiser
-        self._data, self._decoder, self._place = data, decoder, place
+        self._data, self._previews, self._place = data, previews, place
         self._experiment, self._null = experiment, data.prompts([""])
         self._spread = float(experiment.latents.sampled)
 
@@ -96,15 +95,11 @@ class DenoiserStage(Stage[Denoiser]):
         if not captions:
             return []
         objective, sampling = self._experiment.denoiser_objective, self._experiment.sampling
-        condition, device = self._data.prompts(captions), self._place.device
-        mask = self._decoder.mask(len(captions)).to(device)
-        noise = SeededNoise(range(len(captions)))
-        z = torch.from_numpy(noise((*mask.shape, self._experiment.denoiser.latent_width)))
+        condition = self._data.prompts(captions)
         guided = ClassifierFreeGuidance(network, self._null, sampling.guidance)
         sampler = sampler_named(sampling.sampler, objective.schedule, objective.prediction)
         steps = min(SAMPLING_STEPS, sampling.steps)
-        z = sample(guided, sampler, z.to(device), condition, mask, steps, noise)
-        return self._decoder(z, captions)
+        return self._previews.sample(guided, sampler, steps, condition, captions)
 
     def _loss(
         self,

@@ -21,8 +21,8 @@ from latentmotion.storage.files import sha256
 from latentmotion.training.devices import Place
 from latentmotion.training.distill_data import prepare_lessons
 from latentmotion.training.distill_stage import DistillStage
-from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.loop import train
+from latentmotion.training.previews import Previews
 from latentmotion.training.provenance import provenance_of
 from latentmotion.training.run_folder import MODEL, open_run
 
@@ -72,8 +72,8 @@ def distill(
     run = DistillRun(dataset.fingerprint, fingerprint(source), fingerprint(start), text, settings)
     open_run(folder, run, place)
     lessons = prepare_lessons(settings, dataset, model, encoder, folder, place)
-    decoder = LatentDecoder(model.vae, card, settings.cropping.max_frames // 2)
-    stage = DistillStage(student, card, lessons, decoder)
+    previews = Previews(model.vae, card, settings.cropping.max_frames // 2)
+    stage = DistillStage(student, card, lessons, previews)
     student, seconds = train(stage, settings.training, folder, place)
     if place.leads:
         before = read_card(start) if start else model.card

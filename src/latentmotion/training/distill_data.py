@@ -14,13 +14,13 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Item
 from latentmotion.distillation import Distillation, PhasedConsistency, Regression
 from latentmotion.errors import InputError
+from latentmotion.feature_decoder import normalizer_of
 from latentmotion.model.card import ModelCard
 from latentmotion.runtime.conditions import build_condition
 from latentmotion.training.consistency import WithinPhases
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.devices import Place
 from latentmotion.training.first_stage import captions_of
-from latentmotion.training.latent_decoder import normalizer_of
 from latentmotion.training.latents import (
     LatentMemory,
     encode_crops,

@@ -7,19 +7,18 @@ from __future__ import annotations
 
 import torch
 
-from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.diffusion.guidance import GuidanceAsInput
-from latentmotion.diffusion.leaps import LeapTimes
 from latentmotion.diffusion.loss import leap_loss
-from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import DDIM, sample
+from latentmotion.diffusion.sampler import sample
 from latentmotion.model.card import ModelCard
+from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.nn.masked import mean_of_real
+from latentmotion.pipeline import sampler_of
 from latentmotion.training.distill_data import Lessons
-from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.loop import Stage
+from latentmotion.training.previews import Previews
 from latentmotion.training.trajectories import nothing
 
 
@@ -30,15 +29,15 @@ class DistillStage(Stage[Denoiser]):
         student: The network to train.
         card: What it becomes.
         lessons: Where leaps and the teacher's ways come from.
-        decoder: Latents to motions, to look at samples.
+        previews: Makes motions, to look at samples.
     """
 
     def __init__(
-        self, student: Denoiser, card: ModelCard, lessons: Lessons, decoder: LatentDecoder
+        self, student: Denoiser, card: ModelCard, lessons: Lessons, previews: Previews
     ) -> None:
         super().__init__()
         self.network = student
-        self._card, self._decoder = card, decoder
+        self._card, self._previews = card, previews
         self._source, self._held_out = lessons.source(), lessons.comparison()
         self._prompts, self._device = lessons.guide.prompts, lessons.place.device
         self._leaps, self._knee = lessons.settings.leaps, lessons.settings.knee
@@ -63,8 +62,10 @@ class DistillStage(Stage[Denoiser]):
         condition = self._prompts([crop.caption for crop in self._held_out.crops])
         figures = {}
         for steps in self._leaps.steps:
-            noise, guidance = ways.points[:, 0], ways.guidance
-            found = self._walk(network, noise, guidance, condition, ways.mask, steps)
+            guided = GuidanceAsInput(network, ways.guidance, steps)
+            sampler = sampler_of(self._card, Sampling(steps, sampler="ddim"))
+            noise = ways.points[:, 0]
+            found = sample(guided, sampler, noise, condition, ways.mask, steps, nothing)
             squares = (found - ways.points[:, -1]) ** 2
             figures[f"rms_of_{steps}"] = float(mean_of_real(squares, ways.mask)) ** 0.5
         return figures
@@ -76,22 +77,7 @@ class DistillStage(Stage[Denoiser]):
         captions = [crop.caption for crop in crops][:4]
         if not captions:
             return []
-        mask = self._decoder.mask(len(captions)).to(self._device)
-        noise = SeededNoise(range(len(captions)))((*mask.shape, self._card.latents.width))
-        z, steps = torch.from_numpy(noise).to(self._device), max(self._leaps.steps)
-        condition = self._prompts(captions)
-        z = self._walk(network, z, self._card.guidance, condition, mask, steps)
-        return self._decoder(z, captions)
-
-    def _walk(
-        self,
-        network: Denoiser,
-        z: torch.Tensor,
-        guidance: float | torch.Tensor,
-        condition: Conditioning,
-        mask: torch.Tensor,
-        steps: int,
-    ) -> torch.Tensor:
-        told = GuidanceAsInput(network, guidance, steps)
-        times = LeapTimes(self._card.schedule, self._leaps)
-        return sample(told, DDIM(times, self._card.prediction), z, condition, mask, steps, nothing)
+        steps = max(self._leaps.steps)
+        guided = GuidanceAsInput(network, self._card.guidance, steps)
+        sampler = sampler_of(self._card, Sampling(steps, sampler="ddim"))
+        return self._previews.sample(guided, sampler, steps, self._prompts(captions), captions)

@@ -12,6 +12,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Item
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, LatentSettings
+from latentmotion.feature_decoder import normalizer_of
 from latentmotion.model.card import CARD_FILE, ModelCard
 from latentmotion.model.vae_config import LatentSpace
 from latentmotion.networks.build import build
@@ -19,7 +20,6 @@ from latentmotion.storage.files import sha256
 from latentmotion.training.crops import FeatureMemory, Plan
 from latentmotion.training.denoiser_stage import LatentData
 from latentmotion.training.devices import Place
-from latentmotion.training.latent_decoder import normalizer_of
 from latentmotion.training.latents import (
     LatentMemory,
     Posteriors,

@@ -20,6 +20,7 @@ from latentmotion.errors import InputError
 from latentmotion.exchange import check_latents
 from latentmotion.experiment import Experiment
 from latentmotion.model.vae_config import LatentSpace
+from latentmotion.representation.normalizer import Scale
 from latentmotion.storage.files import sha256
 from latentmotion.training.devices import Place
 from latentmotion.training.run_folder import MODEL
@@ -132,5 +133,5 @@ def _sorted(
     ends: torch.Tensor, mask: torch.Tensor, space: LatentSpace
 ) -> tuple[torch.Tensor, torch.Tensor]:
     order = mask.sum(dim=1).argsort(stable=True)
-    latents = ends * torch.tensor(space.std) + torch.tensor(space.mean)
-    return latents[order], mask[order]
+    scale = Scale(torch.tensor(space.mean), torch.tensor(space.std))
+    return scale.denormalize(ends)[order], mask[order]

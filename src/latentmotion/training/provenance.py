@@ -6,6 +6,8 @@ from dataclasses import replace
 
 from latentmotion.data.dataset import Dataset
 from latentmotion.model.card import Provenance
+from latentmotion.runtime.device import describe_machine
+from latentmotion.storage.provenance import command_line, commit
 
 
 def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = None) -> Provenance:

@@ -10,6 +10,7 @@ from typing import Any
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment, differing_keys
 from latentmotion.model.card import CARD_FILE
+from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.training.devices import Place
 
 NAME = "experiment.json"

@@ -23,8 +23,8 @@ from latentmotion.training.first_stage import (
     load_first_stage,
     prepare_latents,
 )
-from latentmotion.training.latent_decoder import LatentDecoder
 from latentmotion.training.loop import train
+from latentmotion.training.previews import Previews
 from latentmotion.training.run_folder import MODEL, Run, open_run
 from latentmotion.training.steering import fitted, steering_of
 from latentmotion.training.vae_stage import VAEStage
@@ -86,8 +86,8 @@ def train_denoiser(
     seen, space = prepare_latents(experiment, dataset, first, steering, folder, place)
     card = replace(first.card, latents=space)
     torch.manual_seed(training.seed)
-    decoder = LatentDecoder(first.vae, card, experiment.latents.cropping.max_frames // 2)
-    stage = DenoiserStage(build(experiment.denoiser), seen, decoder, experiment, place)
+    previews = Previews(first.vae, card, experiment.latents.cropping.max_frames // 2)
+    stage = DenoiserStage(build(experiment.denoiser), seen, previews, experiment, place)
     denoiser, seconds = train(stage, training, folder, place)
     if place.leads:
         figures = stage.validate(denoiser)

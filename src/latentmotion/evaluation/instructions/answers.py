@@ -11,12 +11,12 @@ from jaxtyping import Float
 
 from latentmotion.data.resampling import interpolate
 from latentmotion.describe.facts import FPS
-from latentmotion.diffusion.sampler import SamplerName
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.instructions.prompts import Instruction
-from latentmotion.generator import MotionGenerator
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
+from latentmotion.pipeline import MotionPipeline
 
 Joints = Float[np.ndarray, "_ 22 3"]
 
@@ -29,16 +29,12 @@ class Asking:
     """Motions of each prompt."""
     clean: bool = True
     """Whether motions are cleaned, as users get them."""
-    steps: int | None = None
-    """Sampling steps; by default the model's own."""
-    guidance: float | None = None
-    """How strongly the prompt steers; by default the model's own."""
-    sampler: SamplerName | None = None
-    """Rule of a sampling step; by default the model's own."""
+    sampling: Sampling | None = None
+    """Steps, guidance scale and sampler; by default the model's own."""
 
 
 def answers(
-    model: MotionGenerator, instructions: Sequence[Instruction], asking: Asking
+    model: MotionPipeline, instructions: Sequence[Instruction], asking: Asking
 ) -> list[list[Joints]]:
     """Returns the motions of every prompt at 20 frames per second.
 
@@ -60,7 +56,7 @@ def answers(
 
 
 def _made(
-    model: MotionGenerator,
+    model: MotionPipeline,
     instructions: Sequence[Instruction],
     asking: Asking,
     lengths: list[float] | None = None,
@@ -72,15 +68,13 @@ def _made(
         [one.prompt for one in instructions for _ in range(takes)],
         None if lengths is None else [length for length in lengths for _ in range(takes)],
         [seed for one in instructions for seed in one.seeds(takes)],
-        asking.steps,
-        asking.guidance,
-        asking.sampler,
+        **vars(asking.sampling or model.card.sampling),
     )
     joints = [_seen(motion.cleaned() if asking.clean else motion) for motion in motions]
     return {one.id: joints[n * takes :][:takes] for n, one in enumerate(instructions)}
 
 
-def _lengths(model: MotionGenerator, instructions: Sequence[Instruction]) -> list[float]:
+def _lengths(model: MotionPipeline, instructions: Sequence[Instruction]) -> list[float]:
     """Returns the lengths that prompts ask for, as far as the model makes them."""
     shortest, longest = (frames / model.representation.fps for frames in model.card.frames)
     return [min(max(one.seconds or 0.0, shortest), longest) for one in instructions]
