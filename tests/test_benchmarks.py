@@ -9,24 +9,25 @@ from importlib.util import find_spec
 from itertools import count, islice
 from pathlib import Path
 
-import all as everything
-import cold_start
-import contest
-import device_training
-import files
-import first_motion
-import growth
 import numpy as np
-import process
 import pytest
-import render
-import speed
-import text_encoder
 import torch
-import training
-from authors_generation import AuthorsGeneration
-from generation import Generation, Model, sentences
+from benchmarks.generation.ours import Generation, Model, sentences
 
+import benchmarks.__main__ as everything
+from benchmarks.generation import (
+    cold_start,
+    files,
+    first_motion,
+    growth,
+    render,
+    speed,
+    text_encoder,
+)
+from benchmarks.generation.authors import AuthorsGeneration
+from benchmarks.harness import authors_networks, contest, process
+from benchmarks.training import device as device_training
+from benchmarks.training import speed as training
 from latentmotion import MotionPipeline
 
 ROOT = Path(__file__).parents[1]

@@ -28,6 +28,7 @@ from benchmarks.generation.roofline import ordered, report
 from benchmarks.harness.contest import figure, table
 from benchmarks.training.device import training_rows
 from latentmotion.condition.interface import Conditioning
+from latentmotion.pipeline import MotionPipeline
 from latentmotion.request import GenerationRequest
 from latentmotion.runtime.computing import Computing
 from latentmotion.runtime.device import describe_machine

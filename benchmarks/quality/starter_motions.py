@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from benchmarks.quality.starter_sheet import PROMPTS
 from latentmotion import MotionPipeline
 from latentmotion.data.dataset import Dataset
 

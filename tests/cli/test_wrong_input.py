@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from moving_figures import write_moving_figures
 
 from latentmotion.cli.main import main
 from latentmotion.evaluation.extractors.action_classifier import (
@@ -19,6 +18,8 @@ from latentmotion.evaluation.extractors.action_classifier import (
 from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.model.folder import find_model
 from latentmotion.storage import pickles
+from tests.support.action_files import write_humanact12, write_uestc
+from tests.support.moving_figures import write_moving_figures
 
 
 @pytest.fixture(scope="module")

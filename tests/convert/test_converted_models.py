@@ -9,8 +9,6 @@ import numpy as np
 import onnx
 import pytest
 import torch
-from test_text_pretrained import clip, write_dense, write_t5
-from tiny_text import CAPTIONS, teacher_tokenizer
 from transformers import PreTrainedTokenizerFast
 
 from latentmotion import MotionPipeline
@@ -27,6 +25,8 @@ from latentmotion.model.vae_config import (
     TransformerVAEConfig,
 )
 from latentmotion.runtime.eager import torch_pipeline
+from tests.support.tiny_text import CAPTIONS, clip, teacher_tokenizer, write_dense, write_t5
+from tests.support.untrained import SMALL, card, untrained
 
 FRAMES, SEEDS = [24, 41], [3, 4]
 

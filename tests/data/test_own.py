@@ -12,6 +12,7 @@ from latentmotion.data.own import OwnMotions
 from latentmotion.data.recording import Dropped, Recording
 from latentmotion.errors import DataError
 from latentmotion.formats.bvh import write_bvh
+from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 from tests.support.mocap_folders import swaying, write_own

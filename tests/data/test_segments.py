@@ -8,6 +8,7 @@ import pytest
 from latentmotion.data.glitches import clean_spans
 from latentmotion.data.segments import LONGEST, SHORTEST, pieces
 from latentmotion.data.t_pose import begins_with_t_pose, held_t_pose, is_blended, without_blend
+from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.mocap_folders import swaying, with_t_pose

@@ -15,6 +15,7 @@ from latentmotion.data.snu_annotations import Group, Span, grouped, read_annotat
 from latentmotion.data.snu_names import namings, sentences_for
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.bvh import write_bvh
+from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.humanoid import JOINT_MAPS, find_joint_map, to_humanml3d
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 from tests.support.mocap_folders import swaying

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_describe import FPS, figure, mirrored, raised
 
 from latentmotion.data.hdm05 import hdm05_recordings
 from latentmotion.data.manifest import StoredClip
@@ -21,6 +20,7 @@ from latentmotion.describe.single_actions import LONGEST, SHORTEST, single_actio
 from latentmotion.evaluation.instructions.checking import fulfills
 from latentmotion.evaluation.instructions.expressions import parse
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from tests.support.simple_motions import FPS, figure, mirrored, raised
 
 _OTHER = {"left": "right", "right": "left"}
 

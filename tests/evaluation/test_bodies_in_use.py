@@ -9,9 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from moving_figures import write_moving_figures
-from synthetic_smpl import synthetic_arrays, write_synthetic_smpl
-from test_converted_models import SMALL, card, untrained
 
 from latentmotion.checkpoint import save_model
 from latentmotion.cli.main import main
@@ -32,6 +29,10 @@ from latentmotion.model.config import DenoiserConfig
 from latentmotion.model.vae_config import LatentSpace, TransformerVAEConfig
 from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.files import sha256
+from tests.support.action_files import write_humanact12
+from tests.support.moving_figures import write_moving_figures
+from tests.support.synthetic_smpl import synthetic_arrays, write_synthetic_smpl
+from tests.support.untrained import SMALL, card, untrained
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from moving_figures import write_moving_figures
 
 from latentmotion.condition.task import ActionTask, UnconditionalTask
 from latentmotion.data.clip import Caption
@@ -41,6 +41,7 @@ from latentmotion.model.vae_config import ConvolutionalVAEConfig, IdentityVAECon
 from latentmotion.networks.build import build
 from latentmotion.request import GenerationRequest
 from latentmotion.runtime.eager import torch_prior
+from tests.support.moving_figures import write_moving_figures
 
 SMALL = replace(CLEAN, replications=3, split="val", repeats=Repeats(4, 3, None, 2))
 AS_AUTHORS = replace(PAPER, replications=3, split="val", repeats=Repeats(4, 6, 5, 3))

@@ -18,6 +18,7 @@ from latentmotion.kinematics.rotations import (
     quaternion_from_matrix,
 )
 from latentmotion.kinematics.skeleton import KIT
+from latentmotion.motion import Motion
 from tests.support.walker import walker
 
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from played_graphs import play_graphs
 from torch import Tensor
 
 from latentmotion.checkpoint import load_model
@@ -26,6 +25,7 @@ from latentmotion.runtime.buckets import Buckets
 from latentmotion.runtime.computing import Computing
 from latentmotion.runtime.eager import denoiser_session, torch_pipeline
 from latentmotion.runtime.launch import Recorder, on_gpu
+from tests.support.played_graphs import play_graphs
 
 PROMPTS = ["a person walks forward", "a person jumps", "someone turns left and waves with one hand"]
 FRAMES, SEEDS = [41, 24, 30], [3, 4, 5]

@@ -11,6 +11,8 @@ import pytest
 
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
+from latentmotion.render.camera import camera_around
+from latentmotion.render.mannequin import make_mannequin
 from tests.support.walker import t_pose, walker
 
 Image = pytest.importorskip("PIL.Image")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moving_figures import write_moving_figures
 
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
@@ -29,6 +28,8 @@ from latentmotion.experiments.workplace import Workplace
 from latentmotion.model.vae_config import TransformerVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.storage.configuration import read_json
+from tests.support.moving_figures import write_moving_figures
+from tests.support.small_training import PLACE, LetterCount
 
 TINY = replace(
     SMALL,

@@ -23,6 +23,7 @@ from latentmotion.motion import Motion
 from latentmotion.retarget import Rig, find_humanoid, read_rig, retarget
 from latentmotion.retarget.draft import draft_map
 from latentmotion.retarget.rig_files import open_rig
+from latentmotion.retarget.source import SourceCharacter
 from latentmotion.retarget.transfer import write
 from tests.support.walker import t_pose, walker
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.checkpoint import load_model
+from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment, with_changes
 from latentmotion.model.vae_config import VPoserTConfig

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.checkpoint import load_model
+from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.data.manifest import read_manifest
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, with_changes
+from latentmotion.model.folder import find_model
 from latentmotion.networks.build import build
 from latentmotion.presets import PRESETS, preset_named
 from latentmotion.storage.configuration import read_json, write_json
@@ -52,6 +53,27 @@ def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_
     steps = [line["step"] for line in read_journal(tmp_path / "run") if line["kind"] == "train"]
     assert steps == list(range(1, 9))
     assert (tmp_path / "run" / "samples-0000008.png").stat().st_size > 1000
+
+
+def test_training_starts_from_another_denoiser_on_the_same_latents(
+    figures: Path, vae_run: Path, tmp_path: Path
+) -> None:
+    def run(name: str, start: Path | None = None, **changes: int) -> Path:
+        settings = small(**{f"denoiser_training.{key}": value for key, value in changes.items()})
+        return train_denoiser(
+            settings, figures, vae_run, LetterCount(), tmp_path / name, PLACE, start
+        )
+
+    first = run("first")
+    second = run("second", first, seed=1, steps=1, warm_up=1000)
+    before, after = load_model(first), load_model(second)
+    assert after.card.latents == before.card.latents
+    for one, other in zip(before.denoiser.parameters(), after.denoiser.parameters(), strict=True):
+        assert torch.allclose(one, other, atol=1e-4)
+    with pytest.raises(InputError, match=r"differing: parents\.start"):
+        run("second", None, seed=1, steps=1, warm_up=1000)
+    with pytest.raises(InputError, match="its denoiser is not that of"):
+        run("third", find_model("starter"))
 
 
 def test_samples_are_decoded_where_their_latents_are(vae_run: Path) -> None:

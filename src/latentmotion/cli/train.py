@@ -85,6 +85,9 @@ class TrainDenoiser:
     """Run folder of `latentmotion train vae`, or model folder; `none` for diffusion on raw
     frames."""
     output: RunFolder
+    start: str | None = None
+    """Model whose denoiser training starts from, by name, run folder or model folder; its VAE must
+    be that of --vae."""
     text_encoder: TextEncoderName = TEXT_ENCODER
     preset: Preset = PRESET
     set: Changes = ()
@@ -107,11 +110,18 @@ class TrainDenoiser:
         vae = None if str(self.vae) == "none" else self.vae
         encoder = self._encoder() if TASKS[experiment.task].reads_text else None
         with training_place(self.device) as place:
-            print(train_denoiser(experiment, self.data, vae, encoder, self.output, place))
+            start = self._start()
+            print(train_denoiser(experiment, self.data, vae, encoder, self.output, place, start))
 
     def _experiment(self) -> Experiment:
         experiment = replace(preset_named(self.preset), denoiser_training=self.training)
         return with_changes(experiment, self.set)
+
+    def _start(self) -> Path | None:
+        if self.start is None:
+            return None
+        run = Path(self.start) / "model"
+        return run if run.is_dir() else find_model(self.start)
 
     def _encoder(self) -> TextEncoder:
         from latentmotion.condition.text.cache import CachedTextEncoder

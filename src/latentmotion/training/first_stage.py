@@ -107,8 +107,12 @@ def prepare_latents(
     steering: Steering,
     folder: Path,
     place: Place,
+    space: LatentSpace | None = None,
 ) -> tuple[LatentData, LatentSpace]:
-    """Encodes crops and prompts, or reads them from the run folder; measures the latents."""
+    """Encodes crops and prompts, or reads them from the run folder.
+
+    Latents are scaled as `space` says; by default their statistics are measured.
+    """
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
     seen, held_out = (items_to_learn(steering.task, part) for part in clips)
@@ -116,12 +120,12 @@ def prepare_latents(
     unseen = keep_crops(held_out, settings.cropping, 1, training.seed).every()
     features = partial(FeatureMemory, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
     if not first.card.vae.has_weights:
-        cropping, space = settings.cropping, first.card.latents
+        cropping, space = settings.cropping, space or first.card.latents
         latents = FrameMemory(features(), place.device)
     else:
         cropping = keep_crops(seen, settings.cropping, settings.per_item, training.seed)
         latents, space = _encode(
-            settings, first, features, (cropping.every(), unseen), folder, place
+            settings, first, features, (cropping.every(), unseen), folder, place, space
         )
     prompts = PromptTable(steering.condition, captions_of([*seen, *held_out]), place.device)
     plan = Plan(seen, training.batch_size, cropping, training.seed)
@@ -135,17 +139,22 @@ def _encode(
     crops: tuple[list[Crop], list[Crop]],
     folder: Path,
     place: Place,
+    space: LatentSpace | None,
 ) -> tuple[LatentMemory, LatentSpace]:
-    """Encodes seen and unseen crops, or reads their posteriors; the seen ones give the scale."""
+    """Encodes seen and unseen crops, or reads their posteriors.
+
+    The seen ones give the scale where no space is given.
+    """
     every = [*crops[0], *crops[1]]
 
     def encode() -> Posteriors:
         return encode_crops(first.vae.to(place.device), features(), every, place)
 
     posteriors = remembered_posteriors(folder / "latents.safetensors", encode, place)
-    space = first.card.latents
-    if settings.normalized:
-        space = measured(space, posteriors.take(range(len(crops[0]))))
+    if space is None:
+        space = first.card.latents
+        if settings.normalized:
+            space = measured(space, posteriors.take(range(len(crops[0]))))
     posteriors = posteriors.normalized(space.mean, space.std).to(place.device)
     return LatentMemory(every, posteriors), space
 

@@ -7,17 +7,25 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.checkpoint import FirstStageModel, LatentModel, save_model
+from latentmotion.checkpoint import (
+    WEIGHTS_FILE,
+    FirstStageModel,
+    LatentModel,
+    load_model,
+    save_model,
+)
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.experiment import Experiment
 from latentmotion.kinematics.smpl import SmplModel, load_smpl
 from latentmotion.networks.build import build
+from latentmotion.storage.files import sha256
 from latentmotion.training.cards import first_stage_card, second_stage_card
 from latentmotion.training.denoiser_stage import DenoiserStage
 from latentmotion.training.devices import Place
 from latentmotion.training.first_stage import (
+    FirstStage,
     check_fit,
     frames_as_first_stage,
     load_first_stage,
@@ -66,15 +74,24 @@ def train_denoiser(
     encoder: TextEncoder | None,
     folder: Path,
     place: Place,
+    start: Path | None = None,
 ) -> Path:
-    """Trains stage 2, or goes on with it; returns the model folder, which holds both stages.
+    """Trains stage 2, or resumes it; returns the model folder, which holds both stages.
 
-    Without `vae` the diffusion is on raw frames; `encoder` is needed where the task is text.
+    Args:
+        experiment: What to train, and how.
+        data: Prepared folder.
+        vae: Run or model folder of stage 1; without it the diffusion is on raw frames.
+        encoder: Text encoder, where the task is text.
+        folder: Run folder to write.
+        place: Device and rank.
+        start: Model folder whose denoiser the first step starts from; its VAE must be `vae`.
 
     Raises:
         DataError: The data cannot be used.
-        ModelError: There is no trained VAE.
-        InputError: The run folder holds another run, or data, VAE, encoder and network do not fit.
+        ModelError: There is no trained VAE, or no model to start from.
+        InputError: The run folder holds another run, or data, VAE, encoder, network and start do
+            not fit.
     """
     dataset = Dataset.load(data)
     first = load_first_stage(vae) if vae else frames_as_first_stage(experiment, dataset)
@@ -82,18 +99,43 @@ def train_denoiser(
     experiment, training = fitted(experiment, steering), experiment.denoiser_training
     check_fit(experiment, dataset, first, steering)
     parents = {"vae": first.fingerprint, **steering.task.parents}
+    before = load_start(start, experiment, first) if start else None
+    if start:
+        parents["start"] = sha256(start / WEIGHTS_FILE)
     open_run(folder, Run("denoiser", dataset.fingerprint, parents, experiment), place)
-    seen, space = prepare_latents(experiment, dataset, first, steering, folder, place)
+    scale = before.card.latents if before else None
+    seen, space = prepare_latents(experiment, dataset, first, steering, folder, place, scale)
     card = replace(first.card, latents=space)
     torch.manual_seed(training.seed)
     previews = Previews(first.vae, card, experiment.latents.cropping.max_frames // 2)
-    stage = DenoiserStage(build(experiment.denoiser), seen, previews, experiment, place)
+    network = before.denoiser if before else build(experiment.denoiser)
+    stage = DenoiserStage(network, seen, previews, experiment, place)
     denoiser, seconds = train(stage, training, folder, place)
     if place.leads:
         figures = stage.validate(denoiser)
         card = second_stage_card(experiment, dataset, card, steering, seconds, figures)
         save_model(folder / MODEL, LatentModel(card, first.vae.cpu(), denoiser))
     return folder / MODEL
+
+
+def load_start(folder: Path, experiment: Experiment, first: FirstStage) -> LatentModel:
+    """Loads the model whose denoiser training starts from.
+
+    Raises:
+        InputError: It has another denoiser or another VAE.
+        ModelError: There is none in the folder.
+    """
+    before = load_model(folder)
+    if before.card.denoiser != experiment.denoiser:
+        raise InputError(
+            f"--start {folder}: its denoiser is not that of experiment {experiment.name!r}; use "
+            "the preset that it was trained with"
+        )
+    weights, others = (model.state_dict() for model in (before.vae, first.vae))
+    same = weights.keys() == others.keys()
+    if not same or not all(weights[name].allclose(others[name], atol=1e-2) for name in weights):
+        raise InputError(f"--start {folder}: its VAE is another one than --vae; name the same")
+    return before
 
 
 def check_trainable(experiment: Experiment) -> None:
