@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from contest import Contender, figure, table, take_turns, whole
-from generation import Model
 
+from benchmarks.generation.ours import Model
+from benchmarks.harness.contest import Contender, figure, table, take_turns, whole
 from latentmotion.checkpoint import load_stages
 from latentmotion.evaluation.metrics.cost import flops, parameters
 from latentmotion.runtime.export import export_decoder

@@ -14,9 +14,9 @@ from functools import partial
 from pathlib import Path
 
 import torch
-from contest import figure, table, take_turns, whole
-from generation import Model
 
+from benchmarks.generation.ours import Model
+from benchmarks.harness.contest import figure, table, take_turns, whole
 from latentmotion import MotionPipeline
 
 ENDINGS = (".npz", ".csv", ".bvh", ".glb", ".html")
