@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from latentmotion.data.described import without_captions
 from latentmotion.data.hdm05 import hdm05_recordings
 from latentmotion.data.manifest import StoredClip
 from latentmotion.data.recording import Recording
@@ -19,6 +20,7 @@ from latentmotion.describe.single import SingleAction
 from latentmotion.describe.single_actions import LONGEST, SHORTEST, single_actions
 from latentmotion.evaluation.instructions.checking import fulfills
 from latentmotion.evaluation.instructions.expressions import parse
+from latentmotion.evaluation.instructions.prompts import refused_captions
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.simple_motions import FPS, figure, mirrored, raised
 
@@ -172,3 +174,13 @@ def test_the_benchmark_finds_what_windows_of_real_clips_are_said_to_show(
 def test_found_names_its_clip() -> None:
     action = SingleAction("walk", 0, 40)
     assert Found("a", action) == Found("a", action)
+
+
+def test_a_test_sets_sentences_are_no_captions(tmp_path: Path) -> None:
+    refused = refused_captions()
+    assert {"turn left", "turn right", "sit down"} <= refused
+    rows = (("Turn left.", 0, 40, ""), ("a man turns to the left", 0, 40, ""))
+    clip = StoredClip("a", "cmu", "", "train", 40, 0, 0, rows, rows)
+    left = without_captions(clip, refused)
+    assert left.captions == left.mirrored_captions == rows[1:]
+    assert without_captions(replace(clip, split="test"), refused).captions == rows

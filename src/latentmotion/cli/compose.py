@@ -11,6 +11,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.manifest import MANIFEST
 from latentmotion.data.preparation import Preparation
 from latentmotion.errors import InputError
+from latentmotion.evaluation.instructions.prompts import refused_captions
 from latentmotion.storage.files import check_replaceable
 
 
@@ -47,7 +48,12 @@ class Compose:
         check_replaceable(self.output, MANIFEST)
         dataset = Dataset.load(self.folder)
         if self.single:
-            wanted = Composition(self.count, self.seed, seconds=(1.2, 9.8))
+            wanted = Composition(
+                self.count,
+                self.seed,
+                seconds=(1.2, 9.8),
+                refused_captions=refused_captions(),
+            )
             composed = compose_actions(dataset, wanted)
         else:
             composed = compose(dataset, Composition(self.count, self.seed))

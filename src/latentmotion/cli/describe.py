@@ -18,6 +18,7 @@ from latentmotion.data.own import OwnMotions
 from latentmotion.data.recording import Dropped
 from latentmotion.describe.windows import Windows
 from latentmotion.errors import InputError
+from latentmotion.evaluation.instructions.prompts import refused_captions
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.storage.files import check_replaceable
 
@@ -82,7 +83,9 @@ class Describe:
         if self.output.suffix.lower() == ".csv":
             raise InputError(f"{self.output}: a prepared folder becomes one; add --edit for a CSV")
         check_replaceable(self.output, MANIFEST)
-        report = describe_folder(self.folder, self.output, *options, single=self.single)
+        report = describe_folder(
+            self.folder, self.output, *options, self.single, refused_captions()
+        )
         print(report.text() if self.check else report.table())
         print(f"wrote {self.output}")
 

@@ -56,6 +56,8 @@ class Composition:
     """Most that a joint may jerk in the transition, m/s³."""
     uses: int = 12
     """How often one clip may occur."""
+    refused_captions: frozenset[str] = frozenset()
+    """Sentences of a test set, as `prompting.plain` writes them, which no caption may be."""
 
 
 @dataclass(frozen=True)

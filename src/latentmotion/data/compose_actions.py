@@ -216,7 +216,7 @@ class _Composer:
         if not checked or checked.count != times:
             return self._refuse("count is not found")
         told = SingleAction("march", *whole, act=whole) if marching else checked
-        texts = prompts(told, self.generator, _PROMPTS)
+        texts = prompts(told, self.generator, _PROMPTS, self.wanted.refused_captions)
         return self._stored(joints, texts, f"{times} x {shots[0].clip}")
 
     def _pair(self, one: str, other: str) -> StoredMotion | None:
@@ -247,7 +247,8 @@ class _Composer:
         told = _told(joints, seam, first.action, second.action)
         if told is None:
             return self._refuse("actions are not found")
-        texts = prompts_in_order(*self._as_asked(*told), self.generator, _PROMPTS)
+        asked, refused = self._as_asked(*told), self.wanted.refused_captions
+        texts = prompts_in_order(*asked, self.generator, _PROMPTS, refused)
         return self._stored(joints, texts, f"{first.clip} + {second.clip}")
 
     def _as_asked(

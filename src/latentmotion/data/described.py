@@ -29,6 +29,7 @@ from latentmotion.data.recording import Dropped
 from latentmotion.data.report import REPORT, Report, parts_of
 from latentmotion.data.rewording import reworded_captions
 from latentmotion.data.singles import Balance, balanced_singles, single_rows, with_prompts
+from latentmotion.describe.prompting import plain
 from latentmotion.describe.reading import describe
 from latentmotion.describe.sentences import plain_action, sentences
 from latentmotion.describe.windows import Row, Windows, caption_windows
@@ -69,6 +70,7 @@ def describe_folder(
     rewordings: int = 0,
     check: bool = False,
     single: int = 0,
+    refused_captions: frozenset[str] = frozenset(),
 ) -> Report:
     """Adds measured sentences to a prepared folder.
 
@@ -80,6 +82,8 @@ def describe_folder(
         rewordings: How often each caption of the train split is said in other words.
         check: Whether captions of the train split that the motion contradicts are left out.
         single: Most windows of one category of single action that get prompts; zero is none.
+        refused_captions: Sentences of a test set, as `prompting.plain` writes them, which no
+            caption of the train split may be.
 
     Raises:
         DataError: The folder is not a prepared one, or of another representation.
@@ -91,6 +95,7 @@ def describe_folder(
         found = balanced_singles(dataset, seed, Balance(single))
         rows = single_rows(found, seed, PROMPTS)
         clips = tuple(with_prompts(clip, rows) for clip in clips)
+    clips = tuple(without_captions(clip, refused_captions) for clip in clips)
     manifest = replace(dataset.manifest, clips=clips)
     path = dataset.folder / REPORT
     old = read_json(Report, path) if path.is_file() else Report((), (), None)
@@ -105,6 +110,17 @@ def describe_folder(
         write_json(temporary / REPORT, report)
         write_json(temporary / MANIFEST, manifest)
     return report
+
+
+def without_captions(clip: StoredClip, refused: frozenset[str]) -> StoredClip:
+    """Returns a clip, in the train split without captions that are refused sentences."""
+    if clip.split != "train" or not refused:
+        return clip
+    kept, mirrored = (
+        tuple(row for row in rows if plain(row[0]) not in refused)
+        for rows in (clip.captions, clip.mirrored_captions)
+    )
+    return replace(clip, captions=kept, mirrored_captions=mirrored)
 
 
 def described_clips(

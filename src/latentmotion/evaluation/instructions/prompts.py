@@ -11,6 +11,8 @@ from zlib import crc32
 
 import numpy as np
 
+from latentmotion.data.captions import mirror_words
+from latentmotion.describe.prompting import plain
 from latentmotion.evaluation.instructions.expressions import Check, parse
 from latentmotion.storage.files import atomic_file
 
@@ -42,6 +44,13 @@ class Instruction:
         """Returns one seed per take: no two of the list are the same."""
         sequences = (np.random.SeedSequence([crc32(self.id.encode()), n]) for n in range(takes))
         return [int(sequence.generate_state(1)[0]) for sequence in sequences]
+
+
+@cache
+def refused_captions() -> frozenset[str]:
+    """Returns the list's sentences and their mirror images, plain: what no training caption is."""
+    sentences = [instruction.prompt for instruction in instructions()]
+    return frozenset(plain(text) for each in sentences for text in (each, mirror_words(each)))
 
 
 @cache
