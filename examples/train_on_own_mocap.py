@@ -16,7 +16,7 @@ from latentmotion.cli.main import main as latentmotion
 
 
 def main(takes: str, out: str, *settings: str) -> None:
-    """Runs the commands that docs/training.md explains, one after another."""
+    """Runs the commands that docs/guide/training.md explains, one after another."""
     folder = Path(out)
     data, vae, denoiser, model = (
         str(folder / name) for name in ("data", "vae", "denoiser", "model")

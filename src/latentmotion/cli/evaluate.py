@@ -86,7 +86,7 @@ class Evaluate:
     """Measure parameters, FLOPs and seconds, too."""
     instructions: bool = False
     """Give the model some 250 instructions (turn left, kick twice, walk and then sit down) and
-    check in the motion whether it follows them (docs/instructions.md); needs no PyTorch."""
+    check in the motion whether it follows them (docs/guide/instructions.md); needs no PyTorch."""
     takes: int = 5
     """Instructions: motions per prompt."""
     clean: bool = True

@@ -38,7 +38,7 @@ class Export:
     default the one beside the text encoder, if any."""
     precision: GraphPrecision = "float32"
     """Precision of matrix products in the graphs; int8 is faster and slightly less exact
-    (docs/runtime.md)."""
+    (docs/guide/runtime.md)."""
     name: str | None = None
     """Name of the model; by default that of the folder."""
     license: str | None = None

@@ -82,7 +82,7 @@ class Generate:
     body: Body = None
     clean: bool = True
     """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
-    (docs/cleanup.md)."""
+    (docs/guide/cleanup.md)."""
     fps: float | None = None
     """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
     json: PrintJson = False
