@@ -11,6 +11,7 @@ from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import BODY
 from latentmotion.kinematics.smpl import SkinnedBody, load_smpl
+from latentmotion.representation.smpl import representation_of
 from synthetic_smpl import synthetic_arrays, write_synthetic_smpl
 
 
