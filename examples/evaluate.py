@@ -2,7 +2,7 @@
 
 python examples/evaluate.py starter PREPARED_FOLDER
 
-Feature metrics (FID, R-precision) need an evaluator in place of None: see docs/evaluators.md.
+Feature metrics (FID, R-precision) need an evaluator in place of None: see docs/guide/evaluators.md.
 """
 
 from __future__ import annotations
@@ -23,7 +23,11 @@ def main(model: str, folder: str, split: str = "test") -> None:
     """Prints a table with a row for each setting, beside the real motions."""
     generate = MotionPipeline.from_pretrained(model)
     subjects = [
-        Generated(generate, steps, guidance, row=f"{steps} steps, guidance {guidance:g}")
+        Generated(
+            generate,
+            generate.card.sampling.but(steps, guidance),
+            row=f"{steps} steps, guidance {guidance:g}",
+        )
         for steps, guidance in SETTINGS
     ]
     protocol = replace(CLEAN, split=split, replications=3)

@@ -133,7 +133,11 @@ def _parse(words: list[str]) -> None:
     name = next((" ".join(words[:n]) for n in (3, 2, 1) if " ".join(words[:n]) in VERBS), None)
     assert name, f"no command of ours: {words}"
     module, _, command = VERBS[name].target.partition(":")
-    parsed(getattr(import_module(module), command), name, words[len(name.split()) :])
+    parsed(
+        getattr(import_module(f"latentmotion.cli.{module}"), command),
+        name,
+        words[len(name.split()) :],
+    )
 
 
 def _check_extras(words: list[str]) -> None:

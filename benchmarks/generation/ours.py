@@ -117,8 +117,9 @@ class Generation:
 
     def __init__(self, generator: MotionPipeline, batch: int, seconds: float, steps: int) -> None:
         self._text = WatchedCondition(generator.condition)
-        self._decoder = Watched(generator.decoder)
-        self._generator = replace(generator, condition=self._text, decoder=self._decoder)
+        self._decoder = Watched(generator.backend.decoder)
+        backend = replace(generator.backend, decoder=self._decoder)
+        self._generator = replace(generator, condition=self._text, backend=backend)
         self._frames = [round(seconds * generator.representation.fps)] * batch
         self._steps, self._sentences = steps, sentences()
 

@@ -10,6 +10,7 @@ from latentmotion.cli.options import (
     TEXT_ENCODER,
     Changes,
     Device,
+    OptionalData,
     Output,
     Seed,
     TextEncoderName,
@@ -72,8 +73,8 @@ class TrainLength:
     """HumanML3D's folder, with texts, index.csv, train.txt, val.txt and test.txt."""
     output: Output
     """File to write, e.g. lengths.safetensors."""
-    data: Path | None = None
-    """Prepared folder whose training captions and spans are learned from as well."""
+    data: OptionalData = None
+    """Prepared folder whose captions of acts are learned from as well, one to every five others."""
     text_encoder: TextEncoderName = TEXT_ENCODER
     seed: Seed = 0
     set: Changes = ()
@@ -111,7 +112,9 @@ class TrainLength:
         encoder = text_encoder_named(self.text_encoder)
         train, test = (read_caption_lengths(self.captions, name) for name in ("train", "test"))
         if self.data:
-            train = joined([train, prepared_caption_lengths(Dataset.load(self.data), "train")])
+            dataset = Dataset.load(self.data)
+            acts = prepared_caption_lengths(dataset, "train", len(train.sentences) // 5, self.seed)
+            train = joined([train, acts])
         train_lengths(train, encoder, recipe).write(self.output)
         model = LengthModel.read(self.output)  # as it was rounded
         told = measured(model, test, encoder, float(np.median(train.seconds)))

@@ -26,10 +26,20 @@ from latentmotion.data.annotations import (
 from latentmotion.data.captions import TAG_RATE, fit_sentences
 from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
+from latentmotion.describe.claims import claims_of
 from latentmotion.errors import DataError
 
 SHORTEST, TOO_LONG, LONGEST = 40, 200, 196
 """Frames of HumanML3D's items: fewer are left out, so many are left out, more are cut."""
+
+SHORTEST_ACT = 1.6
+"""Seconds of the shortest act of a prepared folder; spans are cut close to what happens."""
+
+ACTS = frozenset(
+    {"turn", "circle", "jump", "hop", "kick", "punch", "wave", "raise", "clap", "knee", "squat",
+     "bow", "pick_up", "arm_circle", "sit_down", "stand_up", "lie_down", "kneel_down", "stop"}
+)  # fmt: skip
+"""Kinds of claims about something that begins and ends."""
 
 
 @dataclass(frozen=True)
@@ -66,25 +76,34 @@ def read_caption_lengths(folder: Path, split: Split) -> CaptionLengths:
     return CaptionLengths(sentences, np.array(seconds, np.float32))
 
 
-def prepared_caption_lengths(dataset: Dataset, split: Split) -> CaptionLengths:
-    """Returns the sentences of a split of a prepared folder with the lengths of their spans.
+def prepared_caption_lengths(
+    dataset: Dataset, split: Split, most: int, seed: int = 0
+) -> CaptionLengths:
+    """Returns sentences of a prepared folder that tell of acts, with the lengths of their spans.
+
+    What goes on without an end (walking, sitting, standing) has no length of its own: sentences of
+    nothing else are left out, since their spans are cut anywhere.
 
     Args:
         dataset: The prepared folder.
         split: Which part.
+        most: Most sentences; more are drawn at random.
+        seed: What draws them.
 
     Raises:
-        DataError: The split has no sentence.
+        DataError: The split has no such sentence.
     """
     fps = dataset.representation.fps
     found = [
-        (caption.text, (caption.end_frame - caption.start_frame) / fps)
+        (caption.text, max((caption.end_frame - caption.start_frame) / fps, SHORTEST_ACT))
         for clip in dataset.clips(split)
         for caption in clip.captions
+        if any(claim.kind in ACTS or claim.count for claim in claims_of(caption.text))
     ]
     if not found:
-        raise DataError(f"{dataset.folder}: the split {split} has no caption")
-    sentences, seconds = zip(*found, strict=True)
+        raise DataError(f"{dataset.folder}: no caption of the split {split} tells of an act")
+    rows = np.random.default_rng(seed).permutation(len(found))[:most]
+    sentences, seconds = zip(*(found[row] for row in rows), strict=True)
     return CaptionLengths(sentences, np.array(seconds, np.float32))
 
 

@@ -38,7 +38,7 @@ class Recorder:
 
     denoiser: Denoiser
     """The one that answers."""
-    states: list[tuple[float, np.ndarray]] = field(default_factory=list)
+    states: list[tuple[float, Any]] = field(default_factory=list)
     """Time and latents of every call."""
 
     def __call__(self, z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
@@ -78,8 +78,9 @@ def latents_along(
     condition = generator.condition(labels)
     batch, noise = padded_batch(request, condition, card.latents, generator.backend)
     recorder, sampler = Recorder(generator.guided(sampling)), sampler_of(card, sampling)
-    z = sample(recorder, sampler, batch.noise, condition, batch.tokens, sampling.steps, noise)
-    return [*recorder.states, (CLEAN, z.reshape(len(z), -1))]
+    steps, fetch = sampling.steps, generator.backend.fetch
+    z = sample(recorder, sampler, batch.noise, batch.condition, batch.tokens, steps, noise)
+    return [(t, fetch(state)) for t, state in [*recorder.states, (CLEAN, z.reshape(len(z), -1))]]
 
 
 def chosen(

@@ -28,6 +28,10 @@ QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 _ARRAYS = ("hidden", "hidden_bias", "out", "out_bias")
 
 
+SHORTEST_USUAL = 1.6
+"""Seconds that a motion has at least where nothing is said: a start and an end need time."""
+
+
 @dataclass(frozen=True)
 class LengthModel:
     """Embeddings of sentences to lengths of motions: out · relu(hidden · x + bias) + bias."""
@@ -53,8 +57,8 @@ class LengthModel:
         return np.stack([self._quantiles(row) for row in pooled])
 
     def usual(self, pooled: Float[np.ndarray, "sentences width"]) -> list[float]:
-        """Returns the median length in seconds of each sentence's motions."""
-        return self(pooled)[:, QUANTILES.index(0.5)].tolist()
+        """Returns the median length in seconds of each sentence's motions, 1.6 at least."""
+        return self(pooled)[:, QUANTILES.index(0.5)].clip(SHORTEST_USUAL).tolist()
 
     def write(self, path: Path) -> None:
         """Writes it as safetensors, in 16 bits.
