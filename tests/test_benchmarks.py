@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from benchmarks.generation.ours import Generation, Model, sentences
 
 import benchmarks.__main__ as everything
 from benchmarks.generation import (
@@ -25,6 +24,7 @@ from benchmarks.generation import (
     text_encoder,
 )
 from benchmarks.generation.authors import AuthorsGeneration
+from benchmarks.generation.ours import Generation, Model, sentences
 from benchmarks.harness import authors_networks, contest, process
 from benchmarks.training import device as device_training
 from benchmarks.training import speed as training
@@ -133,7 +133,7 @@ def test_one_graph_for_all_is_called_denoiser():
     def graph(noise: np.ndarray, frames: np.ndarray, **others: np.ndarray) -> np.ndarray:
         return np.zeros((*frames.shape, 263), np.float32)
 
-    folded = replace(generator, walks={1: graph})
+    folded = replace(generator, backend=replace(generator.backend, fused={1: graph}))
     assert list(Generation(folded, 1, 1.0, 1)()) == ["text", "denoiser", "joints"]
     assert set(Generation(folded, 1, 1.0, 2)()) == set(speed.PARTS)
 
@@ -232,6 +232,8 @@ def test_every_table_of_the_page_has_a_program(monkeypatch, tmp_path):
     ran = {}
     monkeypatch.setattr(everything, "_printed", lambda words: ran.setdefault(str(words), "table"))
     everything.main([str(tmp_path), "--models", "starter", "--int8", "small=starter"])
-    named = set(re.findall(r"<!-- (\w+) -->", (ROOT / "docs" / "performance.md").read_text()))
+    named = set(
+        re.findall(r"<!-- (\w+) -->", (ROOT / "docs/measurements/performance.md").read_text())
+    )
     assert named == {path.stem for path in tmp_path.iterdir()}
     assert all(find_spec("benchmarks." + words.split("'")[1]) for words in ran)

@@ -139,7 +139,7 @@ def test_raw_frames_run_as_a_graph(tmp_path: Path) -> None:
 def test_actions_of_smpl_generate(tmp_path: Path) -> None:
     denoiser = DenoiserConfig(16, 12, SMALL, False, "table", places="latents_first", sine_width=16)
     about = card(150, "smpl", LatentSpace(16, tokens=1))
-    about = replace(about, condition={"classes": 12})
+    about = replace(about, condition=ActionTask(tuple(map(str, range(12)))))
     vae = TransformerVAEConfig(features=150, transformer=SMALL, position="sine")
     save_model(tmp_path / "run", untrained(about, vae, denoiser))
     motion = torch_pipeline(tmp_path / "run")("11", seconds=2, steps=2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import pytest
 import torch
@@ -17,9 +18,8 @@ from latentmotion.evaluation.metrics.cost import (
     thop_macs,
     traffic,
 )
-from latentmotion.networks.build import build
+from latentmotion.networks.build import build, encoder_stack
 from latentmotion.nn.attention import SelfAttention
-from latentmotion.nn.transformer import EncoderLayer
 from latentmotion.presets.mld_humanml3d import mld_humanml3d
 from latentmotion.presets.starter import starter
 
@@ -96,10 +96,11 @@ def test_bytes_of_a_linear_layer_of_attention_and_of_a_convolution() -> None:
 
 def test_flops_of_a_layer_of_the_starters_denoiser_by_hand() -> None:
     config, rows, tokens = starter().denoiser.transformer, 2, 37
-    layer, x = EncoderLayer(config).eval(), torch.ones(rows, tokens, config.width)
+    stack = encoder_stack(replace(config, layers=1, skips=False, final_norm=False)).eval()
+    x = torch.ones(rows, tokens, config.width)
     # Queries, keys, values and output; both maps of the feed-forward part; scores and means.
     weights = 4 * config.width**2 + 2 * config.width * config.hidden
     products = tokens * weights + 2 * tokens**2 * config.width
-    assert flops(lambda: layer(x, torch.ones(rows, tokens, dtype=torch.bool))) == (
+    assert flops(lambda: stack(x, torch.ones(rows, tokens, dtype=torch.bool))) == (
         2 * rows * products
     )

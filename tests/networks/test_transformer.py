@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from latentmotion.errors import InputError
 from latentmotion.model.config import TransformerConfig
+from latentmotion.networks.build import decoder_stack, encoder_stack
 from latentmotion.nn.attention import CrossAttention, SelfAttention
 from latentmotion.nn.dropout import Dropout
 from latentmotion.nn.position import LearnedPosition, SinePosition, sine_rate, sines
@@ -68,7 +69,7 @@ def test_cross_attention_is_pytorchs(words: int) -> None:
 @pytest.mark.parametrize("activation", ["gelu", "relu"])
 def test_a_layer_is_pytorchs(norm: str, activation: str) -> None:
     config = replace(CONFIG, norm=norm, activation=activation)
-    ours = shaken(EncoderLayer(config))
+    ours = shaken(encoder_stack(replace(config, layers=1, skips=False))).layers[0]  # type: ignore[index]
     layer = nn.TransformerEncoderLayer(
         WIDTH, HEADS, config.hidden, 0.0, activation, batch_first=True, norm_first=norm == "pre"
     ).eval()
@@ -85,7 +86,7 @@ def test_a_layer_is_pytorchs(norm: str, activation: str) -> None:
 
 @pytest.mark.parametrize("skips", [True, False])
 def test_tokens_in_another_order_give_the_same_in_that_order(skips: bool) -> None:
-    stack = shaken(replace(CONFIG, skips=skips).encoder())
+    stack = shaken(encoder_stack(replace(CONFIG, skips=skips)))
     order, x = torch.tensor([3, 0, 4, 1, 2]), tokens()
     torch.testing.assert_close(
         stack(x, EVERYWHERE)[:, order], stack(x[:, order], EVERYWHERE), atol=1e-5, rtol=1e-5
@@ -94,7 +95,7 @@ def test_tokens_in_another_order_give_the_same_in_that_order(skips: bool) -> Non
 
 @pytest.mark.parametrize("skips", [True, False])
 def test_the_memory_has_no_order_and_its_padding_no_weight(skips: bool) -> None:
-    stack, memory = shaken(replace(CONFIG, skips=skips).decoder()), tokens(4, seed=2)
+    stack, memory = shaken(decoder_stack(replace(CONFIG, skips=skips))), tokens(4, seed=2)
     mask = torch.tensor([True, True, True, False]).expand(3, 4)
     order, x = torch.tensor([2, 0, 1, 3]), tokens()
     expected = stack(x, EVERYWHERE, memory, mask)
@@ -107,7 +108,10 @@ def test_the_memory_has_no_order_and_its_padding_no_weight(skips: bool) -> None:
 
 def test_without_joins_a_stack_of_skips_is_a_plain_one() -> None:
     """A join that passes its first half on leaves the layers one after the other."""
-    skipping, plain = shaken(CONFIG.encoder()), shaken(replace(CONFIG, skips=False).encoder())
+    skipping, plain = (
+        shaken(encoder_stack(CONFIG)),
+        shaken(encoder_stack(replace(CONFIG, skips=False))),
+    )
     for join in skipping.joins:  # type: ignore[union-attr]
         join.weight.data = torch.eye(WIDTH, 2 * WIDTH)
         join.bias.data.zero_()
@@ -122,7 +126,7 @@ def test_without_joins_a_stack_of_skips_is_a_plain_one() -> None:
 @pytest.mark.parametrize("layers", [2, 4])
 def test_an_even_number_of_layers_has_no_middle(layers: int) -> None:
     with pytest.raises(InputError, match="odd number"):
-        replace(CONFIG, layers=layers).encoder()
+        encoder_stack(replace(CONFIG, layers=layers))
 
 
 @pytest.mark.parametrize("position", [LearnedPosition(WIDTH), SinePosition(WIDTH, 0.0)])
