@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from benchmarks.generation.ours import Generation, Model, entries, label, options_parser
 
+from benchmarks.generation.ours import Generation, Model, entries, label, options_parser
 from benchmarks.harness.contest import figure, table, take_turns
 from latentmotion.cli.loading import load_generator
 from latentmotion.pipeline import MotionPipeline

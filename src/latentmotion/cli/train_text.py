@@ -74,7 +74,7 @@ class TrainLength:
     output: Output
     """File to write, e.g. lengths.safetensors."""
     data: OptionalData = None
-    """Prepared folder whose captions of acts are learned from as well, one to every five others."""
+    """Prepared folder whose captions of acts are learned from as well, one per seven others."""
     text_encoder: TextEncoderName = TEXT_ENCODER
     seed: Seed = 0
     set: Changes = ()
@@ -113,7 +113,7 @@ class TrainLength:
         train, test = (read_caption_lengths(self.captions, name) for name in ("train", "test"))
         if self.data:
             dataset = Dataset.load(self.data)
-            acts = prepared_caption_lengths(dataset, "train", len(train.sentences) // 5, self.seed)
+            acts = prepared_caption_lengths(dataset, "train", len(train.sentences) // 7, self.seed)
             train = joined([train, acts])
         train_lengths(train, encoder, recipe).write(self.output)
         model = LengthModel.read(self.output)  # as it was rounded
