@@ -8,7 +8,7 @@ VENV ?= .venv
 run:
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/pip install $(PIP_FLAGS) .
-	$(VENV)/bin/latentmotion generate "a person walks forward and kicks" --seconds 4 -o walk.bvh walk.html
+	$(VENV)/bin/latentmotion generate "a person walks forward and sits down" --seconds 4 -o walk.bvh walk.html
 
 test:
 	$(PYTHON) -m venv $(VENV)

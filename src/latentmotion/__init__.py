@@ -3,8 +3,8 @@
     from latentmotion import MotionPipeline
 
     generate = MotionPipeline.from_pretrained()
-    motion = generate("a person walks forward and kicks", seconds=4, seed=7)
-    motion.save("kick.bvh")
+    motion = generate("a person walks forward and sits down", seconds=4, seed=7)
+    motion.save("sit.bvh")
 
 Public names are imported when first used, so that importing the package costs next to nothing.
 """

@@ -47,7 +47,7 @@ _OUTPUT = (
 class Generate:
     """Turn sentences, action labels or nothing into motion files.
 
-    Example: latentmotion generate "a person walks forward and kicks" -o walk.bvh walk.html
+    Example: latentmotion generate "a person walks forward and sits down" -o walk.bvh walk.html
     """
 
     prompts: Annotated[Positional[tuple[str, ...]], arg(metavar="PROMPTS")] = ()
