@@ -125,7 +125,7 @@ class MotionPipeline:
         """Turns a prompt into a motion.
 
         Args:
-            prompt: What the person does, e.g. `a person walks forward and sits down`; for a model of
+            prompt: What the person does, e.g. `a person walks and sits down`; for a model of
                 actions one of its labels; for an unconditional model nothing.
             seconds: Length of the motion; by default what is usual for the sentence, or 4 s where
                 the model has no `lengths.safetensors`, within what the model makes.
