@@ -12,6 +12,7 @@ import pytest
 import torch
 
 from latentmotion.checkpoint import load_model, load_stages
+from latentmotion.cli.main import main
 from latentmotion.data.manifest import read_manifest
 from latentmotion.errors import InputError, ModelError
 from latentmotion.experiment import Experiment, with_changes
@@ -241,3 +242,12 @@ def test_the_papers_preset_has_the_papers_networks() -> None:
     count = sum(p.numel() for p in build(experiment.vae).parameters())
     assert count > 10_000_000
     assert experiment.denoiser.transformer.layers == 9
+
+
+def test_a_model_to_start_from_that_does_not_exist_is_named(
+    figures: Path, vae_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = f"train denoiser --data {figures} --vae {vae_run} -o {tmp_path / 'run'} --start nothing"
+    with pytest.raises(SystemExit):
+        main([*words.split(), "--set", "task=unconditional"])
+    assert "no model 'nothing'" in capsys.readouterr().err

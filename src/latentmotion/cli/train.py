@@ -26,6 +26,7 @@ from latentmotion.condition.task import TASKS
 from latentmotion.distillation import Distillation
 from latentmotion.experiment import Experiment, TrainingSettings, with_changes
 from latentmotion.model.card import read_card
+from latentmotion.model.folder import find_model
 from latentmotion.presets import PRESETS, preset_named
 
 Preset = Annotated[
@@ -159,7 +160,6 @@ class TrainDecoder:
 
     def run(self) -> None:
         """Trains to the last step."""
-        from latentmotion.model.folder import find_model
         from latentmotion.training.decoder import cheaper_vae, train_decoder
         from latentmotion.training.devices import training_place
 
@@ -195,7 +195,6 @@ class TrainDistill:
 
     def run(self) -> None:
         """Trains to the last step."""
-        from latentmotion.model.folder import find_model
         from latentmotion.training.devices import training_place
         from latentmotion.training.distill import distill, model_folder
 
@@ -225,7 +224,6 @@ def text_encoder_named(name: str) -> TextEncoder:
     """
     from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
     from latentmotion.condition.text.student import load_text_encoder
-    from latentmotion.model.folder import find_model
 
     kind, _, source = name.partition(":")
     if kind in KINDS:
