@@ -13,7 +13,7 @@ run:
 test:
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/pip install $(PIP_FLAGS) -e ".[dev]"
-	$(VENV)/bin/python -m pytest
+	$(VENV)/bin/python -m pytest -n auto --dist loadfile
 
 lint:
 	$(VENV)/bin/ruff format --check .

@@ -11,9 +11,9 @@ import sys
 from dataclasses import replace
 
 from latentmotion import Dataset, MotionPipeline
-from latentmotion.evaluation.protocol import compare
-from latentmotion.evaluation.settings import CLEAN
-from latentmotion.evaluation.subject import Generated
+from latentmotion.evaluation.candidates import Generated
+from latentmotion.evaluation.evaluate import compare
+from latentmotion.evaluation.protocol import CLEAN
 
 SETTINGS = ((10, 4.0), (50, 4.0), (50, 7.5))
 """Sampling steps and guidance."""
@@ -22,7 +22,7 @@ SETTINGS = ((10, 4.0), (50, 4.0), (50, 7.5))
 def main(model: str, folder: str, split: str = "test") -> None:
     """Prints a table with a row for each setting, beside the real motions."""
     generate = MotionPipeline.from_pretrained(model)
-    subjects = [
+    candidates = [
         Generated(
             generate,
             generate.card.sampling.but(steps, guidance),
@@ -31,7 +31,7 @@ def main(model: str, folder: str, split: str = "test") -> None:
         for steps, guidance in SETTINGS
     ]
     protocol = replace(CLEAN, split=split, replications=3)
-    print(compare(subjects, Dataset.load(folder), None, protocol).markdown())
+    print(compare(candidates, Dataset.load(folder), None, protocol).markdown())
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ FENCE = re.compile(r"^( *)```(\S*)([^\n`]*)\n(.*?)^\1```$", re.MULTILINE | re.DO
 REPOSITORY = "https://github.com/latentmotion/latentmotion/blob/main/"
 REASONS = ("needs ", "takes ")
 """How a title begins that says why a block is not run."""
-LANGUAGES = {"bash", "python", "js"}
+LANGUAGES = {"bash", "python", "js", "json"}
 
 
 @dataclass(frozen=True)
@@ -193,6 +193,22 @@ def test_pages_that_code_cites_exist() -> None:
         for page in re.findall(r"\bdocs/[\w/.-]+\.md", path.read_text(encoding="utf-8"))
     }
     assert [pair for pair in sorted(cited) if not (ROOT / pair[1]).is_file()] == []
+
+
+NAMING_FILES = [page for page in PAGES if {"guide", "reference"} & set(page.parts)]
+
+
+@pytest.mark.parametrize("page", NAMING_FILES, ids=name_of)
+def test_source_files_that_pages_name_exist(page: Path) -> None:
+    for path in re.findall(r"`([a-z_0-9]+(?:/[a-z_0-9]+)*\.py)`", page.read_text("utf-8")):
+        assert any((root / path).is_file() for root in (ROOT, ROOT / "src/latentmotion")), path
+
+
+def test_the_architecture_page_names_every_room() -> None:
+    page = (ROOT / "docs/reference/architecture.md").read_text("utf-8")
+    rooms = set(re.findall(r"`([a-z]+)/`", page))
+    folders = {path.parent.name for path in (ROOT / "src/latentmotion").glob("*/__init__.py")}
+    assert folders <= rooms, folders - rooms
 
 
 def test_sections_of_the_reference_that_code_cites_exist() -> None:

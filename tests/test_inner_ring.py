@@ -43,8 +43,8 @@ def test_public_names_exist() -> None:
 def test_the_engine_keeps_no_record_of_its_user(runtime: str, tmp_path: Path) -> None:
     pytest.importorskip(runtime)
     code = (
-        "from latentmotion.runtime.session import open_session as s;"
-        "from latentmotion.model.folder import find_model as f;"
+        "from latentmotion.engine.session import open_session as s;"
+        "from latentmotion.model.card import find_model as f;"
         f"s(f('starter') / 'decoder.onnx', {runtime!r}, 1)"
     )
     run(code, HOME=str(tmp_path), XDG_CACHE_HOME=str(tmp_path))

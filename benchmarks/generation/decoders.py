@@ -18,12 +18,11 @@ import torch
 
 from benchmarks.generation.ours import Model
 from benchmarks.harness.contest import Contender, figure, table, take_turns, whole
-from latentmotion.checkpoint import load_stages
+from latentmotion.engine.session import Runtime, open_session
 from latentmotion.evaluation.metrics.cost import flops, parameters
-from latentmotion.runtime.export import export_decoder
-from latentmotion.runtime.session import Runtime, open_session
-from latentmotion.vae.halves import way_back
-from latentmotion.vae.interface import MotionVAE
+from latentmotion.export.onnx import export_decoder
+from latentmotion.networks.checkpoint import load_stages
+from latentmotion.networks.vae.interface import MotionVAE, decoder_modules
 
 RUNTIMES: tuple[Runtime, ...] = ("onnxruntime", "openvino")
 
@@ -62,7 +61,7 @@ def report(models: Sequence[Model], frames: int, batches: Sequence[int], turns: 
     columns = [f"{runtime}, {batch} at once" for runtime in RUNTIMES for batch in batches]
     rows = []
     for model in models:
-        row = [model.name, f"{parameters(way_back(_vae(model))) / 1e6:.2f}"]
+        row = [model.name, f"{parameters(decoder_modules(_vae(model))) / 1e6:.2f}"]
         row.append(figure(costs[model.name]))
         for column in columns:
             name, first = f"{model.name}, {column}", f"{models[0].name}, {column}"

@@ -15,7 +15,7 @@ from benchmarks.harness.stopwatch import Laps, Stopwatch
 def ours(folder: str, engine: str, threads: str, seconds: str, steps: str) -> Laps:
     """Imports, loads, makes a motion and another one."""
     watch = Stopwatch()
-    from latentmotion.cli.loading import load_generator
+    from latentmotion.cli.generate import load_generator
 
     watch.lap("import")
     generate = load_generator(folder, engine, int(threads))  # type: ignore[arg-type]

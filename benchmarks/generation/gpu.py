@@ -28,11 +28,11 @@ from benchmarks.generation.roofline import ordered, report
 from benchmarks.harness.contest import figure, table
 from benchmarks.training.device import training_rows
 from latentmotion.condition.interface import Conditioning
+from latentmotion.engine.options import ExecutionOptions
+from latentmotion.engine.request import GenerationRequest
+from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.gpu.device import describe_machine
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.request import GenerationRequest
-from latentmotion.runtime.computing import Computing
-from latentmotion.runtime.device import describe_machine
-from latentmotion.runtime.eager import torch_pipeline
 
 STEPS = 50, 10, 4, 2, 1
 BATCHES = 1, 4, 16, 64, 256, 512, 1024
@@ -107,17 +107,17 @@ def _agreement(results: Results, model: str, options: argparse.Namespace) -> Non
     prompts, frames, seeds = ["a person walks forward", "a person jumps"], [80, 63], [1, 2]
     wanted = expected.features(prompts, frames, seeds, steps)
     std = np.array(expected.card.normalizer_std)
-    for computing in _ways(options):
-        found = torch_pipeline(model, computing=computing).features(prompts, frames, seeds, steps)
+    for execution in _ways(options):
+        found = torch_pipeline(model, execution=execution).features(prompts, frames, seeds, steps)
         error = [((a - b) / std) ** 2 for a, b in zip(found, wanted, strict=True)]
         rms = float(np.sqrt(np.concatenate(error).mean()))
-        row = {"model": model, "way": str(computing), "steps": steps, "rms of normalized": rms}
+        row = {"model": model, "way": str(execution), "steps": steps, "rms of normalized": rms}
         results.add("Agreement with the CPU in float32", row)
 
 
 def _latency(results: Results, model: str, options: argparse.Namespace) -> None:
-    for computing in _ways(options):
-        generator = torch_pipeline(model, computing=computing)
+    for execution in _ways(options):
+        generator = torch_pipeline(model, execution=execution)
         for steps in _steps_of(generator, options.quick):
             order = ordered(generator, 1, SECONDS, steps)
             text = _milliseconds(partial(generator.condition, order.prompts), options)
@@ -125,17 +125,17 @@ def _latency(results: Results, model: str, options: argparse.Namespace) -> None:
             start = time.perf_counter()
             walk()
             first, chain = time.perf_counter() - start, _milliseconds(walk, options)
-            row = {"model": model, "way": str(computing), "steps": steps, "first, s": first}
+            row = {"model": model, "way": str(execution), "steps": steps, "first, s": first}
             row |= {"text, ms": text, "to joints, ms": chain, "whole, ms": text + chain}
             results.add("Latency of one motion of 4 s, text included", row)
 
 
 def _throughput(results: Results, model: str, options: argparse.Namespace) -> None:
-    for computing in _ways(options):
-        generator = torch_pipeline(model, computing=computing)
-        for steps in {generator.card.steps, min(_steps_of(generator, options.quick))}:
+    for execution in _ways(options):
+        generator = torch_pipeline(model, execution=execution)
+        for steps in {generator.card.sampling.steps, min(_steps_of(generator, options.quick))}:
             for batch in (1, 4) if options.quick else BATCHES:
-                row = {"model": model, "way": str(computing), "steps": steps, "batch": batch}
+                row = {"model": model, "way": str(execution), "steps": steps, "batch": batch}
                 row |= _pace(generator, batch, steps, options)
                 results.add("Throughput, words to joints on the host", row)
 
@@ -159,20 +159,20 @@ def _walk(generator: MotionPipeline, words: Conditioning, order: GenerationReque
 
 
 def _roofline(results: Results, model: str, options: argparse.Namespace) -> None:
-    for computing in _ways(options):
-        if computing.launch != "compiled":
-            results.say(report(model, (1, 4) if options.quick else (1, 256), None, 4.0, computing))
+    for execution in _ways(options):
+        if execution.launch != "compiled":
+            results.say(report(model, (1, 4) if options.quick else (1, 256), None, 4.0, execution))
 
 
-def _ways(options: argparse.Namespace) -> Iterator[Computing]:
+def _ways(options: argparse.Namespace) -> Iterator[ExecutionOptions]:
     for launch, precision in WAYS:
         if options.device != "cpu" or launch == "eager":
-            yield Computing(options.device, precision, launch)
+            yield ExecutionOptions(options.device, precision, launch)
 
 
 def _steps_of(generator: MotionPipeline, quick: bool) -> Sequence[int]:
-    leaps = generator.card.leaps
-    known = sorted(leaps.steps, reverse=True) if leaps else STEPS
+    few_step = generator.card.few_step
+    known = sorted(few_step.steps, reverse=True) if few_step else STEPS
     return known[-2:] if quick else known
 
 

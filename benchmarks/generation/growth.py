@@ -17,7 +17,7 @@ import torch
 
 from benchmarks.generation.ours import Generation, Model, entries, label, options_parser
 from benchmarks.harness.contest import figure, table, take_turns
-from latentmotion.cli.loading import load_generator
+from latentmotion.cli.generate import load_generator
 from latentmotion.pipeline import MotionPipeline
 
 
@@ -64,7 +64,7 @@ def _axes(options: argparse.Namespace, model: Model, generator: MotionPipeline) 
     steps, seconds = _steps(options, model), options.seconds
     longest = model.card.frames[1] / generator.representation.fps
     lengths = sorted({min(length, longest) for length in options.lengths})
-    counts = model.card.leaps.steps if model.card.leaps else options.counts
+    counts = model.card.few_step.steps if model.card.few_step else options.counts
     yield Axis("seconds", "second", lengths, lambda x: Generation(generator, 1, x, steps))
     yield Axis(
         "motions",

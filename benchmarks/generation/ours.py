@@ -16,8 +16,7 @@ from typing import Any
 from benchmarks.harness.stopwatch import Laps, Stopwatch
 from latentmotion.cli.options import Runtime
 from latentmotion.condition.interface import Condition
-from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.folder import find_model
+from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.pipeline import MotionPipeline
 
 ENGINES: dict[Runtime, str] = {
@@ -49,7 +48,7 @@ class Model:
 
     def steps(self, most: int) -> tuple[int, ...]:
         """Returns the numbers of steps that it knows; `most` alone, if it takes any number."""
-        return self.card.leaps.steps if self.card.leaps else (most,)
+        return self.card.few_step.steps if self.card.few_step else (most,)
 
 
 def options_parser(about: str | None) -> argparse.ArgumentParser:

@@ -27,20 +27,18 @@ from torch import Tensor, nn
 
 from benchmarks.harness.ceilings import Ceilings
 from benchmarks.harness.contest import figure, table
-from latentmotion.checkpoint import load_model
 from latentmotion.condition.interface import Conditioning
-from latentmotion.condition.text.graph import GRAPH_FILE
-from latentmotion.diffusion.leaps import Leap
+from latentmotion.diffusion.few_step import StepCondition
+from latentmotion.engine.options import ON_CPU, ExecutionOptions
+from latentmotion.engine.request import GenerationRequest
+from latentmotion.engine.session import Session
 from latentmotion.evaluation.metrics.cost import Traffic, flops, traffic
-from latentmotion.model.card import ModelCard
-from latentmotion.model.folder import find_model
+from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.gpu.device import describe_machine
+from latentmotion.model.card import TEXT_GRAPH_FILE, ModelCard, find_model, text_encoder_folder
+from latentmotion.networks.checkpoint import load_model
+from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.request import GenerationRequest
-from latentmotion.runtime.computing import ON_CPU, Computing
-from latentmotion.runtime.device import describe_machine
-from latentmotion.runtime.eager import encoder_folder, torch_pipeline
-from latentmotion.runtime.session import Session
-from latentmotion.vae.interface import MotionVAE
 
 CAPTION = "a person walks forward and kicks with the left leg"
 COLUMNS = (
@@ -92,16 +90,16 @@ class Chain:
 
     Args:
         model: Name or folder.
-        computing: Where and how.
+        execution: Where and how.
     """
 
-    def __init__(self, model: str, computing: Computing) -> None:
-        self.generator = torch_pipeline(model, computing=computing)
+    def __init__(self, model: str, execution: ExecutionOptions) -> None:
+        self.generator = torch_pipeline(model, execution=execution)
         self.networks = load_model(find_model(model))
-        self.encoder = encoder_folder(self.generator.card, find_model(model))
+        self.encoder = text_encoder_folder(self.generator.card, find_model(model))
         self.host = Ceilings(ON_CPU)
-        self.device = self.host if computing == ON_CPU else Ceilings(computing)
-        self.shrink = 2 if computing.precision == "bfloat16" else 1
+        self.device = self.host if execution == ON_CPU else Ceilings(execution)
+        self.shrink = 2 if execution.precision == "bfloat16" else 1
 
     def parts(self, order: GenerationRequest) -> Iterator[Part]:
         """Yields text, denoiser and decoder, for motions of one length."""
@@ -114,7 +112,7 @@ class Chain:
     def text(self, order: GenerationRequest, words: int) -> Part:
         """The small text encoder, which reads one sentence after the other."""
         assert self.encoder is not None  # the caller asked
-        numbers, width, layers = encoder_sizes(self.encoder / GRAPH_FILE)
+        numbers, width, layers = encoder_sizes(self.encoder / TEXT_GRAPH_FILE)
         # Two for each multiply-add of the matrices; scores and means of attention.
         each = 2 * words * numbers + 4 * words**2 * width * layers
         moved = Traffic(4 * numbers, 0)
@@ -125,17 +123,17 @@ class Chain:
         """One pass, of two rows per motion where it is guided from outside."""
         card, network = self.generator.card, self.networks.denoiser
         assert network is not None  # it generates
-        rows = 1 if card.leaps or order.sampling.guidance == 1 else 2
+        rows = 1 if card.few_step or order.sampling.guidance == 1 else 2
         words, seen = (
             torch.tensor(array).repeat(rows, *[1] * (array.ndim - 1))
             for array in (condition.tokens, condition.mask)
         )
         z, mask = latents_of(order, card, rows)
         ones = z.new_ones(len(z))
-        told = {"guidance": ones, "stride": ones} if card.leaps else {}
+        told = {"guidance": ones, "step_size": ones} if card.few_step else {}
         inputs = {"z": z, "t": ones, "words": words, "words_mask": seen, "mask": mask, **told}
-        leap = Leap(**told) if told else None
-        action = partial(network, z, ones, Conditioning(words, seen), mask, leap)
+        step_condition = StepCondition(**told) if told else None
+        action = partial(network, z, ones, Conditioning(words, seen), mask, step_condition)
         return self._part(
             "denoiser",
             order.sampling.steps,
@@ -169,7 +167,7 @@ class Chain:
     ) -> Part:
         moved = traffic(network, action)
         moved = Traffic(moved.weights // self.shrink, moved.activations // self.shrink)
-        place = self.generator.backend.place
+        place = self.generator.backend.to_device
         there = {key: place(value.numpy()) for key, value in inputs.items()}
         run = partial(session, **there)
         return Part(name, passes, flops(action), moved, run, self.device)
@@ -188,15 +186,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--launch", default="eager", choices=("eager", "graph", "compiled"))
     options = parser.parse_args(arguments)
     torch.set_num_threads(options.threads)
-    computing = Computing(options.device, options.precision, options.launch)
-    print(report(options.model, options.batch, options.steps, options.seconds, computing))
+    execution = ExecutionOptions(options.device, options.precision, options.launch)
+    print(report(options.model, options.batch, options.steps, options.seconds, execution))
 
 
 def report(
-    model: str, batches: Sequence[int], steps: int | None, seconds: float, computing: Computing
+    model: str,
+    batches: Sequence[int],
+    steps: int | None,
+    seconds: float,
+    execution: ExecutionOptions,
 ) -> str:
     """Returns the table of a model, with the ceilings above it."""
-    chain, rows = Chain(model, computing), []
+    chain, rows = Chain(model, execution), []
     for batch in batches:
         order = ordered(chain.generator, batch, seconds, steps)
         rows.extend(part.row(batch) for part in chain.parts(order))
@@ -213,7 +215,7 @@ def ordered(
     """Returns one sentence so many times, with other seeds."""
     card, frames = generator.card, round(seconds * generator.representation.fps)
     prompts, seeds = (CAPTION,) * batch, tuple(range(batch))
-    steps = steps or card.steps
+    steps = steps or card.sampling.steps
     return GenerationRequest(prompts, (frames,) * batch, seeds, card.sampling.but(steps))
 
 

@@ -19,10 +19,10 @@ import torch
 from benchmarks.generation.ours import sentences
 from benchmarks.harness.contest import Contender, figure, table, take_turns, whole
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.text.corpus import is_held_out, read_captions
-from latentmotion.condition.text.pretrained import PretrainedTextEncoder
-from latentmotion.condition.text.student import StudentTextEncoder
-from latentmotion.model.folder import find_model
+from latentmotion.model.card import find_model
+from latentmotion.networks.pretrained_text import PretrainedTextEncoder
+from latentmotion.text.encoder import StudentTextEncoder
+from latentmotion.training.text_encoder.corpus import is_held_out, read_captions
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

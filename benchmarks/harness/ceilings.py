@@ -11,8 +11,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from latentmotion.runtime.computing import Computing
-from latentmotion.runtime.network import arithmetic
+from latentmotion.engine.options import ExecutionOptions
+from latentmotion.gpu.network import arithmetic
 
 LARGEST = {"cpu": 2**28, "cuda": 2**31}
 """Bytes of a buffer that fits no cache."""
@@ -28,17 +28,17 @@ SECONDS = 0.3
 class Ceilings:
     """What a device does at best, in the precision that is asked for."""
 
-    computing: Computing
+    execution: ExecutionOptions
     """Where and how."""
     rates: dict[int, float] = field(default_factory=dict)
     """Bytes a second by the size of the buffer, as far as measured."""
 
     def __post_init__(self) -> None:
-        self.kind = self.computing.device.partition(":")[0]
+        self.kind = self.execution.device.partition(":")[0]
         alone = self.kind == "cpu" and torch.get_num_threads() == 1
         # What others do on a shared machine is not in a thread's own time.
         self.clock = time.thread_time if alone else time.perf_counter
-        with torch.no_grad(), arithmetic(self.computing):
+        with torch.no_grad(), arithmetic(self.execution):
             # They are different libraries', of which either may be the better.
             self.flops = max(self._products(), self._convolutions())
 
@@ -50,7 +50,7 @@ class Ceilings:
         # Powers of two, so that few are measured.
         size = min(max(1 << (size - 1).bit_length(), 2**16), LARGEST[self.kind])
         if size not in self.rates:
-            source = torch.randn(size // 8, device=self.computing.device)
+            source = torch.randn(size // 8, device=self.execution.device)
             target = torch.empty_like(source)
             self.rates[size] = size / self.seconds(lambda: target.copy_(source))
         return self.rates[size]
@@ -81,8 +81,8 @@ class Ceilings:
 
     def _random(self, *shape: int) -> Tensor:
         # Products of zeros can run faster than real ones.
-        numbers = torch.randn(shape, device=self.computing.device)
-        return numbers.bfloat16() if self.computing.precision == "bfloat16" else numbers
+        numbers = torch.randn(shape, device=self.execution.device)
+        return numbers.bfloat16() if self.execution.precision == "bfloat16" else numbers
 
     def _wait(self) -> None:
         if self.kind == "cuda":
@@ -92,4 +92,4 @@ class Ceilings:
         rate = self.bandwidth()
         found = f"{self.flops / 1e9:,.0f} GFLOP/s, {rate / 1e9:,.1f} GB/s beyond caches"
         clock = "its thread's own time" if self.clock is time.thread_time else "wall clock"
-        return f"{self.computing}: {found}; {clock}"
+        return f"{self.execution}: {found}; {clock}"

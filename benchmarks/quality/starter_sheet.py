@@ -13,7 +13,7 @@ from pathlib import Path
 from PIL import Image
 
 from latentmotion import MotionPipeline, formats
-from latentmotion.model.folder import DEFAULT
+from latentmotion.model.card import DEFAULT
 from latentmotion.render import video
 
 PROMPTS = (

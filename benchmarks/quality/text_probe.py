@@ -23,8 +23,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from benchmarks.harness.contest import table
-from latentmotion.cli.train import text_encoder_named
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.gpu.backend import text_encoder_named
 
 WORDS = 16
 """Words that a denoiser sees."""

@@ -11,9 +11,9 @@ from statistics import median
 import torch
 
 from benchmarks.training.steps import FirstStage, SecondStage, step_of
-from latentmotion.presets import preset_named
-from latentmotion.training.devices import Place
-from latentmotion.training.randomness import Ranks
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.presets import preset_named
+from latentmotion.training.rng import Ranks
 
 PRESETS = "mld_humanml3d", "starter"
 STAGES = "first", "second"
@@ -24,25 +24,25 @@ FRAMES = 196
 
 def training_rows(device: str, quick: bool) -> Iterator[tuple[str, dict[str, object]]]:
     """Yields a line for each preset, stage, precision and batch."""
-    place = Place(torch.device(device), Ranks())
+    context = DistributedContext(torch.device(device), Ranks())
     presets, batches = (PRESETS[1:], (4,)) if quick else (PRESETS, BATCHES)
     for preset, stage, precision, batch in itertools.product(presets, STAGES, PRECISIONS, batches):
-        step = _step(preset, stage, precision, batch, place)
-        seconds = _seconds(step, place.device, quick)
+        step = _step(preset, stage, precision, batch, context)
+        seconds = _seconds(step, context.device, quick)
         row = {"preset": preset, "precision": precision, "batch": batch}
         row |= {"ms a step": 1e3 * seconds, "motions/s": batch / seconds}
         yield f"Training, {stage} stage", row
 
 
 def _step(
-    preset: str, stage: str, precision: str, batch: int, place: Place
+    preset: str, stage: str, precision: str, batch: int, context: DistributedContext
 ) -> Callable[[], object]:
     experiment = preset_named(preset)
     settings = replace(experiment.vae_training, precision=precision)
     if stage == "first":
         frames = min(FRAMES, experiment.vae_cropping.max_frames)
-        return step_of(FirstStage(experiment, batch, frames, place.device), settings, place)
-    return step_of(SecondStage(experiment, batch, FRAMES, place.device), settings, place)
+        return step_of(FirstStage(experiment, batch, frames, context.device), settings, context)
+    return step_of(SecondStage(experiment, batch, FRAMES, context.device), settings, context)
 
 
 def _seconds(step: Callable[[], object], device: torch.device, quick: bool) -> float:

@@ -7,21 +7,20 @@ import copy
 import torch
 from torch import Tensor, nn
 
-from benchmarks.training.steps import PLACE
-from latentmotion.checkpoint import load_model
+from benchmarks.training.steps import CONTEXT
 from latentmotion.data.clip import Clip
 from latentmotion.data.sampling import Cropping, Item
-from latentmotion.diffusion.loss import leap_loss
-from latentmotion.distillation import Distillation
-from latentmotion.model.card import ModelCard
-from latentmotion.model.folder import find_model
-from latentmotion.runtime.conditions import condition_of
-from latentmotion.training.consistency import WithinPhases
-from latentmotion.training.crops import Plan
-from latentmotion.training.distill import student_card, student_of
-from latentmotion.training.latents import LatentMemory, Posteriors, keep_crops
-from latentmotion.training.steering import PromptTable
-from latentmotion.training.trajectories import Guide
+from latentmotion.gpu.backend import find_encoder
+from latentmotion.model.card import ModelCard, find_model
+from latentmotion.networks.checkpoint import load_model
+from latentmotion.training.crops import BatchSampler
+from latentmotion.training.denoiser_loss import step_loss
+from latentmotion.training.distillation.config import Distillation
+from latentmotion.training.distillation.phased_consistency import PhaseSteps
+from latentmotion.training.distillation.stage import student_card, student_of
+from latentmotion.training.distillation.trajectories import Teacher
+from latentmotion.training.latents import LatentCache, Posteriors, keep_crops
+from latentmotion.training.task_conditions import ConditionTable
 
 CAPTIONS = ("a person walks forward", "a person turns to the left and kicks with the right leg")
 
@@ -31,31 +30,34 @@ class DistillationStage(nn.Module):
 
     def __init__(self, teacher: str, settings: Distillation, batch: int, frames: int) -> None:
         super().__init__()
-        guide, training = _guide(teacher, settings), settings.training
-        self.card, self.knee = student_card(guide.card, settings), settings.knee
-        self.network = student_of(guide.network, self.card.trained_denoiser)
+        teacher, training = _guide(teacher, settings), settings.training
+        self.card, self.huber_delta = student_card(teacher.card, settings), settings.huber_delta
+        self.network = student_of(teacher.network, self.card.trained_denoiser)
         self.average = copy.deepcopy(self.network).eval().forward
-        plan, latents = _shown(self.card, batch, frames)
-        self.source = WithinPhases(guide, plan, latents, training, PLACE)
+        batches, latents = _shown(self.card, batch, frames)
+        self.source = PhaseSteps(teacher, batches, latents, training, CONTEXT)
 
     def forward(self, step: int) -> dict[str, Tensor]:
         """Losses of a step."""
         batch = self.source(step, self.average)
-        schedule, prediction = self.card.schedule, self.card.prediction
-        return {"total": leap_loss(self.network, batch, schedule, prediction, self.knee)}
+        schedule, parametrization = self.card.schedule, self.card.parametrization
+        return {
+            "total": step_loss(self.network, batch, schedule, parametrization, self.huber_delta)
+        }
 
 
-def _guide(teacher: str, settings: Distillation) -> Guide:
+def _guide(teacher: str, settings: Distillation) -> Teacher:
     folder = find_model(teacher)
     model = load_model(folder)
     network, precision = model.denoiser.eval().requires_grad_(False), settings.training.precision
-    prompts = PromptTable(condition_of(model.card, folder), CAPTIONS, PLACE.device)
-    return Guide(
-        network, model.card, settings.leaps, prompts, PLACE.device, settings.solver, precision
+    condition = model.card.prompt_condition(lambda: find_encoder(model.card, folder))
+    prompts = ConditionTable(condition, CAPTIONS, CONTEXT.device)
+    return Teacher(
+        network, model.card, settings.few_step, prompts, CONTEXT.device, settings.solver, precision
     )
 
 
-def _shown(card: ModelCard, batch: int, frames: int) -> tuple[Plan, LatentMemory]:
+def _shown(card: ModelCard, batch: int, frames: int) -> tuple[BatchSampler, LatentCache]:
     """Motions of one length, whose latents are noise."""
     clips = [Clip(str(n), "", "train", (), None, False, frames) for n in range(batch)]
     items = [Item(clip, 0, frames, CAPTIONS) for clip in clips]
@@ -63,4 +65,4 @@ def _shown(card: ModelCard, batch: int, frames: int) -> tuple[Plan, LatentMemory
     crops = kept.every()
     mean = torch.randn(len(crops), card.latents.tokens_of(frames), card.latents.width)
     posteriors = Posteriors(mean, torch.ones_like(mean), mean[..., 0].isfinite())
-    return Plan(items, batch, kept, 0), LatentMemory(crops, posteriors)
+    return BatchSampler(items, batch, kept, 0), LatentCache(crops, posteriors)

@@ -20,9 +20,9 @@ from benchmarks.harness.contest import Contender, figure, table, take_turns, who
 from benchmarks.training import authors
 from benchmarks.training.distillation import DistillationStage
 from benchmarks.training.steps import FEATURES, FirstStage, SecondStage, step_of
-from latentmotion.distillation import Distillation
-from latentmotion.presets import preset_named
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from latentmotion.training.distillation.config import Distillation
+from latentmotion.training.presets import preset_named
 
 COLUMNS = (
     *("", "motions a step", "frames", "s a step", "processor, s"),

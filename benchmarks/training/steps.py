@@ -14,33 +14,33 @@ from torch import Tensor, nn
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.guidance import drop
-from latentmotion.diffusion.loss import denoiser_loss
-from latentmotion.experiment import Experiment, TrainingSettings
 from latentmotion.networks.build import build
+from latentmotion.networks.vae.loss import vae_losses
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.training.devices import Place
+from latentmotion.training.denoiser_loss import denoiser_loss
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, TrainingSettings
 from latentmotion.training.loop import optimize
-from latentmotion.training.randomness import Ranks, StepRandomness
-from latentmotion.vae.loss import vae_losses
+from latentmotion.training.rng import Ranks, StepRandomness
 
 FEATURES = 263
-PLACE = Place(torch.device("cpu"), Ranks())
+CONTEXT = DistributedContext(torch.device("cpu"), Ranks())
 
 
 def step_of(
-    stage: nn.Module, settings: TrainingSettings, place: Place = PLACE
+    stage: nn.Module, settings: TrainingSettings, context: DistributedContext = CONTEXT
 ) -> Callable[[], object]:
     """Returns what makes the next step of a stage's optimization whenever it is called."""
     optimizer = torch.optim.AdamW(stage.parameters(), settings.learning_rate)
     numbers = itertools.count()
-    return lambda: optimize(stage, optimizer, settings, next(numbers), place)
+    return lambda: optimize(stage, optimizer, settings, next(numbers), context)
 
 
 class FirstStage(nn.Module):
     """The VAE on features."""
 
     def __init__(
-        self, experiment: Experiment, batch: int, frames: int, device: torch.device = PLACE.device
+        self, experiment: Experiment, batch: int, frames: int, device: torch.device = CONTEXT.device
     ) -> None:
         super().__init__()
         self.network = build(experiment.vae).to(device)
@@ -60,13 +60,13 @@ class SecondStage(nn.Module):
     """The denoiser on remembered latents and sentences."""
 
     def __init__(
-        self, experiment: Experiment, batch: int, frames: int, device: torch.device = PLACE.device
+        self, experiment: Experiment, batch: int, frames: int, device: torch.device = CONTEXT.device
     ) -> None:
         super().__init__()
-        config, reading = experiment.denoiser, experiment.reading
+        config, conditioning = experiment.denoiser, experiment.conditioning
         self.network, self.objective = build(config).to(device), experiment.denoiser_objective
         shown = build(experiment.vae).latent_mask(torch.ones(batch, frames, dtype=torch.bool))
-        self.mask, words = shown.to(device), reading.words + reading.pooled
+        self.mask, words = shown.to(device), conditioning.words + conditioning.pooled
         kept = 2, 1000, shown.shape[1], config.latent_width
         self.mean, self.std = torch.randn(kept, device=device)
         self.sentences = torch.randn(1000, words, config.condition_width, device=device)

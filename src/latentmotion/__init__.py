@@ -16,6 +16,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from latentmotion.control.goals import Heading as Heading
+    from latentmotion.control.goals import Path as Path
+    from latentmotion.control.goals import Pose as Pose
+    from latentmotion.control.goals import Reach as Reach
     from latentmotion.data.dataset import Dataset as Dataset
     from latentmotion.errors import LatentMotionError as LatentMotionError
     from latentmotion.formats import load as load
@@ -33,6 +37,10 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Animation": "kinematics.animation",
+    "Heading": "control.goals",
+    "Path": "control.goals",
+    "Pose": "control.goals",
+    "Reach": "control.goals",
     "Dataset": "data.dataset",
     "LatentMotionError": "errors",
     "Motion": "motion",
@@ -49,9 +57,13 @@ _HOMES = {
 __all__ = [
     "Animation",
     "Dataset",
+    "Heading",
     "LatentMotionError",
     "Motion",
     "MotionPipeline",
+    "Path",
+    "Pose",
+    "Reach",
     "Skeleton",
     "__version__",
     "load",

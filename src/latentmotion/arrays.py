@@ -1,7 +1,7 @@
 """Arrays of NumPy and PyTorch alike: their common functions, prefix masks, unit vectors.
 
-NumPy 2.1 speaks the array API itself. array-api-compat, which is for PyTorch and for older NumPy,
-imports the whole of NumPy to wrap it: 150 ms of the processor's time before the first motion.
+NumPy implements the array API itself since 2.1. array-api-compat, which is for PyTorch and older
+NumPy, imports the whole of NumPy to wrap it: 150 ms of processor time before the first motion.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ import numpy as np
 from array_api_compat import device as device
 from jaxtyping import Bool, Float, Int
 
-_SPEAKS_IT = hasattr(np, "unstack")  # the last of it to come, in 2.1
+_NUMPY_HAS_ARRAY_API = hasattr(np, "unstack")  # its last function to arrive, in 2.1
 
 
 def array_namespace(*arrays: Any) -> Any:
     """Returns the module with the array API's functions for the arrays."""
-    if _SPEAKS_IT and all(isinstance(array, (np.ndarray, np.generic)) for array in arrays):
+    if _NUMPY_HAS_ARRAY_API and all(
+        isinstance(array, (np.ndarray, np.generic)) for array in arrays
+    ):
         return np
     return array_api_compat.array_namespace(*arrays)
 
@@ -30,7 +32,7 @@ def prefix_mask(
     """Returns a row per length, True up to it: the real frames, tokens or words of a padded batch.
 
     Args:
-        lengths: A list, for a NumPy mask, or an array, whose library and device the mask has.
+        lengths: A list, for a NumPy mask, or an array, for a mask of its library on its device.
         longest: Width of the mask; by default the largest length.
     """
     counts: Any = np.asarray(lengths) if isinstance(lengths, Sequence) else lengths

@@ -1,4 +1,4 @@
-"""The errors a user can cause: each says what was found, what was expected and what to do next."""
+"""Errors that users can cause: what was found, what was expected and what to do next."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def hint(name: str, known: Iterable[str]) -> str:
-    """Returns what to say of an unknown name: the nearest known one, or all of them."""
+    """Returns the hint for an unknown name: the nearest known one, or all of them."""
     names = list(known)
     near = difflib.get_close_matches(name, names, n=1)
     return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(names)}"
@@ -31,7 +31,7 @@ class ModelError(LatentMotionError):
 
 
 class FileFormatError(LatentMotionError):
-    """A file that is damaged or not of its kind.
+    """A file that is damaged or of another kind.
 
     Args:
         path: The file.

@@ -1,4 +1,4 @@
-"""Motion: what users hold. Joint positions over time, that save themselves in any format."""
+"""Motion: joint positions over time, which can be saved in any format."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
 if TYPE_CHECKING:
     from latentmotion.cleanup import CleanUp
+    from latentmotion.control.goals import Reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,9 @@ class Motion:
     caption: str = ""
     """The sentence it was made from, or that describes it."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
-    """Whatever JSON can hold: model, seed, guidance, license."""
+    """Any values that JSON can hold: model, seed, guidance, license."""
+    goals: tuple[Reach, ...] = ()
+    """Places of joints to which clean-up yields."""
 
     def __post_init__(self) -> None:
         joints = np.asarray(self.joints, dtype=np.float32)
@@ -46,7 +49,12 @@ class Motion:
                 f"a motion of skeleton {self.skeleton.name!r} needs joints of shape "
                 f"(frames ≥ 1, {expected[0]}, 3), found {joints.shape}"
             )
-        _check_finite(joints)
+        finite = np.isfinite(joints).all(axis=(1, 2))
+        if not finite.all():
+            raise InputError(
+                f"{int((~finite).sum())} of {len(joints)} frames hold NaN or infinite positions, "
+                f"first in frame {int(np.argmin(finite))}; cut or repair them"
+            )
         if not (np.isfinite(self.fps) and self.fps > 0):
             raise InputError(f"fps is {self.fps}, expected a positive number")
         object.__setattr__(self, "joints", joints)
@@ -56,7 +64,7 @@ class Motion:
 
     @property
     def seconds(self) -> float:
-        """How long it lasts."""
+        """Duration in seconds."""
         return len(self) / self.fps
 
     def animation(self) -> Animation:
@@ -75,25 +83,31 @@ class Motion:
             return self
         animation = self.animation().resampled(fps)
         motion = replace(self, joints=animation.joints().astype(np.float32), fps=animation.fps)
-        # Its rotations are known: writers need not solve for them again.
+        # Its rotations are known, so writers need not solve for them again.
         motion.__dict__["_solved"] = animation
         return motion
 
     def cleaned(self, steps: CleanUp | None = None) -> Motion:
-        """Returns the motion with still feet, constant bones and less shaking.
+        """Returns the motion with still feet, constant bones and less jitter.
 
         Args:
-            steps: Which steps are taken, and how; by default all that leave it where it is.
+            steps: The clean-up steps; by default all that do not move the motion as a whole.
         """
         from latentmotion.cleanup import CleanUp, clean
 
-        return clean(self, CleanUp() if steps is None else steps)
+        steps = CleanUp() if steps is None else steps
+        cleaned = clean(self, steps)
+        if not self.goals or steps.in_place:
+            return cleaned
+        from latentmotion.control.direct import at_goals
+
+        return at_goals(cleaned)
 
     def save(self, path: str | Path, fps: float | None = None) -> list[Path]:
-        """Writes a file whose format is chosen by the ending of `path`; returns what was written.
+        """Writes a file in the format of the ending of `path`; returns the files written.
 
         Args:
-            path: Where to.
+            path: File to write.
             fps: Frames per second of the file; by default the motion's own.
 
         Raises:
@@ -110,7 +124,7 @@ class Motion:
 
         Raises:
             FileFormatError: The file is damaged or not of its kind.
-            InputError: The ending is none that can be read, or there is no such file.
+            InputError: The ending is not readable, or there is no such file.
         """
         from latentmotion import formats
 
@@ -127,12 +141,3 @@ class Motion:
         from latentmotion.viewer.page import notebook_html
 
         return notebook_html(self)
-
-
-def _check_finite(joints: Float[np.ndarray, "frames joints 3"]) -> None:
-    finite = np.isfinite(joints).all(axis=(1, 2))
-    if not finite.all():
-        raise InputError(
-            f"{int((~finite).sum())} of {len(joints)} frames hold NaN or infinite positions, "
-            f"first in frame {int(np.argmin(finite))}; cut or repair them"
-        )

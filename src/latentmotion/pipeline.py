@@ -1,57 +1,64 @@
 """The pipeline: prompt → condition → (noise → latents) → features → joints → motion.
 
-MLD section 3 without PyTorch. Read it from top to bottom: `MotionPipeline.__call__`, `batch`,
-`generate_batch`, and `features_from_noise`, which training previews and exported graphs run too.
-A prompt is a sentence, an action label or nothing.
+This is section 3 of MLD without PyTorch, to read from top to bottom: `MotionPipeline.__call__`,
+`batch`, `generate_batch` and `features_from_noise`, which training previews and exported graphs
+run, too. A prompt is a sentence, an action label or nothing.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.condition.interface import Condition, Conditioning
-from latentmotion.condition.sentence import SentenceCondition
-from latentmotion.condition.text.lengths import LengthFile
-from latentmotion.diffusion.guidance import ClassifierFreeGuidance, GuidanceAsInput
+from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
+from latentmotion.condition.task import SentenceCondition
+from latentmotion.diffusion.few_step import FewStepSchedule, StepCondition
+from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.interface import Denoiser, Noise
-from latentmotion.diffusion.leaps import Leap, LeapTimes
-from latentmotion.diffusion.sampler import Sampler, SamplerName, sample, sampler_named
-from latentmotion.feature_decoder import FeatureDecoder, representation_of
-from latentmotion.hub import download, is_hub_id
-from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.config import Sampling
-from latentmotion.model.folder import DEFAULT, find_model
-from latentmotion.motion import Motion
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.smpl import SmplRepresentation
-from latentmotion.request import (
-    Batch,
-    GenerationRequest,
-    batches,
-    check_prompts,
-    frames_of,
-    padded_batch,
-    unpadded,
-)
-from latentmotion.runtime.backend import Backend, directly
-from latentmotion.runtime.conditions import condition_of, find_lengths
-from latentmotion.runtime.session import (
-    OpenedWhenCalled,
+from latentmotion.diffusion.samplers import Sampler, SamplerName, sample, sampler_named
+from latentmotion.engine import request as requests
+from latentmotion.engine.backend import Backend, Batch
+from latentmotion.engine.feature_decoder import FeatureDecoder, representation_of
+from latentmotion.engine.request import GenerationRequest
+from latentmotion.engine.session import (
+    PULLBACK_FILE,
+    LazySession,
     Runtime,
     open_decoder,
     open_fused_samplers,
+    open_pullback,
 )
+from latentmotion.errors import InputError, ModelError
+from latentmotion.model import card as cards
+from latentmotion.model.card import DEFAULT, ModelCard
+from latentmotion.model.config import Sampling
+from latentmotion.model.vae_config import ConvolutionalVAEConfig
+from latentmotion.motion import Motion
+from latentmotion.representation.interface import Representation
+from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder
+from latentmotion.text.encoder import LazyTextEncoder
+from latentmotion.text.lengths import LengthFile
+
+if TYPE_CHECKING:
+    from latentmotion.control.edit import Gap
+    from latentmotion.control.goals import Goal
+    from latentmotion.control.reach import DecodedMotion, Sample
+    from latentmotion.control.stream import MotionStream, SampleKnown, StreamState
 
 MAX_BATCH_SIZE = 32
-"""Motions that go through the networks together; more are done in turns, to bound memory."""
+"""Maximum number of motions that go through the networks at once, which bounds memory."""
+
+
+ON_THE_WAY = "a person walks"
+"""What a person does between two motions, where nothing else is said."""
 
 
 @dataclass(frozen=True)
@@ -59,17 +66,17 @@ class MotionPipeline:
     """A trained model, ready to generate. Immutable, so that one serves many threads."""
 
     card: ModelCard
-    """What the model is."""
+    """Description of the model."""
     condition: Condition
-    """Prompts to words."""
+    """Turns prompts into words."""
     backend: Backend
     """Runs the networks."""
     max_batch_size: int = MAX_BATCH_SIZE
-    """Motions that go through the networks together."""
+    """Maximum number of motions that go through the networks at once."""
     body: SmplRepresentation | None = None
-    """Body whose joints motions have, in place of the skeleton that ships."""
+    """SMPL body for the joints of motions, in place of the skeleton that ships."""
     lengths: LengthFile | None = None
-    """Sentences to usual lengths, for motions whose length is not given."""
+    """Predicts the length of motions from their sentences, if it is not given."""
 
     @classmethod
     def from_pretrained(
@@ -87,30 +94,48 @@ class MotionPipeline:
         Args:
             model: Name, folder, or id on the Hugging Face Hub.
             runtime: Engine of the networks; `auto` takes ONNX Runtime.
-            threads: Most threads the engine may use; by default all cores.
+            threads: Maximum number of threads of the engine; by default one per core.
             cache: Folder in which embeddings of prompts are kept, for example `cache_folder()`.
 
         Raises:
             ModelError: There is no such model, or a file of it is missing: it was not exported.
             MissingExtraError: The model is on the hub and `huggingface_hub` is not installed.
         """
-        folder = download(str(model)) if is_hub_id(model) else find_model(model)
-        card = read_card(folder)
+        folder = cards.download(str(model)) if cards.is_hub_id(model) else cards.find_model(model)
+        card = cards.read_card(folder)
         backend = Backend(
-            OpenedWhenCalled(folder / "denoiser.onnx", runtime, threads),
+            LazySession(folder / "denoiser.onnx", runtime, threads),
             open_decoder(card, folder, runtime, threads),
             open_fused_samplers(card, folder, runtime, threads),
+            open_pullback(folder, runtime, threads),
         )
-        condition, lengths = condition_of(card, folder, cache), find_lengths(card, folder)
-        return cls(card, condition, backend, lengths=lengths)
+
+        def text_encoder() -> TextEncoder:
+            files = cards.find_text_encoder(card, folder)
+            task = card.condition
+            encoder = LazyTextEncoder(
+                files[0].parent, task.text_encoder or "", task.condition_width
+            )
+            if cache is None:
+                return encoder
+            return CachedTextEncoder(encoder, cache / "prompts", files, MAX_PROMPTS)
+
+        lengths = cards.lengths_file(card, folder)
+        return cls(
+            card,
+            card.prompt_condition(text_encoder),
+            backend,
+            lengths=lengths and LengthFile(lengths, card.condition.text_encoder),
+        )
 
     @classmethod
     def load(cls, *arguments: Any, **named: Any) -> MotionPipeline:
         """Old name of `from_pretrained`, which takes the same arguments."""
-        message = (
-            "MotionPipeline.load is now from_pretrained; the old name goes with the next release"
+        warnings.warn(
+            "MotionPipeline.load is now from_pretrained; the old name goes with the next release",
+            DeprecationWarning,
+            stacklevel=2,
         )
-        warnings.warn(message, DeprecationWarning, stacklevel=2)
         return cls.from_pretrained(*arguments, **named)
 
     def __call__(
@@ -121,24 +146,37 @@ class MotionPipeline:
         steps: int | None = None,
         guidance: float | None = None,
         sampler: SamplerName | None = None,
+        goals: Sequence[Goal] = (),
     ) -> Motion:
         """Turns a prompt into a motion.
 
         Args:
             prompt: What the person does, e.g. `a person walks and sits down`; for a model of
                 actions one of its labels; for an unconditional model nothing.
-            seconds: Length of the motion; by default what is usual for the sentence, or 4 s where
-                the model has no `lengths.safetensors`, within what the model makes.
-            seed: Another number, another motion; the same number, the same motion.
+            seconds: Length of the motion; by default the length that the model predicts for the
+                sentence, or 4 s if it has no `lengths.safetensors`.
+            seed: Seed of the noise; the same seed gives the same motion.
             steps: Sampling steps; more is slower and finer. By default the model's own.
             guidance: How strongly the prompt steers (paper eq. 6). By default the model's own.
             sampler: `ddim` (the same as `euler`), `heun`, `dpm++`, or `ddpm` for fresh noise at
                 every step. By default the model's own.
+            goals: Where joints should be and when, which way the body faces, the path it takes:
+                `Reach`, `Heading`, `Path`, `Pose`. Once the motion is cleaned up, its joints are
+                exactly there.
 
         Raises:
-            InputError: The prompt is not of the model's kind or a number is out of range.
+            InputError: The prompt is not of the model's kind or a number is out of range; or no
+                person could meet a goal.
+            ModelError: There are goals, but the model has no `pullback.onnx`.
         """
-        return self.batch([prompt], seconds, [seed], steps, guidance, sampler)[0]
+        if not goals:
+            return self.batch([prompt], seconds, [seed], steps, guidance, sampler)[0]
+        usual = self.usual_seconds([prompt]) if seconds is None else None
+        (frames,) = requests.frames_of(self.card, seconds, 1, self.representation.fps, usual)
+        sampling = self.card.sampling.but(steps, guidance, sampler)
+        request = GenerationRequest((prompt,), (frames,), (seed,), sampling)
+        request.check(self.card, self.representation.fps)
+        return self._directed(request, goals)
 
     def batch(
         self,
@@ -162,15 +200,30 @@ class MotionPipeline:
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
-        usual = self._usual_seconds(prompts) if seconds is None else None
-        frames = frames_of(self.card, seconds, len(prompts), self.representation.fps, usual)
+        usual = self.usual_seconds(prompts) if seconds is None else None
+        features = self.representation
+        frames = requests.frames_of(self.card, seconds, len(prompts), features.fps, usual)
         seeds = range(len(prompts)) if seeds is None else seeds
         sampling = self.card.sampling.but(steps, guidance, sampler)
         request = GenerationRequest(tuple(prompts), tuple(frames), tuple(seeds), sampling)
-        rows, fetch = self._batches(request), self.backend.fetch
-        features = (self.generate_batch(request.take(each)) for each in rows)
-        joints = unpadded((fetch(self.joints_of(each)) for each in features), rows, frames)
-        return [self._motion(request, row, each) for row, each in enumerate(joints)]
+        rows, joints = self._batches(request), []
+        for batch in rows:
+            placed = self.joints_of(self.generate_batch(request.take(batch)))
+            joints.append(self.backend.to_host(placed))
+        metadata = {"steps": sampling.steps, "guidance": sampling.guidance}
+        metadata["license"] = self.card.provenance.license
+        return [
+            Motion(
+                positions.astype(np.float32, copy=False),
+                features.fps,
+                features.skeleton,
+                prompt,
+                {"model": self.card.name, "seed": seed, **metadata},
+            )
+            for positions, prompt, seed in zip(
+                requests.unpadded(joints, rows, frames), prompts, seeds, strict=True
+            )
+        ]
 
     def features(
         self,
@@ -181,7 +234,7 @@ class MotionPipeline:
         guidance: float | None = None,
         sampler: SamplerName | None = None,
     ) -> list[Float[np.ndarray, "_ features"]]:
-        """Returns what `batch` turns into joints: features in their own units, (frames, features).
+        """Generates features in their own units, (frames, features), before they become joints.
 
         Args:
             prompts: One per motion.
@@ -206,51 +259,203 @@ class MotionPipeline:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
         rows = self._batches(request)
-        features = (self.generate_batch(request.take(each)) for each in rows)
-        return unpadded(map(self.backend.fetch, features), rows, request.frames)
+        features = (self.generate_batch(request.take(batch)) for batch in rows)
+        return requests.unpadded(map(self.backend.to_host, features), rows, request.frames)
 
     def generate_batch(
         self, request: GenerationRequest, condition: Conditioning | None = None
     ) -> Float[Any, "rows longest features"]:
-        """Returns features of motions that go through the networks together.
+        """Generates features of motions that go through the networks together.
 
         Args:
-            request: The motions; more rows and frames than it has mean nothing.
-            condition: That of the prompts; by default they are read.
+            request: The motions.
+            condition: Condition of the prompts; by default it is computed.
 
         Returns:
-            Features in their own units, an array of the backend's.
+            Features in their own units, an array of the backend; rows and frames beyond the
+            request's are padding.
         """
         sampling, backend = request.sampling, self.backend
         if condition is None:
             condition = self.condition(request.prompts)
-        batch, noise = padded_batch(request, condition, self.card.latents, backend)
+        batch, noise = requests.padded_batch(request, condition, self.card.latents, backend)
         if sampling.steps in backend.fused:
             return backend.run_fused(batch, sampling)
-        denoiser, sampler = self.guided(sampling), self.sampler(sampling)
-
-        def chain(*arrays: Any) -> Float[Any, "rows longest features"]:
-            batch, steps = Batch(*arrays), sampling.steps
-            return features_from_noise(batch, denoiser, sampler, steps, noise, self._decoder)
-
-        # Fresh noise at every step comes from the host, which no recording asks.
-        launch = directly if sampling.sampler == "ddpm" else backend.launch
-        return launch(sampling, chain, *vars(batch).values())
+        chain = self.guided(sampling), self.sampler(sampling), sampling.steps, noise, self._decoder
+        # Fresh noise at every step comes from the host, which a recording cannot read.
+        if backend.launch is None or sampling.sampler == "ddpm":
+            return features_from_noise(batch, *chain)
+        return backend.launch(
+            sampling,
+            lambda *arrays: features_from_noise(Batch(*arrays), *chain),
+            *vars(batch).values(),
+        )
 
     def joints_of(
         self, features: Float[Any, "rows longest features"]
     ) -> Float[Any, "rows longest joints 3"]:
-        """Places the joints, where the backend's arrays are."""
-        # SMPL's representation asks the host for constants, which no recording does.
-        asks = isinstance(self.representation, SmplRepresentation)
-        launch = directly if asks else self.backend.launch
-        return launch("joints", self.representation.decode, features)
+        """Returns the joint positions of features, both arrays of the backend."""
+        # SMPL's representation reads constants from the host, which a recording cannot do.
+        if self.backend.launch is None or isinstance(self.representation, SmplRepresentation):
+            return self.representation.decode(features)
+        return self.backend.launch("joints", self.representation.decode, features)
+
+    def usual_seconds(self, prompts: Sequence[str]) -> list[float] | None:
+        """Returns the length in seconds that the model predicts for each prompt.
+
+        Returns:
+            None if the model predicts no lengths.
+
+        Raises:
+            InputError: A prompt is not of the model's kind.
+        """
+        requests.check_prompts(self.card, prompts)
+        if self.lengths is None or not prompts or not isinstance(self.condition, SentenceCondition):
+            return None
+        return self.lengths.usual(self.condition.encoder(prompts).pooled)
+
+    def edit(
+        self,
+        motion: Motion,
+        prompt: str,
+        between: tuple[float, float],
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+    ) -> Motion:
+        """Generates a part of a motion anew; all frames outside of it stay the same numbers.
+
+        Args:
+            motion: The motion, with the frame rate and skeleton of the model's.
+            prompt: What the person does in that part.
+            between: Its start and end, seconds.
+            seed: As for one motion.
+            steps: As for one motion.
+            guidance: As for one motion.
+
+        Raises:
+            InputError: The motion is of another kind, or the times are not within it.
+            ModelError: The model has no `pullback.onnx`.
+        """
+        from latentmotion.control.edit import gap_between
+
+        self._check_like(motion)
+        gap = gap_between(motion, between)
+        sampling = self.card.sampling.but(steps, guidance, None)
+        return self._filled(motion, motion.joints, gap, prompt, seed, sampling)
+
+    def between(
+        self,
+        start: Motion,
+        end: Motion,
+        seconds: float,
+        prompt: str = ON_THE_WAY,
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+    ) -> Motion:
+        """Generates what leads from one motion or pose to another; both are part of the result.
+
+        Args:
+            start: A motion, or a pose of one frame, whose frames stay the same numbers.
+            end: Likewise. Where it is says where the motion has to get.
+            seconds: How long the way from one to the other takes.
+            prompt: What the person does on the way.
+            seed: As for one motion.
+            steps: As for one motion.
+            guidance: As for one motion.
+
+        Raises:
+            InputError: The motions are of another kind or too far apart.
+            ModelError: The model has no `pullback.onnx`.
+        """
+        from latentmotion.control.edit import in_between
+
+        self._check_like(start)
+        joints, gap = in_between(start, end, seconds)
+        sampling = self.card.sampling.but(steps, guidance, None)
+        return self._filled(start, joints, gap, prompt, seed, sampling)
+
+    def loop(
+        self,
+        prompt: str,
+        seconds: float,
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+    ) -> Motion:
+        """Generates one turn of a seamless cycle, such as a step of a walk.
+
+        The frame after its last is its first, farther along its path; `cleaned` with `in_place`
+        takes the path away, but clean-up knows nothing of the cycle and may leave a small seam.
+
+        Args:
+            prompt: What the person does.
+            seconds: Length of a turn, rounded to 0.2 s.
+            seed: As for one motion.
+            steps: As for one motion; 2 or more.
+            guidance: As for one motion.
+
+        Raises:
+            InputError: A number is out of range.
+            ModelError: The model has no `pullback.onnx`.
+        """
+        from latentmotion.control.stream import STRIDE, looped
+
+        space, sees = self.representation, self._margin()
+        tokens = max(1, round(seconds * space.fps / STRIDE))
+        sampling = self.card.sampling.but(steps, guidance, None)
+        request = GenerationRequest((prompt,), (STRIDE * tokens,), (seed,), sampling)
+        request.check(self.card, space.fps)
+        z = self._sample_of(request)(STRIDE * tokens, lambda clean: clean)
+        features = looped(z, self._sample_known(request), self._decoded, sees, seed)
+        joints = np.asarray(space.decode(features), np.float32)
+        return Motion(joints, space.fps, space.skeleton, prompt, self._about(seed, sampling))
+
+    def stream(
+        self,
+        prompt: str,
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+        state: StreamState | None = None,
+    ) -> MotionStream:
+        """Returns an endless motion: an iterator of its next two seconds, in constant memory.
+
+        Args:
+            prompt: What the person does; `stream.say` changes it.
+            seed: As for one motion.
+            steps: As for one motion; 2 or more.
+            guidance: As for one motion.
+            state: Where an earlier stream is resumed.
+
+        Raises:
+            InputError: A number is out of range.
+            ModelError: The model has no `pullback.onnx`.
+        """
+        from latentmotion.control.stream import CALL, STRIDE, MotionStream, StreamState, advanced
+
+        space, sees = self.representation, self._margin()
+        sampling = self.card.sampling.but(steps, guidance, None)
+
+        def advance(
+            state: StreamState, prompt: str, seed: int
+        ) -> tuple[Float[np.ndarray, "frames joints 3"], StreamState]:
+            request = GenerationRequest((prompt,), (STRIDE * CALL,), (seed,), sampling)
+            request.check(self.card, space.fps)
+            known = self._sample_known(request)
+            return advanced(state, known, self._decoded, space, sees, seed)
+
+        first = state or StreamState.start(self.card.latents.width)
+        return MotionStream(prompt, seed, first, advance, space)
 
     def guided(self, sampling: Sampling) -> Denoiser:
         """Returns the denoiser with guidance around it, or inside it for a distilled model."""
-        if self.card.leaps:
-            return GuidanceAsInput(self._denoise, sampling.guidance, sampling.steps)
-        return ClassifierFreeGuidance(self._denoise, self._null, sampling.guidance)
+        if self.card.few_step:
+            return DistilledGuidance(self._denoise, sampling.guidance, sampling.steps)
+        card, rule = self.card, sampling.guidance_rule
+        scale, means = sampling.guidance, (card.schedule, card.parametrization)
+        return guided(rule, self._denoise, self._null, scale, *means)
 
     def sampler(self, sampling: Sampling) -> Sampler:
         """Returns the rule of a sampling step; override it to use a sampler of your own."""
@@ -258,19 +463,121 @@ class MotionPipeline:
 
     @cached_property
     def representation(self) -> Representation:
-        """What the features mean."""
+        """The motion features that the model makes."""
         return representation_of(self.card, self.body)
 
-    def _batches(self, request: GenerationRequest) -> list[list[int]]:
-        """Checks a request; returns which motions go through the networks together."""
-        request.check(self.card, self.representation.fps)
-        return batches(request.frames, self.max_batch_size, self.card.masks_padding)
+    def _directed(self, request: GenerationRequest, goals: Sequence[Goal]) -> Motion:
+        from latentmotion.control.direct import directed, direction_of
 
-    def _usual_seconds(self, prompts: Sequence[str]) -> list[float] | None:
-        check_prompts(self.card, prompts)
-        if self.lengths is None or not prompts or not isinstance(self.condition, SentenceCondition):
-            return None
-        return self.lengths.usual(self.condition.encoder(prompts).pooled)
+        (frames,), (prompt,), (seed,) = request.frames, request.prompts, request.seeds
+        motion, space = self._decoded(frames), self.representation
+        direction = direction_of(goals, frames, space.fps, space.skeleton)
+        made = directed(direction, motion, self._sample_of(request), space.fps)
+        about = {**self._about(seed, request.sampling), **made.metadata}
+        return replace(made, caption=prompt, metadata=about)
+
+    def _filled(
+        self,
+        motion: Motion,
+        joints: Float[np.ndarray, "frames joints 3"],
+        gap: Gap,
+        prompt: str,
+        seed: int,
+        sampling: Sampling,
+    ) -> Motion:
+        from latentmotion.control.edit import edited
+
+        first, last = gap.window
+        request = GenerationRequest((prompt,), (last - first,), (seed,), sampling)
+        request.check(self.card, motion.fps)
+        sample_latents = self._sample_of(request)
+        joints = edited(joints, gap, self._decoded, sample_latents, motion.fps, motion.skeleton)
+        caption = ", ".join(text for text in (motion.caption, prompt) if text)
+        about = {**motion.metadata, **self._about(seed, sampling)}
+        return Motion(joints, motion.fps, motion.skeleton, caption, about)
+
+    def _about(self, seed: int, sampling: Sampling) -> dict[str, Any]:
+        settings = {"seed": seed, "steps": sampling.steps, "guidance": sampling.guidance}
+        return {"model": self.card.name, **settings, "license": self.card.provenance.license}
+
+    def _check_like(self, motion: Motion) -> None:
+        fps, skeleton = self.representation.fps, self.representation.skeleton
+        if motion.skeleton.names != skeleton.names:
+            raise InputError(
+                f"the motion's skeleton is {motion.skeleton.name!r}, model {self.card.name!r} "
+                f"moves {skeleton.name!r}; convert it first: latentmotion.to_humanml3d"
+            )
+        if motion.fps != fps:
+            raise InputError(
+                f"the motion has {motion.fps:g} frames per second, model {self.card.name!r} "
+                f"makes {fps:g}; call motion.resampled({fps:g}) first"
+            )
+
+    def _decoded(self, frames: int) -> DecodedMotion:
+        """Returns a motion as a function of its latents.
+
+        Raises:
+            InputError: The model's features are of another kind.
+            ModelError: The model has no pullback.
+        """
+        from latentmotion.control.reach import DecodedMotion
+
+        pullback = self.backend.pullback
+        if pullback is None:
+            raise ModelError(
+                f"model {self.card.name!r} has no {PULLBACK_FILE}, so its motions cannot be "
+                "directed; export it again with this version (latentmotion export), or, if it runs "
+                "on PyTorch, choose --runtime onnxruntime. Only VAEs of convolutions have one."
+            )
+        scales, decoder = self._decoder, self.backend.decoder
+        return DecodedMotion(
+            decoder, pullback, scales.latents, scales.features, self.representation, frames
+        )
+
+    def _margin(self) -> int:
+        from latentmotion.control.stream import margin
+
+        self._decoded(1)
+        assert isinstance(self.card.vae, ConvolutionalVAEConfig)  # as it has a pullback
+        return margin(self.card.vae)
+
+    def _sample_known(self, request: GenerationRequest) -> SampleKnown:
+        from latentmotion.control.reach import Correction
+
+        def sample_known(
+            z: Float[np.ndarray, "tokens width"], known: Bool[np.ndarray, " tokens"], seed: int
+        ) -> Float[np.ndarray, "tokens width"]:
+            one, frames = replace(request, seeds=(seed,)), len(z) * 4
+            keep = Correction(self._decoded(frames), known=z, is_known=known)
+            return keep(self._sample_of(one)(frames, keep)[None])[0]
+
+        return sample_known
+
+    def _sample_of(self, request: GenerationRequest) -> Sample:
+        from latentmotion.control.reach import CorrectedDenoiser
+
+        sampling, card = request.sampling, self.card
+        condition = self.condition(request.prompts)
+
+        def sample_latents(
+            frames: int, correct: Callable[[np.ndarray], np.ndarray]
+        ) -> Float[np.ndarray, "tokens width"]:
+            one = replace(request, frames=(frames,))
+            batch, noise = requests.padded_batch(one, condition, card.latents, self.backend)
+            denoiser = CorrectedDenoiser(
+                self.guided(sampling), card.parametrization, card.schedule, correct
+            )
+            sampler, steps = self.sampler(sampling), sampling.steps
+            return sample(
+                denoiser, sampler, batch.noise, batch.condition, batch.tokens, steps, noise
+            )[0]
+
+        return sample_latents
+
+    def _batches(self, request: GenerationRequest) -> list[list[int]]:
+        """Checks a request; returns the motions of each batch."""
+        request.check(self.card, self.representation.fps)
+        return requests.batches(request.frames, self.max_batch_size, self.card.masks_padding)
 
     def _denoise(
         self,
@@ -278,29 +585,24 @@ class MotionPipeline:
         t: Float[Any, " batch"],
         condition: Conditioning,
         mask: Bool[Any, "batch tokens"],
-        leap: Leap | None = None,
+        step_condition: StepCondition | None = None,
     ) -> Float[Any, "batch tokens width"]:
         words, real = condition.tokens, condition.mask
-        told = {"guidance": leap.guidance, "stride": leap.stride} if leap else {}
+        told = (
+            {"guidance": step_condition.guidance, "step_size": step_condition.step_size}
+            if step_condition
+            else {}
+        )
         return self.backend.denoiser(z=z, t=t, words=words, words_mask=real, mask=mask, **told)
 
     @cached_property
     def _null(self) -> Conditioning:
-        null, place = self.condition.null(1), self.backend.place
-        return Conditioning(place(null.tokens), place(null.mask))
+        null, to_device = self.condition.null(1), self.backend.to_device
+        return Conditioning(to_device(null.tokens), to_device(null.mask))
 
     @cached_property
     def _decoder(self) -> FeatureDecoder:
-        return FeatureDecoder.of(self.card, self.backend.decoder, self.backend.place)
-
-    def _motion(
-        self, request: GenerationRequest, row: int, joints: Float[np.ndarray, "_ joints 3"]
-    ) -> Motion:
-        about = {"model": self.card.name, "seed": request.seeds[row]}
-        about |= {"steps": request.sampling.steps, "guidance": request.sampling.guidance}
-        about |= {"license": self.card.provenance.license}
-        part, joints = self.representation, np.asarray(joints, np.float32)
-        return Motion(joints, part.fps, part.skeleton, request.prompts[row], about)
+        return FeatureDecoder.of(self.card, self.backend.decoder, self.backend.to_device)
 
 
 def features_from_noise(
@@ -316,9 +618,9 @@ def features_from_noise(
     Args:
         batch: Noise, condition and masks, arrays of NumPy or PyTorch.
         denoiser: The network with its guidance.
-        sampler: The rule of a step.
+        sampler: The sampler.
         steps: Number of steps.
-        noise: Draws further noise, where the sampler wants any.
+        noise: Draws further noise for samplers that need it.
         decoder: The VAE's decoder with the scales of latents and features.
     """
     z = sample(denoiser, sampler, batch.noise, batch.condition, batch.tokens, steps, noise)
@@ -327,5 +629,5 @@ def features_from_noise(
 
 def sampler_of(card: ModelCard, sampling: Sampling) -> Sampler:
     """Returns the sampler for a model's schedule; a distilled one stops at its own few times."""
-    schedule = LeapTimes(card.schedule, card.leaps) if card.leaps else card.schedule
-    return sampler_named(sampling.sampler, schedule, card.prediction)
+    schedule = FewStepSchedule(card.schedule, card.few_step) if card.few_step else card.schedule
+    return sampler_named(sampling.sampler, schedule, card.parametrization)

@@ -105,10 +105,10 @@ def test_takes_are_read_as_we_wrote_them(tmp_path: Path):
     write_bvh(tmp_path / "a.bvh", animation)
     take = bvh.read_take(tmp_path / "a.bvh")
     order = [take.names.index(name) for name in animation.skeleton.names]
-    joints = take.places[:, 0][:, None] + np.zeros((20, len(order), 3))
+    joints = take.positions[:, 0][:, None] + np.zeros((20, len(order), 3))
     for joint, parent in enumerate(take.parents):
         if parent >= 0:
-            away = np.einsum("tab,tb->ta", take.turns[:, parent], take.places[:, joint])
+            away = np.einsum("tab,tb->ta", take.rotations[:, parent], take.positions[:, joint])
             joints[:, joint] = joints[:, parent] + away
     np.testing.assert_allclose(joints[:, order], animation.joints(), atol=1e-5)
     np.testing.assert_allclose(take.rest()[order], animation.skeleton.rest_joints(), atol=1e-6)

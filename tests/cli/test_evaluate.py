@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.checkpoint import FirstStageModel, load_model, save_model
 from latentmotion.cli.main import main
-from latentmotion.model.card import read_card
-from latentmotion.model.folder import find_model
+from latentmotion.model.card import find_model, read_card
+from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_model
 from tests.support.moving_figures import write_moving_figures
 
 ROWS = ["ground truth", "generated", "reconstruction (mean z)", "reconstruction (sampled z)"]

@@ -11,12 +11,9 @@ import pytest
 import torch
 
 from latentmotion.cli.main import main
-from latentmotion.evaluation.extractors.action_classifier import (
-    ActionClassifier,
-    save_action_classifier,
-)
-from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUConfig
-from latentmotion.model.folder import find_model
+from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
+from latentmotion.evaluation.evaluators.gru import HUMANACT12_LABELS, MotionGRUConfig
+from latentmotion.model.card import find_model
 from latentmotion.storage import pickles
 from tests.support.action_files import write_humanact12, write_uestc
 from tests.support.moving_figures import write_moving_figures

@@ -7,10 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from latentmotion.condition.action import ActionCondition
 from latentmotion.condition.interface import Condition, TextEmbedding, stack
-from latentmotion.condition.sentence import SentenceCondition, SentenceReading
-from latentmotion.condition.unconditional import Unconditional
+from latentmotion.condition.task import (
+    ActionCondition,
+    SentenceCondition,
+    TextConditioning,
+    Unconditional,
+)
 from latentmotion.errors import InputError
 
 
@@ -28,12 +31,12 @@ class LetterEncoder:
         return TextEmbedding(words.mean(1), words, np.ones(words.shape[:2], dtype=bool))
 
 
-BOTH = SentenceReading(words=3)
-WORDS = SentenceReading(pooled=False, words=9)
+BOTH = TextConditioning(words=3)
+WORDS = TextConditioning(pooled=False, words=9)
 
 CONDITIONS = {
     "both": (
-        SentenceCondition(LetterEncoder(), SentenceReading(words=3)),
+        SentenceCondition(LetterEncoder(), TextConditioning(words=3)),
         ["walk", "go", "a kick"],
     ),
     "pooled": (SentenceCondition(LetterEncoder()), ["walk", "go", "a kick"]),
@@ -83,14 +86,14 @@ def test_words_are_padded_with_zeros() -> None:
 
 def test_the_pooled_sentence_comes_before_as_many_words_as_asked_for() -> None:
     encoder = LetterEncoder()
-    found = SentenceCondition(encoder, SentenceReading(words=2))(["walk"])
+    found = SentenceCondition(encoder, TextConditioning(words=2))(["walk"])
     embedded = encoder(["walk"])
     np.testing.assert_array_equal(found.tokens[0, 0], embedded.pooled[0])
     np.testing.assert_array_equal(found.tokens[0, 1:], embedded.words[0, :2])
     with pytest.raises(InputError, match="words of at least 1"):
-        SentenceReading(pooled=False)
+        TextConditioning(pooled=False)
 
 
 def test_a_pooled_sentence_alone_may_be_of_another_width_than_words() -> None:
     embedded = TextEmbedding(np.ones((2, 5)), np.ones((2, 3, 4)), np.ones((2, 3), dtype=bool))
-    assert SentenceReading()(embedded).tokens.shape == (2, 1, 5)
+    assert TextConditioning()(embedded).tokens.shape == (2, 1, 5)

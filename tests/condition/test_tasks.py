@@ -12,18 +12,16 @@ import torch
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition.action import ActionCondition
-from latentmotion.condition.task import ActionTask
-from latentmotion.condition.unconditional import Unconditional
-from latentmotion.data.manifest import read_manifest
+from latentmotion.condition.task import ActionCondition, ActionTask, Unconditional
+from latentmotion.data.store import read_manifest
 from latentmotion.errors import InputError
+from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.model.card import read_card
-from latentmotion.runtime.eager import torch_pipeline
 from latentmotion.storage.configuration import write_json
 from latentmotion.training.stages import train_denoiser
-from latentmotion.training.steering import PromptTable
+from latentmotion.training.task_conditions import ConditionTable
 from tests.support.moving_figures import write_moving_figures
-from tests.support.small_training import CHANGES, PLACE, small
+from tests.support.small_training import CHANGES, CONTEXT, small
 
 LABELS = [f"sway{side}{number}" for side in ("Left", "Right") for number in range(3)]
 
@@ -59,7 +57,7 @@ def test_mirrored_copies_have_labels_of_their_own(
     figures: Path, vae_run: Path, tmp_path: Path
 ) -> None:
     experiment = small(task="action", mirrored=False, **{"denoiser_training.steps": 1})
-    model = train_denoiser(experiment, figures, vae_run, None, tmp_path / "run", PLACE)
+    model = train_denoiser(experiment, figures, vae_run, None, tmp_path / "run", CONTEXT)
     assert read_card(model).condition.known_prompts == tuple(LABELS[:3])
 
 
@@ -80,7 +78,7 @@ def test_an_action_model_generates(actions: Path) -> None:
 
 
 def test_an_unconditional_model_generates(nothing: Path) -> None:
-    assert read_card(nothing).guidance == 1
+    assert read_card(nothing).sampling.guidance == 1
     generate = torch_pipeline(nothing)
     plain, guided = (generate(seconds=1.2, seed=3, steps=2, guidance=g).joints for g in (1, 7))
     np.testing.assert_allclose(plain, guided, atol=1e-4)
@@ -145,7 +143,7 @@ def test_pytorch_runs_what_was_not_exported_or_says_that_it_is_missing(
     words = ["generate", "swayLeft1", "--steps", "1", "--no-clean", "-o", str(tmp_path / "a.npz")]
     main([*words, "--model", str(actions)])
     assert "has no graphs (latentmotion export); PyTorch runs it" in capsys.readouterr().err
-    monkeypatch.setattr("latentmotion.cli.loading.find_spec", lambda name: None)
+    monkeypatch.setattr("latentmotion.cli.generate.find_spec", lambda name: None)
     with pytest.raises(SystemExit):
         main([*words, "--model", str(actions)])
     assert "latentmotion export, or here: pip install" in capsys.readouterr().err
@@ -162,9 +160,9 @@ def test_data_without_labels_cannot_train_actions(
     bare = tuple(replace(c, action=None, mirrored_action=None) for c in manifest.clips)
     write_json(folder / "manifest.json", replace(manifest, clips=bare))
     with pytest.raises(InputError, match="has an action label"):
-        train_denoiser(small(task="action"), folder, vae_run, None, tmp_path / "run", PLACE)
+        train_denoiser(small(task="action"), folder, vae_run, None, tmp_path / "run", CONTEXT)
     with pytest.raises(InputError, match="needs a text encoder"):
-        train_denoiser(small(), figures, vae_run, None, tmp_path / "run", PLACE)
+        train_denoiser(small(), figures, vae_run, None, tmp_path / "run", CONTEXT)
 
 
 def test_labels_only_held_out_clips_have_are_left_out(
@@ -177,13 +175,13 @@ def test_labels_only_held_out_clips_have_are_left_out(
         folder / "manifest.json", replace(manifest, clips=(*known, replace(last, action="new")))
     )
     experiment = small(task="action", **{"denoiser_training.steps": 1})
-    model = train_denoiser(experiment, folder, vae_run, None, tmp_path / "run", PLACE)
+    model = train_denoiser(experiment, folder, vae_run, None, tmp_path / "run", CONTEXT)
     assert "new" not in read_card(model).condition.known_prompts
 
 
 def test_a_table_of_prompts_has_the_null_condition_under_the_empty_prompt() -> None:
     device = torch.device("cpu")
-    table = PromptTable(ActionCondition(("kick", "walk")), ["walk", ""], device)
+    table = ConditionTable(ActionCondition(("kick", "walk")), ["walk", ""], device)
     np.testing.assert_array_equal(table(["", "walk"]).tokens[:, 0], [[0, 0], [0, 1]])
-    table = PromptTable(Unconditional(3), [], device)
+    table = ConditionTable(Unconditional(3), [], device)
     assert table(["", ""]).tokens.shape == (2, 0, 3)

@@ -15,14 +15,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.checkpoint import load_model
 from latentmotion.cli.convert import Convert
 from latentmotion.cli.main import main
+from latentmotion.convert.mld import Origin, Unstated, convert_checkpoint
+from latentmotion.convert.reading import read_checkpoint
+from latentmotion.convert.weight_names import rename
 from latentmotion.errors import InputError, ModelError
-from latentmotion.upstream.configurations import Unstated
-from latentmotion.upstream.conversion import Origin, convert_checkpoint
-from latentmotion.upstream.names import rename
-from latentmotion.upstream.reading import read_checkpoint
+from latentmotion.networks.checkpoint import load_model
 
 
 def layer(prefix: str) -> dict[str, Tensor]:

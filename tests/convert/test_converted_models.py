@@ -12,19 +12,19 @@ import torch
 from transformers import PreTrainedTokenizerFast
 
 from latentmotion import MotionPipeline
-from latentmotion.checkpoint import save_model
 from latentmotion.cli.main import main
 from latentmotion.condition.task import ActionTask
-from latentmotion.condition.text.pretrained import PretrainedTextEncoder
-from latentmotion.condition.text.pretrained_export import export_pretrained
-from latentmotion.condition.text.student import load_text_encoder
-from latentmotion.model.config import DenoiserConfig
+from latentmotion.export.text_encoder import export_pretrained
+from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.model.vae_config import (
     IdentityVAEConfig,
     LatentSpace,
     TransformerVAEConfig,
 )
-from latentmotion.runtime.eager import torch_pipeline
+from latentmotion.networks.checkpoint import save_model
+from latentmotion.networks.pretrained_text import PretrainedTextEncoder
+from latentmotion.text.encoder import load_text_encoder
 from tests.support.tiny_text import CAPTIONS, clip, teacher_tokenizer, write_dense, write_t5
 from tests.support.untrained import SMALL, card, untrained
 
@@ -45,7 +45,7 @@ def clip_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def write_text_model(folder: Path) -> None:
     denoiser = DenoiserConfig(
         16, 16, SMALL, project_latents=False, condition_projection="relu_linear",
-        places="latents_first", sine_width=16,
+        positions="latents_first", sine_width=16,
     )  # fmt: skip
     vae = TransformerVAEConfig(features=251, transformer=SMALL)
     about = card(251, "kit", LatentSpace(16, tokens=1))
@@ -54,11 +54,13 @@ def write_text_model(folder: Path) -> None:
 
 def write_raw_model(folder: Path) -> None:
     denoiser = DenoiserConfig(
-        263, 3, SMALL, condition_projection="table", places="context_first", sine_width=16,
-        position="sine", sees_padding=True,
+        263, 3, SMALL, condition_projection="table", positions="context_first", sine_width=16,
+        position="sine", attends_to_padding=True,
     )  # fmt: skip
     about = card(263, "humanml3d", LatentSpace(263, frames_per_token=1))
-    about = replace(about, condition=ActionTask(("a", "b", "c")), steps=1000, sampler="ddpm")
+    about = replace(
+        about, condition=ActionTask(("a", "b", "c")), sampling=Sampling(1000, 7.5, "ddpm")
+    )
     save_model(folder, untrained(about, IdentityVAEConfig(263), denoiser))
 
 
@@ -137,7 +139,9 @@ def test_raw_frames_run_as_a_graph(tmp_path: Path) -> None:
 
 
 def test_actions_of_smpl_generate(tmp_path: Path) -> None:
-    denoiser = DenoiserConfig(16, 12, SMALL, False, "table", places="latents_first", sine_width=16)
+    denoiser = DenoiserConfig(
+        16, 12, SMALL, False, "table", positions="latents_first", sine_width=16
+    )
     about = card(150, "smpl", LatentSpace(16, tokens=1))
     about = replace(about, condition=ActionTask(tuple(map(str, range(12)))))
     vae = TransformerVAEConfig(features=150, transformer=SMALL, position="sine")

@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.data.annotations import read_index, read_splits
-from latentmotion.data.cmu import CmuTrials
-from latentmotion.data.cmu_rates import native_fps
-from latentmotion.data.cmu_trials import find_trials, trial_of
-from latentmotion.data.encoding import encode
+from latentmotion.data.prepare import encode
 from latentmotion.data.recording import Dropped, EncodedRecording, Recording
+from latentmotion.data.sources.cmu import CmuTrials, find_trials, native_fps, trial_of
+from latentmotion.data.sources.humanml3d import read_index, read_splits
 from latentmotion.errors import DataError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.mocap_folders import (

@@ -12,16 +12,15 @@ import pytest
 from latentmotion.cli.main import main
 from latentmotion.data.captions import TaggedSentence, mirror_sentence
 from latentmotion.data.clip import Source, Split
-from latentmotion.data.composable import parts_of_dataset
 from latentmotion.data.compose import Composition, compose
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.encoding import encode
-from latentmotion.data.manifest import COMPOSED, MANIFEST
-from latentmotion.data.preparation import Preparation
+from latentmotion.data.pairing import action_clips
+from latentmotion.data.prepare import Preparation, encode
 from latentmotion.data.recording import EncodedRecording, Label, Recording
 from latentmotion.data.splicing import splice
+from latentmotion.data.store import COMPOSED, MANIFEST
 from latentmotion.describe.clauses import read_clauses
-from latentmotion.describe.ordering import in_order
+from latentmotion.describe.rewording import in_order
 from latentmotion.errors import DataError
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
@@ -99,7 +98,7 @@ def test_feet_that_stand_at_the_seam_stay() -> None:
 
 
 def test_only_single_actions_of_the_train_split_are_parts(folder: Path) -> None:
-    names = {part.name for part in parts_of_dataset(Dataset.load(folder))}
+    names = {part.name for part in action_clips(Dataset.load(folder))}
     single = ("wave", "kick", "punch", "bow")
     assert names == {f"{side}{name}" for name in single for side in ("", "M")}
 
@@ -144,7 +143,7 @@ def test_command_writes_a_folder_that_merges(folder: Path, tmp_path: Path) -> No
     splits = {clip.split for clip in dataset.manifest.clips if clip.source == COMPOSED}
     assert splits == {"train"}
     assert COMPOSED in {source.name for source in dataset.sources}
-    assert all(part.clip.source != COMPOSED for part in parts_of_dataset(dataset))
+    assert all(part.clip.source != COMPOSED for part in action_clips(dataset))
 
 
 def test_synthetic_clip_in_a_test_set_is_refused(folder: Path, tmp_path: Path) -> None:
@@ -160,7 +159,7 @@ def test_synthetic_clip_in_a_test_set_is_refused(folder: Path, tmp_path: Path) -
 def test_folder_without_single_actions_is_told(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("latentmotion.data.compose.parts_of_dataset", lambda dataset: [])
+    monkeypatch.setattr("latentmotion.data.compose.action_clips", lambda dataset: [])
     with pytest.raises(DataError, match="0 train clips tell of a single action"):
         compose(Dataset.load(folder), Composition(count=1))
 

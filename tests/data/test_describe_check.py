@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from latentmotion.cli.main import main
-from latentmotion.data.contradictions import contradiction
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.described import contradiction
 from latentmotion.formats import npz
 from latentmotion.motion import Motion
 from tests.support.simple_motions import figure

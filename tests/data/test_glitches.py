@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.data.glitches import find_glitch
-from latentmotion.data.resampling import every
+from latentmotion.data.quality import find_glitch
+from latentmotion.data.takes import every
 from tests.support.mocap_folders import swaying
 
 FPS = 20.0

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from latentmotion.data.captions import mirror_words
-from latentmotion.data.encoding import encode
-from latentmotion.data.hdm05 import CLASSES, find_clips, hdm05_recordings, split_of
+from latentmotion.data.prepare import encode
 from latentmotion.data.recording import EncodedRecording, Recording
+from latentmotion.data.sources.hdm05 import CLASSES, find_clips, hdm05_recordings, split_of
 from latentmotion.errors import DataError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 

@@ -7,8 +7,8 @@ import pytest
 
 from latentmotion.cli.main import main
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.humanml3d import HUMANML3D, official_normalizer, official_recordings
 from latentmotion.data.recording import Dropped
+from latentmotion.data.sources.humanml3d import HUMANML3D, official_normalizer, official_recordings
 from latentmotion.errors import DataError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from tests.support.mocap_folders import write_official

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from latentmotion.data.captions import TaggedSentence
-from latentmotion.data.joining import join_sentences, joined, touching
-from latentmotion.data.mocap6 import read_exercises
 from latentmotion.data.recording import Label, Recording
+from latentmotion.data.segments import join_sentences, joined, touching
+from latentmotion.data.sources.cmu import read_exercises
 from latentmotion.errors import FileFormatError
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from latentmotion.data.clip import Source
-from latentmotion.data.finding import files_below
-from latentmotion.data.own import OwnMotions
 from latentmotion.data.recording import Dropped, Recording
+from latentmotion.data.sources.own import OwnMotions
+from latentmotion.data.takes import files_below
 from latentmotion.errors import DataError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.kinematics.animation import Animation

@@ -15,11 +15,10 @@ from latentmotion.cli.main import main
 from latentmotion.data import store
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.manifest import MANIFEST
-from latentmotion.data.pack.directions import BoneCoder
+from latentmotion.data.pack.coding import BoneCoder
 from latentmotion.data.pack.packing import pack, unpack, unpacked
-from latentmotion.data.preparation import merge
-from latentmotion.data.store import StoredMotion, write_dataset
+from latentmotion.data.prepare import merge
+from latentmotion.data.store import MANIFEST, StoredMotion, write_dataset
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D

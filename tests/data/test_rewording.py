@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion.data.clip import Caption
-from latentmotion.data.rewording import reworded_captions
+from latentmotion.data.described import reworded_captions
 from latentmotion.describe.clauses import read_clauses
 from latentmotion.describe.rewording import rewordings
 from latentmotion.describe.verbs import present_participle, third_person

@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.data.glitches import clean_spans
+from latentmotion.data.quality import (
+    begins_with_t_pose,
+    clean_spans,
+    held_t_pose,
+    is_blended,
+    without_blend,
+)
 from latentmotion.data.segments import LONGEST, SHORTEST, pieces
-from latentmotion.data.t_pose import begins_with_t_pose, held_t_pose, is_blended, without_blend
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D

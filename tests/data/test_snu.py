@@ -7,12 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.data.evidence import shows
 from latentmotion.data.recording import Dropped, Recording
-from latentmotion.data.snu import find_takes, recording_of, snu_recordings
-from latentmotion.data.snu_actions import ACTIONS, sentences_of
-from latentmotion.data.snu_annotations import Group, Span, grouped, read_annotations
-from latentmotion.data.snu_names import namings, sentences_for
+from latentmotion.data.sources.evidence import shows
+from latentmotion.data.sources.snu import (
+    ACTIONS,
+    Group,
+    Span,
+    find_takes,
+    grouped,
+    namings,
+    read_annotations,
+    recording_of,
+    sentences_for,
+    sentences_of,
+    snu_recordings,
+)
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.kinematics.animation import Animation

@@ -10,8 +10,8 @@ from latentmotion.data import store
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.inspection import inspect_folder
-from latentmotion.data.manifest import MANIFEST, StoredNormalizer
-from latentmotion.data.preparation import merge
+from latentmotion.data.prepare import merge
+from latentmotion.data.store import MANIFEST, StoredNormalizer
 from latentmotion.errors import DataError, InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.moving_figures import motion, write_moving_figures

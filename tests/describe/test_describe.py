@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from latentmotion.data.captions import mirror_words
-from latentmotion.data.hdm05 import hdm05_recordings
 from latentmotion.data.recording import Recording
+from latentmotion.data.sources.hdm05 import hdm05_recordings
 from latentmotion.describe.agreement import check
 from latentmotion.describe.claims import Claim, claims_of
 from latentmotion.describe.facts import Description
-from latentmotion.describe.holding import holds
 from latentmotion.describe.reading import describe
 from latentmotion.describe.sentences import sentences
-from latentmotion.describe.windows import Windows, caption_windows
+from latentmotion.describe.windows import Windows, caption_windows, holds
 from latentmotion.errors import InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.simple_motions import FPS, figure, mirrored, raised
@@ -132,7 +131,7 @@ def test_a_given_caption_is_used_unless_the_motion_contradicts_it() -> None:
             "walk in a clockwise circle",
             [Claim("walk"), Claim("circle", side="right")],
         ),
-        ("he turns the steering wheel to the left", [Claim("twist", side="left")]),
+        ("he turns the conditioning wheel to the left", [Claim("twist", side="left")]),
         ("a person does jumping jacks", []),
         ("she raises her right knee", [Claim("knee", side="right")]),
     ],

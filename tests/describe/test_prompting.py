@@ -10,9 +10,8 @@ import pytest
 
 from latentmotion.data.captions import mirror_words
 from latentmotion.describe.claims import claims_of
-from latentmotion.describe.prompt_wording import KINDS, wording
-from latentmotion.describe.prompting import plain, prompts, prompts_in_order
-from latentmotion.describe.single import SingleAction
+from latentmotion.describe.facts import SingleAction
+from latentmotion.describe.prompting import KINDS, plain, prompts, prompts_in_order, wording
 
 _GAITS = ("walk", "jog", "run")
 _TURNING = ("walk_then_turn", "turn_then_walk", "turn_and_return", "circle", "half_circle")

@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 
 from latentmotion.data.described import without_captions
-from latentmotion.data.hdm05 import hdm05_recordings
-from latentmotion.data.manifest import StoredClip
 from latentmotion.data.recording import Recording
 from latentmotion.data.singles import Found, category_of, with_prompts
-from latentmotion.describe.scene import scene_of
-from latentmotion.describe.single import SingleAction
+from latentmotion.data.sources.hdm05 import hdm05_recordings
+from latentmotion.data.store import StoredClip
+from latentmotion.describe.facts import SingleAction
+from latentmotion.describe.reading import scene_of
 from latentmotion.describe.single_actions import LONGEST, SHORTEST, single_actions
-from latentmotion.evaluation.instructions.checking import fulfills
-from latentmotion.evaluation.instructions.expressions import parse
-from latentmotion.evaluation.instructions.prompts import refused_captions
+from latentmotion.instructions.checking import fulfills
+from latentmotion.instructions.prompts import parse, refused_captions
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.simple_motions import FPS, figure, mirrored, raised
 

@@ -11,9 +11,15 @@ import pytest
 import torch
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop
-from latentmotion.diffusion.prediction import Epsilon, Prediction, Sample, Velocity, add_noise
-from latentmotion.diffusion.sampler import DDIM, DDPM, Sampler, sample, sampler_named
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop, guided
+from latentmotion.diffusion.parametrization import (
+    Epsilon,
+    Parametrization,
+    Sample,
+    Velocity,
+    add_noise,
+)
+from latentmotion.diffusion.samplers import DDIM, DDPM, Sampler, sample, sampler_named
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
 from latentmotion.diffusion.second_order import DPMSolver, Heun
 from latentmotion.errors import InputError
@@ -37,15 +43,15 @@ def unused(shape: tuple[int, ...]) -> np.ndarray:
 class KnownPoint:
     """The perfect denoiser of data that is one point, whatever it is asked to predict."""
 
-    def __init__(self, point: Any, schedule: Schedule, prediction: Prediction) -> None:
+    def __init__(self, point: Any, schedule: Schedule, parametrization: Parametrization) -> None:
         self.point = point
         self.schedule = schedule
-        self.prediction = prediction
+        self.parametrization = parametrization
 
     def __call__(self, z: Any, t: Any, condition: Any, mask: Any) -> Any:
         time = float(t[0])
         epsilon = (z - self.schedule.alpha(time) * self.point) / self.schedule.sigma(time)
-        return self.prediction.target(self.point, epsilon, t, self.schedule)
+        return self.parametrization.target(self.point, epsilon, t, self.schedule)
 
 
 class KnownGaussian(KnownPoint):
@@ -58,7 +64,7 @@ class KnownGaussian(KnownPoint):
         alpha, sigma = self.schedule.alpha(time), self.schedule.sigma(time)
         gain = alpha * self.spread**2 / (alpha**2 * self.spread**2 + sigma**2)
         z0 = self.point + gain * (z - alpha * self.point)
-        return self.prediction.target(z0, (z - alpha * z0) / sigma, t, self.schedule)
+        return self.parametrization.target(z0, (z - alpha * z0) / sigma, t, self.schedule)
 
 
 # Schedules
@@ -67,18 +73,18 @@ class KnownGaussian(KnownPoint):
 @pytest.mark.parametrize("schedule", SCHEDULES)
 def test_times_descend_to_the_end(schedule: Schedule) -> None:
     for steps in (1, 7, 50, 1000):
-        times = schedule.times(steps)
+        times = schedule.timesteps(steps)
         assert len(times) == steps + 1
         # With 1,000 steps the authors' discrete times end at 0 twice.
         assert (np.diff(times) < 0).sum() >= min(steps, 999)
     for steps in (0, -1, 100_000):
         with pytest.raises(InputError, match=str(steps)):
-            schedule.times(steps)
+            schedule.timesteps(steps)
 
 
 def test_times_of_the_paper() -> None:
-    assert ScaledLinear().times(50).tolist() == [*range(981, 0, -20), 0]
-    assert LinearPath().times(4).tolist() == [1, 0.75, 0.5, 0.25, 0]
+    assert ScaledLinear().timesteps(50).tolist() == [*range(981, 0, -20), 0]
+    assert LinearPath().timesteps(4).tolist() == [1, 0.75, 0.5, 0.25, 0]
 
 
 def test_signal_of_the_paper() -> None:
@@ -106,14 +112,14 @@ def test_mdms_signal_is_a_squared_cosine(length: int) -> None:
     cosine = np.cos(np.pi / 2 * (fractions + 0.008) / 1.008) ** 2
     assert np.allclose(signal[:-1], cosine / cosine[0], rtol=1e-6)
     assert schedule.alpha(length - 1) < 0.05
-    assert schedule.times(length).tolist() == [*range(length - 1, -1, -1), -1]
+    assert schedule.timesteps(length).tolist() == [*range(length - 1, -1, -1), -1]
     with pytest.raises(InputError, match=str(length + 1)):
-        schedule.times(length + 1)
+        schedule.timesteps(length + 1)
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
 def test_a_scalar_time_is_a_vector_of_equal_times(schedule: Schedule) -> None:
-    times = schedule.times(10)[1:-1]
+    times = schedule.timesteps(10)[1:-1]
     for weight in (schedule.alpha, schedule.sigma):
         scalars = [weight(t) for t in times.tolist()]
         assert np.allclose(weight(times), scalars, atol=1e-6)
@@ -122,23 +128,23 @@ def test_a_scalar_time_is_a_vector_of_equal_times(schedule: Schedule) -> None:
 
 def test_fractions_become_times() -> None:
     u = torch.tensor([0.0, 0.4999, 0.99999])
-    assert ScaledLinear().at(u).tolist() == [0, 499, 999]
-    assert LinearPath().at(u) is u
+    assert ScaledLinear().time_at(u).tolist() == [0, 499, 999]
+    assert LinearPath().time_at(u) is u
 
 
 # Predictions
 
 
-@pytest.mark.parametrize("prediction", PREDICTIONS)
+@pytest.mark.parametrize("parametrization", PREDICTIONS)
 @pytest.mark.parametrize("schedule", SCHEDULES)
-def test_split_undoes_target(schedule: Schedule, prediction: Prediction) -> None:
+def test_to_x0_eps_undoes_target(schedule: Schedule, parametrization: Parametrization) -> None:
     z0, epsilon = normal(0), normal(1)
-    t = schedule.at(np.array([0.1, 0.5, 0.9], np.float32))
+    t = schedule.time_at(np.array([0.1, 0.5, 0.9], np.float32))
     for array in (np.asarray, torch.from_numpy):
         clean, noise, time = array(z0), array(epsilon), array(t)
         z = add_noise(clean, noise, time, schedule)
-        output = prediction.target(clean, noise, time, schedule)
-        found = prediction.split(output, z, time, schedule)
+        output = parametrization.target(clean, noise, time, schedule)
+        found = parametrization.to_x0_eps(output, z, time, schedule)
         assert np.allclose(found[0], z0, atol=1e-4)
         assert np.allclose(found[1], epsilon, atol=1e-4)
 
@@ -146,8 +152,10 @@ def test_split_undoes_target(schedule: Schedule, prediction: Prediction) -> None
 def test_velocity_is_the_slope_of_the_line() -> None:
     z0, epsilon, t = normal(0), normal(1), np.full(3, 0.3, np.float32)
     later = add_noise(z0, epsilon, t + 0.5, LinearPath())
-    slope = (later - add_noise(z0, epsilon, t, LinearPath())) / 0.5
-    assert np.allclose(Velocity().target(z0, epsilon, t, LinearPath()), slope, atol=1e-5)
+    velocity_coefficients = (later - add_noise(z0, epsilon, t, LinearPath())) / 0.5
+    assert np.allclose(
+        Velocity().target(z0, epsilon, t, LinearPath()), velocity_coefficients, atol=1e-5
+    )
 
 
 # Samplers
@@ -155,7 +163,7 @@ def test_velocity_is_the_slope_of_the_line() -> None:
 
 @pytest.mark.parametrize(("length", "steps"), [(1000, 1000), (1000, 50), (50, 50)])
 def test_mdms_ancestral_sampling_against_diffusers(length: int, steps: int) -> None:
-    """The answer is a clean sample; the last step returns it as it is."""
+    """The model_output is a clean sample; the last step returns it as it is."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         diffusers = pytest.importorskip("diffusers")
@@ -169,21 +177,21 @@ def test_mdms_ancestral_sampling_against_diffusers(length: int, steps: int) -> N
     ours = sampler_named("ddpm", Cosine(length), Sample())
     theirs, z = torch.from_numpy(normal(0)), normal(0)
     seed, same_seed = torch.Generator().manual_seed(5), torch.Generator().manual_seed(5)
-    for t, s in pairwise(ours.schedule.times(steps).tolist()):
+    for t, s in pairwise(ours.schedule.timesteps(steps).tolist()):
         theirs = foreign.step(toy_network(theirs, t), int(t), theirs, generator=seed).prev_sample
         draw = lambda shape: torch.randn(shape, generator=same_seed).numpy()  # noqa: E731
-        answer = toy_network(z, t)
-        z = ours.step(answer, z, t, s, draw)
+        model_output = toy_network(z, t)
+        z = ours.step(model_output, z, t, s, draw)
     assert np.abs(z - theirs.numpy()).max() < 2e-3 * np.abs(z).max()
-    assert np.allclose(z, answer, atol=1e-5)
+    assert np.allclose(z, model_output, atol=1e-5)
 
 
-def foreign_scheduler(kind: str, prediction: str) -> Any:
+def foreign_scheduler(kind: str, parametrization: str) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         diffusers = pytest.importorskip("diffusers")
     betas = {"beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear"}
-    common = {**betas, "clip_sample": False, "prediction_type": prediction}
+    common = {**betas, "clip_sample": False, "prediction_type": parametrization}
     if kind == "ddim":
         return diffusers.DDIMScheduler(**common, set_alpha_to_one=False, steps_offset=1)
     return diffusers.DDPMScheduler(**common, variance_type="fixed_small")
@@ -199,7 +207,7 @@ def test_ddim_against_diffusers(name: str, eta: float) -> None:
     foreign, ours = foreign_scheduler("ddim", name), DDIM(ScaledLinear(), FOREIGN_NAMES[name], eta)
     foreign.set_timesteps(50)
     theirs, z = torch.from_numpy(normal(0)), normal(0)
-    for i, (t, s) in enumerate(pairwise(ours.schedule.times(50).tolist())):
+    for i, (t, s) in enumerate(pairwise(ours.schedule.timesteps(50).tolist())):
         noise = normal(100 + i)
         output = toy_network(theirs, t)
         fresh = torch.from_numpy(noise) if eta else None
@@ -217,7 +225,7 @@ def test_ddpm_against_diffusers(name: str, steps: int) -> None:
     foreign.set_timesteps(steps)
     theirs, z = torch.from_numpy(normal(0)), normal(0)
     seed, same_seed = torch.Generator().manual_seed(5), torch.Generator().manual_seed(5)
-    for t, s in pairwise(ours.schedule.times(steps).tolist()):
+    for t, s in pairwise(ours.schedule.timesteps(steps).tolist()):
         theirs = foreign.step(toy_network(theirs, t), int(t), theirs, generator=seed).prev_sample
         draw = lambda shape: torch.randn(shape, generator=same_seed).numpy()  # noqa: E731
         z = ours.step(toy_network(z, t), z, t, s, draw)
@@ -226,12 +234,12 @@ def test_ddpm_against_diffusers(name: str, steps: int) -> None:
 
 def every_sampler() -> list[Sampler]:
     return [
-        make(schedule, prediction)
+        make(schedule, parametrization)
         for make in (DDIM, DDPM, lambda *parts: DDIM(*parts, eta=1.0), Heun, DPMSolver)
         for schedule in SCHEDULES
-        for prediction in PREDICTIONS
+        for parametrization in PREDICTIONS
         # The straight line starts without any signal, where noise alone tells nothing of z_0.
-        if not (isinstance(schedule, LinearPath) and isinstance(prediction, Epsilon))
+        if not (isinstance(schedule, LinearPath) and isinstance(parametrization, Epsilon))
     ]
 
 
@@ -239,10 +247,10 @@ def every_sampler() -> list[Sampler]:
 def test_a_known_point_is_hit_exactly(sampler: Any) -> None:
     point, noise = normal(3), normal(4)
     before = noise.copy()
-    denoiser = KnownPoint(point, sampler.schedule, sampler.prediction)
+    denoiser = KnownPoint(point, sampler.schedule, sampler.parametrization)
     draws = np.random.default_rng(0)
     found = sample(denoiser, sampler, noise, NOBODY, MASK, 20, draws.standard_normal)
-    left = sampler.schedule.sigma(float(sampler.schedule.times(20)[-1]))
+    left = sampler.schedule.sigma(float(sampler.schedule.timesteps(20)[-1]))
     assert np.abs(found - point).max() < 5 * left + 1e-3
     assert np.array_equal(noise, before)
 
@@ -251,7 +259,7 @@ def test_a_known_point_is_hit_exactly(sampler: Any) -> None:
 def test_torch_and_numpy_agree_and_a_seed_repeats(sampler: Any) -> None:
     results = []
     for array in (np.asarray, np.asarray, torch.from_numpy):
-        denoiser = KnownGaussian(array(normal(3)), sampler.schedule, sampler.prediction)
+        denoiser = KnownGaussian(array(normal(3)), sampler.schedule, sampler.parametrization)
         draw = np.random.default_rng(1).standard_normal
         results.append(sample(denoiser, sampler, array(normal(4)), NOBODY, MASK, 20, draw))
     assert np.array_equal(results[0], results[1])
@@ -268,7 +276,7 @@ class Smooth(Cosine):
     def sigma(self, t: Any) -> Any:
         return np.sin(np.pi / 2 * t)
 
-    def times(self, steps: int) -> np.ndarray:
+    def timesteps(self, steps: int) -> np.ndarray:
         """Equal steps of log(alpha / sigma), for which multistep solvers are made."""
         return np.arctan(np.exp(-np.linspace(-4, 4, steps + 1))) * 2 / np.pi
 
@@ -277,12 +285,12 @@ def error_of(sampler: Sampler, steps: int) -> float:
     """(z_t - alpha m) / sqrt(alpha² s² + sigma²) is constant along the flow of a Gaussian."""
     schedule = sampler.schedule
     point, noise = normal(3).astype(float), normal(4).astype(float)
-    denoiser = KnownGaussian(point, schedule, sampler.prediction)
+    denoiser = KnownGaussian(point, schedule, sampler.parametrization)
 
     def scale(t: float) -> float:
         return (schedule.alpha(t) ** 2 * denoiser.spread**2 + schedule.sigma(t) ** 2) ** 0.5
 
-    first, *_, last = schedule.times(steps).tolist()
+    first, *_, last = schedule.timesteps(steps).tolist()
     found = sample(denoiser, sampler, noise, NOBODY, MASK, steps, unused)
     along = (noise - schedule.alpha(first) * point) / scale(first)
     exact = schedule.alpha(last) * point + scale(last) * along
@@ -290,14 +298,14 @@ def error_of(sampler: Sampler, steps: int) -> float:
 
 
 @pytest.mark.parametrize(("make", "order"), [(DDIM, 1), (Heun, 2), (DPMSolver, 2)])
-@pytest.mark.parametrize("prediction", PREDICTIONS)
+@pytest.mark.parametrize("parametrization", PREDICTIONS)
 @pytest.mark.parametrize("schedule", [Smooth(), LinearPath()])
 def test_errors_fall_by_the_order(
-    make: Any, order: int, prediction: Prediction, schedule: Schedule
+    make: Any, order: int, parametrization: Parametrization, schedule: Schedule
 ) -> None:
-    if isinstance(schedule, LinearPath) and isinstance(prediction, Epsilon):
+    if isinstance(schedule, LinearPath) and isinstance(parametrization, Epsilon):
         pytest.skip("the straight line starts without any signal")
-    errors = [error_of(make(schedule, prediction), steps) for steps in (40, 80, 160)]
+    errors = [error_of(make(schedule, parametrization), steps) for steps in (40, 80, 160)]
     slopes = np.log2(np.array(errors[:-1]) / errors[1:])
     # Equal steps of the line are unequal ones of log(alpha / sigma): there a multistep solver
     # comes to its order late.
@@ -306,15 +314,20 @@ def test_errors_fall_by_the_order(
     assert ((slopes > least) & (slopes < order + 0.35)).all(), slopes
 
 
-@pytest.mark.parametrize("prediction", PREDICTIONS)
+@pytest.mark.parametrize("parametrization", PREDICTIONS)
 @pytest.mark.parametrize("schedule", [ScaledLinear(), Cosine()])
-def test_heun_is_nearer_with_half_the_steps(schedule: Schedule, prediction: Prediction) -> None:
-    assert error_of(Heun(schedule, prediction), 10) < error_of(DDIM(schedule, prediction), 20) / 3
+def test_heun_is_nearer_with_half_the_steps(
+    schedule: Schedule, parametrization: Parametrization
+) -> None:
+    assert (
+        error_of(Heun(schedule, parametrization), 10)
+        < error_of(DDIM(schedule, parametrization), 20) / 3
+    )
 
 
 def test_ddpm_draws_from_a_gaussian() -> None:
     sampler = DDPM(ScaledLinear(offset=0, ends_clean=True), Sample())
-    denoiser = KnownGaussian(np.float32(1.0), sampler.schedule, sampler.prediction)
+    denoiser = KnownGaussian(np.float32(1.0), sampler.schedule, sampler.parametrization)
     shape = (20_000, 1, 1)
     condition = Conditioning(np.zeros(shape, np.float32), np.ones(shape[:2], bool))
     draw = np.random.default_rng(0).standard_normal
@@ -331,13 +344,13 @@ def test_ddim_on_the_line_is_eulers_method() -> None:
     assert sampler_named("euler", LinearPath(), Velocity()) == sampler
 
 
-@pytest.mark.parametrize("prediction", PREDICTIONS)
-def test_the_first_multistep_is_ddims(prediction: Prediction) -> None:
+@pytest.mark.parametrize("parametrization", PREDICTIONS)
+def test_the_first_multistep_is_ddims(parametrization: Parametrization) -> None:
     for schedule in (ScaledLinear(), Cosine()):
         one, other = (
             sample(
                 lambda z, *_: toy_network(z, 0),
-                make(schedule, prediction),
+                make(schedule, parametrization),
                 normal(0),
                 NOBODY,
                 MASK,
@@ -353,7 +366,7 @@ def test_the_first_multistep_is_ddims(prediction: Prediction) -> None:
 
 
 def echo(z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
-    """A denoiser whose answer is the sum of the real words."""
+    """A denoiser whose model_output is the sum of the real words."""
     words = (condition.tokens * condition.mask[..., None]).sum(1)
     return z * 0 + words[:, None, :1]
 
@@ -381,3 +394,31 @@ def test_dropped_conditions_become_the_null() -> None:
     dropped = drop(condition, null, np.array([False, True]))
     assert dropped.tokens[..., 0].tolist() == [[1, 0, 0], [7, 8, 9]]
     assert dropped.mask.tolist() == [[True, False, False], [True, True, True]]
+
+
+@pytest.mark.parametrize("array", [np.asarray, torch.from_numpy])
+def test_projected_guidance_moves_across_the_latents_and_at_middle_times_alone(array: Any) -> None:
+    mask = np.ones((3, 4), bool)
+    mask[:, 3] = False
+    z, times = normal(1, (3, 4, 2)), np.array([0.5, 0.99, 0.6], np.float32)
+    answers = normal(2, (2, 3, 4, 2)) * mask[..., None]  # without and with the condition
+
+    def denoiser(*_: Any) -> Any:
+        return array(answers.reshape(6, 4, 2))
+
+    null, condition = (
+        Conditioning(array(np.zeros((rows, 1, 1), np.float32)), array(np.ones((rows, 1), bool)))
+        for rows in (1, 3)
+    )
+    inputs = array(z), array(times), condition, array(mask)
+    settings = denoiser, null, 3.0, LinearPath(), Velocity()
+    moved = np.asarray(guided("projected", *settings)(*inputs)) - answers[1]
+    clean = (z - times[:, None, None] * answers[1]) * mask[..., None]
+    difference = answers[1] - answers[0]
+    along = (difference * clean).sum(axis=(1, 2)) / (clean**2).sum(axis=(1, 2))
+    expected = 2 * (difference - along[:, None, None] * clean)
+    assert np.allclose(moved[[0, 2]], expected[[0, 2]], atol=1e-5)
+    assert np.abs((moved * clean).sum(axis=(1, 2))).max() < 1e-4
+    assert np.allclose(moved[1], 0)  # so near to the noise it does not act
+    plain = np.asarray(guided("classifier_free", *settings)(*inputs))
+    assert np.allclose(plain, answers[0] + 3 * difference, atol=1e-5)

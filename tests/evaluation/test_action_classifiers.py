@@ -13,35 +13,40 @@ import torch
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.manifest import read_manifest
-from latentmotion.data.store import StoredMotion, stored_normalizer, write_dataset
+from latentmotion.data.store import StoredMotion, read_manifest, stored_normalizer, write_dataset
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.evaluation.extractors.action_classifier import (
+from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,
+    Recognizer,
+    drawing_states,
     recognizer_of,
     rotations_of,
     save_action_classifier,
 )
-from latentmotion.evaluation.extractors.action_network import Recognizer
-from latentmotion.evaluation.extractors.gru import MotionGRUConfig, drawing_states
-from latentmotion.evaluation.extractors.interface import ActionExtractor, load_extractor
-from latentmotion.evaluation.extractors.stgcn import (
+from latentmotion.evaluation.evaluators.action_network import TemporalClassifierConfig
+from latentmotion.evaluation.evaluators.gru import MotionGRUConfig
+from latentmotion.evaluation.evaluators.interface import ActionEvaluator, load_evaluator
+from latentmotion.evaluation.evaluators.stgcn import (
     SMPL_PARENTS,
     GraphNetwork,
     GraphNetworkConfig,
     Nothing,
     neighborhoods,
 )
-from latentmotion.evaluation.extractors.temporal import TemporalClassifierConfig
-from latentmotion.experiment import TrainingSettings
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.storage.configuration import write_json
-from latentmotion.training.classifier import BEST, train_classifier
-from latentmotion.training.classifier_stage import ClassifierExperiment, labelled, labels_of
+from latentmotion.training.classifier import (
+    BEST,
+    ClassifierExperiment,
+    labelled,
+    labels_of,
+    train_classifier,
+)
+from latentmotion.training.experiment import TrainingSettings
 from tests.support.golden import formula, golden_input, relative
 from tests.support.moving_figures import motion
-from tests.support.small_training import PLACE, killed_at
+from tests.support.small_training import CONTEXT, killed_at
 
 SMALL = TemporalClassifierConfig(features=5, labels=3, channels=8, dilations=(1, 3), width=4)
 
@@ -86,8 +91,8 @@ def test_the_official_gru_becomes_an_evaluator(
     (file,) = (shared / "data" / "humanact12_classifier").iterdir()
     main(["convert", "evaluator", str(file), "-o", str(tmp_path / "gru")])
     assert "MotionGRU, 12 actions" in capsys.readouterr().out
-    recognizer = load_extractor(tmp_path / "gru")
-    assert isinstance(recognizer, ActionExtractor) and isinstance(recognizer, Recognizer)
+    recognizer = load_evaluator(tmp_path / "gru")
+    assert isinstance(recognizer, ActionEvaluator) and isinstance(recognizer, Recognizer)
     assert recognizer.labels[:3] == ("warm_up", "walk", "run")
     official = torch.load(file, map_location="cpu", weights_only=True)["model"]
     assert torch.equal(recognizer.network.state_dict()["linear1.bias"], official["linear1.bias"])
@@ -111,7 +116,7 @@ def test_the_gru_sees_joints_in_the_axes_of_the_camera(tmp_path: Path) -> None:
     config = MotionGRUConfig(labels=2)
     about = ActionClassifier(("a", "b"), "smpl", config)
     save_action_classifier(tmp_path / "gru", about, config.build().state_dict())
-    found = load_extractor(tmp_path / "gru")
+    found = load_evaluator(tmp_path / "gru")
     features = np.zeros((5, 6, 25), np.float32)
     features[:, 0] = features[:, 4] = 1  # no joint turns
     features[:, :3, 24] = np.arange(5)[:, None]  # the way of the root
@@ -206,7 +211,7 @@ def test_a_file_like_actors_becomes_an_evaluator(tmp_path: Path) -> None:
     names.write_text("\n".join(f"action {n}" for n in range(40)))
     words = ["convert", "evaluator", str(tmp_path / "uestc_rot6d_stgcn.tar")]
     main([*words, "-o", str(tmp_path / "stgcn"), "--labels", str(names)])
-    recognizer = load_extractor(tmp_path / "stgcn")
+    recognizer = load_evaluator(tmp_path / "stgcn")
     assert isinstance(recognizer, Recognizer) and recognizer.labels[39] == "action 39"
     motions = np.random.default_rng(0).standard_normal((2, 20, 150)).astype(np.float32)
     seen = torch.from_numpy(np.stack([rotations_of(m) for m in motions]))
@@ -275,21 +280,21 @@ def test_a_folder_is_read_back(tmp_path: Path) -> None:
     about = ActionClassifier(("a", "b", "c"), "humanml3d", config, (0.5,) * 263, (2.0,) * 263)
     network = random_network(config)
     save_action_classifier(tmp_path / "judge", about, network.state_dict())
-    found = load_extractor(tmp_path / "judge")
+    found = load_evaluator(tmp_path / "judge")
     assert isinstance(found, Recognizer) and len(found.fingerprint) == 64
     motions = [np.random.default_rng(0).standard_normal((8, 263)).astype(np.float32)]
     expected = recognizer_of(about, network, "")(motions).logits
     assert np.array_equal(found(motions).logits, expected)
     (tmp_path / "judge" / "weights.safetensors").write_bytes(b"nothing")
     with pytest.raises(ModelError, match="damaged"):
-        load_extractor(tmp_path / "judge")
+        load_evaluator(tmp_path / "judge")
 
 
 def test_labels_and_network_must_agree(tmp_path: Path) -> None:
     about = ActionClassifier(("a", "b"), "humanml3d", SMALL)
     save_action_classifier(tmp_path / "judge", about, SMALL.build().state_dict())
     with pytest.raises(ModelError, match="2 labels for a network of 3"):
-        load_extractor(tmp_path / "judge")
+        load_evaluator(tmp_path / "judge")
 
 
 LABELS = {"kick left": "kick right", "sway": "sway"}
@@ -339,14 +344,14 @@ def test_mirrored_copies_count_where_their_labels_do(actions: Path) -> None:
 
 
 def test_a_classifier_learns_and_goes_on_bit_for_bit(actions: Path, tmp_path: Path) -> None:
-    whole = train_classifier(small_experiment(), actions, tmp_path / "whole", PLACE)
+    whole = train_classifier(small_experiment(), actions, tmp_path / "whole", CONTEXT)
     with killed_at(13):
-        train_classifier(small_experiment(), actions, tmp_path / "parts", PLACE)
+        train_classifier(small_experiment(), actions, tmp_path / "parts", CONTEXT)
     assert (tmp_path / "parts" / BEST).exists()
-    parts = train_classifier(small_experiment(), actions, tmp_path / "parts", PLACE)
+    parts = train_classifier(small_experiment(), actions, tmp_path / "parts", CONTEXT)
     weights = [(folder / "weights.safetensors").read_bytes() for folder in (whole, parts)]
     assert weights[0] == weights[1]
-    found = load_extractor(whole)
+    found = load_evaluator(whole)
     assert isinstance(found, Recognizer) and found.labels == ("kick left", "sway")
     dataset = Dataset.load(actions)
     tests = dataset.clips("test")
@@ -360,8 +365,8 @@ def test_another_run_and_data_without_labels_are_refused(actions: Path, tmp_path
     clips = tuple(replace(c, action=None, mirrored_action=None) for c in manifest.clips)
     write_json(unlabelled / "manifest.json", replace(manifest, clips=clips))
     with pytest.raises(DataError, match="has 0 action labels"):
-        train_classifier(small_experiment(), unlabelled, tmp_path / "run", PLACE)
+        train_classifier(small_experiment(), unlabelled, tmp_path / "run", CONTEXT)
     short = replace(small_experiment(), training=TrainingSettings(steps=1, sample_every=0))
-    train_classifier(short, actions, tmp_path / "run", PLACE)
+    train_classifier(short, actions, tmp_path / "run", CONTEXT)
     with pytest.raises(InputError, match="mirrored_classes"):
-        train_classifier(replace(short, mirrored_classes=True), actions, tmp_path / "run", PLACE)
+        train_classifier(replace(short, mirrored_classes=True), actions, tmp_path / "run", CONTEXT)

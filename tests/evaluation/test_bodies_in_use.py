@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.checkpoint import save_model
 from latentmotion.cli.main import main
 from latentmotion.condition.task import ActionTask
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
-from latentmotion.evaluation.bodies import seen_on
-from latentmotion.evaluation.extractors.action_classifier import (
+from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,
+    Recognizer,
     save_action_classifier,
 )
-from latentmotion.evaluation.extractors.action_network import Recognizer
-from latentmotion.evaluation.extractors.gru import HUMANACT12_LABELS, MotionGRUConfig
-from latentmotion.evaluation.extractors.interface import load_extractor
+from latentmotion.evaluation.evaluators.gru import HUMANACT12_LABELS, MotionGRUConfig
+from latentmotion.evaluation.evaluators.interface import load_evaluator
+from latentmotion.evaluation.smpl_joints import with_smpl_joints
 from latentmotion.formats import load
 from latentmotion.kinematics.smpl import load_smpl
-from latentmotion.model.config import DenoiserConfig
+from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.model.vae_config import LatentSpace, TransformerVAEConfig
+from latentmotion.networks.checkpoint import save_model
 from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.files import sha256
 from tests.support.action_files import write_humanact12
@@ -41,10 +41,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bodies")
     poses = write_humanact12(folder / "poses.pkl", frames=(62, 65, 61, 60))
     main(["data", "prepare", "humanact12", str(poses), "-o", str(folder / "data")])
-    denoiser = DenoiserConfig(16, 12, SMALL, False, "table", places="latents_first", sine_width=16)
+    denoiser = DenoiserConfig(
+        16, 12, SMALL, False, "table", positions="latents_first", sine_width=16
+    )
     about = card(150, "smpl", LatentSpace(16, tokens=1))
     labels = ActionTask(tuple(HUMANACT12_LABELS))
-    about = replace(about, condition=labels, frames=(60, 60), steps=2)
+    about = replace(about, condition=labels, frames=(60, 60), sampling=Sampling(2, 1.0))
     vae = TransformerVAEConfig(features=150, transformer=SMALL, position="sine")
     save_model(folder / "model", untrained(about, vae, denoiser))
     torch.manual_seed(0)
@@ -70,7 +72,7 @@ def test_reports_tell_whose_joints_were_seen(folder: Path) -> None:
     free = evaluated(folder)
     assert free["provenance"]["body"] == ""
     assert any("joints are those of the free skeleton" in note for note in free["notes"])
-    # A classifier that sees other joints than its own is held against nothing published.
+    # A classifier that sees other joints than its own is compared with no published row.
     assert not free["warnings"]
     body = folder / "smpl.npz"
     real = evaluated(folder, "--body", str(body))
@@ -84,10 +86,10 @@ def test_reports_tell_whose_joints_were_seen(folder: Path) -> None:
 
 def test_the_classifier_sees_the_bodys_joints(folder: Path) -> None:
     body, dataset = load_smpl(folder / "smpl.npz"), Dataset.load(folder / "data")
-    data, extractor = seen_on(body, dataset, load_extractor(folder / "gru"))
-    assert isinstance(extractor, Recognizer)
+    data, evaluator = with_smpl_joints(body, dataset, load_evaluator(folder / "gru"))
+    assert isinstance(evaluator, Recognizer)
     features = dataset.features(dataset.clips(dataset.manifest.clips[0].split)[0])
-    seen = extractor.prepare(features)
+    seen = evaluator.prepare(features)
     np.testing.assert_allclose(seen, representation_of(body).camera_joints(features))
     bones = np.linalg.norm(seen[0, 4] - seen[0, 1]) / np.linalg.norm(
         dataset.representation.skeleton.offsets[4]
@@ -99,7 +101,7 @@ def test_the_classifier_sees_the_bodys_joints(folder: Path) -> None:
 def test_a_body_is_refused_where_features_are_no_poses(folder: Path, tmp_path: Path) -> None:
     other = Dataset.load(write_moving_figures(tmp_path / "figures", train=1, val=1))
     with pytest.raises(InputError, match="no poses of a SMPL body"):
-        seen_on(load_smpl(folder / "smpl.npz"), other, None)
+        with_smpl_joints(load_smpl(folder / "smpl.npz"), other, None)
 
 
 def test_generated_motions_have_the_bodys_joints_and_the_models_one_length(

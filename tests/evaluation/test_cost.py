@@ -18,10 +18,10 @@ from latentmotion.evaluation.metrics.cost import (
     thop_macs,
     traffic,
 )
+from latentmotion.networks.attention import SelfAttention
 from latentmotion.networks.build import build, encoder_stack
-from latentmotion.nn.attention import SelfAttention
-from latentmotion.presets.mld_humanml3d import mld_humanml3d
-from latentmotion.presets.starter import starter
+from latentmotion.training.presets.flow import starter
+from latentmotion.training.presets.mld import mld_humanml3d
 
 
 def test_flops_of_a_linear_layer_and_of_attention() -> None:

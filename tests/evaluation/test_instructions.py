@@ -13,18 +13,17 @@ import pytest
 
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
-from latentmotion.describe.scene import scene_of
+from latentmotion.describe.prompting import plain
+from latentmotion.describe.reading import scene_of
 from latentmotion.errors import DataError, FileFormatError, InputError
-from latentmotion.evaluation.instructions.acts import ACTS
-from latentmotion.evaluation.instructions.benchmark import judge
-from latentmotion.evaluation.instructions.checking import fulfills, validate
-from latentmotion.evaluation.instructions.conditions import CONDITIONS
-from latentmotion.evaluation.instructions.expressions import parse
-from latentmotion.evaluation.instructions.intervals import Share, wilson
-from latentmotion.evaluation.instructions.joints_folder import read_folder
-from latentmotion.evaluation.instructions.prompts import GROUPS, instructions
-from latentmotion.evaluation.instructions.report import markdown
-from latentmotion.evaluation.instructions.truth import patterns
+from latentmotion.instructions.benchmark import Share, judge, wilson
+from latentmotion.instructions.checking import ACTS, fulfills, validate
+from latentmotion.instructions.conditions import CONDITIONS
+from latentmotion.instructions.drawn import drawn_instructions
+from latentmotion.instructions.ground_truth import patterns
+from latentmotion.instructions.motions import read_joints_folder
+from latentmotion.instructions.prompts import GROUPS, instructions, parse, refused_captions
+from latentmotion.instructions.report import markdown
 from latentmotion.kinematics.skeleton import HUMANML3D
 
 FRAMES = 80
@@ -142,6 +141,20 @@ def test_left_and_right_are_asked_alike() -> None:
     assert abs(said.count("left") - said.count("right")) <= 3
 
 
+def test_drawn_prompts_are_other_ones_whose_checks_demand_what_they_say() -> None:
+    drawn = drawn_instructions(400, seed=1)
+    assert {one.group for one in drawn} == set(GROUPS)
+    assert not {plain(one.prompt) for one in drawn} & refused_captions()
+    for one in drawn:
+        validate(one.check)
+        demanded = re.search(r"\b(left|right)\b(?!,? head)", str(one.check))
+        says = re.search(r"left|right|clockwise", one.prompt, re.IGNORECASE)
+        assert bool(demanded) <= bool(says), one
+        if one.group == "counts" and re.search(r"\b(?:twice|two times)\b", one.prompt):
+            assert re.search(r"\b2\b", str(one.check)), one
+    assert drawn == drawn_instructions(400, seed=1)
+
+
 def test_every_act_and_condition_is_used() -> None:
     terms = {term.name for one in instructions() for term in one.check.terms}
     assert terms == set(ACTS) | set(CONDITIONS)
@@ -234,7 +247,7 @@ def test_a_folder_says_what_is_wrong(tmp_path: Path) -> None:
 
     def refused(error: type[Exception], told: str, takes: int = 1, fps: float = 20.0) -> None:
         with pytest.raises(error, match=told) as caught:
-            read_folder(folder, instructions(), takes, fps)
+            read_joints_folder(folder, instructions(), takes, fps)
         assert "\n" not in str(caught.value)
 
     refused(DataError, "lacks 252 of 504 files, the first side-01_1.npy", takes=2)
@@ -285,7 +298,7 @@ def test_prompts_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 def test_a_model_is_asked_without_pytorch(tmp_path: Path) -> None:
     code = (
         "import sys; from latentmotion.cli.main import main;"
-        "from latentmotion.evaluation.instructions import prompts as p, answers as a;"
+        "from latentmotion.instructions import prompts as p, motions as a;"
         "few = tuple(o for o in p.instructions() if o.id in ('side-01', 'pace-18', 'pace-19'));"
         "import latentmotion.cli.evaluate as c; c.instructions = lambda: few;"
         "main(['evaluate', 'fast', '--takes', '2', '--instructions',"

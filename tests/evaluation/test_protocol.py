@@ -14,33 +14,21 @@ import pytest
 from latentmotion.condition.task import ActionTask, UnconditionalTask
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
+from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.evaluation.extractors.action_network import Recognizer
-from latentmotion.evaluation.extractors.gru import MotionGRUConfig
-from latentmotion.evaluation.extractors.interface import Recognition
-from latentmotion.evaluation.feature_scores import groups
-from latentmotion.evaluation.protocol import (
-    CLEAN,
-    PAPER,
-    TRUTH,
-    Figure,
-    Generated,
-    Prior,
-    Protocol,
-    Reconstructed,
-    Repeats,
-    Report,
-    compare,
-    evaluate,
-    plan_of,
-)
-from latentmotion.evaluation.published import PublishedTruth, departures
-from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.folder import find_model
+from latentmotion.evaluation.candidates import Generated, Prior, Reconstructed
+from latentmotion.evaluation.embedding_scores import groups
+from latentmotion.evaluation.evaluate import build_test_set, compare, evaluate
+from latentmotion.evaluation.evaluators.action import Recognizer
+from latentmotion.evaluation.evaluators.gru import MotionGRUConfig
+from latentmotion.evaluation.evaluators.interface import Recognition
+from latentmotion.evaluation.notes import PublishedGroundTruth, departures
+from latentmotion.evaluation.protocol import CLEAN, PAPER, Protocol, Repeats
+from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report
+from latentmotion.gpu.backend import torch_prior
+from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.model.vae_config import ConvolutionalVAEConfig, IdentityVAEConfig
 from latentmotion.networks.build import build
-from latentmotion.request import GenerationRequest
-from latentmotion.runtime.eager import torch_prior
 from tests.support.moving_figures import write_moving_figures
 
 SMALL = replace(CLEAN, replications=3, split="val", repeats=Repeats(4, 3, None, 2))
@@ -106,15 +94,15 @@ def values(report: Report, row: str, metric: str) -> tuple[float, ...]:
 
 def test_every_row_and_metric_of_a_text_model(dataset: Dataset) -> None:
     report = evaluate(noise_model(), dataset, Echo(), SMALL)
-    assert list(report.rows) == [TRUTH, "generated"]
+    assert list(report.rows) == [GROUND_TRUTH, "generated"]
     seen = {"FID", "KID", "R@1", "R@2", "R@3", "MM-Dist", "Diversity"}
     assert seen | {"MultiModality", "APE root", "AVE joints"} < set(report["generated"])
-    assert seen | {"Foot sliding", "Jitter", "Penetration"} < set(report[TRUTH])
-    assert report.items == {TRUTH: 9, "generated": 9}
+    assert seen | {"Foot sliding", "Jitter", "Penetration"} < set(report[GROUND_TRUTH])
+    assert report.items == {GROUND_TRUTH: 9, "generated": 9}
     assert len(values(report, "generated", "FID")) == 3
     assert len(values(report, "generated", "MultiModality")) == 2
     assert report["generated"]["Nearest clip"].interval is None
-    assert report["generated"]["FID"].mean > report[TRUTH]["FID"].mean
+    assert report["generated"]["FID"].mean > report[GROUND_TRUTH]["FID"].mean
 
 
 def test_the_same_seed_repeats_and_replications_differ(dataset: Dataset) -> None:
@@ -140,7 +128,7 @@ def test_who_answers_with_the_truth_is_perfect(dataset: Dataset) -> None:
     subject = Generated(Answers(card(), known))
     protocol = replace(SMALL, repeats=Repeats(texts=0))
     report = evaluate(subject, dataset, Echo(), protocol)
-    found, true = report["generated"], report[TRUTH]
+    found, true = report["generated"], report[GROUND_TRUTH]
     for metric in ("FID", "APE joints", "AVE joints"):
         assert found[metric].mean == pytest.approx(0, abs=1e-5), metric
     for metric in ("R@1", "MM-Dist", "Diversity", "Jitter", "Foot sliding", "Nearest clip"):
@@ -173,13 +161,13 @@ def test_an_identical_vae_has_no_error(dataset: Dataset) -> None:
 
 def test_the_quirks_of_paper(dataset: Dataset) -> None:
     report = evaluate(noise_model(), dataset, Echo(), AS_AUTHORS)
-    assert report[TRUTH]["FID"].mean == pytest.approx(0, abs=1e-6)
-    assert len(set(values(report, TRUTH, "Diversity"))) == 3
-    assert len(set(values(report, TRUTH, "Jitter"))) == 3
+    assert report[GROUND_TRUTH]["FID"].mean == pytest.approx(0, abs=1e-6)
+    assert len(set(values(report, GROUND_TRUTH, "Diversity"))) == 3
+    assert len(set(values(report, GROUND_TRUTH, "Jitter"))) == 3
     assert len(values(report, "generated", "MultiModality")) == 3
     assert "diversity is of 9 pairs, not 300" in report.notes
     clean = evaluate(noise_model(), dataset, Echo(), SMALL)
-    assert len(set(values(clean, TRUTH, "Jitter"))) == 1
+    assert len(set(values(clean, GROUND_TRUTH, "Jitter"))) == 1
 
 
 def test_groups_count_every_item_once_or_drop_the_rest() -> None:
@@ -194,13 +182,13 @@ def test_groups_count_every_item_once_or_drop_the_rest() -> None:
 
 
 def test_crops_and_captions_of_a_replication(dataset: Dataset) -> None:
-    clean = plan_of([noise_model()], dataset, None, SMALL)
-    first, second = clean.trial(0), clean.trial(1)
-    assert [q.start for q in first.questions] == [0] * 9
+    clean = build_test_set([noise_model()], dataset, None, SMALL)
+    first, second = clean.replication(0), clean.replication(1)
+    assert [q.start for q in first.prompts] == [0] * 9
     assert first.frames == second.frames and all(n % 4 == 0 for n in first.frames)
     assert first.frames == [clip.frames // 4 * 4 for clip in dataset.clips("val")]
-    drawn = plan_of([noise_model()], dataset, None, AS_AUTHORS)
-    frames = np.array([drawn.trial(number).frames for number in range(30)])
+    drawn = build_test_set([noise_model()], dataset, None, AS_AUTHORS)
+    frames = np.array([drawn.replication(number).frames for number in range(30)])
     shorter = np.array(first.frames) - frames
     assert set(shorter.ravel()) == {0, 4}
     assert (shorter > 0).mean() == pytest.approx(1 / 3, abs=0.1)
@@ -233,11 +221,11 @@ def actions(dataset: Dataset) -> Dataset:
 def test_an_action_model(actions: Dataset, protocol: Protocol) -> None:
     subject = Generated(Answers(card(condition=ActionTask()), {}))
     report = evaluate(subject, actions, Signs(), protocol)
-    assert report[TRUTH]["Accuracy"].mean > 0.85
+    assert report[GROUND_TRUTH]["Accuracy"].mean > 0.85
     wanted = {"Accuracy", "FID", "KID", "Diversity", "MultiModality"}
     assert wanted < set(report["generated"])
     assert not {"R@1", "MM-Dist", "APE root"} & set(report["generated"])
-    assert report[TRUTH]["MultiModality"].mean > 0
+    assert report[GROUND_TRUTH]["MultiModality"].mean > 0
 
 
 def test_a_label_that_the_classifier_does_not_know_is_named(actions: Dataset) -> None:
@@ -256,8 +244,8 @@ def test_the_random_state_of_a_recurrent_classifier_is_a_quirk(actions: Dataset)
     same = Reconstructed(build(IdentityVAEConfig()).eval(), card())
     quirk = replace(SMALL, quirks=replace(SMALL.quirks, random_state=True))
     clean, drawn = (evaluate(same, actions, classifier, p) for p in (SMALL, quirk))
-    assert len(set(values(clean, TRUTH, "Diversity"))) == 1
-    assert len(set(values(drawn, TRUTH, "Diversity"))) == 3
+    assert len(set(values(clean, GROUND_TRUTH, "Diversity"))) == 1
+    assert len(set(values(drawn, GROUND_TRUTH, "Diversity"))) == 3
 
 
 def test_unconditional_models_match_nothing(dataset: Dataset) -> None:
@@ -301,7 +289,7 @@ def test_a_ground_truth_outside_its_published_interval_is_told_loudly(dataset: D
 
 
 def test_departures_allow_for_both_intervals() -> None:
-    published = PublishedTruth("a", "b", {"R@1": (0.5, 0.01)})
+    published = PublishedGroundTruth("a", "b", {"R@1": (0.5, 0.01)})
     assert not departures({"R@1": Figure(0.525, 0.02)}, published)
     assert departures({"R@1": Figure(0.53, 0.01)}, published)
     assert not departures({"FID": Figure(9.0)}, published)

@@ -13,14 +13,13 @@ import torch
 from torch import Tensor
 
 from latentmotion.cli.main import main
+from latentmotion.convert.evaluators import EvaluatorFiles, convert_evaluator, evaluator_weights
 from latentmotion.data.clip import Caption
 from latentmotion.errors import FileFormatError, InputError, ModelError
-from latentmotion.evaluation.extractors.glove import read_glove
-from latentmotion.evaluation.extractors.interface import TextMotionExtractor, load_extractor
-from latentmotion.evaluation.extractors.networks import TextMotionConfig
-from latentmotion.evaluation.extractors.text_motion import TextMotionEvaluator
-from latentmotion.evaluation.extractors.tokens import KEYWORDS, PARTS_OF_SPEECH
-from latentmotion.upstream.evaluators import EvaluatorFiles, convert_evaluator, evaluator_weights
+from latentmotion.evaluation.evaluators.interface import TextMotionEvaluator, load_evaluator
+from latentmotion.evaluation.evaluators.text_motion import T2MEvaluator
+from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig
+from latentmotion.evaluation.evaluators.words import KEYWORDS, PARTS_OF_SPEECH, read_glove
 from tests.support.evaluator_files import (
     WORDS,
     write_checkpoint,
@@ -49,9 +48,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def evaluator(folder: Path) -> TextMotionEvaluator:
-    found = load_extractor(folder / "converted")
-    assert isinstance(found, TextMotionEvaluator)
+def evaluator(folder: Path) -> T2MEvaluator:
+    found = load_evaluator(folder / "converted")
+    assert isinstance(found, T2MEvaluator)
     return found
 
 
@@ -113,21 +112,21 @@ def test_statistics_and_words_of_the_authors_load(shared: Path, tmp_path: Path) 
     checkpoint = write_checkpoint(tmp_path / "finest.tar")
     statistics = shared / "data" / "t2m_evaluator_statistics"
     convert_evaluator(EvaluatorFiles(checkpoint, statistics, tmp_path), tmp_path / "out")
-    found = load_extractor(tmp_path / "out")
-    assert isinstance(found, TextMotionEvaluator)
+    found = load_evaluator(tmp_path / "out")
+    assert isinstance(found, T2MEvaluator)
     std = np.load(statistics / "t2m_std.npy").astype(np.float32)
     assert np.array_equal(found.normalizer.std, std)
     read = found.vectors([caption("", "a/DET man/NOUN walk/VERB"), caption("A man walks.")])
     assert np.array_equal(read.words[0, 3], read.words[1, 3])
 
 
-def test_it_is_an_extractor(evaluator: TextMotionEvaluator) -> None:
-    assert isinstance(evaluator, TextMotionExtractor)
+def test_it_is_a_text_motion_evaluator(evaluator: T2MEvaluator) -> None:
+    assert isinstance(evaluator, TextMotionEvaluator)
     assert evaluator.width == 5
     assert len(evaluator.fingerprint) == 64
 
 
-def test_each_motion_is_what_it_is_alone(evaluator: TextMotionEvaluator) -> None:
+def test_each_motion_is_what_it_is_alone(evaluator: T2MEvaluator) -> None:
     batch = motions([40, 7, 64, 40, 4, 43])
     together = evaluator.motions(batch)
     alone = np.concatenate([evaluator.motions([motion]) for motion in batch])
@@ -136,14 +135,14 @@ def test_each_motion_is_what_it_is_alone(evaluator: TextMotionEvaluator) -> None
     assert np.abs(together[5] - cut[0]).max() < 1e-6
 
 
-def test_contacts_are_not_looked_at(evaluator: TextMotionEvaluator) -> None:
+def test_contacts_are_not_looked_at(evaluator: T2MEvaluator) -> None:
     (motion,) = motions([16])
     other = motion.copy()
     other[:, -4:] = 1
     assert np.array_equal(evaluator.motions([motion]), evaluator.motions([other]))
 
 
-def test_each_caption_is_what_it_is_alone(evaluator: TextMotionEvaluator) -> None:
+def test_each_caption_is_what_it_is_alone(evaluator: T2MEvaluator) -> None:
     captions = [caption("a man walks"), caption("fast"), caption("", "a/DET man/NOUN"), caption("")]
     captions += captions[:2]
     together = evaluator.texts(captions)
@@ -177,7 +176,7 @@ def test_parts_of_speech_are_fifteen() -> None:
     assert len(words) == len(set(words)) == 12 + 13 + 10 + 34 + 12
 
 
-def test_a_motion_of_other_features_or_no_movement(evaluator: TextMotionEvaluator) -> None:
+def test_a_motion_of_other_features_or_no_movement(evaluator: T2MEvaluator) -> None:
     with pytest.raises(InputError, match=r"251 features a frame.*takes 263"):
         evaluator.motions([np.zeros((8, 251), np.float32)])
     with pytest.raises(InputError, match="3 frames; the evaluator needs 4"):
@@ -193,7 +192,7 @@ def test_a_changed_weight_changes_the_fingerprint(folder: Path, tmp_path: Path) 
         tmp_path / "other",
     )
     first, same, other = (
-        load_extractor(place).fingerprint
+        load_evaluator(place).fingerprint
         for place in (folder / "converted", tmp_path / "same", tmp_path / "other")
     )
     assert first == same != other
@@ -202,7 +201,7 @@ def test_a_changed_weight_changes_the_fingerprint(folder: Path, tmp_path: Path) 
 def test_the_command_converts(folder: Path, tmp_path: Path) -> None:
     arguments = f"--statistics {folder}/meta --glove {folder}/glove -o {tmp_path}/out"
     main(["convert", "evaluator", str(folder / "finest.tar"), *arguments.split()])
-    assert isinstance(load_extractor(tmp_path / "out"), TextMotionEvaluator)
+    assert isinstance(load_evaluator(tmp_path / "out"), T2MEvaluator)
 
 
 class Attack:
@@ -280,7 +279,7 @@ def test_bad_glove_folders(tmp_path: Path) -> None:
 
 def test_bad_evaluator_folders(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="is not an evaluator"):
-        load_extractor(tmp_path)
+        load_evaluator(tmp_path)
     place = tmp_path / "copy"
     shutil.copytree(folder / "converted", place)
     card = json.loads((place / "evaluator.json").read_text())
@@ -292,11 +291,11 @@ def test_bad_evaluator_folders(folder: Path, tmp_path: Path) -> None:
     ):
         (place / "evaluator.json").write_text(json.dumps({**card, **change}))
         with pytest.raises(ModelError, match=message):
-            load_extractor(place)
+            load_evaluator(place)
     (place / "evaluator.json").write_text("{")
     with pytest.raises(ModelError, match="damaged"):
-        load_extractor(place)
+        load_evaluator(place)
     (place / "evaluator.json").write_text(json.dumps(card))
     (place / "weights.safetensors").write_bytes(b"123")
     with pytest.raises(ModelError, match="cannot be read"):
-        load_extractor(place)
+        load_evaluator(place)

@@ -10,18 +10,17 @@ import pytest
 import torch
 
 from latentmotion import MotionPipeline
-from latentmotion.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 from latentmotion.cli.main import main
 from latentmotion.condition.task import TextTask
-from latentmotion.diffusion.prediction import Epsilon, Velocity
+from latentmotion.diffusion.parametrization import Epsilon, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.errors import ModelError
-from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.config import DenoiserConfig, TransformerConfig
-from latentmotion.model.folder import find_model
+from latentmotion.export.package import copied, package_model
+from latentmotion.model.card import ModelCard, find_model, read_card
+from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
 from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace, TransformerVAEConfig
 from latentmotion.networks.build import build
-from latentmotion.runtime.package import copied, package_model
+from latentmotion.networks.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 
 SMALL = TransformerConfig(width=16, layers=3, heads=2, hidden=24)
 VAES = {
@@ -42,11 +41,11 @@ def untrained(kind: str) -> LatentModel:
         normalizer_std=(1.0,) * 263,
         latents=latents,
         schedule=LinearPath() if flow else ScaledLinear(),
-        prediction=Velocity() if flow else Epsilon(),
+        parametrization=Velocity() if flow else Epsilon(),
         vae=vae,
         denoiser=denoiser,
         condition=TextTask(),
-        guidance=2.0,
+        sampling=Sampling(guidance=2.0),
     )
     return LatentModel(card, build(vae), build(denoiser))
 

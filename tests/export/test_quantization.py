@@ -11,9 +11,9 @@ import pytest
 import torch
 from torch import nn
 
-from latentmotion.runtime.quantization import quantize
-from latentmotion.runtime.session import Runtime, Session, open_session
-from latentmotion.tracing import trace
+from latentmotion.engine.session import Runtime, Session, open_session
+from latentmotion.export.onnx import trace
+from latentmotion.export.quantize import quantize
 
 
 class Small(nn.Module):
@@ -34,7 +34,7 @@ def graphs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     torch.manual_seed(0)
     folder, network, x = tmp_path_factory.mktemp("graphs"), Small(), torch.randn(2, 5, 48)
     for name in ("whole", "small"):
-        trace(network, {"x": x}, {"x": (0, 1)}, folder / f"{name}.onnx", card={"name": "Small"})
+        trace(network, {"x": x}, folder / f"{name}.onnx", card={"name": "Small"})
     quantize(folder / "small.onnx")
     return folder / "whole.onnx", folder / "small.onnx"
 

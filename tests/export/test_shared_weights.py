@@ -11,12 +11,12 @@ import torch
 from safetensors.torch import save_file
 
 from latentmotion.condition.interface import Conditioning
+from latentmotion.engine.session import Runtime, open_session
 from latentmotion.errors import ModelError
+from latentmotion.export.onnx import export_denoiser
+from latentmotion.export.shared_weights import FEWEST, share_weights
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.build import build
-from latentmotion.runtime.export import export_denoiser
-from latentmotion.runtime.session import Runtime, open_session
-from latentmotion.runtime.shared_weights import FEWEST, share_weights
 
 WEIGHTS = "weights.safetensors"
 REAL = torch.ones(2, 5, dtype=torch.bool)

@@ -10,6 +10,7 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.errors import FileFormatError
+from latentmotion.formats.bones import even_rate
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import read_animations
 from latentmotion.kinematics.rotations import (
@@ -99,6 +100,19 @@ def test_rests_scales_and_axes_are_folded_in(tmp_path: Path):
     turns = np.array([[0, angle, 0] for angle in np.linspace(0, 1, 16)])
     np.testing.assert_allclose(animation.rotations[:, 0], matrix_from_axis_angle(turns), atol=1e-5)
     np.testing.assert_allclose(animation.rotations[:, 1], np.tile(np.eye(3), (16, 1, 1)), atol=1e-5)
+
+
+@pytest.mark.parametrize("times", [[0.0, 1e9], [-1e30, 1e30], [0.0, 0.05, 1e9]])
+def test_keys_too_far_apart_are_an_error_and_no_huge_array(tmp_path: Path, times: list[float]):
+    foreign(times, quaternions([0.3] * len(times))).write(tmp_path / "a.glb")
+    with pytest.raises(FileFormatError, match=r"a\.glb: has keys from .* expected at most 200,000"):
+        read_animations(tmp_path / "a.glb")
+
+
+def test_as_many_frames_as_keys_are_never_too_many():
+    seconds = np.arange(300_000) / 1000
+    fps, times = even_rate("a.glb", seconds)
+    assert (fps, len(times)) == (1000, 300_000)
 
 
 def test_steps_and_cubic_splines(tmp_path: Path):

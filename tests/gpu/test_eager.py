@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
-from latentmotion.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 from latentmotion.condition.task import TextTask
+from latentmotion.engine.prior import MotionPrior
+from latentmotion.engine.session import open_decoder
 from latentmotion.errors import InputError, ModelError
-from latentmotion.model.card import read_card
-from latentmotion.model.folder import find_model
+from latentmotion.gpu.backend import torch_pipeline, torch_prior
+from latentmotion.model.card import find_model, read_card
 from latentmotion.model.vae_config import IdentityVAEConfig
 from latentmotion.networks.build import build
-from latentmotion.prior import MotionPrior
-from latentmotion.runtime.eager import prior_features, torch_pipeline
-from latentmotion.runtime.session import open_decoder
+from latentmotion.networks.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 
 PROMPTS, FRAMES, SEEDS = ["a person walks forward", "a person jumps"], [41, 24], [3, 4]
 
@@ -50,7 +49,7 @@ def test_a_prior_is_sampled_with_and_without_graphs(tmp_path: Path) -> None:
     card = read_card(folder)
     prior = MotionPrior(card, open_decoder(card, folder, "onnxruntime", 1))
     expected = prior.features(FRAMES, SEEDS)
-    found = prior_features("starter", FRAMES, SEEDS)
+    found = torch_prior("starter").features(FRAMES, SEEDS)
     alone = [
         prior.features([length], [seed])[0] for length, seed in zip(FRAMES, SEEDS, strict=True)
     ]
@@ -59,7 +58,7 @@ def test_a_prior_is_sampled_with_and_without_graphs(tmp_path: Path) -> None:
         np.testing.assert_allclose(three, two, atol=1e-4)
     assert [len(motion) for motion in prior.batch((1, 2), SEEDS)] == [20, 40]
     with pytest.raises(InputError, match="1 seeds for 2 motions"):
-        prior_features("starter", FRAMES, [1])
+        torch_prior("starter").features(FRAMES, [1])
 
 
 def test_half_models_say_what_to_do(tmp_path: Path) -> None:
@@ -68,8 +67,8 @@ def test_half_models_say_what_to_do(tmp_path: Path) -> None:
     save_model(tmp_path / "vae", FirstStageModel(card, model.vae))
     with pytest.raises(ModelError, match=r"train denoiser.*--prior"):
         torch_pipeline(tmp_path / "vae")
-    assert prior_features(tmp_path / "vae", [20], [0])[0].shape == (20, 263)
+    assert torch_prior(tmp_path / "vae").features([20], [0])[0].shape == (20, 263)
     card = replace(model.card, vae=IdentityVAEConfig(model.card.latents.width))
     save_model(tmp_path / "raw", LatentModel(card, build(card.vae), model.denoiser))
     with pytest.raises(ModelError, match="has no VAE"):
-        prior_features(tmp_path / "raw", [20], [0])
+        torch_prior(tmp_path / "raw").features([20], [0])

@@ -13,18 +13,16 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.checkpoint import load_model
-from latentmotion.cli.loading import load_generator
-from latentmotion.diffusion.sampler import sample
+from latentmotion.cli.generate import load_generator
+from latentmotion.diffusion.samplers import sample
+from latentmotion.engine.options import ExecutionOptions
+from latentmotion.engine.request import GenerationRequest, padded_batch
 from latentmotion.errors import InputError
-from latentmotion.model.card import read_card
-from latentmotion.model.folder import find_model
+from latentmotion.gpu.backend import Buckets, denoiser_session, torch_pipeline
+from latentmotion.gpu.cuda_graphs import Recorder, on_gpu
+from latentmotion.model.card import find_model, read_card
+from latentmotion.networks.checkpoint import load_model
 from latentmotion.pipeline import MotionPipeline, sampler_of
-from latentmotion.request import GenerationRequest, padded_batch
-from latentmotion.runtime.buckets import Buckets
-from latentmotion.runtime.computing import Computing
-from latentmotion.runtime.eager import denoiser_session, torch_pipeline
-from latentmotion.runtime.launch import Recorder, on_gpu
 from tests.support.played_graphs import play_graphs
 
 PROMPTS = ["a person walks forward", "a person jumps", "someone turns left and waves with one hand"]
@@ -96,9 +94,9 @@ def test_sizes_of_buckets() -> None:
     assert [buckets.frames(longest) for longest in (12, 32, 33, 195, 196)] == [32, 32, 64, 196, 196]
     # Padding would move these models' motions.
     config = card.trained_denoiser
-    sees = Buckets(replace(card, denoiser=replace(config, sees_padding=True)))
+    sees = Buckets(replace(card, denoiser=replace(config, attends_to_padding=True)))
     assert sees.frames(33) == 33
-    first = Buckets(replace(card, denoiser=replace(config, places="context_first")))
+    first = Buckets(replace(card, denoiser=replace(config, positions="context_first")))
     assert first.words(2) == 2
 
 
@@ -174,7 +172,7 @@ def test_a_recording_keeps_what_it_reads(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_bfloat16_stays_near_and_answers_in_float32(exact: MotionPipeline) -> None:
-    halved = torch_pipeline("starter", computing=Computing(precision="bfloat16"))
+    halved = torch_pipeline("starter", execution=ExecutionOptions(precision="bfloat16"))
     expected = exact.features(PROMPTS, FRAMES, SEEDS, steps=4)
     found = halved.features(PROMPTS, FRAMES, SEEDS, steps=4)
     scale = np.array(exact.card.normalizer_std)
@@ -187,13 +185,13 @@ def test_bfloat16_stays_near_and_answers_in_float32(exact: MotionPipeline) -> No
 def test_a_compiled_chain_makes_the_same_motion() -> None:
     # In a process of its own: shapes are not checked there, and checks cannot be compiled.
     program = """
-from latentmotion.runtime import network
-from latentmotion.runtime.computing import Computing
-from latentmotion.runtime.eager import torch_pipeline
+from latentmotion.gpu import network
+from latentmotion.engine.options import ExecutionOptions
+from latentmotion.gpu.backend import torch_pipeline
 # The compiler proper takes a minute; this one traces, takes gradients apart and runs the rest.
 network.COMPILER = "aot_eager"
 made = [
-    torch_pipeline("starter", computing=Computing(launch=launch)).features(
+    torch_pipeline("starter", execution=ExecutionOptions(launch=launch)).features(
         ["a person walks"], [41], [3], steps=1
     )[0]
     for launch in ("eager", "compiled")
@@ -207,8 +205,8 @@ print(abs(made[0] - made[1]).max())
 
 def test_what_does_not_go_together_says_so() -> None:
     with pytest.raises(InputError, match=r"CUDA graphs need cuda; use launch eager"):
-        Computing(launch="graph")
+        ExecutionOptions(launch="graph")
     with pytest.raises(InputError, match="onnxruntime computes on the CPU, in float32; for cpu, b"):
-        load_generator("starter", "onnxruntime", computing=Computing(precision="bfloat16"))
-    chosen = load_generator("starter", computing=Computing(precision="bfloat16"))
-    assert isinstance(chosen.backend.place(np.zeros(1)), Tensor)
+        load_generator("starter", "onnxruntime", execution=ExecutionOptions(precision="bfloat16"))
+    chosen = load_generator("starter", execution=ExecutionOptions(precision="bfloat16"))
+    assert isinstance(chosen.backend.to_device(np.zeros(1)), Tensor)

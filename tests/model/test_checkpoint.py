@@ -12,22 +12,22 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from latentmotion.checkpoint import (
-    FirstStageModel,
-    LatentModel,
-    load_model,
-    load_stages,
-    save_model,
-)
-from latentmotion.condition.sentence import SentenceReading
-from latentmotion.condition.task import ActionTask, TextTask, UnconditionalTask
-from latentmotion.diffusion.prediction import Velocity
+from latentmotion.condition.task import ActionTask, TextConditioning, TextTask, UnconditionalTask
+from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.errors import ModelError
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.model.vae_config import ConvolutionalVAEConfig, IdentityVAEConfig, LatentSpace
 from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import (
+    FirstStageModel,
+    LatentModel,
+    load_model,
+    load_stages,
+    save_model,
+)
+from tests.support.version_1 import write_version_1_card
 
 VAE = ConvolutionalVAEConfig(features=5, width=8, channels=3, dilations=(1, 2))
 DENOISER = DenoiserConfig(
@@ -47,7 +47,7 @@ def small_model() -> LatentModel:
         normalizer_std=(1.0,) * 5,
         latents=LatentSpace(width=3, frames_per_token=4),
         schedule=LinearPath(),
-        prediction=Velocity(),
+        parametrization=Velocity(),
         vae=VAE,
         denoiser=DENOISER,
         condition=TextTask(),
@@ -88,7 +88,7 @@ OLD_CARDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "vae alone": ({"denoiser": {}, "condition": {}}, {"denoiser": None}),
     "sentences": (
         {"condition": {"encoder": "clip", "width": 6}},
-        {"condition": TextTask("clip", 6, SentenceReading())},
+        {"condition": TextTask("clip", 6, TextConditioning())},
     ),
     "labels": (
         {"task": "action", "condition": {"kind": "action", "labels": ["a", "b"]}},
@@ -110,6 +110,7 @@ OLD_CARDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 def test_cards_of_earlier_versions_are_read(name: str, tmp_path: Path) -> None:
     written, meant = OLD_CARDS[name]
     small_model().card.write(tmp_path)
+    write_version_1_card(tmp_path)
     edit_card(lambda card: card.update(written))(tmp_path)
     card = read_card(tmp_path)
     for key, value in meant.items():
@@ -117,8 +118,7 @@ def test_cards_of_earlier_versions_are_read(name: str, tmp_path: Path) -> None:
     card.write(tmp_path)
     assert read_card(tmp_path) == card
     kept = json.loads((tmp_path / "model.json").read_text())
-    assert list(kept)[:3] == ["kind", "name", "task"] and kept["task"] == card.task
-    assert kept["condition"].get("kind", "text") == card.task
+    assert kept["format"] == 2 and kept["condition"]["kind"] == type(card.condition).__name__
 
 
 def edit_card(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
@@ -127,6 +127,14 @@ def edit_card(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]
         card = json.loads(path.read_text())
         change(card)
         path.write_text(json.dumps(card))
+
+    return edit
+
+
+def edit_version_1(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
+    def edit(folder: Path) -> None:
+        write_version_1_card(folder)
+        edit_card(change)(folder)
 
     return edit
 
@@ -148,11 +156,11 @@ def cut(folder: Path) -> None:
 DAMAGES: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no card": (lambda folder: (folder / "model.json").unlink(), "not a model folder"),
     "no json": (lambda folder: (folder / "model.json").write_text("{"), "not JSON"),
-    "misspelt": (edit_card(lambda card: card.update(gidance=3)), "did you mean 'guidance'"),
+    "misspelt": (edit_card(lambda card: card["sampling"].update(gidance=3)), "mean 'guidance'"),
     "misspelt size": (edit_card(lambda card: card["vae"].update(widht=3)), "mean 'width'"),
     "misspelt label": (edit_card(lambda card: card["condition"].update(encodr="x")), "'encoder'"),
-    "other task": (edit_card(lambda card: card.update(task="texts")), "expected one of text, act"),
-    "no task": (edit_card(lambda card: card.pop("task")), "missing key 'task'"),
+    "other task": (edit_version_1(lambda card: card.update(task="texts")), "one of text, act"),
+    "no task": (edit_version_1(lambda card: card.pop("task")), "missing key 'task'"),
     "other kind": (edit_card(lambda card: card["vae"].update(kind="Vae3")), "Vae3"),
     "future": (edit_card(lambda card: card.update(format=99)), "format 99"),
     "missing": (edit_card(lambda card: card.pop("schedule")), "missing key 'schedule'"),
@@ -160,8 +168,8 @@ DAMAGES: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no weights": (lambda folder: (folder / "weights.safetensors").unlink(), "missing or dam"),
     "cut weights": (cut, "missing or damaged"),
     "weight missing": (
-        edit_weights(lambda weights: weights.pop("denoiser.places.latents.table")),
-        "1 weights missing, first 'denoiser.places.latents.table'",
+        edit_weights(lambda weights: weights.pop("denoiser.positions.latents.table")),
+        "1 weights missing, first 'denoiser.positions.latents.table'",
     ),
     "weight unknown": (
         edit_weights(

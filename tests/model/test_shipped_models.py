@@ -11,11 +11,10 @@ import torch
 from safetensors import safe_open
 
 from latentmotion import MotionPipeline
-from latentmotion.checkpoint import WEIGHTS_FILE, load_model
 from latentmotion.errors import InputError
-from latentmotion.model.card import read_card
-from latentmotion.model.folder import DEFAULT, find_model, shipped_models
-from latentmotion.vae.convolutional import ConvolutionalVAE
+from latentmotion.model.card import DEFAULT, find_model, read_card, shipped_models
+from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_model
+from latentmotion.networks.vae.convolutional import ConvolutionalVAE
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +25,7 @@ def generate() -> MotionPipeline:
 def test_both_models_ship_and_the_distilled_one_is_the_default(generate: MotionPipeline) -> None:
     assert shipped_models() == ("fast", "starter")
     assert generate.card.name == DEFAULT == "fast"
-    assert generate.card.leaps is not None and generate.card.figures["teacher"] == "starter"
+    assert generate.card.few_step is not None and generate.card.figures["teacher"] == "starter"
 
 
 @pytest.mark.parametrize("steps", [1, 2, 4])

@@ -8,13 +8,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.baselines.mdm import mdm_denoiser
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.networks.attention import Dropout
 from latentmotion.networks.build import build
-from latentmotion.nn.dropout import Dropout
-from latentmotion.nn.timestep import NumberEmbedding, sinusoid
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.embeddings import NumberEmbedding, sinusoid
+from latentmotion.training.presets.baselines import mdm_denoiser
 
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
 OURS = DenoiserConfig(latent_width=6, condition_width=10, transformer=SMALL, sine_width=12)
@@ -23,7 +23,7 @@ PAPER = dataclasses.replace(
     latent_width=32,
     project_latents=False,
     condition_projection="relu_linear",
-    places="latents_first",
+    positions="latents_first",
 )
 NO_SKIPS = dataclasses.replace(SMALL, skips=False)
 
@@ -33,7 +33,7 @@ EXACT_UNDER_PADDING = {
     "cross": dataclasses.replace(OURS, attention="cross", transformer=NO_SKIPS),
     "sine": dataclasses.replace(OURS, position="sine"),
     "words added to time": dataclasses.replace(
-        OURS, words="added_to_time", places="context_first", transformer=NO_SKIPS
+        OURS, words="added_to_time", positions="context_first", transformer=NO_SKIPS
     ),
 }
 CONFIGS = {
@@ -41,7 +41,7 @@ CONFIGS = {
     "paper": PAPER,
     "labels": dataclasses.replace(PAPER, condition_projection="table"),
     "plain condition": dataclasses.replace(PAPER, condition_projection="none", condition_width=32),
-    "raw frames": dataclasses.replace(OURS, places="context_first", sees_padding=True),
+    "raw frames": dataclasses.replace(OURS, positions="context_first", attends_to_padding=True),
 }
 
 

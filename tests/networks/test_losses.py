@@ -7,16 +7,14 @@ import torch
 import torch.nn.functional as F
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.loss import DenoiserObjective, denoiser_loss
-from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
+from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.model.vae_config import ConvolutionalVAEConfig
 from latentmotion.networks.build import build
-from latentmotion.nn.masked import mean_of_real
+from latentmotion.networks.vae.interface import MotionVAE, Posterior
+from latentmotion.networks.vae.loss import VAEObjective, feature_losses, mean_of_real, vae_losses
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.vae.interface import MotionVAE
-from latentmotion.vae.loss import VAEObjective, feature_losses, vae_losses
-from latentmotion.vae.posterior import Posterior
+from latentmotion.training.denoiser_loss import DenoiserObjective, denoiser_loss
 
 
 def test_padding_weighs_nothing_in_a_mean() -> None:
@@ -38,7 +36,7 @@ def losses(frames: int) -> dict[str, torch.Tensor]:
         drawn = torch.randn(2, 6, width, generator=generator)
         return F.pad(drawn, (0, 0, 0, tokens - 6))
 
-    objective = VAEObjective(steps=0.5)
+    objective = VAEObjective(velocity=0.5)
     decode = HUMANML3D_FEATURES.decode
     return vae_losses(vae, features, mask, noise, decode, 20.0, objective)
 
@@ -51,7 +49,7 @@ def test_padding_changes_no_loss_of_the_vae() -> None:
 
 def test_the_total_is_the_weighted_sum() -> None:
     parts = losses(24)
-    weights = {"features": 1.0, "joints": 1.0, "steps": 0.5, "divergence": 1e-4}
+    weights = {"features": 1.0, "joints": 1.0, "velocity": 0.5, "kl": 1e-4}
     total = sum(weight * parts[name] for name, weight in weights.items())
     assert torch.allclose(parts["total"], torch.as_tensor(total))
 
@@ -80,7 +78,7 @@ def test_a_posterior_stays_finite_however_far_off_a_motion_is() -> None:
     vae = build(ConvolutionalVAEConfig(width=8, channels=2, dilations=(1,)))
     far = 1e6 * torch.randn(1, 16, 263)
     posterior = vae.encode(far, torch.ones(1, 16, dtype=torch.bool))
-    assert torch.isfinite(posterior.std).all() and torch.isfinite(posterior.divergence()).all()
+    assert torch.isfinite(posterior.std).all() and torch.isfinite(posterior.kl()).all()
 
 
 def test_the_authors_means_run_over_padding() -> None:
@@ -102,29 +100,29 @@ def test_the_authors_means_run_over_padding() -> None:
     theirs = {
         "features": F.smooth_l1_loss(rebuilt, features),
         "joints": F.smooth_l1_loss(*joints),
-        "divergence": posterior.divergence().mean(),
+        "kl": posterior.kl().mean(),
     }
     for name, value in theirs.items():
         assert float(found[name].detach()) == pytest.approx(float(value.detach()), rel=1e-5)
-    total = theirs["features"] + theirs["joints"] + 1e-4 * theirs["divergence"]
+    total = theirs["features"] + theirs["joints"] + 1e-4 * theirs["kl"]
     assert float(found["total"].detach()) == pytest.approx(float(total.detach()), rel=1e-5)
     clean = losses_of(VAEObjective())
     assert float((clean["features"] / found["features"]).detach()) > 1.1
 
 
-@pytest.mark.parametrize("prediction", [Epsilon(), Sample(), Velocity()])
+@pytest.mark.parametrize("parametrization", [Epsilon(), Sample(), Velocity()])
 @pytest.mark.parametrize("schedule", [ScaledLinear(), LinearPath()])
 def test_a_denoiser_that_knows_the_answer_has_no_loss(
-    prediction: Epsilon | Sample | Velocity, schedule: ScaledLinear | LinearPath
+    parametrization: Epsilon | Sample | Velocity, schedule: ScaledLinear | LinearPath
 ) -> None:
     z0, epsilon = torch.randn(2, 3, 4, 5, generator=torch.Generator().manual_seed(0))
-    objective = DenoiserObjective(schedule, prediction)
+    objective = DenoiserObjective(schedule, parametrization)
     t = objective.time(torch.tensor([-1.0, 0.0, 2.0]))
     condition = Conditioning(torch.zeros(3, 1, 2), torch.ones(3, 1, dtype=torch.bool))
     mask = torch.tensor([[True] * 4, [True] * 4, [True, False, False, False]])
 
     def knowing(z: torch.Tensor, t: torch.Tensor, *_: object) -> torch.Tensor:
-        answer = prediction.target(z0, epsilon, t, schedule)
+        answer = parametrization.target(z0, epsilon, t, schedule)
         return torch.where(mask[..., None], answer, 7.0)
 
     loss = denoiser_loss(knowing, z0, epsilon, t, condition, mask, objective)

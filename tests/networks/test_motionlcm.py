@@ -12,12 +12,12 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from latentmotion.checkpoint import LatentModel, load_model
 from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.task import TextTask
+from latentmotion.convert.mld import Origin, Unstated, convert_checkpoint
 from latentmotion.errors import ModelError
-from latentmotion.upstream.configurations import Unstated
-from latentmotion.upstream.conversion import Origin, convert_checkpoint
+from latentmotion.model.config import Sampling
+from latentmotion.networks.checkpoint import LatentModel, load_model
 
 FEATURES, TOKENS, NARROW, WIDTH, HEADS, HIDDEN, TEXT, SINE = 7, 3, 6, 16, 2, 24, 10, 12
 
@@ -147,7 +147,7 @@ def test_the_card_tells_the_layout(theirs: Theirs, tmp_path: Path) -> None:
     card = convert(theirs.state_dict(), tmp_path).card
     assert (card.latents.width, card.latents.tokens) == (NARROW, TOKENS)
     assert card.condition == TextTask("sentence-transformers/sentence-t5-large", TEXT)
-    assert (card.steps, card.sampler, card.guidance) == (50, "ddim", 7.5)
+    assert card.sampling == Sampling(50, 7.5, "ddim")
     assert card.trained_denoiser.condition_projection == "linear"
 
 

@@ -13,13 +13,13 @@ from transformers import (
 )
 
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.condition.text.cache import CachedTextEncoder
-from latentmotion.condition.text.pretrained import (
+from latentmotion.errors import InputError, ModelError
+from latentmotion.networks.pretrained_text import (
     KINDS,
     PretrainedTextEncoder,
     packaged_minilm,
 )
-from latentmotion.errors import InputError, ModelError
+from latentmotion.text.cache import CachedTextEncoder
 from tests.support.tiny_text import (
     CAPTIONS,
     MODELS,

@@ -10,11 +10,10 @@ from torch import Tensor, nn
 
 from latentmotion.errors import InputError
 from latentmotion.model.config import TransformerConfig
+from latentmotion.networks.attention import CrossAttention, Dropout, SelfAttention
 from latentmotion.networks.build import decoder_stack, encoder_stack
-from latentmotion.nn.attention import CrossAttention, SelfAttention
-from latentmotion.nn.dropout import Dropout
-from latentmotion.nn.position import LearnedPosition, SinePosition, sine_rate, sines
-from latentmotion.nn.transformer import EncoderLayer
+from latentmotion.networks.embeddings import LearnedPosition, SinePosition, sine_rate, sines
+from latentmotion.networks.transformer import EncoderLayer
 
 WIDTH, HEADS, TOKENS = 8, 2, 5
 CONFIG = TransformerConfig(width=WIDTH, layers=3, heads=HEADS, hidden=12, dropout=0.0)

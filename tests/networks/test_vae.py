@@ -9,7 +9,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.baselines.actor import actor_vae
 from latentmotion.errors import InputError
 from latentmotion.model.config import TransformerConfig
 from latentmotion.model.vae_config import (
@@ -20,9 +19,15 @@ from latentmotion.model.vae_config import (
     VPoserTConfig,
 )
 from latentmotion.networks.build import build
-from latentmotion.vae.halves import fingerprint, keep_latents, way_back
-from latentmotion.vae.interface import MotionVAE
-from latentmotion.vae.posterior import Posterior
+from latentmotion.networks.vae.interface import (
+    MotionVAE,
+    Posterior,
+    copy_encoder,
+    decoder_modules,
+    fingerprint,
+)
+from latentmotion.networks.widening import start_from
+from latentmotion.training.presets.mld import actor_vae
 
 FEATURES = 19
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
@@ -124,7 +129,7 @@ def test_the_way_back_is_told_apart(vae: MotionVAE, motion: Tensor) -> None:
     mask = prefix_mask(LENGTHS)
     latents, before = vae.encode(motion, mask).mean, fingerprint(vae)
     features = vae.decode(latents, mask)
-    inside = list(way_back(vae).parameters())
+    inside = list(decoder_modules(vae).parameters())
     _scale(inside, 2.0)
     assert torch.equal(vae.encode(motion, mask).mean, latents)
     assert fingerprint(vae) == before
@@ -147,7 +152,7 @@ def test_another_way_back_keeps_latents_and_begins_alike(motion: Tensor) -> None
     old = build(CONFIGS["convolutional"]).eval()
     blocks = QuarterRateDecoder((9, 3, 1, 3, 1))
     new = build(dataclasses.replace(CONFIGS["convolutional"], decoder=blocks)).eval()
-    keep_latents(new, old)
+    copy_encoder(new, old)
     mask = prefix_mask(LENGTHS)
     assert torch.equal(new.encode(motion, mask).mean, old.encode(motion, mask).mean)
     assert fingerprint(new) == fingerprint(old)
@@ -195,7 +200,7 @@ def test_vposer_t_deviation_is_a_softplus_that_never_vanishes(motion: Tensor) ->
     torch.nn.init.zeros_(vae.deviation[0].bias)
     assert torch.allclose(vae.encode(motion, mask).std, torch.tensor(math.log(2.0)))
     torch.nn.init.constant_(vae.deviation[0].bias, -200.0)
-    vae.encode(motion, mask).divergence().sum().backward()
+    vae.encode(motion, mask).kl().sum().backward()
     assert all(p.grad is None or p.grad.isfinite().all() for p in vae.parameters())
 
 
@@ -227,7 +232,7 @@ def test_posterior_formulas() -> None:
     theirs = torch.distributions.Normal(mean, torch.exp(logvar).sqrt())
     standard = torch.distributions.Normal(0.0, 1.0)
     expected = torch.distributions.kl_divergence(theirs, standard)
-    assert torch.allclose(posterior.divergence(), expected, atol=1e-5)
+    assert torch.allclose(posterior.kl(), expected, atol=1e-5)
     draws = [posterior.sample(torch.Generator().manual_seed(s)) for s in (0, 0, 1)]
     assert torch.equal(draws[0], draws[1])
     assert not torch.equal(draws[0], draws[2])
@@ -235,3 +240,23 @@ def test_posterior_formulas() -> None:
     drawn = many.sample(torch.Generator().manual_seed(0))
     assert drawn.mean().item() == pytest.approx(2, abs=0.05)
     assert drawn.std().item() == pytest.approx(3, abs=0.05)
+
+
+def test_more_latent_channels_change_nothing_at_first() -> None:
+    config = ConvolutionalVAEConfig(
+        FEATURES, width=24, channels=6, decoder=QuarterRateDecoder((3,))
+    )
+    trained, wide = build(config), build(dataclasses.replace(config, channels=9))
+    start_from(wide, trained, 9, 6)
+    mask = prefix_mask(LENGTHS)
+    x = torch.randn(3, max(LENGTHS), FEATURES) * mask[..., None]
+    one, other = trained.encode(x, mask), wide.encode(x, mask)
+    assert torch.allclose(one.mean, other.mean[..., :6], atol=1e-6)
+    assert torch.allclose(one.logvar, other.logvar[..., :6], atol=1e-6)
+    assert other.mean[..., 6:].std() > 0 and other.logvar[..., 6:].abs().max() == 0
+    decoded = trained.decode(one.mean, mask), wide.decode(other.mean, mask)
+    assert torch.allclose(*decoded, atol=1e-5)
+    with pytest.raises(InputError, match="more latent channels"):
+        start_from(trained, wide, 6, 9)
+    with pytest.raises(InputError, match="has encoder"):
+        start_from(build(dataclasses.replace(config, width=32)), trained, 6, 6)

@@ -14,22 +14,21 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor
 
-from latentmotion.checkpoint import (
+from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEncoder
+from latentmotion.convert.mld import Origin, Unstated, convert_checkpoint
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance
+from latentmotion.diffusion.samplers import DDIM, sample
+from latentmotion.errors import InputError
+from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.model.vae_config import IdentityVAEConfig
+from latentmotion.networks.checkpoint import (
     FirstStageModel,
     LatentModel,
     load_model,
     load_stages,
     save_model,
 )
-from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEncoder
-from latentmotion.diffusion.guidance import ClassifierFreeGuidance
-from latentmotion.diffusion.sampler import DDIM, sample
-from latentmotion.errors import InputError
-from latentmotion.model.vae_config import IdentityVAEConfig
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.runtime.eager import torch_pipeline
-from latentmotion.upstream.configurations import Unstated
-from latentmotion.upstream.conversion import Origin, convert_checkpoint
 from tests.support.golden import formula, golden_input, prefix_mask, relative
 
 ONE_PASS = 1e-5
@@ -93,10 +92,10 @@ def test_fifty_guided_steps(mld: LatentModel, golden: dict[str, np.ndarray]) -> 
     always = torch.ones(3, 1, dtype=torch.bool)
     null = Conditioning(golden_input("uncond", (1, 1, 768)), always[:1])
     text = Conditioning(golden_input("cond", (3, 1, 768)), always)
-    guided = ClassifierFreeGuidance(denoiser, null, mld.card.guidance)
-    sampler = DDIM(mld.card.schedule, mld.card.prediction)
+    guided = ClassifierFreeGuidance(denoiser, null, mld.card.sampling.guidance)
+    sampler = DDIM(mld.card.schedule, mld.card.parametrization)
     noise = golden_input("noise", (3, 1, 256))
-    latents = sample(guided, sampler, noise, text, always, mld.card.steps, np.zeros)
+    latents = sample(guided, sampler, noise, text, always, mld.card.sampling.steps, np.zeros)
     assert relative(latents, golden["ddim50_latent"]) < FIFTY_STEPS
     assert relative(vae.decode(latents, MLD_MASK), golden["ddim50_features"]) < FIFTY_STEPS
 
@@ -243,7 +242,7 @@ def test_an_action_file_with_other_labels(variants: Variants) -> None:
 def test_a_file_without_vae_generates_by_sentence(variants: Variants) -> None:
     model = variants.load("den_novae_dec")
     assert model.card.vae == IdentityVAEConfig(19)
-    assert (model.card.sampler, model.card.steps) == ("ddpm", 1000)
+    assert (model.card.sampling.sampler, model.card.sampling.steps) == ("ddpm", 1000)
     encoder = Counting(model.card.condition.condition_width)
     generator = generator_of(model, variants.out / "den_novae_dec", encoder)
     prompts = ["a person walks", "a person kicks"]

@@ -13,10 +13,10 @@ import pytest
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
+from latentmotion.engine.session import Runtime
 from latentmotion.errors import InputError, ModelError
-from latentmotion.model.folder import find_model
+from latentmotion.model.card import find_model
 from latentmotion.motion import Motion
-from latentmotion.runtime.session import Runtime
 
 CAPTION = "a person walks forward"
 

@@ -17,8 +17,7 @@ import pytest
 
 from latentmotion import MotionPipeline
 from latentmotion.errors import MissingExtraError, ModelError
-from latentmotion.hub import download, is_hub_id
-from latentmotion.model.folder import find_model
+from latentmotion.model.card import download, find_model, is_hub_id
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 MODEL = "someone/walks"

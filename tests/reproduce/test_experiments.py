@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,25 +14,22 @@ from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
-from latentmotion.evaluation.extractors.interface import Recognition
-from latentmotion.evaluation.settings import CLEAN, Repeats
-from latentmotion.experiments.budget import PAPER, SMALL, budget_named
-from latentmotion.experiments.build import first_stage_of, second_stage_of
-from latentmotion.experiments.document import fill
-from latentmotion.experiments.measuring import Measurement
-from latentmotion.experiments.models import MODELS
-from latentmotion.experiments.overview import minutes, overview, rows_of
-from latentmotion.experiments.result import RowResult, TableResult, cell, markdown
-from latentmotion.experiments.reverse import chosen, map_of, silhouette
-from latentmotion.experiments.run import run_table
-from latentmotion.experiments.table import Model, Row, Table
-from latentmotion.experiments.tables import TABLES, rows_named, table_named
-from latentmotion.experiments.workplace import Workplace
+from latentmotion.evaluation.evaluators.interface import Recognition
+from latentmotion.evaluation.protocol import CLEAN, Repeats
 from latentmotion.model.vae_config import TransformerVAEConfig
 from latentmotion.networks.build import build
+from latentmotion.reproduce.budget import BUDGETS, PAPER, SMALL, Budget, budget_named
+from latentmotion.reproduce.latents import chosen, map_of, silhouette
+from latentmotion.reproduce.markdown import RowResult, TableResult, cell, fill, markdown
+from latentmotion.reproduce.models import MODELS, Model
+from latentmotion.reproduce.overview import minutes, overview, rows_of
+from latentmotion.reproduce.runner import TableRunner
+from latentmotion.reproduce.table import Row, Table
+from latentmotion.reproduce.tables import TABLES, rows_named, table_named
+from latentmotion.reproduce.workspace import Workspace
 from latentmotion.storage.configuration import read_json
 from tests.support.moving_figures import write_moving_figures
-from tests.support.small_training import PLACE, LetterCount
+from tests.support.small_training import CONTEXT, LetterCount
 
 TINY = replace(
     SMALL,
@@ -38,16 +38,17 @@ TINY = replace(
     layers={6: 3, 8: 3, 9: 3, 15: 3},
     max_frames=32,
     replications=2,
-    further=(
+).changed(
+    [
         "vae_cropping.max_frames=32",
         "latents.cropping.max_frames=32",
         "sampling.steps=3",
         *(
-            f"{stage}_training.{change}"
+            f"{stage}_training.{setting}"
             for stage in ("vae", "denoiser")
-            for change in ("steps=4", "batch_size=4", "report_every=1", "validate_every=2")
+            for setting in ("steps=4", "batch_size=4", "report_every=1", "validate_every=2")
         ),
-    ),
+    ]
 )
 PROTOCOL = replace(
     CLEAN,
@@ -90,8 +91,8 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return Dataset.load(write_moving_figures(folder, train=8, val=6))
 
 
-def place_of_work(dataset: Dataset, folder: Path, told: list[str]) -> Workplace:
-    return Workplace(dataset, folder, TINY, PLACE, lambda _: LetterCount(), tell=told.append)
+def workspace_of(dataset: Dataset, folder: Path, told: list[str]) -> Workspace:
+    return Workspace(dataset, folder, TINY, CONTEXT, lambda _: LetterCount(), tell=told.append)
 
 
 def test_every_row_has_a_model_and_every_model_a_row() -> None:
@@ -104,11 +105,11 @@ def test_every_row_has_a_model_and_every_model_a_row() -> None:
 
 
 @pytest.mark.parametrize("budget", [PAPER, SMALL])
-@pytest.mark.parametrize("name", [name for name, m in MODELS.items() if m.base != "starter"])
-def test_every_model_can_be_built(name: str, budget: object) -> None:
+@pytest.mark.parametrize("name", [name for name, m in MODELS.items() if not m.shipped])
+def test_every_model_can_be_built(name: str, budget: Budget) -> None:
     model = MODELS[name]
-    first = first_stage_of(MODELS[model.first or name], budget, 263)  # type: ignore[arg-type]
-    second = second_stage_of(model, first, budget, 263, 384)  # type: ignore[arg-type]
+    first = MODELS[model.first or name].first_stage(budget, 263)
+    second = model.second_stage(first, budget, 263, 384)
     assert second.task == model.task and second.denoiser.condition_width == 384
     assert model.raw or second.vae == first.vae
     if budget is SMALL:
@@ -117,29 +118,53 @@ def test_every_model_can_be_built(name: str, budget: object) -> None:
         assert second.denoiser.latent_width == wanted and denoiser is not None
 
 
+def values_of(settings: Any) -> Any:
+    """Values of settings without their names, which may change; variants by class or values."""
+    if is_dataclass(settings):
+        return [values_of(getattr(settings, f.name)) for f in fields(settings)] or type(
+            settings
+        ).__name__
+    return [values_of(item) for item in settings] if isinstance(settings, tuple) else settings
+
+
+def digest_of(name: str, budget: Budget) -> str:
+    model = MODELS[name]
+    first = MODELS[model.first or name].first_stage(budget, 263)
+    second = model.second_stage(first, budget, 263, 384)
+    text = json.dumps([values_of(first), values_of(second)])
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
+@pytest.mark.parametrize("budget", ["paper", "small"])
+def test_every_model_keeps_its_settings(budget: str) -> None:
+    pinned = json.loads((Path(__file__).parent / "experiments.json").read_text())[budget]
+    trained = [name for name, model in MODELS.items() if not model.shipped]
+    assert {name: digest_of(name, BUDGETS[budget]) for name in trained} == pinned
+
+
 def test_the_small_budget_keeps_the_differences_of_rows() -> None:
-    built = {name: first_stage_of(MODELS[name], SMALL, 263).vae for name in ("mld_1", "actor")}
+    built = {name: MODELS[name].first_stage(SMALL, 263).vae for name in ("mld_1", "actor")}
     assert built["mld_1"] != built["actor"]
     layers = [f"mld_1_{n}_layers" for n in (7, 11)]
-    vaes = [first_stage_of(MODELS[name], SMALL, 263).vae for name in layers]
+    vaes = [MODELS[name].first_stage(SMALL, 263).vae for name in layers]
     assert [v.transformer.layers for v in vaes if isinstance(v, TransformerVAEConfig)] == [3, 7]
 
 
 def test_two_rows_are_trained_measured_and_kept(dataset: Dataset, tmp_path: Path) -> None:
     told: list[str] = []
-    work = place_of_work(dataset, tmp_path, told)
+    work = workspace_of(dataset, tmp_path, told)
     table = TABLES["text"]
-    measurement = Measurement(table, work, TINY.protocol(PROTOCOL), Means())
-    page = run_table(measurement, rows_named(table, ["mld_1", "mdm_50"]))
+    runner = TableRunner(table, work, TINY.protocol(PROTOCOL), Means())
+    page = runner.run(rows_named(table, ["mld_1", "mdm_50"]))
     text = page.read_text(encoding="utf-8")
     assert "| MLD (1 token) | 0." in text.replace("| 1.00", "| 0.") and "FID, paper" in text
     assert "| Real | " in text and "0.797" in text and "budget tiny" in text
     assert sum("training" in line for line in told) == 3
     told.clear()
-    assert run_table(measurement, rows_named(table, ["mld_1", "mdm_50"])) == page
+    assert runner.run(rows_named(table, ["mld_1", "mdm_50"])) == page
     assert not told and page.read_text(encoding="utf-8") == text
-    prediction = Measurement(TABLES["prediction"], work, TINY.protocol(PROTOCOL), Means())
-    run_table(prediction, rows_named(prediction.table, ["epsilon"]))
+    prediction = TableRunner(TABLES["prediction"], work, TINY.protocol(PROTOCOL), Means())
+    prediction.run(rows_named(prediction.table, ["epsilon"]))
     assert not any("training" in line for line in told)
     result = read_json(TableResult, tmp_path / "prediction.json")
     assert [row.row for row in result.rows] == ["real", "epsilon"]
@@ -147,14 +172,14 @@ def test_two_rows_are_trained_measured_and_kept(dataset: Dataset, tmp_path: Path
 
 def test_a_guidance_sweep_and_training_curves_are_drawn(dataset: Dataset, tmp_path: Path) -> None:
     told: list[str] = []
-    work = place_of_work(dataset, tmp_path, told)
+    work = workspace_of(dataset, tmp_path, told)
     once = replace(TINY.protocol(PROTOCOL), replications=1)
     for name, rows in {
         "guidance": ["scale_1", "scale_7_5"],
         "training": [],
         "steps": ["mld_ddim_5"],
     }.items():
-        run_table(Measurement(TABLES[name], work, once, Means()), rows_named(TABLES[name], rows))
+        TableRunner(TABLES[name], work, once, Means()).run(rows_named(TABLES[name], rows))
         assert (tmp_path / f"{name}.png").stat().st_size > 5000
         assert f"({name}.png)" in (tmp_path / f"{name}.md").read_text(encoding="utf-8")
     assert sum("training a denoiser" in line for line in told) == 1
@@ -162,17 +187,17 @@ def test_a_guidance_sweep_and_training_curves_are_drawn(dataset: Dataset, tmp_pa
 
 
 def test_actions_and_their_latents(dataset: Dataset, tmp_path: Path) -> None:
-    work = place_of_work(dataset, tmp_path, [])
+    work = workspace_of(dataset, tmp_path, [])
     once = replace(TINY.protocol(PROTOCOL), replications=1)
     for name, rows in {"action": ["mld"], "latents": []}.items():
-        extractor = Guesses(tuple(dataset.actions()))
-        run_table(Measurement(TABLES[name], work, once, extractor), rows_named(TABLES[name], rows))
+        evaluator = Guesses(tuple(dataset.actions()))
+        TableRunner(TABLES[name], work, once, evaluator).run(rows_named(TABLES[name], rows))
     assert "Accuracy" in (tmp_path / "action.md").read_text(encoding="utf-8")
     assert (tmp_path / "latents.png").stat().st_size > 5000
 
 
 def test_settings_that_differ_are_an_error(dataset: Dataset, tmp_path: Path) -> None:
-    work = place_of_work(dataset, tmp_path, [])
+    work = workspace_of(dataset, tmp_path, [])
     work.first_stage("mld_1")
     other = replace(work, budget=TINY.changed(["vae_training.steps=5"]))
     with pytest.raises(InputError, match=r"vae_training.steps \(4 → 5\)"):

@@ -17,8 +17,7 @@ from latentmotion.cli.main import main
 from latentmotion.motion import Motion
 from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.study.answers import Answer, Answers, read_answers, read_key, votes_of
-from latentmotion.study.design import Pair, StudyKey, design
-from latentmotion.study.page import study_html, write_study_page
+from latentmotion.study.design import Pair, StudyKey, design, study_html, write_study_page
 from latentmotion.study.report import report
 from latentmotion.study.sources import check_lengths
 from latentmotion.study.statistics import krippendorff, observed_agreement, sign_test, wilson

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from latentmotion.evaluation.extractors.networks import TextMotionConfig
+from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig
 
 TINY = TextMotionConfig(263, 4, 300, 8, 6, 6, 5)
 WORDS = ["sos", "eos", "unk", "a", "man", "walk", "fast", "zebra"]

@@ -8,7 +8,7 @@ import pytest
 
 from latentmotion.training.stages import train_denoiser, train_vae
 from tests.support.moving_figures import write_moving_figures
-from tests.support.small_training import PLACE, small
+from tests.support.small_training import CONTEXT, small
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +21,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def vae_run(figures: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run folder of the small VAE."""
     folder = tmp_path_factory.mktemp("runs") / "vae"
-    train_vae(small(), figures, folder, PLACE)
+    train_vae(small(), figures, folder, CONTEXT)
     return folder
 
 
@@ -31,5 +31,5 @@ def unconditional_run(
 ) -> Path:
     """The run folder of the small denoiser that takes no prompts."""
     folder = tmp_path_factory.mktemp("runs") / "denoiser"
-    train_denoiser(small(task="unconditional"), figures, vae_run, None, folder, PLACE)
+    train_denoiser(small(task="unconditional"), figures, vae_run, None, folder, CONTEXT)
     return folder

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.data.resampling import every
+from latentmotion.data.takes import every
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.data.clip import Source, Split
-from latentmotion.data.manifest import StoredClip
-from latentmotion.data.store import StoredMotion, stored_normalizer, write_dataset
+from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer, write_dataset
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES

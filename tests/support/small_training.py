@@ -12,15 +12,19 @@ import pytest
 import torch
 
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.diffusion.leaps import Leaps
-from latentmotion.distillation import Distillation, PhasedConsistency, Regression
-from latentmotion.experiment import Experiment, with_changes
-from latentmotion.presets import PRESETS
+from latentmotion.diffusion.few_step import FewStepConfig
 from latentmotion.training import loop
-from latentmotion.training.devices import Place
-from latentmotion.training.randomness import Ranks
+from latentmotion.training.distillation.config import (
+    Distillation,
+    PhasedConsistency,
+    TrajectoryRegression,
+)
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, with_changes
+from latentmotion.training.presets import PRESETS
+from latentmotion.training.rng import Ranks
 
-PLACE = Place(torch.device("cpu"), Ranks())
+CONTEXT = DistributedContext(torch.device("cpu"), Ranks())
 
 CHANGES = {
     "vae.width": 16,
@@ -68,11 +72,11 @@ def small(**changes: object) -> Experiment:
 
 
 def short_distillation(
-    leaps: Leaps, objective: Regression | PhasedConsistency, **changes: int
+    few_step: FewStepConfig, objective: TrajectoryRegression | PhasedConsistency, **changes: int
 ) -> Distillation:
     """Returns a distillation of a second."""
     training = {"steps": 8, "batch_size": 8, "precision": "float32", "snapshot_every": 2, **changes}
-    settings = Distillation(leaps=leaps, objective=objective)
+    settings = Distillation(few_step=few_step, objective=objective)
     return with_changes(settings, [f"training.{key}={value}" for key, value in training.items()])
 
 

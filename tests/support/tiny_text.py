@@ -20,7 +20,7 @@ from transformers import (
     T5EncoderModel,
 )
 
-from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
+from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder
 
 CAPTIONS = ("a person walks", "a person kicks", "person walks and kicks", "a kick")
 SPECIAL = ("[PAD]", "[unused0]", "[UNK]", "[CLS]", "[SEP]", "[MASK]")

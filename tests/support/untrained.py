@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import torch
 
-from latentmotion.checkpoint import LatentModel
 from latentmotion.condition.task import TextTask
-from latentmotion.diffusion.prediction import Epsilon
+from latentmotion.diffusion.parametrization import Epsilon
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.model.card import ModelCard
-from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
 from latentmotion.model.vae_config import IdentityVAEConfig, LatentSpace, VAEConfig
 from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import LatentModel
 
 SMALL = TransformerConfig(width=16, layers=3, heads=2, hidden=24)
 
@@ -32,9 +32,9 @@ def card(features: int, representation: str, latents: LatentSpace) -> ModelCard:
         normalizer_std=(1.0,) * features,
         latents=latents,
         schedule=ScaledLinear(),
-        prediction=Epsilon(),
+        parametrization=Epsilon(),
         vae=IdentityVAEConfig(features),
         denoiser=None,
         condition=TextTask("openai/clip-vit-large-patch14", 16),
-        guidance=7.5,
+        sampling=Sampling(),
     )

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.condition.text.corpus import is_held_out, parse_line, read_captions
-from latentmotion.condition.text.variation import plain_phrases, vary
-from latentmotion.condition.text.vocabulary import (
+from latentmotion.errors import DataError
+from latentmotion.text.encoder import split_words
+from latentmotion.text.vocabulary import (
     frequent_words,
     pieces_to_keep,
     places_in,
     restrict,
-    split_words,
 )
-from latentmotion.errors import DataError
+from latentmotion.training.text_encoder.augmentation import plain_phrases, vary
+from latentmotion.training.text_encoder.corpus import is_held_out, parse_line, read_captions
 from tests.support.tiny_text import CAPTIONS, teacher_tokenizer
 
 LINE = "A man kicks.#a/DET man/NOUN kick/VERB#0.0#0.0"

@@ -11,8 +11,8 @@ import pytest
 from latentmotion.cli.main import main
 from latentmotion.data.dataset import Dataset
 from latentmotion.networks.build import build
-from latentmotion.presets import preset_named
-from latentmotion.training.crops import FeatureMemory, Plan, items_by_length
+from latentmotion.training.crops import BatchSampler, FeatureCache, items_by_length
+from latentmotion.training.presets import preset_named
 from tests.support.action_files import write_humanact12
 from tests.support.synthetic_smpl import write_synthetic_smpl
 
@@ -68,21 +68,22 @@ def test_both_stages_with_a_body_and_what_the_run_keeps(folder: Path) -> None:
     preset = ["--data", str(folder / "data"), "--preset", "mld_humanact12", *CHANGES]
     main(["train", "denoiser", *preset, *words])
     card = json.loads((folder / "denoiser" / "model" / "model.json").read_text())
-    assert (card["task"], card["representation"], card["frames"]) == ("action", "smpl", [60, 60])
+    assert (card["condition"]["kind"], card["representation"]) == ("ActionTask", "smpl")
+    assert card["frames"] == [60, 60]
     assert card["condition"]["labels"] == ["throw", "walk", "warm_up"]
 
 
-@pytest.mark.parametrize("kind", ["Regression", "PhasedConsistency"])
+@pytest.mark.parametrize("kind", ["TrajectoryRegression", "PhasedConsistency"])
 def test_a_student_of_few_steps_takes_labels(folder: Path, kind: str) -> None:
     student = folder / kind
     few = ["objective=" + json.dumps({"kind": kind}), "training.steps=2", "training.batch_size=2"]
-    few += ["objective.ways=64"] if kind == "Regression" else []
+    few += ["objective.trajectories=64"] if kind == "TrajectoryRegression" else []
     changes = [word for change in few for word in ("--set", change)]
     words = ["--data", str(folder / "data"), "-o", str(student), "--device", "cpu", *changes]
     main(["train", "distill", "--teacher", str(folder / "denoiser"), *words])
     card = json.loads((student / "model" / "model.json").read_text())
-    assert (card["task"], card["frames"]) == ("action", [60, 60])
-    assert card["denoiser"]["leaps"]["steps"] == [1, 2, 4]
+    assert (card["condition"]["kind"], card["frames"]) == ("ActionTask", [60, 60])
+    assert card["denoiser"]["few_step"]["steps"] == [1, 2, 4]
 
 
 def test_a_body_is_asked_for_and_refused_where_it_is_of_no_use(
@@ -113,8 +114,8 @@ def test_a_run_goes_on_with_the_same_body_alone(
 def test_crops_begin_where_the_root_is_at_zero(folder: Path) -> None:
     dataset = Dataset.load(folder / "data")
     cropping, clips = preset_named("mld_humanact12").vae_cropping, dataset.clips("train")
-    memory = FeatureMemory(dataset, clips, dataset.normalizer)
-    crops = Plan(items_by_length(clips, 60), 4, cropping, 0)(0)
+    memory = FeatureCache(dataset, clips, dataset.normalizer)
+    crops = BatchSampler(items_by_length(clips, 60), 4, cropping, 0)(0)
     assert {crop.frames for crop in crops} == {60}
     assert any(crop.start > 0 for crop in crops)
     features, _ = memory.batch(crops, 60)

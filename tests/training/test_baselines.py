@@ -10,20 +10,21 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.checkpoint import load_model, load_stages
+from latentmotion.engine.session import open_session
 from latentmotion.errors import InputError
-from latentmotion.experiment import Experiment, with_changes
+from latentmotion.export.onnx import export_decoder
+from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.model.config import Sampling
 from latentmotion.model.vae_config import VPoserTConfig
 from latentmotion.networks.build import build
-from latentmotion.presets import preset_named
-from latentmotion.presets.mdm import mdm
-from latentmotion.runtime.eager import torch_pipeline
-from latentmotion.runtime.export import export_decoder
-from latentmotion.runtime.session import open_session
-from latentmotion.training.ema import ExponentialMovingAverage
+from latentmotion.networks.checkpoint import load_model, load_stages
+from latentmotion.networks.vae.identity import IdentityVAE
+from latentmotion.training.experiment import Experiment, with_changes
+from latentmotion.training.presets import preset_named
+from latentmotion.training.presets.baselines import mdm
 from latentmotion.training.stages import train_denoiser, train_vae
-from latentmotion.vae.identity import IdentityVAE
-from tests.support.small_training import PLACE, LetterCount, killed_at
+from latentmotion.training.state import ExponentialMovingAverage
+from tests.support.small_training import CONTEXT, LetterCount, killed_at
 
 
 def quick(experiment: Experiment, **changes: object) -> Experiment:
@@ -54,7 +55,7 @@ RAW = {
     "denoiser.latent_width": 263,
     "denoiser.condition_width": 6,
     "denoiser.transformer": TINY,
-    "reading.words": 0,
+    "conditioning.words": 0,
 }
 
 
@@ -64,10 +65,10 @@ def vposer_t(**changes: object) -> Experiment:
 
 
 def test_vposer_t_is_trained_and_goes_on_where_it_was_killed(figures: Path, tmp_path: Path) -> None:
-    whole = train_vae(vposer_t(), figures, tmp_path / "whole", PLACE)
+    whole = train_vae(vposer_t(), figures, tmp_path / "whole", CONTEXT)
     with killed_at(3):
-        train_vae(vposer_t(), figures, tmp_path / "parts", PLACE)
-    parts = train_vae(vposer_t(), figures, tmp_path / "parts", PLACE)
+        train_vae(vposer_t(), figures, tmp_path / "parts", CONTEXT)
+    parts = train_vae(vposer_t(), figures, tmp_path / "parts", CONTEXT)
     name = "weights.safetensors"
     assert (whole / name).read_bytes() == (parts / name).read_bytes()
     model = load_stages(whole)
@@ -77,7 +78,7 @@ def test_vposer_t_is_trained_and_goes_on_where_it_was_killed(figures: Path, tmp_
 
 def test_one_motion_at_once_is_refused_before_training(figures: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a batch of one motion"):
-        train_vae(vposer_t(**{"vae_training.batch_size": 1}), figures, tmp_path / "run", PLACE)
+        train_vae(vposer_t(**{"vae_training.batch_size": 1}), figures, tmp_path / "run", CONTEXT)
     assert not (tmp_path / "run").exists()
 
 
@@ -86,7 +87,7 @@ def test_crops_longer_than_vposer_t_knows_are_refused_before_training(
 ) -> None:
     with pytest.raises(InputError, match=r"at most 24.*max_frames"):
         experiment = vposer_t(**{"latents.cropping.max_frames": 40})
-        train_vae(experiment, figures, tmp_path / "run", PLACE)
+        train_vae(experiment, figures, tmp_path / "run", CONTEXT)
     assert not (tmp_path / "run").exists()
 
 
@@ -104,7 +105,7 @@ def test_running_statistics_are_averaged_like_the_weights() -> None:
 
 def test_diffusion_on_raw_frames_needs_no_first_stage(figures: Path, tmp_path: Path) -> None:
     experiment = quick(preset_named("starter"), **RAW)
-    folder = train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", PLACE)
+    folder = train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", CONTEXT)
     model = load_model(folder)
     assert isinstance(model.vae, IdentityVAE)
     assert model.card.latents.width == 263 and model.card.latents.frames_per_token == 1
@@ -124,10 +125,9 @@ def test_mdm_is_trained_and_generates_alone_as_in_a_batch(
         "denoiser_training.sample_every": 6,
     }
     experiment = quick(mdm(steps), **changes)
-    folder = train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", PLACE)
+    folder = train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", CONTEXT)
     generator = torch_pipeline(folder, LetterCount())
-    assert (generator.card.sampler, generator.card.guidance) == ("ddpm", 2.5)
-    assert generator.card.steps == steps
+    assert generator.card.sampling == Sampling(steps, 2.5, "ddpm")
     prompts, frames, seeds = ["a person walks", "a person kicks"], [20, 12], [1, 2]
     found = generator.features(prompts, frames, seeds, steps=6)
     assert [part.shape for part in found] == [(20, 263), (12, 263)]
@@ -144,7 +144,7 @@ def test_mld_without_vae_has_the_size_of_the_authors() -> None:
 
 def test_mdm_has_no_first_stage_to_train(figures: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--vae none"):
-        train_vae(quick(mdm()), figures, tmp_path / "run", PLACE)
+        train_vae(quick(mdm()), figures, tmp_path / "run", CONTEXT)
 
 
 def test_the_graph_of_raw_frames(tmp_path: Path) -> None:
@@ -158,4 +158,4 @@ def test_the_graph_of_raw_frames(tmp_path: Path) -> None:
 def test_raw_frames_are_not_normalized_twice(figures: Path, tmp_path: Path) -> None:
     experiment = quick(preset_named("starter"), **{**RAW, "latents.normalized": True})
     with pytest.raises(InputError, match=r"latents\.normalized=false"):
-        train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", PLACE)
+        train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", CONTEXT)

@@ -10,26 +10,26 @@ from unittest.mock import Mock
 import pytest
 import torch
 
-from latentmotion.checkpoint import load_model, save_model
 from latentmotion.condition.interface import Conditioning
 from latentmotion.data.sampling import Crop
-from latentmotion.diffusion.leaps import Leap, Leaps
-from latentmotion.diffusion.loss import between, leap_loss
-from latentmotion.diffusion.prediction import Epsilon, Prediction, Sample, Velocity
+from latentmotion.diffusion.few_step import FewStepConfig, StepCondition
+from latentmotion.diffusion.parametrization import Epsilon, Parametrization, Sample, Velocity
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
-from latentmotion.distillation import PhasedConsistency
 from latentmotion.errors import ModelError
-from latentmotion.experiment import TrainingSettings, with_changes
 from latentmotion.model.card import ModelCard
-from latentmotion.training.consistency import WithinPhases
-from latentmotion.training.crops import Plan
-from latentmotion.training.distill import distill
-from latentmotion.training.latents import LatentMemory, Posteriors
+from latentmotion.networks.checkpoint import load_model, save_model
+from latentmotion.training.crops import BatchSampler
+from latentmotion.training.denoiser_loss import between, step_loss
+from latentmotion.training.distillation.config import PhasedConsistency
+from latentmotion.training.distillation.phased_consistency import PhaseSteps
+from latentmotion.training.distillation.stage import distill
+from latentmotion.training.distillation.trajectories import Teacher
+from latentmotion.training.experiment import TrainingSettings, with_changes
+from latentmotion.training.latents import LatentCache, Posteriors
 from latentmotion.training.stages import train_denoiser
-from latentmotion.training.trajectories import Guide
-from tests.support.small_training import PLACE, killed_at, short_distillation, small
+from tests.support.small_training import CONTEXT, killed_at, short_distillation, small
 
-LEAPS = Leaps(guidance=(1.0, 4.0), steps=(1, 2, 4), of=8)
+FEW_STEP = FewStepConfig(guidance=(1.0, 4.0), steps=(1, 2, 4), solver_steps=8)
 ROWS, TOKENS, WIDTH = 64, 3, 2
 MASK = torch.arange(TOKENS) < torch.tensor([3, 2])[torch.arange(ROWS) % 2, None]
 
@@ -43,7 +43,7 @@ class Scaled:
     """
 
     schedule: Schedule
-    prediction: Prediction
+    parametrization: Parametrization
     wrong: float = 0.0
 
     def deviation(self, t: torch.Tensor) -> torch.Tensor:
@@ -53,70 +53,82 @@ class Scaled:
         """The answer that leads from t to s; anything where that is no way at all."""
         end = z * (self.deviation(s) / self.deviation(t))[:, None, None]
         ends = between(z, end, t, torch.where(s == t, t - 1, s), self.schedule)
-        return self.prediction.target(*ends, t, self.schedule) + self.wrong
+        return self.parametrization.target(*ends, t, self.schedule) + self.wrong
 
     def place(self, t: torch.Tensor) -> torch.Tensor:
-        times = torch.from_numpy(self.schedule.times(LEAPS.of))
+        times = torch.from_numpy(self.schedule.timesteps(FEW_STEP.solver_steps))
         return (times[None] == t[:, None]).float().argmax(dim=1)
 
     def teacher(self, z: torch.Tensor, t: torch.Tensor, *_: Any) -> torch.Tensor:
-        times = torch.from_numpy(self.schedule.times(LEAPS.of))
+        times = torch.from_numpy(self.schedule.timesteps(FEW_STEP.solver_steps))
         return self.leading(z, t, times[self.place(t) + 1])
 
     def student(
-        self, z: torch.Tensor, t: torch.Tensor, condition: Any, mask: Any, leap: Leap
+        self,
+        z: torch.Tensor,
+        t: torch.Tensor,
+        condition: Any,
+        mask: Any,
+        step_condition: StepCondition,
     ) -> torch.Tensor:
-        times = torch.from_numpy(self.schedule.times(LEAPS.of))
-        size = (LEAPS.of * leap.stride).round().long()
-        return self.leading(z, t, times[((self.place(t) // size + 1) * size).clamp(max=LEAPS.of)])
+        times = torch.from_numpy(self.schedule.timesteps(FEW_STEP.solver_steps))
+        size = (FEW_STEP.solver_steps * step_condition.step_size).round().long()
+        return self.leading(
+            z, t, times[((self.place(t) // size + 1) * size).clamp(max=FEW_STEP.solver_steps)]
+        )
 
 
-def source(schedule: Schedule, teacher: Any, prediction: Prediction) -> WithinPhases:
+def source(schedule: Schedule, teacher: Any, parametrization: Parametrization) -> PhaseSteps:
     """Phases of a teacher that knows no prompts, over latents N(0, 2²)."""
     nobody = Conditioning(torch.zeros(ROWS, 1, 1), torch.ones(ROWS, 1, dtype=torch.bool))
-    guide = Mock(
-        spec=Guide,
-        card=Mock(spec=ModelCard, schedule=schedule, prediction=prediction),
-        leaps=LEAPS,
+    mock = Mock(
+        spec=Teacher,
+        card=Mock(spec=ModelCard, schedule=schedule, parametrization=parametrization),
+        few_step=FEW_STEP,
         prompts=lambda captions: nobody,
         guided=lambda scale: teacher,
     )
     spread = torch.full((ROWS, TOKENS, WIDTH), 2.0)
     posteriors = Posteriors(0 * spread, spread, MASK)
-    latents = Mock(spec=LatentMemory, batch=lambda own, among: posteriors)
-    plan = Mock(spec=Plan, return_value=[Mock(spec=Crop, caption="")] * ROWS)
-    return WithinPhases(guide, plan, latents, TrainingSettings(batch_size=ROWS), PLACE)
+    latents = Mock(spec=LatentCache, batch=lambda own, among: posteriors)
+    batches = Mock(spec=BatchSampler, return_value=[Mock(spec=Crop, caption="")] * ROWS)
+    return PhaseSteps(mock, batches, latents, TrainingSettings(batch_size=ROWS), CONTEXT)
 
 
-@pytest.mark.parametrize("prediction", [Epsilon(), Sample(), Velocity()])
+@pytest.mark.parametrize("parametrization", [Epsilon(), Sample(), Velocity()])
 @pytest.mark.parametrize("schedule", [ScaledLinear(), Cosine()])
-def test_the_loss_of_the_exact_flow_is_zero(schedule: Schedule, prediction: Prediction) -> None:
-    exact = Scaled(schedule, prediction)
-    batch = source(schedule, exact.teacher, prediction)(3, exact.student)
+def test_the_loss_of_the_exact_flow_is_zero(
+    schedule: Schedule, parametrization: Parametrization
+) -> None:
+    exact = Scaled(schedule, parametrization)
+    batch = source(schedule, exact.teacher, parametrization)(3, exact.student)
     scale = (exact.deviation(batch.times[1]) / exact.deviation(batch.times[0]))[:, None, None]
     assert torch.allclose(batch.end, batch.start * scale, atol=2e-3)
     assert not batch.end.requires_grad
-    assert float(leap_loss(exact.student, batch, schedule, Velocity(), 1.0)) >= 0
-    assert float(leap_loss(exact.student, batch, schedule, prediction, 1.0)) < 1e-5
+    assert float(step_loss(exact.student, batch, schedule, Velocity(), 1.0)) >= 0
+    assert float(step_loss(exact.student, batch, schedule, parametrization, 1.0)) < 1e-5
     wrong = replace(exact, wrong=0.5)
-    assert float(leap_loss(wrong.student, batch, schedule, prediction, 1.0)) > 0.01
+    assert float(step_loss(wrong.student, batch, schedule, parametrization, 1.0)) > 0.01
 
 
-@pytest.mark.parametrize("prediction", [Sample(), Velocity()])
-def test_the_loss_of_the_exact_straight_flow_is_zero(prediction: Prediction) -> None:
+@pytest.mark.parametrize("parametrization", [Sample(), Velocity()])
+def test_the_loss_of_the_exact_straight_flow_is_zero(parametrization: Parametrization) -> None:
     # Where there is no signal, at t = 1, noise says nothing of latents: no such model can be.
-    test_the_loss_of_the_exact_flow_is_zero(LinearPath(), prediction)
+    test_the_loss_of_the_exact_flow_is_zero(LinearPath(), parametrization)
 
 
 def test_phases_begin_in_noise_and_are_never_left() -> None:
     exact = Scaled(LinearPath(), Velocity())
     batch = source(LinearPath(), exact.teacher, Velocity())(0, exact.student)
     t, s = batch.times
-    steps = (1 / batch.leap.stride).round()
+    steps = (1 / batch.step_condition.step_size).round()
     assert (t > s).all() and set(steps.tolist()) == {1.0, 2.0, 4.0}
     # The next end of a phase below t is s, for each number of steps.
     torch.testing.assert_close((torch.ceil(t * steps - 1e-4) - 1) / steps, s)
-    least, most = float(batch.leap.guidance.min()), float(batch.leap.guidance.max())
+    least, most = (
+        float(batch.step_condition.guidance.min()),
+        float(batch.step_condition.guidance.max()),
+    )
     assert 1.0 <= least < 1.3 and 3.7 < most <= 4.0
     deviation = batch.start[(t == 1.0)[:, None] & MASK].std()
     assert float(deviation) == pytest.approx(1.0, abs=0.2)
@@ -125,12 +137,12 @@ def test_phases_begin_in_noise_and_are_never_left() -> None:
 def test_the_average_is_asked_at_the_end_of_the_teachers_step() -> None:
     exact, asked = Scaled(LinearPath(), Velocity()), []
 
-    def average(z, t, condition, mask, leap):  # type: ignore[no-untyped-def]
+    def average(z, t, condition, mask, step_condition):  # type: ignore[no-untyped-def]
         asked.append(t)
-        return exact.student(z, t, condition, mask, leap) + 1.0
+        return exact.student(z, t, condition, mask, step_condition) + 1.0
 
     batch = source(LinearPath(), exact.teacher, Velocity())(0, average)
-    torch.testing.assert_close(asked[0], batch.times[0] - 1 / LEAPS.of)
+    torch.testing.assert_close(asked[0], batch.times[0] - 1 / FEW_STEP.solver_steps)
     scale = exact.deviation(batch.times[1]) / exact.deviation(batch.times[0])
     moved = batch.end - batch.start * scale[:, None, None]
     # A velocity wrong by 1 over the rest of the phase, and nothing where there is no rest.
@@ -141,30 +153,33 @@ def test_the_average_is_asked_at_the_end_of_the_teachers_step() -> None:
 # Training
 
 SETTINGS = short_distillation(
-    LEAPS, PhasedConsistency(per_item=2), report_every=8, validate_every=8, sample_every=0
+    FEW_STEP, PhasedConsistency(per_item=2), report_every=8, validate_every=8, sample_every=0
 )
 
 
 @pytest.fixture(scope="module")
 def teacher(figures: Path, vae_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A teacher of the paper's schedule and prediction, of noise."""
+    """A teacher of the paper's schedule and parametrization, of noise."""
     folder = tmp_path_factory.mktemp("runs") / "denoiser"
-    kinds = {"schedule": {"kind": "ScaledLinear"}, "prediction": {"kind": "Epsilon"}}
+    kinds = {"schedule": {"kind": "ScaledLinear"}, "parametrization": {"kind": "Epsilon"}}
     objective = {f"denoiser_objective.{name}": kind for name, kind in kinds.items()}
     experiment = small(task="unconditional", **objective)
-    return train_denoiser(experiment, figures, vae_run, None, folder, PLACE)
+    return train_denoiser(experiment, figures, vae_run, None, folder, CONTEXT)
 
 
 @pytest.fixture(scope="module")
 def student(figures: Path, teacher: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = tmp_path_factory.mktemp("student") / "run"
-    return distill(SETTINGS, figures, teacher, None, run, PLACE)
+    return distill(SETTINGS, figures, teacher, None, run, CONTEXT)
 
 
 def test_a_student_of_noise_answers_with_noise(student: Path, teacher: Path) -> None:
     card, before = load_model(student).card, load_model(teacher).card
-    assert card.leaps == LEAPS and card.frames == (12, before.frames[1])
-    assert card.prediction == before.prediction == Epsilon() and card.schedule == ScaledLinear()
+    assert card.few_step == FEW_STEP and card.frames == (12, before.frames[1])
+    assert (
+        card.parametrization == before.parametrization == Epsilon()
+        and card.schedule == ScaledLinear()
+    )
     assert {"student_rms_of_1", "student_rms_of_2", "student_rms_of_4"} <= set(card.figures)
 
 
@@ -182,8 +197,8 @@ def test_it_goes_on_bit_for_bit(
     student: Path, figures: Path, teacher: Path, tmp_path: Path
 ) -> None:
     with killed_at(5):
-        distill(SETTINGS, figures, teacher, None, tmp_path / "run", PLACE)
-    found = distill(SETTINGS, figures, teacher, None, tmp_path / "run", PLACE)
+        distill(SETTINGS, figures, teacher, None, tmp_path / "run", CONTEXT)
+    found = distill(SETTINGS, figures, teacher, None, tmp_path / "run", CONTEXT)
     one, other = (folder / "weights.safetensors" for folder in (student, found))
     assert one.read_bytes() == other.read_bytes()
 
@@ -191,9 +206,9 @@ def test_it_goes_on_bit_for_bit(
 def test_another_student_can_be_begun_as(
     student: Path, figures: Path, teacher: Path, tmp_path: Path
 ) -> None:
-    changes = ["training.steps=1", "training.learning_rate=0", "leaps.steps=[1,2]"]
+    changes = ["training.steps=1", "training.learning_rate=0", "few_step.steps=[1,2]"]
     found = distill(
-        with_changes(SETTINGS, changes), figures, teacher, None, tmp_path / "run", PLACE, student
+        with_changes(SETTINGS, changes), figures, teacher, None, tmp_path / "run", CONTEXT, student
     )
     before, after = (load_model(folder).card.provenance for folder in (student, found))
     assert after.commands[:-1] == before.commands and len(after.commands) == 4
@@ -202,8 +217,8 @@ def test_another_student_can_be_begun_as(
     for name, weight in one.state_dict().items():
         assert torch.equal(weight, other.state_dict()[name]), name
     with pytest.raises(ModelError, match="is not distilled"):
-        distill(SETTINGS, figures, teacher, None, tmp_path / "a", PLACE, teacher)
-    card = replace(load_model(student).card, prediction=Velocity())
+        distill(SETTINGS, figures, teacher, None, tmp_path / "a", CONTEXT, teacher)
+    card = replace(load_model(student).card, parametrization=Velocity())
     save_model(tmp_path / "other", replace(load_model(student), card=card))
-    with pytest.raises(ModelError, match=r"prediction Velocity\(\), expected Epsilon\(\)"):
-        distill(SETTINGS, figures, teacher, None, tmp_path / "b", PLACE, tmp_path / "other")
+    with pytest.raises(ModelError, match=r"parametrization Velocity\(\), expected Epsilon\(\)"):
+        distill(SETTINGS, figures, teacher, None, tmp_path / "b", CONTEXT, tmp_path / "other")

@@ -11,21 +11,25 @@ import torch
 from safetensors.torch import save_file
 
 from benchmarks.generation import decoders
-from latentmotion.checkpoint import load_model, save_model
 from latentmotion.cli.main import main
 from latentmotion.data.dataset import Dataset
+from latentmotion.engine.session import open_session
 from latentmotion.errors import InputError, ModelError
-from latentmotion.exchange import with_decoder
-from latentmotion.experiment import Experiment
+from latentmotion.export.onnx import export_decoder
+from latentmotion.export.swap_decoder import with_decoder
 from latentmotion.model.vae_config import IdentityVAEConfig, QuarterRateDecoder
 from latentmotion.networks.build import build
-from latentmotion.runtime.export import export_decoder
-from latentmotion.runtime.session import open_session
-from latentmotion.training.decoder import cheaper_vae, check_data, train_decoder
-from latentmotion.training.imitation import load_imitation
-from latentmotion.training.trajectories import WAYS_FILE
-from latentmotion.vae.loss import VAEObjective
-from tests.support.small_training import PLACE, killed_at, small
+from latentmotion.networks.checkpoint import load_model, save_model
+from latentmotion.networks.vae.loss import VAEObjective
+from latentmotion.training.decoder import (
+    check_data,
+    light_decoder_config,
+    load_imitation,
+    train_decoder,
+)
+from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE
+from latentmotion.training.experiment import Experiment
+from tests.support.small_training import CONTEXT, killed_at, small
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +38,15 @@ def model(unconditional_run: Path) -> Path:
 
 
 def settings(model: Path) -> Experiment:
-    return replace(small(), vae=replace(cheaper_vae(model), decoder=QuarterRateDecoder((1,))))
+    return replace(
+        small(), vae=replace(light_decoder_config(model), decoder=QuarterRateDecoder((1,)))
+    )
 
 
 @pytest.fixture(scope="module")
 def decoded(figures: Path, model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = tmp_path_factory.mktemp("decoder") / "run"
-    return train_decoder(settings(model), figures, model, run, PLACE)
+    return train_decoder(settings(model), figures, model, run, CONTEXT)
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +57,8 @@ def generated(model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     generator = torch.Generator().manual_seed(0)
     points = 4 * torch.randn(64, 3, 6, 4, generator=generator)
     mask = torch.arange(6)[None] < torch.randint(2, 7, (64, 1), generator=generator)
-    ways = {"points": points, "mask": mask, "guidance": torch.ones(64)}
-    save_file(ways, run / WAYS_FILE)
+    trajectories = {"points": points, "mask": mask, "guidance": torch.ones(64)}
+    save_file(trajectories, run / TRAJECTORIES_FILE)
     return run
 
 
@@ -73,16 +79,16 @@ def test_it_goes_on_bit_for_bit(
     generated: Path, figures: Path, model: Path, tmp_path: Path
 ) -> None:
     experiment = settings(model)
-    whole = train_decoder(experiment, figures, model, tmp_path / "whole", PLACE, generated)
+    whole = train_decoder(experiment, figures, model, tmp_path / "whole", CONTEXT, generated)
     with killed_at(5):
-        train_decoder(experiment, figures, model, tmp_path / "run", PLACE, generated)
-    found = train_decoder(experiment, figures, model, tmp_path / "run", PLACE, generated)
+        train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT, generated)
+    found = train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT, generated)
     one, other = (folder / "weights.safetensors" for folder in (whole, found))
     assert one.read_bytes() == other.read_bytes()
     with pytest.raises(InputError, match=r"parents.model"):
-        train_decoder(experiment, figures, whole, tmp_path / "run", PLACE, generated)
+        train_decoder(experiment, figures, whole, tmp_path / "run", CONTEXT, generated)
     with pytest.raises(InputError, match=r"parents.imitated"):
-        train_decoder(experiment, figures, model, tmp_path / "run", PLACE)
+        train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT)
 
 
 def test_it_learns_from_the_other_decoder_on_generated_latents(
@@ -93,7 +99,7 @@ def test_it_learns_from_the_other_decoder_on_generated_latents(
         experiment.vae_training, steps=90, learning_rate=1e-2, warm_up=30, validate_every=90
     )
     # What some steps reach depends on the objective and its rate, so the preset's are not taken.
-    objective = VAEObjective(steps=0.1, divergence=1e-3, joints_knee=0.05)
+    objective = VAEObjective(velocity=0.1, kl=1e-3, joints_huber_delta=0.05)
     experiment = replace(experiment, vae_training=longer, vae_objective=objective)
     old, imitation = load_model(model), load_imitation(generated, load_model(model))
     latents, mask = imitation.batch(range(64), 24)
@@ -101,7 +107,7 @@ def test_it_learns_from_the_other_decoder_on_generated_latents(
 
     def distance(imitated: Path | None) -> float:
         run = tmp_path / ("imitating" if imitated else "plain")
-        new = load_model(train_decoder(experiment, figures, model, run, PLACE, imitated))
+        new = load_model(train_decoder(experiment, figures, model, run, CONTEXT, imitated))
         with torch.no_grad():
             return float((old.vae.decode(latents, mask) - new.vae.decode(latents, mask)).std())
 
@@ -137,12 +143,12 @@ def test_what_does_not_fit_is_refused(
     figures: Path, model: Path, decoded: Path, generated: Path, tmp_path: Path
 ) -> None:
     trained, other = load_model(model), load_model(decoded)
-    wider = replace(settings(model), vae=replace(cheaper_vae(model), width=24))
+    wider = replace(settings(model), vae=replace(light_decoder_config(model), width=24))
     with pytest.raises(InputError, match=r"another encoder.*encoder.0.convolution.weight"):
-        train_decoder(wider, figures, model, tmp_path / "run", PLACE)
-    dilated = replace(settings(model), vae=replace(cheaper_vae(model), dilations=(3,)))
+        train_decoder(wider, figures, model, tmp_path / "run", CONTEXT)
+    dilated = replace(settings(model), vae=replace(light_decoder_config(model), dilations=(3,)))
     with pytest.raises(InputError, match=r"another encoder \(of weights of the same shapes"):
-        train_decoder(dilated, figures, model, tmp_path / "run", PLACE)
+        train_decoder(dilated, figures, model, tmp_path / "run", CONTEXT)
     frames = IdentityVAEConfig(263)
     raw = replace(trained, card=replace(trained.card, vae=frames), vae=build(frames))
     with pytest.raises(ModelError, match="no VAE"):
@@ -161,7 +167,7 @@ def test_what_does_not_fit_is_refused(
         load_imitation(generated, other)
     save_model(tmp_path / "raw", raw)
     with pytest.raises(ModelError, match="no cheaper decoder"):
-        cheaper_vae(tmp_path / "raw")
+        light_decoder_config(tmp_path / "raw")
 
 
 def test_its_graph_says_the_same_at_any_length(decoded: Path, tmp_path: Path) -> None:

@@ -14,22 +14,27 @@ from latentmotion.condition.interface import TextEmbedding
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError, InputError
-from latentmotion.evaluation.extractors.contrast import (
+from latentmotion.evaluation.evaluators.contrast import (
     InfoNCE,
     Margin,
     squared_distances,
     top_hits,
 )
-from latentmotion.evaluation.extractors.interface import load_extractor
-from latentmotion.evaluation.extractors.recipe import RECIPES, EvaluatorExperiment, recipe_named
-from latentmotion.evaluation.extractors.text_motion import TextMotionEvaluator
-from latentmotion.evaluation.extractors.word_vectors import EncodedWords
-from latentmotion.experiment import with_changes
-from latentmotion.training.evaluator_stage import EvaluatorStage
-from latentmotion.training.evaluators import fit_to, train_evaluator
+from latentmotion.evaluation.evaluators.interface import load_evaluator
+from latentmotion.evaluation.evaluators.text_motion import T2MEvaluator
+from latentmotion.evaluation.evaluators.words import EncodedWords
+from latentmotion.training.evaluator import (
+    RECIPES,
+    EvaluatorExperiment,
+    EvaluatorStage,
+    fit_to,
+    recipe_named,
+    train_evaluator,
+)
+from latentmotion.training.experiment import with_changes
 from latentmotion.training.journal import read_journal
 from tests.support.evaluator_files import write_glove
-from tests.support.small_training import PLACE
+from tests.support.small_training import CONTEXT
 
 WORDS = ["sos", "eos", "unk", "a", "person", "sway", "left", "right"]
 
@@ -79,8 +84,8 @@ def test_an_evaluator_is_trained_with_word_vectors(figures: Path, tmp_path: Path
     changes = [f"--set={key}={value}" for key, value in SMALLER.items()]
     command = f"train evaluator --data {figures} --glove {glove} --preset small -o {tmp_path}/run"
     main([*command.split(), *changes, "--device", "cpu"])
-    found = load_extractor(tmp_path / "run" / "model")
-    assert isinstance(found, TextMotionEvaluator)
+    found = load_evaluator(tmp_path / "run" / "model")
+    assert isinstance(found, T2MEvaluator)
     assert found.card.vocabulary == tuple(WORDS)
     assert found.card.provenance.license == "CC0-1.0"
     assert set(found.card.figures) == {"val_loss", "val_top_1", "val_top_2", "val_top_3"}
@@ -95,22 +100,22 @@ def test_the_starter_reads_words_and_travels_along(figures: Path, tmp_path: Path
     changes = [f"--set={key}={value}" for key, value in {**SMALLER, "training.steps": 1}.items()]
     command = f"train evaluator --data {figures} --preset small -o {tmp_path}/run --device cpu"
     main([*command.split(), *changes])
-    found = load_extractor(tmp_path / "run" / "model")
-    assert isinstance(found, TextMotionEvaluator)
+    found = load_evaluator(tmp_path / "run" / "model")
+    assert isinstance(found, T2MEvaluator)
     captions = [Caption(text, 0, 1) for text in ("a person walks", "jumping", "a person walks")]
     together = found.texts(captions)
     assert np.abs(together[0] - together[2]).max() < 1e-6
     assert np.abs(together[1] - found.texts(captions[1:2])[0]).max() < 1e-5
     (tmp_path / "run" / "model" / "text_encoder.onnx").unlink()
     with pytest.raises(Exception, match="lacks its text encoder"):
-        load_extractor(tmp_path / "run" / "model")
+        load_evaluator(tmp_path / "run" / "model")
 
 
 def test_an_interrupted_run_goes_on_bit_for_bit(
     figures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def run(name: str) -> None:
-        train_evaluator(tiny(), figures, LETTERS, tmp_path / name, PLACE)
+        train_evaluator(tiny(), figures, LETTERS, tmp_path / name, CONTEXT)
 
     def stop_at_four(stage: EvaluatorStage, step: int) -> dict[str, torch.Tensor]:
         if step == 4:
@@ -130,10 +135,10 @@ def test_an_interrupted_run_goes_on_bit_for_bit(
 
 
 def test_another_configuration_is_refused(figures: Path, tmp_path: Path) -> None:
-    train_evaluator(tiny(**{"training.steps": 1}), figures, LETTERS, tmp_path / "run", PLACE)
+    train_evaluator(tiny(**{"training.steps": 1}), figures, LETTERS, tmp_path / "run", CONTEXT)
     other = tiny(**{"training.steps": 1, "networks.width": 7})
     with pytest.raises(InputError, match=r"networks.width \(6 → 7\)"):
-        train_evaluator(other, figures, LETTERS, tmp_path / "run", PLACE)
+        train_evaluator(other, figures, LETTERS, tmp_path / "run", CONTEXT)
 
 
 def test_it_learns_which_sentence_tells_of_which_motion(figures: Path, tmp_path: Path) -> None:
@@ -147,7 +152,7 @@ def test_it_learns_which_sentence_tells_of_which_motion(figures: Path, tmp_path:
         "mirrored": False,
     }
     experiment = tiny(**changes)
-    train_evaluator(experiment, figures, LETTERS, tmp_path / "run", PLACE)
+    train_evaluator(experiment, figures, LETTERS, tmp_path / "run", CONTEXT)
     losses = [line["total"] for line in read_journal(tmp_path / "run") if line["kind"] == "train"]
     assert np.mean(losses[-10:]) < 0.8 * np.mean(losses[:5])
 
@@ -161,8 +166,8 @@ def test_crops_of_both_lengths_take_turns(figures: Path) -> None:
     experiment = tiny(longest=[16, 64])
     dataset = Dataset.load(figures)
     experiment = replace(experiment, networks=fit_to(experiment.networks, dataset, LETTERS))
-    stage = EvaluatorStage(experiment.networks.build(), LETTERS, dataset, experiment, PLACE)
-    short, long = stage._plans[0](0), stage._plans[1](0)
+    stage = EvaluatorStage(experiment.networks.build(), LETTERS, dataset, experiment, CONTEXT)
+    short, long = stage._batch_samplers[0](0), stage._batch_samplers[1](0)
     assert max(crop.frames for crop in short) <= 16 < max(crop.frames for crop in long)
 
 
@@ -170,7 +175,7 @@ def test_data_without_captions_is_refused(figures: Path, monkeypatch: pytest.Mon
     dataset = Dataset.load(figures)
     monkeypatch.setattr(Dataset, "clips", lambda *_, **__: [])
     with pytest.raises(DataError, match="no captioned clip"):
-        EvaluatorStage(tiny().networks.build(), LETTERS, dataset, tiny(), PLACE)
+        EvaluatorStage(tiny().networks.build(), LETTERS, dataset, tiny(), CONTEXT)
 
 
 def test_mistakes_on_the_command_line(figures: Path, tmp_path: Path) -> None:

@@ -5,19 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.checkpoint import load_model
 from latentmotion.cli.main import main
-from latentmotion.diffusion.prediction import Velocity
+from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
-from latentmotion.experiment import differing_keys
-from latentmotion.experiments.budget import PAPER, SMALL
-from latentmotion.experiments.build import first_stage_of, second_stage_of
-from latentmotion.experiments.models import MODELS
-from latentmotion.experiments.vae_cost import vae_cost
 from latentmotion.model.vae_config import ConvolutionalVAEConfig
 from latentmotion.networks.build import build
-from latentmotion.presets import preset_named
+from latentmotion.networks.checkpoint import load_model
+from latentmotion.reproduce.budget import PAPER, SMALL
+from latentmotion.reproduce.models import MODELS
+from latentmotion.reproduce.vae_cost import vae_cost
 from latentmotion.storage.configuration import to_json
+from latentmotion.training.experiment import differing_keys
+from latentmotion.training.presets import preset_named
 
 STACK = '{"width": 16, "layers": 3, "heads": 2, "hidden": 16}'
 TINY = [
@@ -49,12 +48,12 @@ def test_both_stages_are_trained_by_command(name: str, figures: Path, tmp_path: 
     model = load_model(denoiser / "model")
     latents = model.card.latents
     assert (latents.width, latents.tokens, latents.frames_per_token) == (
-        (24, None, 4) if name == "fast" else (32, 16, None)
+        (32, None, 4) if name == "fast" else (32, 16, None)
     )
     assert len(set(latents.std)) == latents.width  # normalized per channel
-    assert (model.card.steps, model.card.sampler) == (10, "dpm++")
+    assert (model.card.sampling.steps, model.card.sampling.sampler) == (10, "dpm++")
     cost = {key: figure.mean for key, figure in vae_cost(model.vae, 263, 20).items()}
-    assert cost["Latent numbers"] == (20 * 24 if name == "fast" else 16 * 32)
+    assert cost["Latent numbers"] == (20 * 32 if name == "fast" else 16 * 32)
     assert cost["Parameters"] == sum(p.numel() for p in model.vae.parameters()) / 1e6
     assert cost["Decoding"] > 0 and cost["Training step"] > 0
 
@@ -69,7 +68,7 @@ def test_the_family_differs_from_the_starter_in_size_alone() -> None:
     assert tokens.denoiser == replace(fast.denoiser, latent_width=32)
     for experiment in (fast, tokens):
         assert experiment.denoiser.latent_width == build(experiment.vae).latent_width
-        assert experiment.denoiser_objective.prediction == Velocity()
+        assert experiment.denoiser_objective.parametrization == Velocity()
         assert experiment.denoiser_objective.schedule == LinearPath()
 
 
@@ -78,8 +77,8 @@ def test_each_row_changes_one_thing() -> None:
 
     def second(name: str) -> dict[str, object]:
         model = MODELS[name]
-        first = first_stage_of(MODELS[model.first or name], budget, 263)
-        return to_json(second_stage_of(model, first, budget, 263, 384))
+        first = MODELS[model.first or name].first_stage(budget, 263)
+        return to_json(model.second_stage(first, budget, 263, 384))
 
     rows = [name for name, model in MODELS.items() if model.first == "fast"]
     changed = {
@@ -96,6 +95,6 @@ def test_a_budget_may_shorten_single_tables() -> None:
     assert PAPER.of_table("fast") == PAPER and SMALL.of_table("vae") == SMALL
     shorter = SMALL.of_table("fast_vae")
     assert "changed: denoiser_training.steps=" in shorter.says
-    fast = first_stage_of(MODELS["fast"], shorter, 263).vae
+    fast = MODELS["fast"].first_stage(shorter, 263).vae
     assert isinstance(fast, ConvolutionalVAEConfig) and fast.width == SMALL.width
-    assert first_stage_of(MODELS["fast"], PAPER, 263).vae == preset_named("fast").vae
+    assert MODELS["fast"].first_stage(PAPER, 263).vae == preset_named("fast").vae

@@ -11,68 +11,74 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.checkpoint import FirstStageModel, load_model, save_model
 from latentmotion.condition.interface import Conditioning, TextEmbedding
 from latentmotion.condition.task import ActionTask
-from latentmotion.diffusion.guidance import ClassifierFreeGuidance, GuidanceAsInput
-from latentmotion.diffusion.leaps import Leap, Leaps, LeapTimes
-from latentmotion.diffusion.loss import LeapBatch, between, leap_loss
-from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
-from latentmotion.diffusion.sampler import DDIM
+from latentmotion.diffusion.few_step import FewStepConfig, FewStepSchedule, StepCondition
+from latentmotion.diffusion.guidance import ClassifierFreeGuidance, DistilledGuidance
+from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
+from latentmotion.diffusion.samplers import DDIM
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
-from latentmotion.distillation import Regression
 from latentmotion.errors import InputError, ModelError
-from latentmotion.experiment import with_changes
+from latentmotion.export.package import package_model
+from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.build import build
-from latentmotion.runtime.eager import torch_pipeline
-from latentmotion.runtime.package import package_model
-from latentmotion.training.distill import distill, student_of
+from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_model
+from latentmotion.training.denoiser_loss import StepBatch, between, step_loss
+from latentmotion.training.distillation.config import TrajectoryRegression
+from latentmotion.training.distillation.stage import distill, student_of
+from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE
+from latentmotion.training.experiment import with_changes
 from latentmotion.training.stages import train_denoiser
-from latentmotion.training.trajectories import WAYS_FILE
-from tests.support.small_training import PLACE, killed_at, short_distillation, small
+from tests.support.small_training import CONTEXT, killed_at, short_distillation, small
 
 SCHEDULES = [ScaledLinear(), Cosine(), LinearPath()]
-LEAPS = Leaps(guidance=(1.0, 4.0), steps=(1, 2, 4), of=8)
+FEW_STEP = FewStepConfig(guidance=(1.0, 4.0), steps=(1, 2, 4), solver_steps=8)
 SETTINGS = short_distillation(
-    LEAPS, Regression(ways=64), report_every=1, validate_every=4, sample_every=8
+    FEW_STEP,
+    TrajectoryRegression(trajectories=64),
+    report_every=1,
+    validate_every=4,
+    sample_every=8,
 )
 
 
-# Leaps
+# FewStepConfig
 
 
 def test_stops_are_where_leaps_begin_and_end() -> None:
-    assert LEAPS.stops == [0, 2, 4, 6, 8]
-    assert Leaps(steps=(1, 3), of=3).stops == [0, 1, 2, 3]
+    assert FEW_STEP.stops == [0, 2, 4, 6, 8]
+    assert FewStepConfig(steps=(1, 3), solver_steps=3).stops == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
 def test_leaps_stop_over_at_the_solvers_times(schedule: Schedule) -> None:
-    every = schedule.times(8).tolist()
+    every = schedule.timesteps(8).tolist()
     for steps in (1, 2, 4):
-        times = LeapTimes(schedule, LEAPS).times(steps).tolist()
+        times = FewStepSchedule(schedule, FEW_STEP).timesteps(steps).tolist()
         assert times == every[:: 8 // steps] and len(times) == steps + 1
-    assert isinstance(LeapTimes(schedule, LEAPS), Schedule)
+    assert isinstance(FewStepSchedule(schedule, FEW_STEP), Schedule)
 
 
 def test_leaps_that_cannot_be_are_refused() -> None:
     with pytest.raises(InputError, match="3; expected divisors"):
-        Leaps(steps=(1, 3))
+        FewStepConfig(steps=(1, 3))
     with pytest.raises(InputError, match="none; expected"):
-        Leaps(steps=())
+        FewStepConfig(steps=())
     with pytest.raises(InputError, match="smaller scale first"):
-        Leaps(guidance=(5.0, 1.0))
+        FewStepConfig(guidance=(5.0, 1.0))
 
 
-@pytest.mark.parametrize("prediction", [Epsilon(), Sample(), Velocity()])
+@pytest.mark.parametrize("parametrization", [Epsilon(), Sample(), Velocity()])
 @pytest.mark.parametrize("schedule", SCHEDULES)
-def test_ddim_makes_the_leap_between_two_points(schedule, prediction) -> None:  # type: ignore[no-untyped-def]
+def test_ddim_makes_the_leap_between_two_points(schedule, parametrization) -> None:  # type: ignore[no-untyped-def]
     generator = torch.Generator().manual_seed(0)
     start, end = (torch.randn(3, 5, 4, generator=generator) for _ in range(2))
-    t, s = (torch.full((3,), float(time)) for time in schedule.times(8)[[2, 6]])
-    answer = prediction.target(*between(start, end, t, s, schedule), t, schedule)
-    stepped = DDIM(schedule, prediction).step(answer, start, float(t[0]), float(s[0]), np.zeros)
+    t, s = (torch.full((3,), float(time)) for time in schedule.timesteps(8)[[2, 6]])
+    answer = parametrization.target(*between(start, end, t, s, schedule), t, schedule)
+    stepped = DDIM(schedule, parametrization).step(
+        answer, start, float(t[0]), float(s[0]), np.zeros
+    )
     assert torch.allclose(stepped, end, atol=2e-4)
 
 
@@ -86,9 +92,9 @@ def test_the_loss_of_the_teachers_own_velocity_is_zero() -> None:
     def loss(answer: torch.Tensor) -> float:
         student = lambda *_: answer  # noqa: E731
         nobody = Conditioning(torch.zeros(2, 1, 1), mask[:, :1])
-        leap = Leap(torch.ones(2), torch.ones(2))
-        batch = LeapBatch(start, end, times, nobody, mask, leap)
-        return float(leap_loss(student, batch, LinearPath(), Velocity(), knee=10.0))
+        step_condition = StepCondition(torch.ones(2), torch.ones(2))
+        batch = StepBatch(start, end, times, nobody, mask, step_condition)
+        return float(step_loss(student, batch, LinearPath(), Velocity(), huber_delta=10.0))
 
     assert loss(exact) < 1e-10
     assert loss(exact + 0.2) == pytest.approx(0.2**2 / 2, rel=1e-4)
@@ -97,14 +103,14 @@ def test_the_loss_of_the_teachers_own_velocity_is_zero() -> None:
 def test_guidance_is_told_not_computed() -> None:
     calls = []
 
-    def student(z, t, condition, mask, leap):  # type: ignore[no-untyped-def]
-        calls.append(leap)
+    def student(z, t, condition, mask, step_condition):  # type: ignore[no-untyped-def]
+        calls.append(step_condition)
         return z
 
     z, t, mask = np.zeros((2, 3, 4), np.float32), np.ones(2, np.float32), np.ones((2, 3), bool)
     nobody = Conditioning(np.zeros((2, 1, 2), np.float32), np.ones((2, 1), bool))
-    GuidanceAsInput(student, 3.5, 4)(z, t, nobody, mask)
-    assert calls[0].guidance.tolist() == [3.5, 3.5] and calls[0].stride.tolist() == [0.25, 0.25]
+    DistilledGuidance(student, 3.5, 4)(z, t, nobody, mask)
+    assert calls[0].guidance.tolist() == [3.5, 3.5] and calls[0].step_size.tolist() == [0.25, 0.25]
     assert calls[0].guidance.dtype == np.float32
 
 
@@ -126,12 +132,12 @@ def test_a_student_starts_as_its_teacher_whatever_it_is_told() -> None:
     shape = TransformerConfig(width=16, layers=3, heads=2, hidden=16, dropout=0.0)
     config = DenoiserConfig(latent_width=4, condition_width=6, transformer=shape, length_token=True)
     teacher = build(config).eval()
-    student = student_of(teacher, replace(config, leaps=LEAPS)).eval()
+    student = student_of(teacher, replace(config, few_step=FEW_STEP)).eval()
     z, t, mask = torch.randn(2, 5, 4), torch.rand(2), torch.ones(2, 5, dtype=torch.bool)
     seen = Conditioning(torch.randn(2, 3, 6), torch.ones(2, 3, dtype=torch.bool))
-    leap = Leap(torch.tensor([1.0, 4.0]), torch.tensor([1.0, 0.25]))
+    step_condition = StepCondition(torch.tensor([1.0, 4.0]), torch.tensor([1.0, 0.25]))
     with torch.no_grad():
-        assert torch.equal(teacher(z, t, seen, mask), student(z, t, seen, mask, leap))
+        assert torch.equal(teacher(z, t, seen, mask), student(z, t, seen, mask, step_condition))
 
 
 # Training
@@ -145,13 +151,13 @@ def teacher(unconditional_run: Path) -> Path:
 @pytest.fixture(scope="module")
 def student(figures: Path, teacher: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = tmp_path_factory.mktemp("student") / "run"
-    return distill(SETTINGS, figures, teacher, None, run, PLACE)
+    return distill(SETTINGS, figures, teacher, None, run, CONTEXT)
 
 
 def test_a_student_is_a_model_like_any_other(student: Path, teacher: Path) -> None:
     card, before = load_model(student).card, load_model(teacher / "model").card
-    assert card.leaps == LEAPS and before.leaps is None
-    assert (card.steps, card.sampler, card.task) == (4, "ddim", "unconditional")
+    assert card.few_step == FEW_STEP and before.few_step is None
+    assert (card.sampling.steps, card.sampling.sampler, card.task) == (4, "ddim", "unconditional")
     assert card.latents == before.latents and card.vae == before.vae
     assert {"student_rms_of_1", "student_rms_of_4", "teacher"} <= set(card.figures)
     assert len(card.provenance.commands) == 3
@@ -171,14 +177,16 @@ def test_it_goes_on_bit_for_bit(
     student: Path, figures: Path, teacher: Path, tmp_path: Path
 ) -> None:
     with killed_at(5):
-        distill(SETTINGS, figures, teacher, None, tmp_path / "run", PLACE)
-    found = distill(SETTINGS, figures, teacher, None, tmp_path / "run", PLACE)
+        distill(SETTINGS, figures, teacher, None, tmp_path / "run", CONTEXT)
+    found = distill(SETTINGS, figures, teacher, None, tmp_path / "run", CONTEXT)
     one, other = (folder / "weights.safetensors" for folder in (student, found))
     assert one.read_bytes() == other.read_bytes()
-    with pytest.raises(InputError, match=r"settings.knee \(1.0 → 2.0\)"):
-        distill(replace(SETTINGS, knee=2.0), figures, teacher, None, tmp_path / "run", PLACE)
+    with pytest.raises(InputError, match=r"settings.huber_delta \(1.0 → 2.0\)"):
+        distill(
+            replace(SETTINGS, huber_delta=2.0), figures, teacher, None, tmp_path / "run", CONTEXT
+        )
     with pytest.raises(InputError, match=r"differing: text"):
-        distill(SETTINGS, figures, teacher, AnotherEncoder(), tmp_path / "run", PLACE)
+        distill(SETTINGS, figures, teacher, AnotherEncoder(), tmp_path / "run", CONTEXT)
 
 
 def test_ways_are_gone_by_the_solver_that_is_named(
@@ -187,8 +195,8 @@ def test_ways_are_gone_by_the_solver_that_is_named(
     ways = []
     for solver in ("dpm++", "ddim"):
         settings = with_changes(SETTINGS, [f"solver={solver}", "training.steps=1"])
-        distill(settings, figures, teacher, None, tmp_path / solver, PLACE)
-        ways.append(load_file(tmp_path / solver / WAYS_FILE)["points"])
+        distill(settings, figures, teacher, None, tmp_path / solver, CONTEXT)
+        ways.append(load_file(tmp_path / solver / TRAJECTORIES_FILE)["points"])
     assert torch.equal(ways[0][:, 0], ways[1][:, 0])
     assert not torch.allclose(ways[0][:, -1], ways[1][:, -1])
     with pytest.raises(InputError, match="solver"):
@@ -209,7 +217,7 @@ def test_training_brings_leaps_nearer_to_the_teachers(
         settings = with_changes(SETTINGS, [*changes, "training.snapshot_every=100"])
         run = tmp_path / str(steps)
         return load_model(
-            distill(settings, figures, tmp_path / "bent", None, run, PLACE)
+            distill(settings, figures, tmp_path / "bent", None, run, CONTEXT)
         ).card.figures
 
     found, first = figures_after(40), figures_after(1)
@@ -248,23 +256,23 @@ def test_who_cannot_teach_is_refused(
     figures: Path, teacher: Path, student: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(ModelError, match="is distilled already"):
-        distill(SETTINGS, figures, student, None, tmp_path / "a", PLACE)
+        distill(SETTINGS, figures, student, None, tmp_path / "a", CONTEXT)
     model = load_model(teacher / "model")
     save_model(tmp_path / "vae", FirstStageModel(replace(model.card, denoiser=None), model.vae))
     with pytest.raises(ModelError, match="train both stages first"):
-        distill(SETTINGS, figures, tmp_path / "vae", None, tmp_path / "b", PLACE)
+        distill(SETTINGS, figures, tmp_path / "vae", None, tmp_path / "b", CONTEXT)
 
 
 def test_what_it_cannot_be_asked_is_refused(figures: Path, teacher: Path, tmp_path: Path) -> None:
     short = with_changes(SETTINGS, ["cropping.max_frames=4", "cropping.min_frames=4"])
     with pytest.raises(InputError, match=r"makes 12 to 196 frames, cropping asks for 4 to 4"):
-        distill(short, figures, teacher, None, tmp_path / "a", PLACE)
+        distill(short, figures, teacher, None, tmp_path / "a", CONTEXT)
     model = load_model(teacher / "model")
     condition = ActionTask(("fly", "swim"))
     card = replace(model.card, condition=condition)
     save_model(tmp_path / "birds", replace(model, card=card))
     with pytest.raises(InputError, match=r"no training clip .* that model 'starter' knows"):
-        distill(SETTINGS, figures, tmp_path / "birds", None, tmp_path / "b", PLACE)
+        distill(SETTINGS, figures, tmp_path / "birds", None, tmp_path / "b", CONTEXT)
 
 
 def test_raw_frames_have_students_too(figures: Path, tmp_path: Path) -> None:
@@ -274,9 +282,9 @@ def test_raw_frames_have_students_too(figures: Path, tmp_path: Path) -> None:
             "denoiser.latent_width": 263,
             "latents.normalized": False,
             "denoiser_objective.schedule": {"kind": "Cosine", "length": 50},
-            "denoiser_objective.prediction": {"kind": "Sample"},
+            "denoiser_objective.parametrization": {"kind": "Sample"},
         },
     )
-    train_denoiser(experiment, figures, None, None, tmp_path / "mdm", PLACE)
-    found = distill(SETTINGS, figures, tmp_path / "mdm", None, tmp_path / "run", PLACE)
+    train_denoiser(experiment, figures, None, None, tmp_path / "mdm", CONTEXT)
+    found = distill(SETTINGS, figures, tmp_path / "mdm", None, tmp_path / "run", CONTEXT)
     assert len(torch_pipeline(found).features([""], [20], [0], steps=2)[0]) == 20

@@ -13,22 +13,18 @@ from safetensors.numpy import save_file
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition.task import UnconditionalTask
-from latentmotion.condition.text.lengths import (
-    LENGTHS_FILE,
-    QUANTILES,
-    SHORTEST_USUAL,
-    LengthFile,
-    LengthModel,
-)
-from latentmotion.condition.text.student import load_text_encoder
+from latentmotion.condition.task import TextConditioning, UnconditionalTask
 from latentmotion.data.lengths import CaptionLengths, read_caption_lengths
+from latentmotion.engine.request import frames_of
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.model.card import read_card
-from latentmotion.model.folder import find_model
-from latentmotion.request import frames_of
-from latentmotion.runtime.conditions import find_lengths
+from latentmotion.model.card import LENGTHS_FILE, find_model, lengths_file, read_card
+from latentmotion.model.config import DenoiserConfig, Sampling
+from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace
+from latentmotion.networks.checkpoint import save_model
+from latentmotion.text.encoder import load_text_encoder
+from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthFile, LengthModel
 from latentmotion.training.lengths import LengthRecipe, measured, train_lengths
+from tests.support.untrained import SMALL, card, untrained
 
 SHORT = [f"{who} kicks {how}" for who in ("a person", "a man", "he") for how in ("", "high", "low")]
 LONG = [f"{who} walks in a circle, then {does}" for who in ("a person", "a man", "she")
@@ -131,10 +127,10 @@ def test_motions_take_their_sentences_lengths(tmp_path: Path) -> None:
 
 def test_the_student_borrows_its_teachers_lengths() -> None:
     fast, starter = find_model("fast"), find_model("starter")
-    lengths = find_lengths(read_card(fast), fast)
-    assert lengths is not None and lengths.path == starter / LENGTHS_FILE
+    lengths = lengths_file(read_card(fast), fast)
+    assert lengths == starter / LENGTHS_FILE
     unconditional = replace(read_card(fast), condition=UnconditionalTask())
-    assert find_lengths(unconditional, fast) is None
+    assert lengths_file(unconditional, fast) is None
 
 
 def test_an_older_folder_makes_four_seconds(tmp_path: Path) -> None:
@@ -146,13 +142,20 @@ def test_an_older_folder_makes_four_seconds(tmp_path: Path) -> None:
 
 
 def test_lengths_go_with_an_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    starter = read_card(find_model("starter"))
+    small = card(263, "humanml3d", LatentSpace(4, frames_per_token=4))
+    task = replace(starter.condition, conditioning=TextConditioning())
+    denoiser = DenoiserConfig(latent_width=4, condition_width=384, transformer=SMALL, sine_width=16)
+    small = replace(small, condition=task, sampling=Sampling(1, 1.0))
+    vae = ConvolutionalVAEConfig(width=8, channels=4)
+    save_model(tmp_path / "run", untrained(small, vae, denoiser))
     mine = tmp_path / "mine.safetensors"
     constant_model(6.0).write(mine)
-    main(["export", str(find_model("fast")), "-o", str(tmp_path / "plain")])
+    main(["export", str(tmp_path / "run"), "-o", str(tmp_path / "plain")])
     shipped = find_model("starter") / LENGTHS_FILE
     assert (tmp_path / "plain" / LENGTHS_FILE).read_bytes() == shipped.read_bytes()
-    main(["export", str(find_model("fast")), "--length", str(mine), "-o", str(tmp_path / "own")])
-    words = ["generate", "a person walks", "--model", str(tmp_path / "own"), "--steps", "1"]
+    main(["export", str(tmp_path / "run"), "--length", str(mine), "-o", str(tmp_path / "own")])
+    words = ["generate", "a person walks", "--model", str(tmp_path / "own"), "--no-clean"]
     capsys.readouterr()
     main([*words, "--no-cache", "--json", "-o", str(tmp_path / "a.npz")])
     assert json.loads(capsys.readouterr().out)["motions"][0]["seconds"] == 6.0
@@ -212,7 +215,7 @@ def test_trained_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 # People's captions are full of misspelled words.
-@pytest.mark.filterwarnings("ignore::latentmotion.condition.text.unknown_words.UnknownWordsWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
 def test_the_shipped_file_tells_lengths_as_documented(shared: Path) -> None:
     if not (shared / "data" / "humanml3d").is_dir():
         pytest.skip("needs HumanML3D's captions")

@@ -8,13 +8,13 @@ import torch
 from torch import nn
 
 from latentmotion.errors import LatentMotionError, ModelError
-from latentmotion.experiment import TrainingSettings
 from latentmotion.motion import Motion
-from latentmotion.training.ema import ExponentialMovingAverage
+from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.journal import Journal, read_journal, readable_time
 from latentmotion.training.loop import Stage, train
-from latentmotion.training.randomness import Ranks, StepRandomness
-from tests.support.small_training import PLACE
+from latentmotion.training.rng import Ranks, StepRandomness
+from latentmotion.training.state import ExponentialMovingAverage
+from tests.support.small_training import CONTEXT
 
 SETTINGS = TrainingSettings(
     steps=12,
@@ -58,37 +58,37 @@ def weights(network: nn.Module) -> torch.Tensor:
 def test_an_interrupted_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     whole.mkdir(), parts.mkdir()
-    expected, _ = train(Line(), SETTINGS, whole, PLACE)
+    expected, _ = train(Line(), SETTINGS, whole, CONTEXT)
     for stop in (7, 9):
         with pytest.raises(KeyboardInterrupt):
-            train(Line(stop_before=stop), SETTINGS, parts, PLACE)
-    found, _ = train(Line(), SETTINGS, parts, PLACE)
+            train(Line(stop_before=stop), SETTINGS, parts, CONTEXT)
+    found, _ = train(Line(), SETTINGS, parts, CONTEXT)
     assert torch.equal(weights(expected), weights(found))
     assert read_journal(whole) == read_journal(parts)
     assert [line["step"] for line in read_journal(whole)] == [3, 6, 6, 9, 12, 12]
 
 
 def test_a_finished_run_trains_no_more(tmp_path: Path) -> None:
-    first, _ = train(Line(), SETTINGS, tmp_path, PLACE)
-    again, _ = train(Line(stop_before=0), SETTINGS, tmp_path, PLACE)
+    first, _ = train(Line(), SETTINGS, tmp_path, CONTEXT)
+    again, _ = train(Line(stop_before=0), SETTINGS, tmp_path, CONTEXT)
     assert torch.equal(weights(first), weights(again))
 
 
 def test_an_infinite_loss_ends_the_run(tmp_path: Path) -> None:
     with pytest.raises(LatentMotionError, match="finite"):
-        train(Line(scale=float("inf")), SETTINGS, tmp_path, PLACE)
+        train(Line(scale=float("inf")), SETTINGS, tmp_path, CONTEXT)
 
 
 def test_a_damaged_snapshot_is_named(tmp_path: Path) -> None:
     (tmp_path / "snapshot.pt").write_bytes(b"no zip file")
     with pytest.raises(ModelError, match=r"snapshot.pt is damaged"):
-        train(Line(), SETTINGS, tmp_path, PLACE)
+        train(Line(), SETTINGS, tmp_path, CONTEXT)
 
 
 def test_bfloat16_trains_too(tmp_path: Path) -> None:
     from dataclasses import replace
 
-    train(Line(), replace(SETTINGS, precision="bfloat16"), tmp_path, PLACE)
+    train(Line(), replace(SETTINGS, precision="bfloat16"), tmp_path, CONTEXT)
     assert all(np.isfinite(line.get("total", 0.0)) for line in read_journal(tmp_path))
 
 

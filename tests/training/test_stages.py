@@ -11,23 +11,23 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.checkpoint import load_model, load_stages
 from latentmotion.cli.main import main
-from latentmotion.data.manifest import read_manifest
+from latentmotion.data.store import read_manifest
 from latentmotion.errors import InputError, ModelError
-from latentmotion.experiment import Experiment, with_changes
-from latentmotion.model.folder import find_model
+from latentmotion.model.card import find_model
 from latentmotion.networks.build import build
-from latentmotion.presets import PRESETS, preset_named
+from latentmotion.networks.checkpoint import load_model, load_stages
 from latentmotion.storage.configuration import read_json, write_json
-from latentmotion.training.devices import Place
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, with_changes
 from latentmotion.training.journal import read_journal
+from latentmotion.training.presets import PRESETS, preset_named
 from latentmotion.training.previews import Previews
-from latentmotion.training.randomness import Ranks
+from latentmotion.training.rng import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae
-from latentmotion.training.vae_stage import VAEStage
+from latentmotion.training.vae import VAEStage
 from tests.support.moving_figures import write_moving_figures
-from tests.support.small_training import CHANGES, PLACE, LetterCount, killed_at, small
+from tests.support.small_training import CHANGES, CONTEXT, LetterCount, killed_at, small
 
 
 def weights(folder: Path) -> bytes:
@@ -44,7 +44,7 @@ def test_a_vae_is_trained_into_a_model_folder(vae_run: Path) -> None:
 
 def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_path: Path) -> None:
     experiment = small(**{"denoiser_training.sample_every": 8})
-    folder = train_denoiser(experiment, figures, vae_run, LetterCount(), tmp_path / "run", PLACE)
+    folder = train_denoiser(experiment, figures, vae_run, LetterCount(), tmp_path / "run", CONTEXT)
     model = load_model(folder)
     assert model.card.latents.frames_per_token == 4
     assert len(model.card.latents.std) == 4 and min(model.card.latents.std) > 0
@@ -62,7 +62,7 @@ def test_training_starts_from_another_denoiser_on_the_same_latents(
     def run(name: str, start: Path | None = None, **changes: int) -> Path:
         settings = small(**{f"denoiser_training.{key}": value for key, value in changes.items()})
         return train_denoiser(
-            settings, figures, vae_run, LetterCount(), tmp_path / name, PLACE, start
+            settings, figures, vae_run, LetterCount(), tmp_path / name, CONTEXT, start
         )
 
     first = run("first")
@@ -89,7 +89,7 @@ def test_an_interrupted_second_stage_goes_on_bit_for_bit(
     figures: Path, vae_run: Path, tmp_path: Path
 ) -> None:
     def run(name: str) -> None:
-        train_denoiser(small(), figures, vae_run, LetterCount(), tmp_path / name, PLACE)
+        train_denoiser(small(), figures, vae_run, LetterCount(), tmp_path / name, CONTEXT)
 
     run("whole")
     with killed_at(5):
@@ -164,7 +164,7 @@ def test_each_rank_has_its_share_of_the_batch(figures: Path, vae_run: Path) -> N
     def losses(ranks: Ranks) -> float:
         torch.manual_seed(0)
         experiment = small()
-        place = Place(torch.device("cpu"), ranks)
+        place = DistributedContext(torch.device("cpu"), ranks)
         stage = VAEStage(build(experiment.vae), Dataset.load(figures), experiment, place)
         return float(stage(3)["total"].detach())
 
@@ -176,13 +176,13 @@ def test_each_rank_has_its_share_of_the_batch(figures: Path, vae_run: Path) -> N
 def test_another_configuration_is_refused(figures: Path, vae_run: Path) -> None:
     changed = small(**{"vae_training.learning_rate": 0.5})
     with pytest.raises(InputError, match=r"vae_training.learning_rate \(0.0007 → 0.5\)"):
-        train_vae(changed, figures, vae_run, PLACE)
+        train_vae(changed, figures, vae_run, CONTEXT)
 
 
 def test_other_data_is_refused(vae_run: Path, tmp_path: Path) -> None:
     other = write_moving_figures(tmp_path / "figures", train=7)
     with pytest.raises(InputError, match=r"differing: data \("):
-        train_vae(small(), other, vae_run, PLACE)
+        train_vae(small(), other, vae_run, CONTEXT)
 
 
 def test_features_that_are_not_normalized_are_refused(tmp_path: Path) -> None:
@@ -192,12 +192,12 @@ def test_features_that_are_not_normalized_are_refused(tmp_path: Path) -> None:
     plain = replace(manifest.normalizer, mean=(0.0,) * width, std=(1.0,) * width)
     write_json(folder / "manifest.json", replace(manifest, normalizer=plain))
     with pytest.raises(InputError, match="normalized ones are near 1"):
-        train_vae(small(), folder, tmp_path / "run", PLACE)
+        train_vae(small(), folder, tmp_path / "run", CONTEXT)
 
 
 def test_a_second_stage_needs_a_trained_vae(figures: Path, vae_run: Path, tmp_path: Path) -> None:
     def start(vae: Path) -> None:
-        train_denoiser(small(), figures, vae, LetterCount(), tmp_path / "run", PLACE)
+        train_denoiser(small(), figures, vae, LetterCount(), tmp_path / "run", CONTEXT)
 
     with pytest.raises(ModelError, match="no trained model"):
         start(tmp_path)
@@ -211,10 +211,15 @@ def test_a_second_stage_needs_a_trained_vae(figures: Path, vae_run: Path, tmp_pa
 def test_parts_that_do_not_fit_are_named(figures: Path, vae_run: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="latent_width and the VAE's: 5 and 4"):
         train_denoiser(
-            small(**{"denoiser.latent_width": 5}), figures, vae_run, LetterCount(), tmp_path, PLACE
+            small(**{"denoiser.latent_width": 5}),
+            figures,
+            vae_run,
+            LetterCount(),
+            tmp_path,
+            CONTEXT,
         )
     with pytest.raises(InputError, match=r"vae.features=263"):
-        train_vae(small(**{"vae.features": 251}), figures, tmp_path / "run", PLACE)
+        train_vae(small(**{"vae.features": 251}), figures, tmp_path / "run", CONTEXT)
 
 
 def test_presets_come_back_from_json(tmp_path: Path) -> None:

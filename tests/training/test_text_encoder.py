@@ -11,8 +11,13 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.condition.text.corpus import parse_line
-from latentmotion.condition.text.distillation import (
+from latentmotion.errors import InputError, ModelError
+from latentmotion.export.text_encoder import load_student
+from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, pack, teacher_state
+from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
+from latentmotion.training.text_encoder.corpus import compare, parse_line
+from latentmotion.training.text_encoder.driver import StudentRecipe, train_student
+from latentmotion.training.text_encoder.stage import (
     Batch,
     Schedule,
     TrainingSet,
@@ -20,15 +25,7 @@ from latentmotion.condition.text.distillation import (
     distill,
     distillation_loss,
 )
-from latentmotion.condition.text.export import load_student
-from latentmotion.condition.text.measures import compare
-from latentmotion.condition.text.network import NetworkShape, StudentNetwork, teacher_state
-from latentmotion.condition.text.packing import pack
-from latentmotion.condition.text.recipe import StudentRecipe, train_student
-from latentmotion.condition.text.student import StudentTextEncoder
-from latentmotion.condition.text.targets import Targets, padded
-from latentmotion.condition.text.unknown_words import UnknownWordsWarning
-from latentmotion.errors import InputError, ModelError
+from latentmotion.training.text_encoder.targets import Targets, padded
 from tests.support.tiny_text import CAPTIONS, teacher_tokenizer, tiny_teacher
 
 
@@ -101,11 +98,11 @@ class _KilledAfter(TrainingSet):
         super().__init__(data.ids, data.aligned, data.targets)
         object.__setattr__(self, "left", batches)
 
-    def batch(self, places: np.ndarray) -> Batch:
+    def batch(self, rows: np.ndarray) -> Batch:
         object.__setattr__(self, "left", self.left - 1)
         if self.left < 0:
             raise KeyboardInterrupt
-        return super().batch(places)
+        return super().batch(rows)
 
 
 def test_packed_rows_are_within_half_a_step() -> None:

@@ -1,1 +1,1 @@
-"""The add-on for Blender, as it is handed out; it runs in Blender and imports nothing of ours."""
+"""The add-on for Blender. It runs inside Blender and imports nothing else of this package."""

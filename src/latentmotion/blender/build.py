@@ -1,4 +1,4 @@
-"""The add-on as a zip: an extension of Blender 4.2 and later, and an add-on of the older kind."""
+"""The add-on as a zip: an extension for Blender 4.2 and later, and an add-on for earlier ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from latentmotion.storage.files import atomic_file
 
 SOURCE = Path(__file__).parent / "latentmotion_blender"
-"""What is packed."""
+"""The folder that is packed."""
 
 COMMAND = "command.txt"
 """File in the zip that holds the path of the command that made it: the add-on tries it first."""
@@ -23,14 +23,16 @@ def build_zip(path: str | Path, command: str | None = None) -> Path:
     """Writes the zip; the same add-on makes the same bytes.
 
     Args:
-        path: Where to.
+        path: The file to write.
         command: The `latentmotion` command to remember; by default the add-on looks for it.
 
     Raises:
         InputError: The folder does not exist or cannot be written.
     """
     texts = {
-        file.name: file.read_text(encoding="utf-8") for file in SOURCE.iterdir() if _is_ours(file)
+        file.name: file.read_text(encoding="utf-8")
+        for file in SOURCE.iterdir()
+        if file.suffix in _ENDINGS
     }
     if command is not None:
         texts[COMMAND] = command + "\n"
@@ -45,7 +47,3 @@ def build_zip(path: str | Path, command: str | None = None) -> Path:
 def own_command() -> str | None:
     """Returns the path of the `latentmotion` command of this Python, if there is one."""
     return shutil.which("latentmotion", path=str(Path(sys.executable).parent))
-
-
-def _is_ours(file: Path) -> bool:
-    return file.suffix in _ENDINGS

@@ -2,11 +2,11 @@
 
     smoothing  →  bone lengths  →  floor  →  contacts  →  foot lock  →  root motion
 
-`clean` takes the steps in this order; each is a function of joints to joints that can be used and
-measured alone (`benchmarks/quality/cleanup.py`).
+`clean` takes the steps in this order; each is a function from joints to joints that can be used
+and measured alone (`benchmarks/quality/cleanup.py`).
 """
 
-from latentmotion.cleanup.foot_shift import FootLock
+from latentmotion.cleanup.foot_lock import FootLock
 from latentmotion.cleanup.pipeline import CleanUp, CleanUpWarning, clean
 
 __all__ = ["CleanUp", "CleanUpWarning", "FootLock", "clean"]

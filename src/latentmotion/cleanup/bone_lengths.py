@@ -1,10 +1,10 @@
-"""Bones of constant length: a network draws joints one by one, so that bones breathe.
+"""Bones of constant length: a network places each joint by itself, so bone lengths vary.
 
-Each bone gets its median length, and the joints move as little as possible: in turns every bone
-pulls its two ends to the right distance (position-based dynamics, Müller et al. 2007), ends in the
-limbs rather than in the trunk; at last the tree is walked from the root, so that lengths are exact.
-A bone that has shrunk says little about its direction, which is then the mean over the frames
-around, weighted by length.
+Each bone gets its median length, and the joints move as little as possible: one after another,
+every bone pulls its two ends to the right distance (position-based dynamics, Müller et al. 2007),
+ends in the limbs more than in the trunk; finally lengths are made exact from the root outward. The
+direction of a bone that has shrunk is uncertain, so it becomes the mean over the frames around it,
+weighted by length.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ _SHRUNK = 0.7
 """Share of its length below which a bone's direction is taken from its neighbors in time, too."""
 
 _MEMORY = 0.1
-"""Deviation of the Gaussian over these neighbors, seconds."""
+"""Standard deviation of the Gaussian over these neighbors, seconds."""
 
 _TRUNK = 0.1
-"""How easily joints of the trunk give way, compared to those of limbs."""
+"""How far joints of the trunk move, relative to those of limbs."""
 
 
 def constant_bones(
@@ -35,7 +35,12 @@ def constant_bones(
     parents = list(skeleton.parents[1:])
     bones = joints[:, 1:] - joints[:, parents]
     lengths = np.median(np.linalg.norm(bones, axis=-1), axis=0)
-    ease = _ease(skeleton)
+    # Joints of the trunk hardly move: those where bones branch, their ancestors, and the first of
+    # each limb. Turning the short bones between heavy parts a little would turn the whole body.
+    trunk = [len(skeleton.children(joint)) > 1 for joint in range(len(skeleton))]
+    for joint in reversed(range(1, len(skeleton))):
+        trunk[skeleton.parents[joint]] |= trunk[joint]
+    ease = [_TRUNK if trunk[j] or trunk[max(p, 0)] else 1.0 for j, p in enumerate(skeleton.parents)]
     moved = joints.copy()
     for _ in range(_ROUNDS):
         for joint, (parent, length) in enumerate(zip(parents, lengths, strict=True), start=1):
@@ -44,7 +49,7 @@ def constant_bones(
             share = ease[joint] / (ease[joint] + ease[parent])
             moved[:, joint] -= share * pull
             moved[:, parent] += (1 - share) * pull
-    # Bones that had shrunk point where their neighbors in time do, too.
+    # Bones that had shrunk point where their neighbors in time point.
     pointing = unit(moved[:, 1:] - moved[:, parents])
     trust = np.clip(_norm(bones) / (_SHRUNK * lengths[:, None]), 0, 1) ** 2
     around = gaussian(trust * pointing, _MEMORY * fps)
@@ -52,20 +57,6 @@ def constant_bones(
     for joint, (parent, length) in enumerate(zip(parents, lengths, strict=True), start=1):
         moved[:, joint] = moved[:, parent] + length * directions[:, joint - 1]
     return keep_knee_direction(moved, joints, skeleton)
-
-
-def _ease(skeleton: Skeleton) -> list[float]:
-    """Returns how easily each joint gives way: limbs do, the trunk hardly.
-
-    The trunk are joints where bones branch, those they hang on, and the first of each limb: where
-    short bones between heavy parts turned by a little, the whole body would seem to turn.
-    """
-    branch = [len(skeleton.children(joint)) > 1 for joint in range(len(skeleton))]
-    for joint in reversed(range(1, len(skeleton))):
-        branch[skeleton.parents[joint]] |= branch[joint]
-    return [
-        _TRUNK if branch[j] or branch[max(p, 0)] else 1.0 for j, p in enumerate(skeleton.parents)
-    ]
 
 
 def _norm(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 1"]:

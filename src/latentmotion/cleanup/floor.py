@@ -1,9 +1,10 @@
-"""Floor: feet that stand are at height 0, and a body that lies neither sinks in nor hovers.
+"""Floor: standing feet are at height 0, and a lying body neither sinks in nor hovers.
 
-1. The whole motion is shifted by one number, if feet that bear an upright body are far from 0.
-2. Where the body is below the floor, it is lifted; feet are by their own legs, hands by their arms.
-3. Where the body lies (pelvis low) and its lowest joint hovers for longer than any jump lasts, it
-   is let down. A jump, a ladder, a flight of stairs are left as they are.
+1. The whole motion is shifted by one number if the feet of an upright body stand far from 0.
+2. Where the body lies (pelvis low) and its lowest joint hovers for longer than any jump lasts, it
+   is lowered.
+3. Where the body is below the floor, it is lifted; feet are lifted by their own legs, hands by
+   their arms. A jump, a ladder, a flight of stairs are left as they are.
 """
 
 from __future__ import annotations
@@ -17,23 +18,21 @@ from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.smoothing import gaussian, upper_envelope
 from latentmotion.kinematics.skeleton import Skeleton
 
-Heights = Float[np.ndarray, " frames"]
-
 _ARM = ("shoulder", "elbow", "wrist")
 
 
 @dataclass(frozen=True)
 class Floor:
-    """How the floor is found."""
+    """Settings of the floor's height."""
 
     tolerance: float = 0.03
-    """Meters that standing feet may be off the floor: real ones are as much in mocap."""
+    """Meters that standing feet may be off the floor, as they are in motion capture."""
     lying: tuple[float, float] = (0.25, 0.4)
     """Heights of the pelvis, meters, below which a body lies and above which it does not."""
     hover: float = 0.1
-    """Meters that the lowest joint of a lying body may be above the floor: flesh is between."""
+    """Meters that the lowest joint of a lying body may be above the floor, for its flesh."""
     longest_jump: float = 1.2
-    """Seconds."""
+    """Seconds that a body may be in the air."""
     sink: float = 0.04
     """Meters that feet may be below the floor for legs to lift them alone."""
 
@@ -49,9 +48,24 @@ def align_floor(
     hands = [joint for arm in find_arms(skeleton) for joint in arm[2:]]
     body = [joint for joint in range(len(skeleton)) if joint not in (*feet, *hands)]
     moved = joints.copy()
-    if feet:
-        moved[..., 1] -= _level(moved[:, 0, 1], moved[:, feet, 1].min(axis=1), fps, settings)
-    moved[..., 1] -= _hovering(moved[..., 1], fps, settings)[:, None]
+    low, high = settings.lying
+    if feet:  # 1. one number, the height under standing feet
+        lowest = moved[:, feet, 1].min(axis=1)
+        stands = moved[:, 0, 1] - lowest > high
+        if len(lowest) > 1:
+            stands &= np.abs(np.gradient(lowest)) * fps < 0.1
+        if stands.any():
+            level = float(np.percentile(lowest[stands], 10))
+            shift = float(np.sign(level)) * max(0.0, abs(level) - settings.tolerance)
+            moved[..., 1] -= shift
+    # 2. A lying body comes down by what it hovers for longer than a jump lasts.
+    reach = min(round(settings.longest_jump * fps / 2), len(moved) - 1)
+    lowest = np.pad(moved[..., 1].min(axis=1) - settings.hover, reach, mode="edge")
+    base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1).min(axis=-1)
+    lies = np.clip((high - moved[:, 0, 1]) / (high - low), 0, 1)
+    hover = np.maximum(0, gaussian(lies * np.maximum(0, base), 0.2 * fps))
+    moved[..., 1] -= hover[:, None]
+    # 3. What is below the floor is lifted.
     below = np.maximum(0, -moved[:, body, 1].min(axis=1))
     if feet:
         below = np.maximum(below, -settings.sink - moved[:, feet, 1].min(axis=1))
@@ -59,34 +73,12 @@ def align_floor(
     return lift_hands(moved, fps, skeleton)
 
 
-def _level(pelvis: Heights, lowest: Heights, fps: float, settings: Floor) -> float:
-    """Returns the floor's height under feet at rest, less what is tolerated; 0 if none stands."""
-    upright = pelvis - lowest > settings.lying[1]
-    if len(lowest) > 1:
-        upright &= np.abs(np.gradient(lowest)) * fps < 0.1
-    if not upright.any():
-        return 0.0
-    level = float(np.percentile(lowest[upright], 10))
-    return float(np.sign(level)) * max(0.0, abs(level) - settings.tolerance)
-
-
-def _hovering(heights: Float[np.ndarray, "frames joints"], fps: float, settings: Floor) -> Heights:
-    """Returns how far a lying body is above the floor, smoothly over time."""
-    frames = len(heights)
-    reach = min(round(settings.longest_jump * fps / 2), frames - 1)
-    lowest = np.pad(heights.min(axis=1) - settings.hover, reach, mode="edge")
-    base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1).min(axis=-1)
-    low, high = settings.lying
-    lies = np.clip((high - heights[:, 0]) / (high - low), 0, 1)
-    return np.maximum(0, gaussian(lies * np.maximum(0, base), 0.2 * fps))
-
-
 def find_arms(skeleton: Skeleton) -> list[tuple[int, int, int]]:
     """Returns shoulder, elbow and wrist of both arms, as far as the skeleton has them."""
-    place = {name: joint for joint, name in enumerate(skeleton.names)}
+    index = {name: joint for joint, name in enumerate(skeleton.names)}
     sides = [[f"{side}_{name}" for name in _ARM] for side in ("left", "right")]
-    found = [[place[name] for name in side] for side in sides if set(side) <= set(place)]
-    return [(shoulder, elbow, wrist) for shoulder, elbow, wrist in found]
+    arms = [[index[name] for name in side] for side in sides if set(side) <= set(index)]
+    return [(shoulder, elbow, wrist) for shoulder, elbow, wrist in arms]
 
 
 def lift_hands(

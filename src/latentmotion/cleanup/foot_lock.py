@@ -1,28 +1,38 @@
-"""Foot locks: feet that stand stay where they are; body and legs follow.
+"""Foot locks: standing feet stay in place; body and legs follow.
 
-A drift that planted feet have in common is taken by the body, the rest by each leg
-(`foot_shift.py`). Where a leg is too short for that, the pelvis comes down a little; hip and knee
-bend (`leg_ik.py`). The foot keeps its shape and its slope; every bone keeps its length.
+The body takes a drift that planted feet have in common, each leg the rest. Where a leg is too short
+for that, the pelvis comes down a little; hip and knee bend (`leg_ik.py`). The foot keeps its shape
+and its slope; every bone keeps its length.
 
-Drift: where feet slide with the body above them, legs alone would have to lean to hold them. A
-correction r of the root, smooth in time, takes what it can. With p the path of a foot that stands,
-w how surely it does, and means over each contact,
+Drift. Where feet slide together with the body above them, legs alone would have to lean to hold
+them. A correction r of the root, smooth in time, takes as much as it can. With p the path of a
+standing foot, w the confidence that it stands, and means over each contact,
 
     minimize   Σ w |(p + r) − mean (p + r)|²  +  a Σ |z|²,     r = g ∗ z,   g a Gaussian,
 
-over z by conjugate gradients. The second term keeps the body where it was wherever that costs legs
-little: r goes back to nothing as soon as feet allow.
+over z by conjugate gradients. The second term keeps the body where it was wherever that costs the
+legs little: r returns to zero as soon as the feet allow.
+
+Shift of each foot.
+
+1. While a foot stands, it is shifted from its path to the position where it is slowest; a contact
+   in which it slides far is broken by a small step.
+2. Between contacts the shift is a cubic that leaves one and meets the next with the velocity at
+   which the foot's own has gone to zero, so that no foot starts or stops with a jerk.
+3. Joints below the floor are lifted onto it. Feet that take a small step pass above it; feet that
+   swing fast are as high above it as 19 of 20 are in motion capture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.cleanup.contacts import FootStance, Path, foot_stance
-from latentmotion.cleanup.foot_shift import FootLock, foot_shift
+from latentmotion.cleanup.contacts import FootStance, Path, foot_stance, ramp
 from latentmotion.cleanup.leg_ik import Leg, find_legs, keep_knee_direction, reach
 from latentmotion.cleanup.smoothing import upper_envelope
 from latentmotion.kinematics.skeleton import Skeleton
@@ -31,13 +41,45 @@ Joints = Float[np.ndarray, "frames joints 3"]
 Lengths = Float[np.ndarray, " frames"]
 
 _SWAY = 0.2
-"""Deviation, seconds, of the Gaussian by which the body's own correction is smooth."""
+"""Standard deviation, seconds, of the Gaussian g of the body's correction."""
 
 _ROUNDS = 12
-"""Steps of the conjugate gradients that find it."""
+"""Iterations of the conjugate gradients that find it."""
 
 _LOWERED = 0.98
-"""Share of its length that a leg may have before the pelvis comes down."""
+"""Share of its full length to which a leg may stretch before the pelvis comes down."""
+
+
+@dataclass(frozen=True)
+class FootLock:
+    """Settings of foot locks."""
+
+    rest: tuple[float, float] = (0.045, 0.085)
+    """Meters per second: a foot slower than the first for a quarter of its contact rests and is
+    left alone; one faster than the second slides and is held."""
+    far: tuple[float, float] = (0.02, 0.035)
+    """Meters, root mean square: a resting foot that moves farther than this is held, too."""
+    landing: float = 0.7
+    """Meters per second above which a foot that lands or takes off is not held."""
+    blend: float = 0.4
+    """Seconds in which a foot returns to its own path where no other contact follows soon."""
+    slip: float = 0.15
+    """Meters of sliding up to which a foot is held; beyond, it takes a small step."""
+    step: float = 0.03
+    """Height, meters, of that small step."""
+    clearance: float = 0.02
+    """Least height, meters, of foot joints that swing faster than 0.8 m/s."""
+    stay: float = 1.0
+    """a, the weight of keeping the body in place instead of moving it to hold planted feet."""
+    lower: float = 0.03
+    """Meters that the pelvis may come down where a leg is too short."""
+    stretch: tuple[float, float] = (0.92, 0.995)
+    """Shares of its full length: a leg stretches softly beyond the first and never beyond the
+    second, unless it already did."""
+
+    def pause(self, fps: float) -> int:
+        """Returns how many frames a step takes."""
+        return max(1, round(0.75 * self.blend * fps))
 
 
 def lock_feet(
@@ -47,14 +89,14 @@ def lock_feet(
     skeleton: Skeleton,
     settings: FootLock,
 ) -> Joints:
-    """Returns the joints with feet that stand still while they have contact.
+    """Returns the joints with feet that do not slide while they have contact.
 
     Args:
         joints: Positions, meters, the floor at height 0.
         contacts: For each joint of the left foot, then of the right, whether it stands.
         fps: Frames per second.
-        skeleton: Says what legs and feet are; it has at least one leg.
-        settings: How feet are held.
+        skeleton: The skeleton; it has at least one leg.
+        settings: Settings of foot locks.
     """
     legs, order = find_legs(skeleton), [*skeleton.left_foot, *skeleton.right_foot]
     feet = []
@@ -86,7 +128,15 @@ def _posed(
         knee, ankle = joints[:, leg.knee] - drop, joints[:, leg.ankle] - drop
         line = joints[:, leg.ankle] + shift - hip
         length = np.linalg.norm(line, axis=-1)
-        share = _stretched(length, joints, leg, settings) / np.maximum(length, 1e-9)
+        # The nearer a leg is to straight, the less of the wanted length it gets: a knee that stops
+        # at once where the leg is straight would snap.
+        whole, before = _leg_lengths(joints, leg)
+        easy = np.maximum(settings.stretch[0] * whole, before)
+        room = np.maximum(settings.stretch[1] * whole - easy, 0.1 * np.maximum(whole - easy, 0))
+        room = room + 1e-6
+        over = np.maximum(0, length - easy)
+        stretched = np.minimum(length, easy) + room * (1 - np.exp(-over / room))
+        share = stretched / np.maximum(length, 1e-9)
         foot = joints[:, leg.pivots[-1]] - joints[:, leg.ankle]
         ahead = np.cross(across, hip - ankle) + 0.1 * foot
         goal, below = hip + line * share[:, None], list(leg.below)
@@ -104,41 +154,28 @@ def _lowering(
     for leg, shift in zip(legs, shifts, strict=True):
         line = joints[:, leg.ankle] + shift - joints[:, leg.hip]
         across = np.linalg.norm(line[:, ::2], axis=-1)
-        longest = np.maximum(_LOWERED * _whole(joints, leg), _length(joints, leg))
+        whole, before = _leg_lengths(joints, leg)
+        longest = np.maximum(_LOWERED * whole, before)
         height = np.sqrt(np.maximum(longest**2 - across**2, 0))
         need = np.maximum(need, -line[:, 1] - height)
     need = np.clip(need, 0, settings.lower)
     return upper_envelope(need, max(1, round(0.15 * fps)))
 
 
-def _stretched(wanted: Lengths, joints: Joints, leg: Leg, settings: FootLock) -> Lengths:
-    """Returns how long a leg gets: the less of what is wanted, the nearer it is to straight.
-
-    A knee that stops at once where the leg is straight would snap.
-    """
-    whole, (soft, hard) = _whole(joints, leg), settings.stretch
-    easy = np.maximum(soft * whole, _length(joints, leg))
-    room = np.maximum(hard * whole - easy, 0.1 * np.maximum(whole - easy, 0)) + 1e-6
-    over = np.maximum(0, wanted - easy)
-    return np.minimum(wanted, easy) + room * (1 - np.exp(-over / room))
-
-
-def _whole(joints: Joints, leg: Leg) -> Lengths:
+def _leg_lengths(joints: Joints, leg: Leg) -> tuple[Lengths, Lengths]:
+    """Returns the length of a straight leg, and the distance from hip to ankle."""
     hip, knee, ankle = (joints[:, joint] for joint in (leg.hip, leg.knee, leg.ankle))
-    return np.linalg.norm(knee - hip, axis=-1) + np.linalg.norm(ankle - knee, axis=-1)
-
-
-def _length(joints: Joints, leg: Leg) -> Lengths:
-    return np.linalg.norm(joints[:, leg.ankle] - joints[:, leg.hip], axis=-1)
+    straight = np.linalg.norm(knee - hip, axis=-1) + np.linalg.norm(ankle - knee, axis=-1)
+    return straight, np.linalg.norm(ankle - hip, axis=-1)
 
 
 def drift_correction(feet: Sequence[FootStance], deviation: float, stay: float) -> Path:
-    """Returns how far the body is moved in each frame for its planted feet to slide least.
+    """Returns the correction of the root in each frame for which planted feet slide least.
 
     Args:
         feet: The stance of each foot.
-        deviation: Of the Gaussian g, frames.
-        stay: a, the weight of staying: the larger, the less the body is moved.
+        deviation: Standard deviation of the Gaussian g, frames.
+        stay: a: the larger, the less the body moves.
     """
     frames = len(feet[0].path)
     width = min(int(np.ceil(3 * deviation)), frames - 1)
@@ -153,16 +190,27 @@ def drift_correction(feet: Sequence[FootStance], deviation: float, stay: float) 
 
     def normal(values: Path) -> Path:
         moved, pull = spread(values), np.zeros_like(values)
-        for part, weight in contacts:
-            pull[part] += _off_center(moved[part], weight)
+        for inside, weight in contacts:
+            pull[inside] += _off_center(moved[inside], weight)
         return spread(pull) + stay * values
 
     slides = np.zeros((frames, 3))
     for foot in feet:
         for interval in foot.intervals:
-            part = slice(*interval)
-            slides[part] += _off_center(foot.path[part], foot.weight[part, None])
-    return spread(_conjugate_gradients(normal, -spread(slides)))
+            inside = slice(*interval)
+            slides[inside] += _off_center(foot.path[inside], foot.weight[inside, None])
+    right = -spread(slides)
+    solution, rest, direction = np.zeros_like(right), right, right
+    first = size = float((rest**2).sum())
+    for _ in range(_ROUNDS):  # conjugate gradients, all columns at once
+        if size <= 1e-6 * first:
+            break
+        image = normal(direction)
+        step = size / float((direction * image).sum())
+        solution, rest = solution + step * direction, rest - step * image
+        before, size = size, float((rest**2).sum())
+        direction = rest + size / before * direction
+    return spread(solution)
 
 
 def _off_center(path: Path, weight: Float[np.ndarray, "frames 1"]) -> Path:
@@ -170,16 +218,74 @@ def _off_center(path: Path, weight: Float[np.ndarray, "frames 1"]) -> Path:
     return weight * (path - (weight * path).sum(axis=0) / weight.sum())
 
 
-def _conjugate_gradients(operator: Callable[[Path], Path], right: Path) -> Path:
-    """Solves operator(x) = right, symmetric and positive, all columns at once."""
-    found, rest, direction = np.zeros_like(right), right, right
-    first = size = float((rest**2).sum())
-    for _ in range(_ROUNDS):
-        if size <= 1e-6 * first:
-            break
-        image = operator(direction)
-        step = size / float((direction * image).sum())
-        found, rest = found + step * direction, rest - step * image
-        before, size = size, float((rest**2).sum())
-        direction = rest + size / before * direction
-    return found
+def foot_shift(
+    pivots: Float[np.ndarray, "frames pivots 3"], foot: FootStance, fps: float, settings: FootLock
+) -> Path:
+    """Returns the vector from where a foot is to where it should be.
+
+    Args:
+        pivots: Its joints that touch the floor.
+        foot: Its stance.
+        fps: Frames per second.
+        settings: Settings of foot locks.
+    """
+    foot = foot.broken_at_slips(settings.slip, settings.pause(fps))
+    shift = np.zeros_like(foot.path)
+    for interval in foot.intervals:
+        inside = slice(*interval)
+        shift[inside] = foot.center(interval) - foot.path[inside]
+    before: list[int | None] = [None, *(end - 1 for _, end in foot.intervals)]
+    after: list[int | None] = [*(start for start, _ in foot.intervals), None]
+    for last, first in zip(before, after, strict=True):
+        whole = last is None and first is None
+        if not whole and (len(shift) - 1 if last is None else last) != first:
+            _bridge(shift, (last, first), max(1, round(settings.blend * fps)))
+    # The foot is raised so that it is not below the floor, and steps over it.
+    height = np.maximum(
+        settings.clearance * ramp(_speed(pivots + shift[:, None], fps), 0.4, 0.8),
+        settings.step * ramp(_speed(shift[:, None], fps), 0.2, 0.6),
+    )
+    frames, distance = np.arange(len(shift)), np.full(len(shift), np.inf)
+    for start, end in foot.intervals:
+        outside = np.maximum(start - frames, frames - (end - 1))
+        distance = np.minimum(distance, np.maximum(0, outside))
+    height = height * ramp(distance, 0.0, 0.15 * fps)[:, None]
+    need = np.maximum(0, height - pivots[..., 1]).max(axis=1)
+    up = upper_envelope(need, max(1, round(0.1 * fps)))
+    return shift + up[:, None] * (0, 1, 0)
+
+
+@dataclass(frozen=True)
+class _Knot:
+    frame: int
+    value: Float[np.ndarray, " 3"]
+    slope: Float[np.ndarray, " 3"]
+
+
+def _bridge(shift: Path, gap: tuple[int | None, int | None], blend: int) -> None:
+    """Fills a gap in place: from one contact's shift to the next's, or to zero in between."""
+    (left, right), none = gap, np.zeros(3)
+    knots = []
+    if left is not None:
+        leaving = _Knot(left, shift[left], shift[left] - shift[left - 1])
+        knots += [leaving, _Knot(left + blend, none, none)]
+    if right is not None:
+        meeting = _Knot(right, shift[right], shift[right + 1] - shift[right])
+        knots += [_Knot(right - blend, none, none), meeting]
+    if left is not None and right is not None and right - left < 2 * blend:
+        knots = [knots[0], knots[-1]]
+    for a, b in pairwise(knots):  # the cubic between two knots, themselves left out (Hermite)
+        frames = np.arange(max(a.frame + 1, 0), min(b.frame, len(shift)))
+        length = max(b.frame - a.frame, 1)
+        u = ((frames - a.frame) / length)[:, None]
+        rise = length * (u * (1 - u) ** 2 * a.slope - u**2 * (1 - u) * b.slope)
+        ease = u**2 * (3 - 2 * u)
+        shift[frames] = (1 - ease) * a.value + ease * b.value + rise
+
+
+def _speed(
+    points: Float[np.ndarray, "frames pivots 3"], fps: float
+) -> Float[np.ndarray, "frames pivots"]:
+    if len(points) < 2:
+        return np.zeros(points.shape[:2])
+    return np.linalg.norm(np.gradient(points, axis=0)[..., ::2], axis=-1) * fps

@@ -1,10 +1,10 @@
 """Leg inverse kinematics: which joints are legs, and how hip and knee bend for the ankle.
 
-Two bones. Thigh and shank keep their lengths. The knee keeps to the side where it was: its distance
-from the line hip–ankle is turned along with that line, and what it must bend beyond that it bends
-ahead. A leg that already is where it should be does not change at all.
+Two bones. Thigh and shank keep their lengths. The knee stays on its side of the line from hip to
+ankle: its offset from that line rotates with the line, and any further bend is forward. A leg whose
+ankle is already at its goal does not change at all.
 
-Knee direction. Knees bend ahead: no step of the clean-up may turn one backward, or farther
+Knee direction. Knees bend forward: no step of the clean-up may turn one backward, or farther
 backward than it was.
 """
 
@@ -31,13 +31,13 @@ class Leg:
     knee: int
     ankle: int
     below: tuple[int, ...]
-    """Joints that hang on the ankle: heel, toes."""
+    """Descendants of the ankle: heel, toes."""
     pivots: tuple[int, ...]
     """Joints that touch the floor, the one that holds longest last."""
 
 
 def find_legs(skeleton: Skeleton) -> list[Leg]:
-    """Returns the legs, left and right; none where the skeleton names no feet or has no knees."""
+    """Returns the legs, left and right; none if the skeleton names no feet or has no knees."""
     legs = []
     for foot in (skeleton.left_foot, skeleton.right_foot):
         chain = list(foot[:1])
@@ -61,11 +61,11 @@ def reach(
     """Returns knee and ankle, the ankle at its goal or as near as the leg reaches.
 
     Args:
-        hip: Where the leg hangs.
-        knee: Where the knee was, for that hip.
-        ankle: Where the ankle was.
-        goal: Where the ankle should be.
-        ahead: Where knees bend to.
+        hip: New position of the hip.
+        knee: Old position of the knee, moved with the hip.
+        ankle: Old position of the ankle, moved with the hip.
+        goal: Wanted position of the ankle.
+        ahead: Direction in which knees bend.
     """
     thigh, shank = _norm(knee - hip), _norm(ankle - knee)
     axis = unit(goal - hip)
@@ -87,12 +87,12 @@ def _dot(a: Points, b: Points) -> Float[np.ndarray, "frames 1"]:
 
 
 def keep_knee_direction(moved: Joints, joints: Joints, skeleton: Skeleton) -> Joints:
-    """Returns the moved joints with knees turned about the line hip–ankle, as little as it takes.
+    """Returns the moved joints, knees rotated about the line from hip to ankle where they must.
 
     Args:
-        moved: Joints after a step.
-        joints: The same before it.
-        skeleton: Says what legs are.
+        moved: Joints after a step of the clean-up.
+        joints: The same joints before it.
+        skeleton: The skeleton, which defines the legs.
     """
     legs = find_legs(skeleton)
     if len(legs) < 2:
@@ -115,7 +115,7 @@ def keep_knee_direction(moved: Joints, joints: Joints, skeleton: Skeleton) -> Jo
 def _bend(
     leg: Float[np.ndarray, "frames 3 3"], across: Points
 ) -> tuple[Float[np.ndarray, "frames 1"], Points, Points]:
-    """Returns how far the knee is ahead of the line hip–ankle, that direction, and the knee."""
+    """Returns how far the knee is ahead of the line hip–ankle, that direction, and its offset."""
     hip, knee, ankle = np.moveaxis(leg, 1, 0)
     axis = unit(hip - ankle)
     ahead = unit(np.cross(across, axis))

@@ -11,8 +11,7 @@ from jaxtyping import Float
 from latentmotion.cleanup.bone_lengths import constant_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
 from latentmotion.cleanup.floor import Floor, align_floor
-from latentmotion.cleanup.foot_lock import lock_feet
-from latentmotion.cleanup.foot_shift import FootLock
+from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian, smooth
 from latentmotion.errors import InputError
@@ -20,39 +19,39 @@ from latentmotion.motion import Motion
 
 
 class CleanUpWarning(UserWarning):
-    """A step was left out, or had to move joints far."""
+    """A step was skipped, or had to move joints far."""
 
 
 _FAR = 0.25
-"""Meters that a joint may be moved for its bones without a warning."""
+"""Meters that a joint may move for constant bone lengths without a warning."""
 
 
 @dataclass(frozen=True)
 class CleanUp:
-    """Which steps are taken, and how.
+    """The steps of a clean-up and their settings.
 
     Raises:
         InputError: The cutoff is not a positive number.
     """
 
     smooth: bool = True
-    """Take out shaking."""
+    """Remove jitter."""
     bones: bool = True
     """Give every bone one length."""
     floor: bool = True
     """Put the figure on the floor."""
     feet: bool = True
-    """Hold feet that stand."""
+    """Lock feet that stand."""
     in_place: bool = False
-    """Take away the path along the floor, as game engines like it."""
+    """Remove root motion along the floor, as game engines like it."""
     cutoff: float = 5.0
-    """Hertz up to which movement counts as meant and not as shaking."""
+    """Hertz up to which movement is kept; above, it counts as jitter."""
     contacts: Contacts = field(default_factory=Contacts)
     """What counts as standing."""
     lock: FootLock = field(default_factory=FootLock)
-    """How feet are held."""
+    """Settings of foot locks."""
     ground: Floor = field(default_factory=Floor)
-    """How the floor is found."""
+    """Settings of the floor's height."""
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.cutoff) and self.cutoff > 0):
@@ -63,64 +62,51 @@ def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
     """Returns the motion cleaned up, as long as it was.
 
     Warns:
-        CleanUpWarning: The skeleton has no feet that could be held; all other steps are taken.
-            Or bones were so wrong that joints had to be moved far.
+        CleanUpWarning: The skeleton has no feet to lock, so only the other steps are taken; or bone
+            lengths were so wrong that joints had to move far.
     """
     fps, skeleton = motion.fps, motion.skeleton
     joints = motion.joints.astype(np.float64)
     if steps.smooth:
         joints = keep_knee_direction(smooth(joints, fps, steps.cutoff), joints, skeleton)
     if steps.bones:
-        joints = _keep_bones(joints, motion)
+        before, joints = joints, constant_bones(joints, fps, skeleton)
+        moved = np.linalg.norm(joints - before, axis=-1)
+        frame, joint = np.unravel_index(moved.argmax(), moved.shape)
+        if moved.max() > _FAR:
+            warnings.warn(
+                f"bones were drawn so long or short that {skeleton.names[joint]} was moved by "
+                f"{100 * moved.max():.0f} cm at {frame / fps:.1f} s to give them one length",
+                CleanUpWarning,
+                stacklevel=2,
+            )
     if steps.floor:
         joints = align_floor(joints, fps, skeleton, steps.ground)
     if steps.feet:
-        joints = _hold_feet(joints, motion, steps)
+        if find_legs(skeleton):
+            contacts = foot_contacts(joints, fps, skeleton, steps.contacts)
+            joints = lock_feet(joints, contacts, fps, skeleton, steps.lock)
+        else:
+            warnings.warn(
+                f"skeleton {skeleton.name!r} names no feet below hip and knee; "
+                "feet were left as they are",
+                CleanUpWarning,
+                stacklevel=2,
+            )
     if steps.in_place:
         joints = in_place(joints, fps)
     return replace(motion, joints=joints.astype(np.float32))
 
 
-def _keep_bones(
-    joints: Float[np.ndarray, "frames joints 3"], motion: Motion
-) -> Float[np.ndarray, "frames joints 3"]:
-    moved = constant_bones(joints, motion.fps, motion.skeleton)
-    ways = np.linalg.norm(moved - joints, axis=-1)
-    frame, joint = np.unravel_index(ways.argmax(), ways.shape)
-    if ways.max() > _FAR:
-        warnings.warn(
-            f"bones were drawn so long or short that {motion.skeleton.names[joint]} was moved by "
-            f"{100 * ways.max():.0f} cm at {frame / motion.fps:.1f} s to give them one length",
-            CleanUpWarning,
-            stacklevel=3,
-        )
-    return moved
-
-
-def _hold_feet(
-    joints: Float[np.ndarray, "frames joints 3"], motion: Motion, steps: CleanUp
-) -> Float[np.ndarray, "frames joints 3"]:
-    if not find_legs(motion.skeleton):
-        warnings.warn(
-            f"skeleton {motion.skeleton.name!r} names no feet below hip and knee; "
-            "feet were left as they are",
-            CleanUpWarning,
-            stacklevel=3,
-        )
-        return joints
-    contacts = foot_contacts(joints, motion.fps, motion.skeleton, steps.contacts)
-    return lock_feet(joints, contacts, motion.fps, motion.skeleton, steps.lock)
-
-
 def ground_path(
     joints: Float[np.ndarray, "frames joints 3"], fps: float, seconds: float = 0.25
 ) -> Float[np.ndarray, "frames 3"]:
-    """Returns the path of the root along the floor, without the sway of its steps.
+    """Returns the root trajectory along the floor, without the sway of its steps.
 
     Args:
         joints: Positions, meters, y up; joint 0 is the root.
         fps: Frames per second.
-        seconds: Deviation of the Gaussian that takes out the sway; 0 keeps it.
+        seconds: Standard deviation of the Gaussian that removes the sway; 0 keeps it.
     """
     return gaussian(joints[:, 0] * (1, 0, 1), seconds * fps)
 
@@ -128,5 +114,5 @@ def ground_path(
 def in_place(
     joints: Float[np.ndarray, "frames joints 3"], fps: float, seconds: float = 0.25
 ) -> Float[np.ndarray, "frames joints 3"]:
-    """Returns the joints with the path taken away: the figure stays above the origin."""
+    """Returns the joints without root motion: the figure stays above the origin."""
     return joints - ground_path(joints, fps, seconds)[:, None]

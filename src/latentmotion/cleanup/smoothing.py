@@ -1,9 +1,9 @@
-"""Smoothing: takes out shaking without delay, keeps both end points.
+"""Smoothing: removes jitter without delay and keeps both end points.
 
     y = (2g − g∗g) ∗ x,   g a Gaussian
 
-2g − g∗g passes straight lines, parabolas and cubics unchanged, so peaks of a kick stay, and falls
-to 3/4 of the amplitude where g falls to one half. Beyond its ends the motion goes on point
+2g − g∗g keeps straight lines, parabolas and cubics unchanged, and so the peak of a kick; it falls
+to 3/4 of the amplitude where g falls to one half. Beyond its ends the motion is continued point
 symmetrically, so that the ends stay where they are.
 """
 
@@ -19,7 +19,7 @@ def smooth(
     """Smooths along the first axis.
 
     Args:
-        values: Positions or whatever is smooth in truth.
+        values: Positions, or any other smooth quantity.
         fps: Frames per second.
         cutoff: Frequency, hertz, that keeps three quarters of its amplitude.
     """
@@ -33,8 +33,8 @@ def gaussian(
     """Returns Gaussian means along the first axis, both ends unchanged.
 
     Args:
-        values: What to smooth.
-        deviation: Of the Gaussian, frames.
+        values: One row per frame.
+        deviation: Standard deviation of the Gaussian, frames.
     """
     reach = min(int(np.ceil(3 * deviation)), len(values) - 1)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(deviation, 1e-9)) ** 2)
@@ -51,7 +51,7 @@ def upper_envelope(
     """Returns a smooth curve that is nowhere below `values`: moving maximum, then moving mean.
 
     Args:
-        values: One number a frame.
+        values: One number per frame.
         reach: Frames to either side that a peak is spread over, twice.
     """
     padded = np.pad(values, 2 * reach, mode="edge")

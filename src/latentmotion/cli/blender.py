@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from latentmotion.blender.build import build_zip, own_command
-from latentmotion.cli.options import Output
+from latentmotion.cli import options
 from latentmotion.errors import InputError
 
 
@@ -17,7 +17,7 @@ class BlenderAddon:
     Then, in Blender: Edit > Preferences > Add-ons > Install from Disk, and choose the zip.
     """
 
-    output: Output = Path("latentmotion-blender.zip")
+    output: options.Output = Path("latentmotion-blender.zip")
     """Zip file to write."""
     remember: bool = True
     """Store the path of this command in the zip, so that the add-on finds it; turn it off for a

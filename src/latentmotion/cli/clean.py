@@ -1,4 +1,4 @@
-"""`latentmotion clean IN.npz -o OUT.bvh`: a motion file in, the same motion cleaned up out."""
+"""`latentmotion clean IN.npz -o OUT.bvh`: cleans up the motions of a file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tyro.conf import arg
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp
-from latentmotion.cli.options import File, Outputs
+from latentmotion.cli import options
 from latentmotion.storage.files import check_writable
 
 _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
@@ -22,8 +22,8 @@ class Clean:
     Example: latentmotion clean walk.npz -o walk.bvh --no-smooth
     """
 
-    file: Annotated[File, arg(help=_INPUT)]
-    output: Outputs
+    file: Annotated[options.File, arg(help=_INPUT)]
+    output: options.Outputs
     """Files to write; the extension selects the format."""
     smooth: bool = True
     """Remove jitter."""

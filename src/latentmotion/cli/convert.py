@@ -1,4 +1,4 @@
-"""`latentmotion convert` and `convert evaluator`: files of other code become our folders."""
+"""`latentmotion convert` and `convert evaluator`: checkpoints of other code to model folders."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from latentmotion.cli.options import File, Output
-from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.cli import options
+from latentmotion.errors import InputError
 from latentmotion.storage.files import read_lines
 
 
@@ -21,9 +21,9 @@ class Convert:
     they cannot tell has an option, whose default is what the authors trained.
     """
 
-    file: File
+    file: options.File
     """Checkpoint, e.g. 1222_mld_humanml3d_FID041.ckpt."""
-    output: Output
+    output: options.Output
     """Model folder to write."""
     mean: Path | None = None
     """Mean.npy of the data set it was trained on."""
@@ -46,30 +46,44 @@ class Convert:
     """Names of its actions, in order; by default HumanAct12's if there are twelve."""
 
     def run(self) -> None:
-        """Converts, and prints what was left behind."""
-        try:
-            from latentmotion.upstream.configurations import Unstated
-            from latentmotion.upstream.conversion import Origin, convert_checkpoint
-        except ImportError as error:
-            raise MissingExtraError("converting a checkpoint", "PyTorch", "train") from error
-        unstated = Unstated(
+        """Converts the file and prints the networks in it that are not converted.
+
+        Raises:
+            InputError: The normalizer is given by half, or does not fit.
+            ModelError: The file is no checkpoint of that code, or may hold code.
+        """
+        from latentmotion.convert import mld
+
+        if (self.mean is None) != (self.std is None):
+            raise InputError("--mean and --std belong together: pass both")
+        arrays = []
+        for path in (self.mean, self.std):
+            try:
+                arrays += [] if path is None else [np.load(path, allow_pickle=False)]
+            except (OSError, ValueError, EOFError) as error:
+                raise InputError(f"{path} is not a readable .npy file: {error}") from error
+        unstated = mld.Unstated(
             heads=self.heads,
             activation=self.activation,
             norm=self.norm,
             text_activation=self.text_activation,
         )
-        known = self._normalizer(), unstated, self.predicts, self.text_encoder, self.labels
-        origin = Origin(*known)
-        others = convert_checkpoint(self.file, self.output, origin)
-        left = ", ".join(_told(name, count) for name, count in sorted(others.items()))
+        origin = mld.Origin(
+            (arrays[0], arrays[1]) if arrays else None,
+            unstated,
+            self.predicts,
+            self.text_encoder,
+            self.labels,
+        )
+        others = mld.convert_checkpoint(self.file, self.output, origin)
+        kinds = {
+            "rot2xyz": ": SMPL's body, whose license forbids to pass it on",
+            "text_encoder": ": CLIP",
+        }
+        left = ", ".join(
+            f"{name} ({count}{kinds.get(name, '')})" for name, count in sorted(others.items())
+        )
         print(f"wrote {self.output}" + (f"; left behind: {left}" if left else ""))
-
-    def _normalizer(self) -> tuple[np.ndarray, np.ndarray] | None:
-        if self.mean is None and self.std is None:
-            return None
-        if self.mean is None or self.std is None:
-            raise InputError("--mean and --std belong together: pass both")
-        return _read_array(self.mean), _read_array(self.std)
 
 
 @dataclass(frozen=True)
@@ -81,9 +95,9 @@ class ConvertEvaluator:
     graph network (uestc_rot6d_stgcn.tar). It is opened without running any code inside it.
     """
 
-    file: File
+    file: options.File
     """File of an official evaluator."""
-    output: Output
+    output: options.Output
     """Evaluator folder to write."""
     statistics: Path | None = None
     """T2M evaluator: folder with mean.npy and std.npy (Comp_v6_KLD01/meta), or t2m_mean.npy ..."""
@@ -94,55 +108,26 @@ class ConvertEvaluator:
     UESTC's action_classes.txt; HumanAct12's are known."""
 
     def run(self) -> None:
-        """Converts, and prints what it was.
+        """Converts the file and prints what it held.
 
         Raises:
             InputError: Another file is needed and not given.
         """
-        try:
-            from latentmotion.upstream.action_classifiers import weights_of
-            from latentmotion.upstream.reading import read_content
-        except ImportError as error:
-            raise MissingExtraError("converting an evaluator", "PyTorch", "train") from error
-        weights = weights_of(read_content(self.file))
-        what = self._text_motion() if weights is None else self._actions(weights)
-        print(f"wrote {self.output}: {what}")
+        from latentmotion.convert import evaluators, reading
 
-    def _text_motion(self) -> str:
-        from latentmotion.upstream.evaluators import (
-            EvaluatorFiles,
-            convert_evaluator,
-            evaluator_weights,
-        )
-
-        evaluator_weights(self.file)
+        weights = evaluators.action_classifier_weights(reading.read_content(self.file))
+        if weights is not None:
+            labels = read_lines(self.labels, "label") if self.labels else None
+            about = evaluators.convert_action_classifier(weights, self.file, self.output, labels)
+            kind = type(about.network).__name__.removesuffix("Config")
+            print(f"wrote {self.output}: {kind}, {len(about.labels)} actions")
+            return
+        evaluators.evaluator_weights(self.file)
         if self.statistics is None or self.glove is None:
             raise InputError(
                 f"{self.file} holds a T2M evaluator, which needs --statistics (its own mean.npy "
                 "and std.npy) and --glove (its word vectors)"
             )
-        convert_evaluator(EvaluatorFiles(self.file, self.statistics, self.glove), self.output)
-        return "evaluator of text and motion"
-
-    def _actions(self, weights: dict) -> str:
-        from latentmotion.upstream.action_classifiers import convert_action_classifier
-
-        about = convert_action_classifier(weights, self.file, self.output, self._labels())
-        kind = type(about.network).__name__.removesuffix("Config")
-        return f"{kind}, {len(about.labels)} actions"
-
-    def _labels(self) -> list[str] | None:
-        return read_lines(self.labels, "label") if self.labels else None
-
-
-def _told(name: str, count: int) -> str:
-    """Describes the weights of a foreign network."""
-    kinds = {"rot2xyz": "SMPL's body, whose license forbids to pass it on", "text_encoder": "CLIP"}
-    return f"{name} ({count}" + (f": {kinds[name]})" if name in kinds else ")")
-
-
-def _read_array(path: Path) -> np.ndarray:
-    try:
-        return np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path} is not a readable .npy file: {error}") from error
+        files = evaluators.EvaluatorFiles(self.file, self.statistics, self.glove)
+        evaluators.convert_evaluator(files, self.output)
+        print(f"wrote {self.output}: evaluator of text and motion")

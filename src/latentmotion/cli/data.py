@@ -1,21 +1,242 @@
-"""`latentmotion data merge|pack|unpack|check`: prepared folders, joined, packed and inspected."""
+"""`latentmotion data …`: raw motion capture to prepared folders, and work on those."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from latentmotion.cli.options import File, Folder, Output, PreparedOutput
+from latentmotion.cli import options
+from latentmotion.data import described
+from latentmotion.data.clip import Source
+from latentmotion.data.compose import Composition, compose
+from latentmotion.data.compose_actions import compose_actions
+from latentmotion.data.dataset import Dataset
 from latentmotion.data.inspection import inspect_folder
-from latentmotion.data.manifest import MANIFEST
-from latentmotion.data.pack.packing import QUANTUM, pack, unpack
-from latentmotion.data.preparation import merge
-from latentmotion.data.report import Report, parts_of
+from latentmotion.data.pack import packing
+from latentmotion.data.prepare import Preparation, Report, encode_all, merge, parts_of
+from latentmotion.data.recording import Dropped, EncodedRecording
+from latentmotion.data.sources import cmu, hdm05, humanact12, humanml3d, snu, uestc
+from latentmotion.data.sources.cmu import CMU
+from latentmotion.data.sources.own import OwnMotions
+from latentmotion.data.store import MANIFEST
+from latentmotion.describe.windows import Windows
+from latentmotion.errors import InputError
+from latentmotion.instructions.prompts import refused_captions
+from latentmotion.kinematics.humanoid import load_joint_map
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
+from latentmotion.representation.interface import Representation, representation_named
+from latentmotion.representation.smpl import SMPL_FEATURES
 from latentmotion.storage.files import check_replaceable
+
+_FEW_ACTS = 3
+"""Acts of a part that is told of beside single actions."""
+
+Hold = Annotated[
+    int,
+    arg(
+        help="Frames to which a shorter clip is extended by its last frame, as in the authors' "
+        "code; 0 for none."
+    ),
+]
+Val = Annotated[float, arg(help="Share of the files for the val split, unless stated otherwise.")]
+Test = Annotated[float, arg(help="Share of the files for the test split, unless stated otherwise.")]
+SourceName = Annotated[str, arg(help="Name of this data source.")]
+License = Annotated[
+    str, arg(help="Terms under which the motions, and models trained on them, may be used.")
+]
+Credit = Annotated[str, arg(help="Whom to credit.")]
+
+
+@dataclass(frozen=True)
+class PrepareCmu:
+    """Cut CMU's trials as HumanML3D did and add its captions and splits."""
+
+    trials: Path
+    """Folder of CMU trials, ASF/AMC or BVH, nested in any way."""
+    humanml3d: Path
+    """Folder with HumanML3D's index.csv, texts (or texts.json.xz), train.txt, val.txt, test.txt."""
+    output: options.PreparedOutput
+    fps: Path | None = None
+    """JSON file of native frames per second by trial, for trials whose rate is not known yet."""
+    uncaptioned: bool = False
+    """Also keep the parts of each trial that the index leaves out, without captions, for training a
+    VAE."""
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        check_replaceable(self.output, MANIFEST)
+        data = cmu.CmuTrials.load(self.trials, self.humanml3d, self.fps)
+        preparation = Preparation(HUMANML3D_FEATURES)
+        preparation.add(encode_all(data.recordings(self.uncaptioned), HUMANML3D_FEATURES))
+        notes = (
+            f"HumanML3D's index has {data.missing} more CMU clips, of trials that are not in "
+            f"{self.trials}; get them from {CMU.url}",
+        )
+        report = preparation.write(self.output, (CMU,), notes=notes if data.missing else ())
+        print(report.text())
+        print(f"wrote {self.output}")
+
+
+@dataclass(frozen=True)
+class PrepareHdm05:
+    """Take HDM05's cut clips, with their classes as action labels and as plain sentences."""
+
+    folder: options.Folder
+    """Folder of HDM_ACTOR_CLASS_NNN_120.amc files beside their ASF files, nested in any way."""
+    output: options.PreparedOutput
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        recordings = encode_all(hdm05.hdm05_recordings(self.folder), HUMANML3D_FEATURES)
+        _prepare(self.output, HUMANML3D_FEATURES, hdm05.HDM05, recordings)
+
+
+@dataclass(frozen=True)
+class PrepareSnu:
+    """Cut Seoul National University's takes into clips, with sentences from names and labels."""
+
+    folder: options.Folder
+    """Folder of BVH and AMC files on SNU's skeletons, nested in any way."""
+    output: options.PreparedOutput
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        recordings = encode_all(snu.snu_recordings(self.folder), HUMANML3D_FEATURES)
+        _prepare(self.output, HUMANML3D_FEATURES, snu.SNU, recordings)
+
+
+@dataclass(frozen=True)
+class PrepareHumanML3D:
+    """Take the official processed HumanML3D folder, with its features and statistics."""
+
+    folder: options.Folder
+    """Folder with new_joint_vecs, texts, train.txt, val.txt, test.txt, Mean.npy, Std.npy."""
+    output: options.PreparedOutput
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        _prepare_official(self.folder, self.output, humanml3d.HUMANML3D, HUMANML3D_FEATURES)
+
+
+@dataclass(frozen=True)
+class PrepareKit:
+    """Take the official processed KIT-ML folder, with its features and statistics."""
+
+    folder: options.Folder
+    """Folder with new_joint_vecs, texts, train.txt, val.txt, test.txt, Mean.npy, Std.npy."""
+    output: options.PreparedOutput
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        _prepare_official(self.folder, self.output, humanml3d.KIT, KIT_FEATURES)
+
+
+@dataclass(frozen=True)
+class PrepareHumanAct12:
+    """Take HumanAct12's poses as ACTOR distributes them: 12 actions, one split."""
+
+    file: options.File
+    """ACTOR's humanact12poses.pkl."""
+    output: options.PreparedOutput
+    hold: Hold = 60
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        recordings = humanact12.humanact12_recordings(self.file, self.hold)
+        _prepare(self.output, SMPL_FEATURES, humanact12.HUMANACT12, recordings)
+
+
+@dataclass(frozen=True)
+class PrepareUestc:
+    """Take UESTC's poses as ACTOR distributes them: 40 actions, split by subject."""
+
+    folder: options.Folder
+    """Folder with vibe_cache_refined.pkl and info: names, num_frames_min, action_classes (.txt)."""
+    output: options.PreparedOutput
+    hold: Hold = 60
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        recordings = uestc.uestc_recordings(self.folder, self.hold)
+        _prepare(self.output, SMPL_FEATURES, uestc.UESTC, recordings)
+
+
+@dataclass(frozen=True)
+class PrepareLabelled:
+    """Take motion files in folders named after their actions: LABEL/take.bvh."""
+
+    folder: options.Folder
+    """Folder with one folder per action, of BVH, ASF+AMC or NPZ files; the folders above may be
+    train, val and test."""
+    output: options.PreparedOutput
+    representation: Literal["humanml3d", "smpl"] = "humanml3d"
+    """Features of the motions: HumanML3D's 263 or SMPL's 150."""
+    fps: options.Fps = None
+    unit: options.LengthUnit = "centimeters"
+    joint_map: options.JointMapFile = None
+    val: Val = 0.05
+    test: Test = 0.05
+    name: SourceName = "labelled"
+    license: License = "unknown"
+    credit: Credit = ""
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        source = Source(self.name, self.license, self.credit)
+        motions = OwnMotions(
+            folder=self.folder,
+            source=source,
+            fps=self.fps,
+            unit=self.unit,
+            joint_map=load_joint_map(self.joint_map) if self.joint_map else None,
+            val=self.val,
+            test=self.test,
+            labelled=True,
+        )
+        representation = representation_named(self.representation)
+        encoded = encode_all(motions.recordings(), representation)
+        _prepare(self.output, representation, source, encoded)
+
+
+@dataclass(frozen=True)
+class PrepareOwn:
+    """Take your own BVH, AMC or NPZ files, with captions beside them or in one CSV file."""
+
+    folder: options.Folder
+    """Folder of motion files, nested in any way."""
+    output: options.PreparedOutput
+    captions: Path | None = None
+    """CSV file with the columns file and caption, and optionally from, to (seconds), split,
+    action."""
+    fps: options.Fps = None
+    unit: options.LengthUnit = "centimeters"
+    joint_map: options.JointMapFile = None
+    val: Val = 0.05
+    test: Test = 0.05
+    name: SourceName = "own"
+    license: License = "unknown"
+    credit: Credit = ""
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        source = Source(self.name, self.license, self.credit)
+        motions = OwnMotions(
+            folder=self.folder,
+            source=source,
+            captions=self.captions,
+            fps=self.fps,
+            unit=self.unit,
+            joint_map=load_joint_map(self.joint_map) if self.joint_map else None,
+            val=self.val,
+            test=self.test,
+        )
+        encoded = encode_all(motions.recordings(), HUMANML3D_FEATURES)
+        _prepare(self.output, HUMANML3D_FEATURES, source, encoded)
 
 
 @dataclass(frozen=True)
@@ -24,7 +245,7 @@ class Merge:
 
     folders: Annotated[Positional[tuple[Path, ...]], arg(metavar="FOLDERS")]
     """Prepared folders."""
-    output: PreparedOutput
+    output: options.PreparedOutput
 
     def run(self) -> None:
         """Merges the folders and prints the report."""
@@ -40,17 +261,17 @@ class PackData:
     Example: latentmotion data pack data/starter -o starter.pack
     """
 
-    folder: Folder
+    folder: options.Folder
     """Prepared folder."""
-    output: Output
+    output: options.Output
     """File to write."""
-    quantum: float = 1000 * QUANTUM
+    quantum: float = 1000 * packing.QUANTUM
     """Quantization step of positions in millimeters; joints return within about four thirds of
     it."""
 
     def run(self) -> None:
         """Writes the file and prints its size and accuracy."""
-        found = pack(self.folder, self.output, self.quantum / 1000)
+        found = packing.pack(self.folder, self.output, self.quantum / 1000)
         size = self.output.stat().st_size
         bits = 8 * size / found.frames
         print(f"wrote {self.output} ({size / 1e6:.2f} MB, {bits:.0f} bits per frame)")
@@ -67,13 +288,13 @@ class UnpackData:
     Example: latentmotion data unpack starter.pack -o data/starter
     """
 
-    file: File
+    file: options.File
     """File that `latentmotion data pack` wrote."""
-    output: PreparedOutput
+    output: options.PreparedOutput
 
     def run(self) -> None:
         """Writes the folder and prints what is in it."""
-        manifest = unpack(self.file, self.output)
+        manifest = packing.unpack(self.file, self.output)
         print(Report(parts_of(manifest), (), None).table())
         print(f"wrote {self.output}")
 
@@ -82,9 +303,168 @@ class UnpackData:
 class Check:
     """List what a folder of raw or prepared data holds, what it lacks and how to get it."""
 
-    folder: Folder
+    folder: options.Folder
     """Folder of raw or prepared data."""
 
     def run(self) -> None:
         """Prints what was found."""
         print("\n".join(inspect_folder(self.folder)))
+
+
+@dataclass(frozen=True)
+class Compose:
+    """Join single actions of the train split in pairs: "A, then B", for training only.
+
+    Examples:
+        latentmotion data compose data -o composed --count 500
+        latentmotion data merge data composed -o everything
+    """
+
+    folder: options.Folder
+    """Prepared folder."""
+    output: options.Output
+    """Prepared folder to write; it holds the sequences only."""
+    count: int = 500
+    """Number of sequences."""
+    single: bool = False
+    """Repeat single acts ("jump three times") and pair single actions found by measuring."""
+    seed: options.Seed = 0
+
+    def run(self) -> None:
+        """Composes, writes the folder and prints what came of it.
+
+        Raises:
+            DataError: The folder holds no clips that could be joined.
+            InputError: The count or the seed is no number to count with.
+        """
+        if self.count < 1 or self.seed < 0:
+            raise InputError(
+                f"count {self.count}, seed {self.seed}; expected at least 1 and at least 0"
+            )
+        check_replaceable(self.output, MANIFEST)
+        dataset = Dataset.load(self.folder)
+        if self.single:
+            wanted = Composition(
+                self.count,
+                self.seed,
+                seconds=(1.2, 9.8),
+                refused_captions=refused_captions(),
+            )
+            composed = compose_actions(dataset, wanted)
+        else:
+            composed = compose(dataset, Composition(self.count, self.seed))
+        preparation = Preparation(dataset.representation)
+        preparation.motions.extend(composed.motions)
+        left_out = ", ".join(f"{count} {why}" for why, count in composed.refused.most_common())
+        note = f"{len(composed.motions)} sequences composed; refused: {left_out or 'none'}"
+        report = preparation.write(self.output, (composed.source,), notes=(note,))
+        print(report.text())
+        print(f"wrote {self.output}")
+
+
+@dataclass(frozen=True)
+class Describe:
+    """Measure what motions do and write it as captions.
+
+    A prepared folder becomes a prepared folder with more captions. A folder of BVH, AMC or NPZ
+    files becomes a CSV that `latentmotion data prepare own --captions` reads.
+    """
+
+    folder: options.Folder
+    """Prepared folder or pack, or folder of motion files."""
+    output: options.Output
+    """Prepared folder, or CSV file, to write."""
+    edit: bool = False
+    """Write a CSV file for a prepared folder, too, to read and correct by hand."""
+    check: bool = False
+    """Drop captions of the train split that the motion contradicts, and print why."""
+    names: bool = False
+    """Use the names of motion files (`wave_hello_02.bvh`) as captions, unless contradicted."""
+    windows: int = 3
+    """Random excerpts per clip of the train split that get captions."""
+    sentences: int = 2
+    """Measured sentences per clip and per excerpt."""
+    rewordings: int = 2
+    """Paraphrases of each existing caption of the train split."""
+    single: int = 0
+    """Most windows of each category of single action ("kick with the left leg") that get prompts.
+    With any, whole clips get no measured sentences, and parts only if they show few acts."""
+    seed: options.Seed = 0
+    fps: options.Fps = None
+    unit: options.LengthUnit = "centimeters"
+    joint_map: options.JointMapFile = None
+
+    def run(self) -> None:
+        """Writes the captions."""
+        if min(self.windows, self.rewordings, self.single) < 0 or self.sentences < 1:
+            raise InputError(
+                "expected --windows, --rewordings and --single of 0 or more and --sentences of 1 "
+                "or more"
+            )
+        windows = Windows(
+            self.windows,
+            sentences=self.sentences,
+            whole=0 if self.single else self.sentences,
+            acts=_FEW_ACTS if self.single else 0,
+        )
+        if not (self.folder.is_file() or (self.folder / MANIFEST).is_file()):
+            motions = OwnMotions(
+                self.folder,
+                Source("own", "unknown", ""),
+                fps=self.fps,
+                unit=self.unit,
+                joint_map=load_joint_map(self.joint_map) if self.joint_map else None,
+            )
+            self.write_csv(described.describe_files(motions, self.seed, self.check, self.names))
+            return
+        if self.names:
+            raise InputError(f"{self.folder}: --names is for motion files, not for prepared ones")
+        settings = (windows, self.seed, self.rewordings, self.check)
+        if self.edit:
+            self.write_csv(described.folder_rows(self.folder, *settings))
+            return
+        if self.output.suffix.lower() == ".csv":
+            raise InputError(f"{self.output}: a prepared folder becomes one; add --edit for a CSV")
+        check_replaceable(self.output, MANIFEST)
+        report = described.describe_folder(
+            self.folder, self.output, *settings, self.single, refused_captions()
+        )
+        print(report.text() if self.check else report.table())
+        print(f"wrote {self.output}")
+
+    def write_csv(self, found: list[described.FileRow | Dropped]) -> None:
+        """Writes the captions and prints which motions were dropped."""
+        for item in found:
+            if isinstance(item, Dropped):
+                print(f"{item.id}: {item.reason}")
+        rows = [item for item in found if isinstance(item, described.FileRow)]
+        if not rows:
+            raise InputError(f"{self.folder}: no motion in it can be described")
+        described.write_captions(self.output, rows)
+        files = len({row.file for row in rows})
+        print(f"wrote {self.output}: {len(rows)} captions of {files} motions")
+        print("Correct it, then: latentmotion data prepare own FOLDER --captions CSV -o OUT")
+
+
+def _prepare_official(
+    folder: Path, output: Path, source: Source, representation: Representation
+) -> None:
+    check_replaceable(output, MANIFEST)
+    normalizer = humanml3d.official_normalizer(folder, representation.width)
+    preparation = Preparation(representation)
+    preparation.add(humanml3d.official_recordings(folder, source, representation.width))
+    print(preparation.write(output, (source,), normalizer).text())
+    print(f"wrote {output}")
+
+
+def _prepare(
+    output: Path,
+    representation: Representation,
+    source: Source,
+    recordings: Iterable[EncodedRecording | Dropped],
+) -> None:
+    check_replaceable(output, MANIFEST)
+    preparation = Preparation(representation)
+    preparation.add(recordings)
+    print(preparation.write(output, (source,)).text())
+    print(f"wrote {output}")

@@ -5,130 +5,106 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from latentmotion.checkpoint import FirstStageModel, load_stages
 from latentmotion.cli.evaluate import Evaluate
-from latentmotion.cli.loading import load_generator, located
-from latentmotion.cli.train import text_encoder_named
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.cli.generate import load_generator, located
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import ModelError
-from latentmotion.evaluation.bodies import seen_on
-from latentmotion.evaluation.card import card_figures
-from latentmotion.evaluation.cost import Cost, cost_of, some_of
-from latentmotion.evaluation.extractors.interface import load_extractor
-from latentmotion.evaluation.origin import weights_hash
-from latentmotion.evaluation.protocol import (
-    PROTOCOLS,
-    Generated,
-    Prior,
-    Protocol,
-    Reconstructed,
-    Report,
-    Subject,
-    compare,
-    plan_of,
-)
-from latentmotion.evaluation.report import REPORT_FILE
-from latentmotion.evaluation.trials import Trial
+from latentmotion.evaluation import cost, evaluate, provenance, smpl_joints
+from latentmotion.evaluation.candidates import Candidate
+from latentmotion.evaluation.evaluators.interface import load_evaluator
+from latentmotion.evaluation.protocol import Protocol
+from latentmotion.evaluation.report import REPORT_FILE, card_figures
+from latentmotion.gpu.backend import text_encoder_named, torch_prior
 from latentmotion.kinematics.smpl import load_smpl
-from latentmotion.model.card import read_card
-from latentmotion.model.folder import find_model
-from latentmotion.runtime.eager import torch_prior
+from latentmotion.model.card import find_model, read_card
+from latentmotion.networks.checkpoint import load_stages
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable
 
 
 @dataclass(frozen=True)
-class Measuring:
-    """A measurement by metrics, as the command line asks for it."""
+class MetricsCommand:
+    """A measurement by metrics with the options of the command line."""
 
     options: Evaluate
-    """What was typed."""
+    """Options of the command."""
     model: str
     """Name or folder of the model."""
     data: Path
     """Folder of the prepared data set."""
 
     def run(self) -> None:
-        """Prints the report, and writes it where asked.
+        """Prints the report, and writes it into the output folder, if there is one.
 
         Raises:
             ModelError: The model has nothing to measure.
         """
-        if self.options.output is not None:
-            check_replaceable(self.options.output, REPORT_FILE)
-        folder, dataset = find_model(self.model), Dataset.load(self.data)
-        extractor = load_extractor(self.options.evaluator) if self.options.evaluator else None
-        if self.options.body is not None:
-            dataset, extractor = seen_on(load_smpl(self.options.body), dataset, extractor)
-        subjects = self._subjects(folder)
-        protocol = self._protocol()
-        report = compare(subjects, dataset, extractor, protocol)
-        if self.options.cost:
-            trial = plan_of(subjects, dataset, extractor, protocol).trial(0)
-            report = replace(report, cost=self._cost(folder, subjects[0], trial))
-        print(report.markdown(), end="")
-        self._keep(folder, report)
-
-    def _protocol(self) -> Protocol:
-        protocol, repeats = (
-            PROTOCOLS[self.options.protocol],
-            PROTOCOLS[self.options.protocol].repeats,
-        )
-        if self.options.multimodality is not None:
-            repeats = replace(repeats, texts=self.options.multimodality)
-        usual = protocol.replications if self.options.evaluator else 1
-        return replace(
-            protocol,
-            split=self.options.split,
-            replications=usual if self.options.replications is None else self.options.replications,
-            seed=self.options.seed,
-            repeats=repeats,
-            max_frames=self.options.max_frames,
-        )
-
-    def _subjects(self, folder: Path) -> list[Subject]:
-        model, weights = load_stages(folder), weights_hash(folder)
-        rebuilt = self._rebuilt(model, weights)
-        if self.options.prior:
-            return [Prior(torch_prior(folder, located(self.options.computing)), weights), *rebuilt]
-        if model.card.denoiser is None and not rebuilt:
-            raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
-        if model.card.denoiser is None:
-            return rebuilt
-        generator = load_generator(
-            folder, text_encoder=self.options.text_encoder, computing=self.options.computing
-        )
         options = self.options
-        sampling = generator.card.sampling.but(options.steps, options.guidance, options.sampler)
-        return [Generated(generator, sampling, weights), *rebuilt]
-
-    def _rebuilt(self, model: FirstStageModel, weights: str) -> list[Subject]:
-        if not model.card.vae.has_weights:
-            return []
-        usual, other = (
-            ("mean", "sampled") if self.options.protocol == "clean" else ("sampled", "mean")
-        )
-        row = f"reconstruction ({usual} z)", f"reconstruction ({other} z)"
-        vae, card = model.vae, model.card
-        return [
-            Reconstructed(vae, card, usual == "sampled", weights, row[0]),
-            Reconstructed(vae, card, other == "sampled", weights, row[1]),
-        ]
-
-    def _cost(self, folder: Path, subject: Subject, trial: Trial) -> Cost:
-        generated = subject if isinstance(subject, Generated) else None
-        return cost_of(folder, generated, some_of(trial.questions), self._encoder())
-
-    def _encoder(self) -> TextEncoder | None:
-        return text_encoder_named(self.options.text_encoder) if self.options.text_encoder else None
-
-    def _keep(self, folder: Path, report: Report) -> None:
-        if self.options.output is not None:
-            report.write(self.options.output)
-            print(f"\nwrote {self.options.output / 'report.json'} and report.md")
-        if self.options.card:
+        if options.output is not None:
+            check_replaceable(options.output, REPORT_FILE)
+        folder, dataset = find_model(self.model), Dataset.load(self.data)
+        evaluator = load_evaluator(options.evaluator) if options.evaluator else None
+        if options.body is not None:
+            body = load_smpl(options.body)
+            dataset, evaluator = smpl_joints.with_smpl_joints(body, dataset, evaluator)
+        candidates, protocol = self.candidates(folder), self.protocol()
+        report = evaluate.compare(candidates, dataset, evaluator, protocol)
+        if options.cost:
+            test_set = evaluate.build_test_set(candidates, dataset, evaluator, protocol)
+            replication = test_set.replication(0)
+            first = candidates[0]
+            generated = first if isinstance(first, evaluate.Generated) else None
+            encoder = text_encoder_named(options.text_encoder) if options.text_encoder else None
+            timed = cost.timed_prompts(replication.prompts)
+            report = replace(report, cost=cost.cost_of(folder, generated, timed, encoder))
+        print(report.markdown(), end="")
+        if options.output is not None:
+            report.write(options.output)
+            print(f"\nwrote {options.output / 'report.json'} and report.md")
+        if options.card:
             card = read_card(folder)
             figures = {**card.figures, "evaluation": card_figures(report)}
             replace(card, figures=to_json(figures)).write(folder)
             print(f"\nwrote the figures into {folder / 'model.json'}")
+
+    def protocol(self) -> Protocol:
+        """Returns the protocol that the options name, changed as they say."""
+        options, protocol = self.options, evaluate.PROTOCOLS[self.options.protocol]
+        repeats, replications = protocol.repeats, options.replications
+        if options.multimodality is not None:
+            repeats = replace(repeats, texts=options.multimodality)
+        if replications is None:
+            replications = protocol.replications if options.evaluator else 1
+        return replace(
+            protocol,
+            split=options.split,
+            replications=replications,
+            seed=options.seed,
+            repeats=repeats,
+            max_frames=options.max_frames,
+        )
+
+    def candidates(self, folder: Path) -> list[Candidate]:
+        """Returns the rows of the report: generated motions, and reconstructions of a VAE."""
+        options, model = self.options, load_stages(folder)
+        card, vae, weights = model.card, model.vae, provenance.weights_hash(folder)
+        kinds = ("mean", "sampled") if options.protocol == "clean" else ("sampled", "mean")
+        rebuilt: list[Candidate] = [
+            evaluate.Reconstructed(
+                vae, card, kind == "sampled", weights, f"reconstruction ({kind} z)"
+            )
+            for kind in kinds
+            if card.vae.has_weights
+        ]
+        if options.prior:
+            prior = torch_prior(folder, located(options.execution))
+            return [evaluate.Prior(prior, weights), *rebuilt]
+        if card.denoiser is None and not rebuilt:
+            raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
+        if card.denoiser is None:
+            return rebuilt
+        generator = load_generator(
+            folder, text_encoder=options.text_encoder, execution=options.execution
+        )
+        sampling = generator.card.sampling.but(options.steps, options.guidance, options.sampler)
+        return [evaluate.Generated(generator, sampling, weights), *rebuilt]

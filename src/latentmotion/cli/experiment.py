@@ -1,33 +1,17 @@
-"""`latentmotion experiment list` and `run`: the paper's tables, our figures beside the paper's."""
+"""`latentmotion experiment`: the paper's tables, with this project's figures beside the paper's."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from latentmotion.cli.options import (
-    AUTO,
-    TEXT_ENCODER,
-    Changes,
-    Data,
-    Device,
-    Evaluator,
-    Output,
-    ProtocolChoice,
-    TextEncoderName,
-)
-from latentmotion.experiments.tables import TABLES, rows_named, table_named
-
-if TYPE_CHECKING:
-    from latentmotion.condition.interface import TextEncoder
-    from latentmotion.evaluation.extractors.interface import ActionExtractor, TextMotionExtractor
-    from latentmotion.evaluation.settings import Protocol
-    from latentmotion.experiments.workplace import Workplace
-    from latentmotion.training.devices import Place
+from latentmotion.cli import options
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.reproduce.tables import TABLES, rows_named, table_named
 
 
 @dataclass(frozen=True)
@@ -46,7 +30,7 @@ class ListExperiments:
         Raises:
             InputError: There is none of this name.
         """
-        from latentmotion.experiments.overview import overview, rows_of
+        from latentmotion.reproduce.overview import overview, rows_of
 
         print(rows_of(table_named(self.name)) if self.name else overview(TABLES.values()))
 
@@ -69,7 +53,7 @@ class FillDocument:
         Raises:
             InputError: It has no part that names a table.
         """
-        from latentmotion.experiments.document import fill
+        from latentmotion.reproduce.markdown import fill
 
         print(f"{self.document}: {', '.join(fill(self.document, self.results)) or 'none run yet'}")
 
@@ -85,21 +69,21 @@ class RunExperiment:
 
     name: Annotated[Positional[str], arg(metavar="TABLE")]
     """Table to run; `latentmotion experiment list` names them."""
-    data: Data
-    output: Output
+    data: options.Data
+    output: options.Output
     """Folder of models and results."""
     budget: Literal["paper", "small"] = "paper"
     """paper for the paper's sizes, small for two cores."""
-    set: Changes = ()
+    set: options.Changes = ()
     """Change one setting of every model, e.g. denoiser_training.steps=1000; repeatable."""
     rows: tuple[str, ...] = ()
     """Rows to run; by default all."""
-    evaluator: Evaluator = None
-    text_encoder: TextEncoderName = TEXT_ENCODER
-    protocol: ProtocolChoice = "clean"
+    evaluator: options.Evaluator = None
+    text_encoder: options.TextEncoderName = options.TEXT_ENCODER
+    protocol: options.ProtocolChoice = "clean"
     replications: int | None = None
     """Repetitions of each measurement; by default those of the budget."""
-    device: Device = AUTO
+    device: options.Device = options.AUTO
 
     def run(self) -> None:
         """Trains, measures and writes; prints the page.
@@ -107,41 +91,28 @@ class RunExperiment:
         Raises:
             InputError: Experiment, row or budget is unknown, or the folder holds other runs.
         """
-        from latentmotion.experiments.measuring import Measurement
-        from latentmotion.experiments.run import run_table
-        from latentmotion.training.devices import training_place
+        from latentmotion.data.dataset import Dataset
+        from latentmotion.evaluation.evaluators.interface import load_evaluator
+        from latentmotion.evaluation.protocol import PROTOCOLS
+        from latentmotion.gpu.backend import text_encoder_named
+        from latentmotion.reproduce import budget, runner, workspace
+        from latentmotion.text.cache import CachedTextEncoder
+        from latentmotion.training.distributed import distributed_context
+
+        @cache
+        def encoder(name: str) -> TextEncoder:
+            folder = self.output / "text" / name.replace(":", "_").replace("/", "_")
+            return CachedTextEncoder(text_encoder_named(name), folder)
 
         table = table_named(self.name)
         rows = rows_named(table, self.rows)
-        with training_place(self.device) as place:
-            work = self._workplace(place)
-            extractor = self._extractor()
-            measurement = Measurement(table, work, self._protocol(work), extractor)
-            print(run_table(measurement, rows).read_text(encoding="utf-8"))
-
-    def _workplace(self, place: Place) -> Workplace:
-        from latentmotion.data.dataset import Dataset
-        from latentmotion.experiments.budget import budget_named
-        from latentmotion.experiments.workplace import Workplace
-
-        budget = budget_named(self.budget).of_table(self.name).changed(self.set)
-        folder, dataset = self.output, Dataset.load(self.data)
-        return Workplace(dataset, folder, budget, place, cache(self._encoder), self.text_encoder)
-
-    def _encoder(self, name: str) -> TextEncoder:
-        from latentmotion.cli.train import text_encoder_named
-        from latentmotion.condition.text.cache import CachedTextEncoder
-
-        folder = self.output / "text" / name.replace(":", "_").replace("/", "_")
-        return CachedTextEncoder(text_encoder_named(name), folder)
-
-    def _protocol(self, work: Workplace) -> Protocol:
-        from latentmotion.evaluation.settings import PROTOCOLS
-
-        count = self.replications or work.budget.replications
-        return work.budget.protocol(replace(PROTOCOLS[self.protocol], replications=count))
-
-    def _extractor(self) -> TextMotionExtractor | ActionExtractor | None:
-        from latentmotion.evaluation.extractors.interface import load_extractor
-
-        return load_extractor(self.evaluator) if self.evaluator else None
+        with distributed_context(self.device) as context:
+            sizes = budget.budget_named(self.budget).of_table(self.name).changed(self.set)
+            work = workspace.Workspace(
+                Dataset.load(self.data), self.output, sizes, context, encoder, self.text_encoder
+            )
+            evaluator = load_evaluator(self.evaluator) if self.evaluator else None
+            count = self.replications or sizes.replications
+            protocol = sizes.protocol(replace(PROTOCOLS[self.protocol], replications=count))
+            tables = runner.TableRunner(table, work, protocol, evaluator)
+            print(tables.run(rows).read_text(encoding="utf-8"))

@@ -6,20 +6,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from latentmotion.checkpoint import load_stages, save_model
-from latentmotion.cli.options import Model, OptionalTextEncoder, Output
-from latentmotion.cli.train import text_encoder_named
-from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.text.lengths import LENGTHS_FILE, LengthModel
-from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
-from latentmotion.condition.text.pretrained_export import export_pretrained
+from latentmotion.cli import options
 from latentmotion.errors import InputError
-from latentmotion.exchange import with_decoder
-from latentmotion.model.card import GraphPrecision, ModelCard, read_card
-from latentmotion.model.folder import find_model
-from latentmotion.runtime.conditions import encoder_folder
-from latentmotion.runtime.eager import find_encoder
-from latentmotion.runtime.package import WriteTextEncoder, copied, package_model
+from latentmotion.export import package
+from latentmotion.export.swap_decoder import with_decoder
+from latentmotion.export.text_encoder import export_pretrained
+from latentmotion.gpu.backend import find_encoder, text_encoder_named
+from latentmotion.model import card as cards
+from latentmotion.model.card import GraphPrecision, ModelCard, find_model
+from latentmotion.networks.checkpoint import load_stages, save_model
+from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder
+from latentmotion.text.lengths import LengthModel
 
 
 @dataclass(frozen=True)
@@ -29,10 +26,10 @@ class Export:
     Example: latentmotion export runs/denoiser/model --text-encoder runs/text -o my_model
     """
 
-    model: Model
-    output: Output
+    model: options.Model
+    output: options.Output
     """Model folder to write."""
-    text_encoder: OptionalTextEncoder = None
+    text_encoder: options.OptionalTextEncoder = None
     length: Path | None = None
     """Length predictor that `latentmotion train length` wrote, for a model that reads sentences; by
     default the one beside the text encoder, if any."""
@@ -55,33 +52,43 @@ class Export:
         """
         source = find_model(self.model)
         name = self.name or self.output.resolve().name
-        card = replace(read_card(source), name=name, precision=self.precision)
+        card = replace(cards.read_card(source), name=name, precision=self.precision)
         if self.license:
             card = replace(card, provenance=replace(card.provenance, license=self.license))
-        package_model(source, card, self._texts(card, source), self.output, self.share_encoder)
+        text_files = self._text_files(card, source)
+        package.package_model(source, card, text_files, self.output, self.share_encoder)
         size = sum(file.stat().st_size for file in self.output.iterdir()) / 1e6
         print(f"wrote {self.output} ({size:.1f} MB)")
 
-    def _texts(self, card: ModelCard, source: Path) -> WriteTextEncoder | None:
-        encoder = self._text_encoder(card, source)
-        if self.length is None:
-            return encoder
-        if encoder is None:
-            raise InputError(f"a model of task {card.task} reads no sentences; omit --length")
-        lengths = LengthModel.read(self.length, card.condition.text_encoder)
-        return partial(_write_texts, encoder, lengths)
-
-    def _text_encoder(self, card: ModelCard, source: Path) -> WriteTextEncoder | None:
-        if not card.condition.reads_text and self.text_encoder:
-            raise InputError(f"a model of task {card.task} reads no sentences; omit --text-encoder")
+    def _text_files(self, card: ModelCard, source: Path) -> package.WriteTextEncoder | None:
+        """Returns a function that writes text encoder and length model, if the model reads text."""
+        for name, value in {"text-encoder": self.text_encoder, "length": self.length}.items():
+            if value and not card.condition.reads_text:
+                raise InputError(f"a model of task {card.task} reads no sentences; omit --{name}")
         if not card.condition.reads_text:
             return None
-        if self.text_encoder is None:
-            folder = encoder_folder(card, source)
-            return copied(folder) if folder else partial(_export, find_encoder(card, source))
-        if self.text_encoder.partition(":")[0] in KINDS:
-            return partial(_export, text_encoder_named(self.text_encoder))
-        return copied(find_model(self.text_encoder))
+        folder = cards.text_encoder_folder(card, source)
+        if self.text_encoder is not None and self.text_encoder.partition(":")[0] not in KINDS:
+            folder = find_model(self.text_encoder)
+        elif self.text_encoder is not None:
+            folder = None
+        if folder is not None:
+            write_encoder = package.copied(folder)
+        else:
+            named = self.text_encoder
+            encoder = text_encoder_named(named) if named else find_encoder(card, source)
+            if not isinstance(encoder, PretrainedTextEncoder):
+                raise InputError(f"the text encoder {encoder.name} cannot be exported")
+            write_encoder = partial(export_pretrained, encoder)
+        if self.length is None:
+            return write_encoder
+        lengths = LengthModel.read(self.length, card.condition.text_encoder)
+
+        def write(target: Path) -> None:
+            write_encoder(target)
+            lengths.write(target / cards.LENGTHS_FILE)
+
+        return write
 
 
 @dataclass(frozen=True)
@@ -91,10 +98,10 @@ class SwapDecoder:
     Example: latentmotion swap-decoder runs/student --decoder runs/decoder -o my_model
     """
 
-    model: Model
+    model: options.Model
     decoder: str
     """Name, run folder or model folder of the model whose decoder is taken."""
-    output: Output
+    output: options.Output
     """Model folder to write, for evaluation or for `latentmotion export`."""
 
     def run(self) -> None:
@@ -102,14 +109,3 @@ class SwapDecoder:
         model, other = (load_stages(find_model(name)) for name in (self.model, self.decoder))
         save_model(self.output, with_decoder(model, other))
         print(self.output)
-
-
-def _write_texts(encoder: WriteTextEncoder, lengths: LengthModel, folder: Path) -> None:
-    encoder(folder)
-    lengths.write(folder / LENGTHS_FILE)
-
-
-def _export(encoder: TextEncoder, folder: Path) -> None:
-    if not isinstance(encoder, PretrainedTextEncoder):
-        raise InputError(f"the text encoder {encoder.name} cannot be exported")
-    export_pretrained(encoder, folder)

@@ -1,41 +1,36 @@
-"""`latentmotion generate`: prompts in, files out."""
+"""`latentmotion generate`: prompts to motion files; also the loading of models for all verbs."""
 
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
-from latentmotion.cli.loading import computing_options, load_generator, load_prior
-from latentmotion.cli.options import (
-    AUTO,
-    Body,
-    ComputePrecision,
-    Device,
-    Guidance,
-    LaunchMode,
-    OptionalTextEncoder,
-    Outputs,
-    PrintJson,
-    RuntimeChoice,
-    SamplerChoice,
-    Steps,
-    Threads,
-)
-from latentmotion.errors import InputError
+from latentmotion.cli import options
+from latentmotion.engine.options import ON_CPU, ExecutionOptions
+from latentmotion.engine.prior import MotionPrior
+from latentmotion.engine.session import open_decoder, thread_limit
+from latentmotion.errors import InputError, MissingExtraError, ModelError
+from latentmotion.kinematics import smpl
 from latentmotion.kinematics.animation import check_fps
-from latentmotion.kinematics.smpl import load_smpl
-from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.folder import DEFAULT, find_model
+from latentmotion.model.card import DEFAULT, find_model, read_card
 from latentmotion.motion import Motion
-from latentmotion.representation.smpl import SmplRepresentation, representation_of
-from latentmotion.runtime.computing import Computing
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.cache_folder import cache_folder
 from latentmotion.storage.files import check_writable, read_lines
+
+if TYPE_CHECKING:
+    from latentmotion.control.goals import Goal
+    from latentmotion.control.scene import Scene
 
 _OUTPUT = (
     f"Files to write; the extension selects the format: {' '.join(formats.ENDINGS)}. "
@@ -62,30 +57,39 @@ class Generate:
     seed: int = 0
     """Seed of the first motion; later motions count up from it. The same seed gives the same
     motion."""
-    output: Annotated[Outputs, arg(help=_OUTPUT)] = ()
+    output: Annotated[options.Outputs, arg(help=_OUTPUT)] = ()
     model: str = DEFAULT
     """Name or folder of the model."""
     prior: bool = False
     """Decode random latents of the model's VAE, without prompt and diffusion."""
-    steps: Steps = None
-    guidance: Guidance = None
-    sampler: SamplerChoice = None
-    runtime: RuntimeChoice = "auto"
-    threads: Threads = None
+    steps: options.Steps = None
+    guidance: options.Guidance = None
+    sampler: options.SamplerChoice = None
+    runtime: options.RuntimeChoice = "auto"
+    threads: options.Threads = None
     cache: bool = True
     """Cache the text encoder's output in the user's cache folder, or in the folder that the
     environment variable LATENTMOTION_CACHE names (`off` for none)."""
-    text_encoder: OptionalTextEncoder = None
-    device: Device = AUTO
-    precision: ComputePrecision = "float32"
-    launch: LaunchMode = "eager"
-    body: Body = None
+    text_encoder: options.OptionalTextEncoder = None
+    device: options.Device = options.AUTO
+    precision: options.ComputePrecision = "float32"
+    launch: options.LaunchMode = "eager"
+    body: options.Body = None
+    reach: options.Goals = ()
+    """Goals of joints: JOINT@SECONDS=X,Y,Z in meters, e.g. right_wrist@2.5=.3,1.4,2.1; _ leaves a
+    coordinate free. A motion starts at 0,0 and faces +z; y is up (docs/guide/control.md)."""
+    heading: options.Goals = ()
+    """Directions that the body faces: DEGREES@SECONDS; 0 is +z, 90 is +x."""
+    path: str | None = None
+    """Path of the pelvis: points X,Z@SECONDS with spaces between, or X,Z without times."""
+    scene: Path | None = None
+    """JSON file with a prompt and goals."""
     clean: bool = True
     """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
     (docs/guide/cleanup.md)."""
     fps: float | None = None
     """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
-    json: PrintJson = False
+    json: options.PrintJson = False
 
     def run(self) -> None:
         """Generates and writes.
@@ -94,80 +98,210 @@ class Generate:
             InputError: A prompt, a number, an ending or a folder cannot be used.
             ModelError: The model cannot be loaded.
         """
-        prompts = self._given()
+        scene = self._scene()
+        goals = self._goals(scene)
+        prompts = self._checked_prompts(scene)
         if self.fps is not None:
             check_fps(self.fps)
-        outputs = self.output or (_free_name(Path("motion.html")),)
+        # By default a page whose name is not taken, so that nothing is overwritten.
+        pages = (Path(f"motion{n}.html") for n in ("", *(f"-{n}" for n in range(2, 1000))))
+        default = next((page for page in pages if not page.exists()), Path("motion.html"))
+        outputs = self.output or (default,)
         for path in outputs:
             formats.check_ending(path)
             check_writable(path)
-        motions = self._from_prior() if self.prior else self._motions(prompts)
+        motions = self._generated(prompts, scene, goals)
         if self.clean:
             motions = [motion.cleaned() for motion in motions]
         if self.fps is not None:
             motions = [motion.resampled(self.fps) for motion in motions]
+        for motion in motions if self.clean else []:
+            print(_goal_text(motion), end="", file=sys.stderr)
         written = [file for path in outputs for file in formats.save(path, motions)]
-        print(json.dumps(_report(motions, written)) if self.json else _text(written))
+        if not self.json:
+            print("\n".join(f"wrote {path}" for path in written))
+            return
+        details = [
+            {"caption": m.caption, "seconds": m.seconds, "frames": len(m), "fps": m.fps}
+            | dict(m.metadata)
+            for m in motions
+        ]
+        print(json.dumps({"files": [str(p.absolute()) for p in written], "motions": details}))
 
-    def _given(self) -> list[str]:
+    def _scene(self) -> Scene | None:
+        from latentmotion.control.scene import read_scene
+
+        return read_scene(self.scene) if self.scene else None
+
+    def _goals(self, scene: Scene | None) -> list[Goal]:
+        from latentmotion.control.scene import parse_heading, parse_path, parse_reach
+
+        goals = scene.all_goals(self.scene.parent) if scene and self.scene else []
+        goals += [*map(parse_reach, self.reach), *map(parse_heading, self.heading)]
+        goals += [parse_path(self.path)] if self.path is not None else []
+        if goals and self.prior:
+            raise InputError("--prior takes no goals; leave them out")
+        return goals
+
+    def _checked_prompts(self, scene: Scene | None) -> list[str]:
+        """Returns the prompts; for an unconditional model an empty one."""
+        if scene is not None and (self.prompts or self.file or self.prior):
+            raise InputError("--scene has the prompt; leave prompts, --file and --prior out")
+        if scene is not None:
+            return [scene.prompt]
         if self.file is not None and self.prompts:
             raise InputError("give either prompts or --file, not both")
         if self.count < 1:
             raise InputError(f"--count {self.count}: expected 1 or more")
         given = list(self.prompts) if self.file is None else read_lines(self.file, "prompt")
-        if not self.prior:
-            return _needed(read_card(find_model(self.model)), given)
-        if given:
+        if self.prior and given:
             raise InputError(f"--prior takes no prompt; leave {given[0]!r} out")
-        return []
+        if self.prior or given:
+            return given
+        card = read_card(find_model(self.model))
+        if card.condition.prompted:
+            raise card.condition.no_prompt(card.name)
+        return [""]
 
-    def _from_prior(self) -> list[Motion]:
-        prior = load_prior(self.model, self.runtime, self.threads, self._computing())
-        return replace(prior, body=self._body()).batch(
-            self.seconds, range(self.seed, self.seed + self.count)
-        )
-
-    def _motions(self, prompts: list[str]) -> list[Motion]:
-        each = [prompt for prompt in prompts for _ in range(self.count)]
+    def _generated(
+        self, prompts: list[str], scene: Scene | None, goals: list[Goal]
+    ) -> list[Motion]:
+        """Loads the model and generates the motions."""
+        execution = ExecutionOptions(self.device, self.precision, self.launch)
+        body = representation_of(smpl.load_smpl(self.body)) if self.body else None
+        if self.prior:
+            prior = load_prior(self.model, self.runtime, self.threads, execution)
+            seeds = range(self.seed, self.seed + self.count)
+            return replace(prior, body=body).batch(self.seconds, seeds)
         generator = load_generator(
             self.model,
             self.runtime,
             self.threads,
             self.text_encoder,
-            self._computing(),
+            execution,
             cache_folder() if self.cache else None,
         )
-        seeds = range(self.seed, self.seed + len(each))
-        generator = replace(generator, body=self._body())
-        return generator.batch(each, self.seconds, seeds, self.steps, self.guidance, self.sampler)
-
-    def _computing(self) -> Computing:
-        return computing_options(self.device, self.precision, self.launch)
-
-    def _body(self) -> SmplRepresentation | None:
-        return representation_of(load_smpl(self.body)) if self.body else None
-
-
-def _needed(card: ModelCard, given: list[str]) -> list[str]:
-    """Returns the prompts, of which an unconditional model needs an empty one."""
-    if given or not card.condition.prompted:
-        return given or [""]
-    raise card.condition.no_prompt(card.name)
+        repeated = [prompt for prompt in prompts for _ in range(self.count)]
+        seconds = scene.seconds if scene and self.seconds is None else self.seconds
+        first = scene.seed if scene and scene.seed is not None else self.seed
+        seeds = range(first, first + len(repeated))
+        generator = replace(generator, body=body)
+        sampling = self.steps, self.guidance, self.sampler
+        if not goals:
+            return generator.batch(repeated, seconds, seeds, *sampling)
+        return [
+            generator(prompt, seconds, seed, *sampling, goals)
+            for prompt, seed in zip(repeated, seeds, strict=True)
+        ]
 
 
-def _free_name(path: Path) -> Path:
-    """Returns `path`, or with a number where a file of that name exists: nothing is lost."""
-    names = [path, *(path.with_stem(f"{path.stem}-{n}") for n in range(2, 1000))]
-    return next((name for name in names if not name.exists()), path)
-
-
-def _report(motions: list[Motion], written: list[Path]) -> dict[str, object]:
-    details = [
-        {"caption": m.caption, "seconds": m.seconds, "frames": len(m), "fps": m.fps, **m.metadata}
-        for m in motions
+def _goal_text(motion: Motion) -> str:
+    """Returns how far the joints of a motion are from their goals, a line for each."""
+    if not motion.goals:
+        return ""
+    lines = [
+        f"{goal['joint']} at {goal['at']:g} s: {1e3 * goal['after']:.1f} mm from its goal, "
+        f"{1e2 * goal['before']:.1f} cm before it was put there\n"
+        for goal in motion.metadata["goals"]
     ]
-    return {"files": [str(path.absolute()) for path in written], "motions": details}
+    shown = lines if len(lines) <= 12 else [*lines[:11], f"… and {len(lines) - 11} more\n"]
+    sliding = 1e2 * motion.metadata["foot_sliding"]
+    return "".join([*shown, f"feet that stand slide {sliding:.1f} cm/s\n"])
 
 
-def _text(written: list[Path]) -> str:
-    return "\n".join(f"wrote {path}" for path in written)
+def located(execution: ExecutionOptions) -> ExecutionOptions:
+    """Returns options with the device `auto` replaced by a GPU, if there is one, or the CPU."""
+    if execution.device != options.AUTO:
+        return execution
+    default = import_module("latentmotion.gpu.device").default_device()
+    return replace(execution, device=default)
+
+
+def load_generator(
+    model: str | Path,
+    runtime: options.Runtime = "auto",
+    threads: int | None = None,
+    text_encoder: str | None = None,
+    execution: ExecutionOptions = ON_CPU,
+    cache: Path | None = None,
+) -> MotionPipeline:
+    """Loads a model, exported or not.
+
+    Args:
+        model: Name or folder.
+        runtime: Engine of the networks.
+        threads: Maximum number of threads; PyTorch's are set for the whole process.
+        text_encoder: Text encoder if the folder has none, as for `latentmotion train denoiser`.
+        execution: Device, precision and launch mode; only PyTorch has other ones than the CPU's.
+        cache: Folder in which embeddings of an exported model's prompts are kept.
+
+    Raises:
+        InputError: The engine does not support the execution options or the text encoder.
+        ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
+    """
+    folder = find_model(model)
+    card = read_card(folder)
+    if not card.denoiser:
+        raise ModelError(
+            f"{model} has a VAE but no denoiser: sample its prior by --prior, or train the "
+            "diffusion: latentmotion train denoiser"
+        )
+    runtime = _runtime_for(execution, runtime, text_encoder)
+    if runtime != "pytorch" and (folder / "denoiser.onnx").is_file():
+        return MotionPipeline.from_pretrained(folder, runtime, threads, cache)
+    backend = _pytorch(folder, runtime, threads)
+    encoder = backend.text_encoder_named(text_encoder) if text_encoder else None
+    return backend.torch_pipeline(folder, encoder, located(execution))
+
+
+def load_prior(
+    model: str | Path,
+    runtime: options.Runtime = "auto",
+    threads: int | None = None,
+    execution: ExecutionOptions = ON_CPU,
+) -> MotionPrior:
+    """Loads a model's VAE, exported or not, to sample its prior.
+
+    Raises:
+        InputError: The engine does not support the execution options.
+        ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
+    """
+    folder, runtime = find_model(model), _runtime_for(execution, runtime)
+    if runtime != "pytorch" and (folder / "decoder.onnx").is_file():
+        card = read_card(folder)
+        return MotionPrior(card, open_decoder(card, folder, runtime, threads))
+    return _pytorch(folder, runtime, threads).torch_prior(folder, located(execution))
+
+
+def _runtime_for(
+    execution: ExecutionOptions, runtime: options.Runtime, text_encoder: str | None = None
+) -> options.Runtime:
+    """Returns the runtime, or PyTorch if the options need it."""
+    plain = execution in (ON_CPU, ExecutionOptions(options.AUTO))
+    if runtime == "pytorch" or (plain and text_encoder is None):
+        return runtime
+    if runtime == "auto":
+        return "pytorch"
+    if text_encoder is not None:
+        raise InputError(f"the runtime {runtime} takes no --text-encoder; leave one of them out")
+    raise InputError(
+        f"the runtime {runtime} computes on the CPU, in float32; for {execution} leave it out"
+    )
+
+
+def _pytorch(folder: Path, runtime: options.Runtime, threads: int | None) -> ModuleType:
+    """Returns the module of pipelines on PyTorch."""
+    if find_spec("torch") is None and runtime == "pytorch":
+        raise MissingExtraError("the runtime pytorch", "PyTorch", "train")
+    if find_spec("torch") is None:
+        raise ModelError(
+            f"{folder} was not exported, and PyTorch, which could run it as it is, is not "
+            "installed; run on the machine that trained it: latentmotion export, or here: "
+            'pip install "latentmotion[train]"'
+        )
+    if runtime != "pytorch":
+        print(f"{folder} has no graphs (latentmotion export); PyTorch runs it", file=sys.stderr)
+    # Imported only here, so that exported models run without PyTorch.
+    if threads is not None:
+        import_module("torch").set_num_threads(thread_limit(threads))
+    return import_module("latentmotion.gpu.backend")

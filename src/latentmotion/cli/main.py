@@ -1,4 +1,4 @@
-"""`latentmotion VERB …`: finds the verb; wrong input ends in one line and exit code 2."""
+"""`latentmotion VERB …`: runs a verb; wrong input ends in one line and exit code 2."""
 
 from __future__ import annotations
 
@@ -27,42 +27,39 @@ class Verb:
 VERBS = {
     "generate": Verb("generate:Generate", "Turn sentences or labels into motion files."),
     "clean": Verb("clean:Clean", "Clean up a motion: hold standing feet, remove jitter."),
+    "edit": Verb("edit:Edit", "Generate a part of a motion anew."),
+    "between": Verb("edit:Between", "Generate what leads from one motion to another."),
     "render": Verb("render:Render", "Draw motion files as video, GIF or picture."),
     "retarget": Verb("retarget:Retarget", "Retarget motions to your own character."),
     "blender-addon": Verb(
         "blender:BlenderAddon", "Write the add-on for Blender, ready to install."
     ),
-    "data prepare cmu": Verb("prepare:PrepareCmu", "CMU's trials with HumanML3D's captions."),
-    "data prepare hdm05": Verb("prepare:PrepareHdm05", "HDM05's clips and their classes."),
-    "data prepare snu": Verb("prepare:PrepareSnu", "SNU's takes, cut and named."),
-    "data prepare humanml3d": Verb("prepare:PrepareHumanML3D", "The official HumanML3D."),
-    "data prepare kit": Verb("prepare:PrepareKit", "The official KIT-ML."),
+    "data prepare cmu": Verb("data:PrepareCmu", "CMU's trials with HumanML3D's captions."),
+    "data prepare hdm05": Verb("data:PrepareHdm05", "HDM05's clips and their classes."),
+    "data prepare snu": Verb("data:PrepareSnu", "SNU's takes, cut and named."),
+    "data prepare humanml3d": Verb("data:PrepareHumanML3D", "The official HumanML3D."),
+    "data prepare kit": Verb("data:PrepareKit", "The official KIT-ML."),
     "data prepare humanact12": Verb(
-        "prepare:PrepareHumanAct12", "HumanAct12 as ACTOR distributes it."
+        "data:PrepareHumanAct12", "HumanAct12 as ACTOR distributes it."
     ),
-    "data prepare uestc": Verb("prepare:PrepareUestc", "UESTC as ACTOR distributes it."),
-    "data prepare labelled": Verb(
-        "prepare:PrepareLabelled", "Your own files, one folder per action."
-    ),
-    "data prepare own": Verb("prepare:PrepareOwn", "Your own files and captions."),
+    "data prepare uestc": Verb("data:PrepareUestc", "UESTC as ACTOR distributes it."),
+    "data prepare labelled": Verb("data:PrepareLabelled", "Your own files, one folder per action."),
+    "data prepare own": Verb("data:PrepareOwn", "Your own files and captions."),
     "data merge": Verb("data:Merge", "Join prepared folders into one training set."),
     "data pack": Verb("data:PackData", "Write a prepared folder as one small file."),
     "data unpack": Verb("data:UnpackData", "Write the prepared folder that a pack holds."),
-    "data compose": Verb("compose:Compose", "Join pairs of actions into sequences, for training."),
-    "data describe": Verb("describe:Describe", "Write captions measured from the motions."),
+    "data compose": Verb("data:Compose", "Join pairs of actions into sequences, for training."),
+    "data describe": Verb("data:Describe", "Write captions measured from the motions."),
     "data check": Verb("data:Check", "List what a data folder holds and what it lacks."),
     "train vae": Verb("train:TrainVAE", "Train a motion VAE (stage 1)."),
     "train denoiser": Verb("train:TrainDenoiser", "Train the diffusion (stage 2)."),
     "train decoder": Verb("train:TrainDecoder", "Train a cheaper decoder for a model's latents."),
+    "train reinforce": Verb("train:TrainReinforce", "Train a model on by its own motions."),
     "train distill": Verb("train:TrainDistill", "Distill a model to a few sampling steps."),
-    "train text-encoder": Verb("train_text:TrainTextEncoder", "Distill a small sentence encoder."),
-    "train length": Verb("train_text:TrainLength", "Train a predictor of a motion's length."),
-    "train evaluator": Verb(
-        "train_evaluators:TrainEvaluator", "Train the networks of FID and R-precision."
-    ),
-    "train classifier": Verb(
-        "train_evaluators:TrainClassifier", "Train an action classifier for evaluation."
-    ),
+    "train text-encoder": Verb("train:TrainTextEncoder", "Distill a small sentence encoder."),
+    "train length": Verb("train:TrainLength", "Train a predictor of a motion's length."),
+    "train evaluator": Verb("train:TrainEvaluator", "Train the networks of FID and R-precision."),
+    "train classifier": Verb("train:TrainClassifier", "Train an action classifier for evaluation."),
     "swap-decoder": Verb("export:SwapDecoder", "Give a model the decoder of another model."),
     "export": Verb("export:Export", "Make a trained model run without PyTorch."),
     "evaluate": Verb("evaluate:Evaluate", "Measure a model."),
@@ -92,7 +89,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _show_warning
+            warnings.showwarning = lambda message, *_, **__: print(
+                f"warning: {message}", file=sys.stderr
+            )
             _run(words)
             print(end="", flush=True)  # unlike sys.stdout.flush, also where there is no stdout
     except LatentMotionError as error:
@@ -106,24 +105,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise SystemExit(141) from None
 
 
-def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"warning: {message}", file=sys.stderr)
-
-
 def _run(words: list[str]) -> None:
+    """Runs a verb, or prints the overview or the version."""
     if not words or words[0] in ("-h", "--help"):
         print(_overview(VERBS))
-    elif words[0] == "--version":
+        return
+    if words[0] == "--version":
         print(f"latentmotion {__version__}")
-    else:
-        _run_verb(words)
-
-
-def _run_verb(typed: list[str]) -> None:
-    words = current_verb(typed)
+        return
+    words = current_verb(words)
     name = next((" ".join(words[:n]) for n in (3, 2, 1) if " ".join(words[:n]) in VERBS), None)
     if name is None:
-        _unknown(words)
+        _print_group(words)
         return
     from latentmotion.cli.usage import parsed
 
@@ -137,7 +130,8 @@ def _run_verb(typed: list[str]) -> None:
         raise MissingExtraError(f"latentmotion {name}", error.name, "train") from error
 
 
-def _unknown(words: list[str]) -> None:
+def _print_group(words: list[str]) -> None:
+    """Prints the verbs of a group such as `data`; raises InputError for an unknown verb."""
     known = next((n for n in (2, 1) if n <= len(words) and _group(words[:n])), 0)
     group = _group(words[:known])
     if known and (len(words) == known or words[known] in ("-h", "--help")):

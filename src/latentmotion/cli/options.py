@@ -10,15 +10,15 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from latentmotion.diffusion.sampler import SamplerName
-from latentmotion.evaluation.settings import ProtocolName
-from latentmotion.runtime.computing import Launch, Precision
+from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.engine.options import Launch, Precision
+from latentmotion.evaluation.protocol import ProtocolName
 
 Output = Annotated[Path, arg(aliases=["-o"])]
-"""The file or folder to write; the verb says which."""
+"""File or folder to write; the verb says which."""
 
 OptionalOutput = Annotated[Path | None, arg(aliases=["-o"])]
-"""The same, where a verb can do without."""
+"""The same for verbs that can do without."""
 
 Outputs = Annotated[tuple[Path, ...], arg(aliases=["-o"])]
 """Several files to write; the verb says in which formats."""
@@ -26,13 +26,13 @@ Outputs = Annotated[tuple[Path, ...], arg(aliases=["-o"])]
 PreparedOutput = Annotated[Path, arg(aliases=["-o"], help="Prepared folder to write.")]
 
 Folder = Annotated[Positional[Path], arg(metavar="FOLDER")]
-"""The folder to read; the verb says what is in it."""
+"""Folder to read; the verb documents its content."""
 
 File = Annotated[Positional[Path], arg(metavar="FILE")]
-"""The file to read; the verb says what it is."""
+"""File to read; the verb documents its content."""
 
 Files = Annotated[Positional[tuple[Path, ...]], arg(metavar="FILES")]
-"""Several files to read; the verb says what they are."""
+"""Several files to read; the verb documents their content."""
 
 Model = Annotated[
     Positional[str], arg(metavar="MODEL", help="Name, run folder or model folder of a model.")
@@ -41,7 +41,7 @@ Model = Annotated[
 _PREPARED = "Prepared folder, which `latentmotion data prepare` writes."
 Data = Annotated[Path, arg(aliases=["-d"], help=_PREPARED)]
 OptionalData = Annotated[Path | None, arg(aliases=["-d"])]
-"""The prepared folder, where a verb can do without."""
+"""Prepared folder, for verbs that can do without."""
 
 Evaluator = Annotated[
     Path | None,
@@ -76,7 +76,7 @@ LaunchMode = Annotated[
 ]
 
 Runtime = Literal["auto", "onnxruntime", "openvino", "pytorch"]
-"""What runs the networks; `auto` takes graphs where a folder has them, else PyTorch."""
+"""Engine of the networks; `auto` takes graphs if a folder has them, else PyTorch."""
 
 RuntimeChoice = Annotated[
     Runtime,
@@ -126,6 +126,9 @@ Body = Annotated[
         "without one, the skeleton that ships is used."
     ),
 ]
+
+Goals = UseAppendAction[tuple[str, ...]]
+"""Goals of one kind, an option for each."""
 
 Changes = UseAppendAction[tuple[str, ...]]
 """Settings by `--set part.key=value`; the verb gives an example."""

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import arg
 
 from latentmotion import formats
-from latentmotion.cli.options import Files, Outputs
+from latentmotion.cli import options
 from latentmotion.errors import InputError
 from latentmotion.kinematics.animation import check_fps
-from latentmotion.motion import Motion
 from latentmotion.render import strip, video
 from latentmotion.storage.files import check_writable
 
 _VIDEOS, _PICTURES = (".mp4", ".gif"), (".png",)
 
 _SMOOTH = 30.0
-"""Most frames per second of a video by default."""
+"""Maximum frames per second of a video by default."""
 
 _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a take."
 
@@ -34,8 +31,8 @@ class Render:
         latentmotion render walk.npz run.bvh -o strip.png --style path
     """
 
-    files: Annotated[Files, arg(help=_INPUT)]
-    output: Outputs
+    files: Annotated[options.Files, arg(help=_INPUT)]
+    output: options.Outputs
     """Files to write; the extension selects the format: .mp4 .gif .png. Takes are drawn side by
     side in videos and one below the other in strips."""
     style: strip.Style = "row"
@@ -57,13 +54,6 @@ class Render:
             FileFormatError: A file is damaged.
             MissingExtraError: Pillow or PyAV is not installed.
         """
-        self._check()
-        motions = [motion for path in self.files for motion in formats.load(path)]
-        for path in self.output:
-            self._draw(path, motions)
-            print(f"wrote {path}")
-
-    def _check(self) -> None:
         if not self.files:
             raise InputError("no motion file given; try: latentmotion render walk.npz -o walk.mp4")
         if self.fps is not None:
@@ -75,12 +65,13 @@ class Render:
             if path.is_dir():
                 raise InputError(f"cannot write {path}: it is a folder; name a file in it")
             check_writable(path)
-
-    def _draw(self, path: Path, motions: Sequence[Motion]) -> None:
-        if path.suffix.lower() in _PICTURES:
-            width = strip.WIDTH if self.size is None else self.size
-            strip.write(path, motions, self.style, self.figures, width)
-            return
-        fps = min(motions[0].fps, _SMOOTH) if self.fps is None else self.fps
-        takes = [motion.resampled(fps) for motion in motions]
-        video.write(path, takes, 512 if self.size is None else self.size, self.camera)
+        motions = [motion for path in self.files for motion in formats.load(path)]
+        for path in self.output:
+            if path.suffix.lower() in _PICTURES:
+                width = strip.WIDTH if self.size is None else self.size
+                strip.write(path, motions, self.style, self.figures, width)
+            else:
+                fps = min(motions[0].fps, _SMOOTH) if self.fps is None else self.fps
+                takes = [motion.resampled(fps) for motion in motions]
+                video.write(path, takes, 512 if self.size is None else self.size, self.camera)
+            print(f"wrote {path}")

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from latentmotion import formats
-from latentmotion.cli.options import Files, OptionalOutput
+from latentmotion.cli import options
 from latentmotion.errors import InputError
 from latentmotion.kinematics.animation import check_fps
 from latentmotion.kinematics.humanoid import load_joint_map
-from latentmotion.motion import Motion
-from latentmotion.retarget import Rig, read_rig
-from latentmotion.retarget.draft import draft_map, write_draft
+from latentmotion.retarget import draft, read_rig, transfer
 from latentmotion.retarget.rig_files import open_rig
-from latentmotion.retarget.transfer import check_output, write
 from latentmotion.storage.files import check_writable
 
 
@@ -31,9 +27,9 @@ class Retarget:
 
     to: Path
     """The character: .glb, .gltf, .bvh or .asf."""
-    files: Files = ()
+    files: options.Files = ()
     """Motion files; each motion in them becomes an animation."""
-    output: OptionalOutput = None
+    output: options.OptionalOutput = None
     """File to write: .glb or .gltf for the character with the animations added, .bvh for its
     skeleton (one file per motion)."""
     map: Path | None = None
@@ -50,7 +46,7 @@ class Retarget:
             LatentMotionError: A file cannot be read or written, or joints are not found.
         """
         if self.draft_map is not None:
-            self._draft(self.draft_map)
+            self.write_draft(self.draft_map)
             return
         if self.output is None or not self.files:
             raise InputError("name motion files and -o FILE, or --draft-map FILE")
@@ -58,36 +54,29 @@ class Retarget:
             check_fps(self.fps)
         check_writable(self.output)
         rig = read_rig(self.to, None if self.map is None else load_joint_map(self.map))
-        check_output(rig, self.output)
+        transfer.check_output(rig, self.output)
         motions = [motion for file in self.files for motion in formats.load(file)]
-        print("\n".join(_about(rig)))
-        written = write(self.output, rig, motions, self.fps, _names(self.files, motions))
+        joints, body = rig.skeleton.names, rig.body
+        spine = ", ".join(joints[joint] for joint in body.spine) or "none"
+        moved = {*body.joints.values(), body.pelvis, *body.spine, *body.neck}
+        print(
+            f"{rig.file.path}: {len(joints)} joints, names of {body.names}, in {rig.unit()}, "
+            f"legs of {rig.leg:.2f} m\n"
+            f"pelvis {joints[body.pelvis]!r}, spine {spine}, "
+            f"{len(joints) - len(moved)} joints stay at rest (fingers, twists, tips)"
+        )
+        # Animations are named by their captions, else by the first file.
+        names = [motion.caption or self.files[0].stem for motion in motions]
+        names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
+        written = transfer.write(self.output, rig, motions, self.fps, names)
         print("\n".join(f"wrote {path}" for path in written))
 
-    def _draft(self, path: Path) -> None:
+    def write_draft(self, path: Path) -> None:
+        """Writes guesses of the joint map to a file and prints them."""
         check_writable(path)
         skeleton = open_rig(self.to).skeleton
-        guesses = draft_map(skeleton)
-        write_draft(path, skeleton, guesses)
+        guesses = draft.draft_map(skeleton)
+        draft.write_draft(path, skeleton, guesses)
         for name, guess in guesses.items():
             print(f"{name:<15} {skeleton.names[guess.joint]:<25} {guess.reason}")
         print(f"wrote {path}: these are guesses; correct them, then pass --map {path}")
-
-
-def _names(files: Sequence[Path], motions: Sequence[Motion]) -> list[str]:
-    """Returns what the animations are called: their captions, else their file."""
-    stem = files[0].stem
-    names = [motion.caption or stem for motion in motions]
-    return [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
-
-
-def _about(rig: Rig) -> list[str]:
-    names, body = rig.skeleton.names, rig.body
-    spine = ", ".join(names[joint] for joint in body.spine) or "none"
-    resting = len(names) - len({*body.joints.values(), body.pelvis, *body.spine, *body.neck})
-    return [
-        f"{rig.file.path}: {len(names)} joints, names of {body.names}, in {rig.unit()}, "
-        f"legs of {rig.leg:.2f} m",
-        f"pelvis {names[body.pelvis]!r}, spine {spine}, "
-        f"{resting} joints stay at rest (fingers, twists, tips)",
-    ]

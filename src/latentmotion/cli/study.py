@@ -1,4 +1,4 @@
-"""`latentmotion study make` and `latentmotion study report`: people judge, blind."""
+"""`latentmotion study make` and `study report`: blind comparison of two models by people."""
 
 from __future__ import annotations
 
@@ -7,17 +7,14 @@ import secrets
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from latentmotion.cli.options import Output, PrintJson
+from latentmotion.cli import options
 from latentmotion.errors import InputError
 from latentmotion.storage.configuration import to_json, write_json
 from latentmotion.storage.files import check_writable
-
-if TYPE_CHECKING:
-    from latentmotion.study.design import Pair
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class MakeStudy:
     """Model B."""
     prompts: Path
     """Text file with one sentence per line."""
-    output: Output = Path("study.html")
+    output: options.Output = Path("study.html")
     """Page to write; its key is written beside it with the extension .key.json."""
     seconds: float = 4.0
     """Length of generated motions."""
@@ -46,39 +43,28 @@ class MakeStudy:
 
     def run(self) -> None:
         """Makes the page and the key."""
-        from latentmotion.study.design import design
-        from latentmotion.study.page import write_study_page
-        from latentmotion.study.sources import describe
+        from latentmotion.cli.generate import load_generator
+        from latentmotion.study import design, sources
 
-        self._check()
-        pairs = self._pairs()
-        seed = secrets.randbits(32) if self.order_seed is None else self.order_seed
-        study = design(pairs, describe(self.a), describe(self.b), seed)
-        write_study_page(self.output, study)
-        write_json(self.output.with_suffix(".key.json"), study.key)
-        number = "1 pair" if len(pairs) == 1 else f"{len(pairs)} pairs"
-        print(f"wrote {self.output} ({number}), for raters")
-        print(f"wrote {self.output.with_suffix('.key.json')}, for you alone")
-
-    def _check(self) -> None:
         if self.output.suffix != ".html":
             raise InputError(f"{self.output}: expected a name that ends with .html")
         check_writable(self.output)
         if self.order_seed is not None and self.order_seed < 0:
             raise InputError(f"--order-seed {self.order_seed}: expected a number from 0 up")
-
-    def _pairs(self) -> list[Pair]:
-        from latentmotion.cli.loading import load_generator
-        from latentmotion.study.design import Pair
-        from latentmotion.study.sources import Wanted, check_lengths, motions_of, read_prompts
-
-        wanted = Wanted(read_prompts(self.prompts), self.seeds, self.seconds)
-        a, b = (motions_of(source, wanted, load_generator) for source in (self.a, self.b))
+        wanted = sources.Wanted(sources.read_prompts(self.prompts), self.seeds, self.seconds)
+        a, b = (sources.motions_of(source, wanted, load_generator) for source in (self.a, self.b))
         both = list(zip(a, b, strict=True))
-        for warning in check_lengths(both):
+        for warning in sources.check_lengths(both):
             print(f"warning: {warning}", file=sys.stderr)
         rows = zip(wanted.rows(), both, strict=True)
-        return [Pair(prompt, seed, a, b) for (prompt, seed), (a, b) in rows]
+        pairs = [design.Pair(prompt, seed, a, b) for (prompt, seed), (a, b) in rows]
+        seed = secrets.randbits(32) if self.order_seed is None else self.order_seed
+        study = design.design(pairs, sources.describe(self.a), sources.describe(self.b), seed)
+        design.write_study_page(self.output, study)
+        write_json(self.output.with_suffix(".key.json"), study.key)
+        number = "1 pair" if len(pairs) == 1 else f"{len(pairs)} pairs"
+        print(f"wrote {self.output} ({number}), for raters")
+        print(f"wrote {self.output.with_suffix('.key.json')}, for you alone")
 
 
 @dataclass(frozen=True)
@@ -89,7 +75,7 @@ class ReportStudy:
     """Files that raters sent; the latest of each rater counts."""
     key: Path
     """Key that was written with the page."""
-    json: PrintJson = False
+    json: options.PrintJson = False
 
     def run(self) -> None:
         """Reports.
@@ -97,12 +83,12 @@ class ReportStudy:
         Raises:
             InputError: There is no file.
         """
-        from latentmotion.study.answers import read_answers, read_key, votes_of
-        from latentmotion.study.report import report
+        from latentmotion.study import answers, report
 
         if not self.answers:
             raise InputError("no answers given; pass the files that raters sent, e.g. *.json")
-        key = read_key(self.key)
+        key = answers.read_key(self.key)
         others = [path for path in self.answers if path.resolve() != self.key.resolve()]
-        found = report(votes_of(read_answers(others, key), key), key)
-        print(json.dumps(to_json(found), indent=1) if self.json else found.markdown())
+        votes = answers.votes_of(answers.read_answers(others, key), key)
+        result = report.report(votes, key)
+        print(json.dumps(to_json(result), indent=1) if self.json else result.markdown())

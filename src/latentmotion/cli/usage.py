@@ -1,4 +1,4 @@
-"""Words → a command: by tyro, whose boxes of text for a mistake become one line."""
+"""Parsing: words to a command by tyro, whose boxes of text for a mistake become one line."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ Command = TypeVar("Command")
 
 
 def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
-    """Returns the dataclass that the words fill; `--help` is printed and ends the program.
+    """Returns a command filled from words; `--help` is printed and ends the program.
 
     Args:
         command: A dataclass whose fields are the options. One with presets has `training_of`, which
             returns a preset's training settings, the defaults of the field `training`.
-        name: What the user types for it, after the program's name.
-        words: What follows that on the command line.
+        name: The words that name the verb.
+        words: The words after them.
 
     Raises:
         InputError: An option is unknown or missing, or its value is.
@@ -52,7 +52,7 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
 
 
 def _with_presets_training(command: Any, words: Sequence[str]) -> Any:
-    """Returns the command with the training settings of the preset that is typed as defaults."""
+    """Returns the command with the training settings of the typed preset as defaults."""
     if not hasattr(command, "training_of"):
         return command
     name = command.preset
@@ -67,7 +67,7 @@ def _with_presets_training(command: Any, words: Sequence[str]) -> Any:
 
 
 def in_one_line(box: str) -> str:
-    """Returns what a box of tyro's says, shortly; in tyro's words where they are new to us."""
+    """Returns the message in a box of tyro's in one line; unknown messages in tyro's own words."""
     rows = [row.strip(" │") for row in box.splitlines()[1:]]
     text = " ".join(" ".join(row for row in rows if row.strip("-─╰╯ ")).split())
     for pattern, phrase in _PHRASES.items():
@@ -90,6 +90,13 @@ def _check_lists(command: object, words: Sequence[str]) -> None:
             raise InputError(f"--{name} is given {given} times; name all its values behind one")
 
 
+def missing_options(listed: str) -> str:
+    """Says which options are missing, from tyro's list of them."""
+    options = [re.match(r" ?(?:-\w .*?, )?(\S+)", text) for text in listed.split("(required)")]
+    names = [option[1] for option in options if option]
+    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} missing"
+
+
 def _unknown(match: re.Match[str]) -> str:
     word, told = match[1], match.string
     known = [name for name in re.findall(r"--[\w-]+", told) if name not in (word, "--help")]
@@ -100,12 +107,6 @@ def _unknown(match: re.Match[str]) -> str:
 def _not_a_choice(match: re.Match[str]) -> str:
     choices = sorted(set(re.findall(r"'([^']*)'", match[3])) - {"None"})
     return f"{match[2]} {match[1]!r}: {hint(match[1], choices)}"
-
-
-def _missing(match: re.Match[str]) -> str:
-    each = [re.match(r" ?(?:-\w .*?, )?(\S+)", part) for part in match[1].split("(required)")]
-    names = [name[1] for name in each if name]
-    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} missing"
 
 
 _PHRASES: dict[str, Callable[[re.Match[str]], str]] = {
@@ -120,6 +121,6 @@ _PHRASES: dict[str, Callable[[re.Match[str]], str]] = {
         lambda it: f"{it[1]} {it[2]!r}: expected a number"
     ),
     r"Error parsing (\S+): (.*?)\.? Argument helptext": lambda it: f"{it[1]}: {it[2]}",
-    r"Missing from [^:]*:(.*\(required\))": _missing,
+    r"Missing from [^:]*:(.*\(required\))": lambda it: missing_options(it[1]),
 }
-"""What tyro says, and how we do."""
+"""Patterns of tyro's messages, and the messages that users get."""

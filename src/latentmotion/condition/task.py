@@ -6,20 +6,124 @@ adding a class to `TASKS`; nothing else tells tasks apart.
 
 from __future__ import annotations
 
+import difflib
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
-from latentmotion.condition.action import ActionCondition
-from latentmotion.condition.interface import Condition, TextEncoder
-from latentmotion.condition.sentence import SentenceCondition, SentenceReading
-from latentmotion.condition.unconditional import Unconditional
+import numpy as np
+
+from latentmotion.condition.interface import Condition, Conditioning, TextEmbedding, TextEncoder
 from latentmotion.errors import InputError
 
 TaskName = Literal["text", "action", "unconditional"]
 """What a model is conditioned on, as cards, experiments and the command line name it."""
+
+
+@dataclass(frozen=True)
+class TextConditioning:
+    """What a denoiser sees of an embedded sentence.
+
+    Pooled embeddings of "left" and "right" differ by a hundredth; words tell them apart.
+
+    Raises:
+        InputError: It would see nothing.
+    """
+
+    pooled: bool = True
+    """Whether the first token is the pooled sentence."""
+    words: int = 0
+    """How many word pieces follow at the most."""
+
+    def __post_init__(self) -> None:
+        if not self.pooled and self.words < 1:
+            raise InputError("a condition of sentences needs pooled=true or words of at least 1")
+
+    def __call__(self, embedding: TextEmbedding) -> Conditioning:
+        """Returns the tokens of a batch of sentences."""
+        words, seen = embedding.words[:, : self.words], embedding.mask[:, : self.words]
+        if not self.pooled:
+            return Conditioning(words, seen)
+        pooled, always = embedding.pooled[:, None], np.ones((len(seen), 1), dtype=bool)
+        if not self.words:  # CLIP's words may be of another width than its sentences
+            return Conditioning(pooled, always)
+        tokens = np.concatenate([pooled, words], axis=1)
+        return Conditioning(tokens, np.concatenate([always, seen], axis=1))
+
+
+@dataclass(frozen=True)
+class SentenceCondition:
+    """A text encoder as a condition."""
+
+    encoder: TextEncoder
+    """Sentences to embeddings."""
+
+    conditioning: TextConditioning = field(default_factory=TextConditioning)
+    """What the denoiser sees of them."""
+
+    def __call__(self, inputs: Sequence[str]) -> Conditioning:
+        """Returns the condition of each sentence.
+
+        Raises:
+            InputError: There is no sentence.
+        """
+        return self.conditioning(self.encoder(inputs))
+
+    def null(self, count: int) -> Conditioning:
+        """Returns the empty sentence `count` times (MLD's unconditional prompt)."""
+        return self([""] * count)
+
+
+@dataclass(frozen=True)
+class ActionCondition:
+    """Action labels as a condition: label k of n is the k-th unit vector, null is zero.
+
+    A denoiser's linear map without bias (`condition_projection="table"`) turns it into row k of a
+    learned table, and null into zero, as MLD's action embedding with its masked labels.
+    """
+
+    labels: tuple[str, ...]
+    """Names, in the order of the table's rows."""
+
+    def __call__(self, inputs: Sequence[str]) -> Conditioning:
+        """Returns one unit vector per label.
+
+        Raises:
+            InputError: A label is unknown.
+        """
+        for label in inputs:
+            if label in self.labels:
+                continue
+            near = difflib.get_close_matches(label, self.labels, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise InputError(f"unknown action {label!r}; {hint}known are {', '.join(self.labels)}")
+        rows = np.eye(len(self.labels), dtype=np.float32)[[self.labels.index(n) for n in inputs]]
+        return Conditioning(rows[:, None], np.ones((len(inputs), 1), dtype=bool))
+
+    def null(self, count: int) -> Conditioning:
+        """Returns `count` zero vectors."""
+        tokens = np.zeros((count, 1, len(self.labels)), np.float32)
+        return Conditioning(tokens, np.ones((count, 1), dtype=bool))
+
+
+@dataclass(frozen=True)
+class Unconditional:
+    """No condition: no words at all, for models that learned motion alone."""
+
+    width: int
+    """Numbers per word that the denoiser expects."""
+
+    def __call__(self, inputs: Sequence[object]) -> Conditioning:
+        """Returns no words for each input."""
+        return self.null(len(inputs))
+
+    def null(self, count: int) -> Conditioning:
+        """Returns no words, `count` times."""
+        return Conditioning(
+            np.zeros((count, 0, self.width), np.float32), np.zeros((count, 0), dtype=bool)
+        )
 
 
 @dataclass(frozen=True)
@@ -32,7 +136,7 @@ class TrainingCondition:
     """Labels of the training clips."""
     encoder: Callable[[], TextEncoder]
     """Returns the text encoder that the user passed, or raises an error."""
-    reading: SentenceReading
+    conditioning: TextConditioning
     """What the denoiser sees of sentences."""
 
 
@@ -126,18 +230,18 @@ class TextTask(Task):
     """Name of the text encoder; null where the second stage is not trained yet."""
     width: int = 0
     """Numbers per word of the encoder."""
-    reading: SentenceReading = field(default_factory=SentenceReading)
+    conditioning: TextConditioning = field(default_factory=TextConditioning)
     """What the denoiser sees of sentences."""
 
     @classmethod
     def of_training(cls, given: TrainingCondition) -> TextTask:
         """Returns the task with the text encoder that was passed."""
         encoder = given.encoder()
-        return cls(encoder.name, encoder.width, given.reading)
+        return cls(encoder.name, encoder.width, given.conditioning)
 
     def condition(self, width: int, encoder: Callable[[], TextEncoder]) -> SentenceCondition:
         """Returns the text encoder as a condition."""
-        return SentenceCondition(encoder(), self.reading)
+        return SentenceCondition(encoder(), self.conditioning)
 
     def check_prompt(self, prompt: str, model: str) -> None:
         """Refuses empty sentences and what looks like a label."""

@@ -1,4 +1,4 @@
-"""Captions as HumanML3D writes them: `sentence#word/POS word/POS#from#to`, one a line.
+"""Captions in HumanML3D's format, one a line: `sentence#word/POS word/POS#from#to`.
 
 `from` and `to` are seconds; both zero means the whole motion, `nan` counts as zero. A part covers
 the frames [int(20 from), int(20 to)), at KIT's 12.5 frames per second as well.
@@ -17,7 +17,7 @@ TAG_RATE = 20
 """Frames per second by which HumanML3D turns `from` and `to` into frames."""
 
 _OTHER_SIDE = {"left": "right", "right": "left", "clockwise": "counterclockwise"}
-"""What a word becomes; all ways to write counterclockwise become clockwise."""
+"""Replacements of words; all spellings of counterclockwise become clockwise."""
 
 # Endings such as "leftward", "rights" and "left-handed" follow; "upright", "frightened" must not.
 _SIDED = re.compile(
@@ -28,7 +28,7 @@ _SIDED = re.compile(
 
 @dataclass(frozen=True)
 class TaggedSentence:
-    """One line of a caption file, not yet fitted to a motion."""
+    """One line of a caption file, with seconds that are not yet frames of a motion."""
 
     text: str
     """The sentence."""
@@ -42,11 +42,17 @@ class TaggedSentence:
 
 def mirror_words(text: str) -> str:
     """Swaps left and right, clockwise and counterclockwise, in a sentence."""
-    return _SIDED.sub(_swap, text)
+
+    def swap(match: re.Match[str]) -> str:
+        word = match.group(0)
+        other = _OTHER_SIDE.get(word.lower().replace("clock-wise", "clockwise"), "clockwise")
+        return other.capitalize() if word[0].isupper() else other
+
+    return _SIDED.sub(swap, text)
 
 
 def mirror_sentence(sentence: TaggedSentence) -> TaggedSentence:
-    """Returns the sentence about the same motion seen in a mirror."""
+    """Returns the sentence about the mirror image of the same motion."""
     return TaggedSentence(
         mirror_words(sentence.text), mirror_words(sentence.tokens), sentence.start, sentence.end
     )
@@ -54,7 +60,16 @@ def mirror_sentence(sentence: TaggedSentence) -> TaggedSentence:
 
 def parse_sentences(text: str) -> tuple[TaggedSentence, ...]:
     """Reads a caption file; a line without HumanML3D's tags is a plain sentence."""
-    return tuple(_parse_line(line.strip()) for line in text.splitlines() if line.strip())
+    sentences = []
+    for line in filter(None, map(str.strip, text.splitlines())):
+        try:
+            sentence, tokens, *span = line.rsplit("#", 3)
+            start, end = (0.0 if math.isnan(time) else time for time in map(float, span))
+        except ValueError:  # no tags
+            sentences.append(TaggedSentence(line))
+        else:
+            sentences.append(TaggedSentence(sentence.strip(), tokens.strip(), start, end))
+    return tuple(sentences)
 
 
 def fit_sentences(
@@ -63,41 +78,20 @@ def fit_sentences(
     """Turns seconds into frames of a motion that has `frames` of them.
 
     Returns:
-        The captions, and for each sentence that tells of no frame at all the reason why.
+        The captions, and the reasons why the other sentences describe no frame.
     """
-    fitted = [_fit(sentence, frames) for sentence in sentences]
-    captions = tuple(item for item in fitted if isinstance(item, Caption))
-    return captions, tuple(item for item in fitted if isinstance(item, str))
-
-
-def _fit(sentence: TaggedSentence, frames: int) -> Caption | str:
-    if sentence.start == sentence.end == 0:
-        return Caption(sentence.text, 0, frames, sentence.tokens)
-    start, end = int(sentence.start * TAG_RATE), int(sentence.end * TAG_RATE)
-    if not 0 <= start < end:
-        return f"caption tagged from {sentence.start:g} s to {sentence.end:g} s: {sentence.text}"
-    if start >= frames:
-        return f"caption starts past the end ({start} of {frames} frames): {sentence.text}"
-    return Caption(sentence.text, start, min(end, frames), sentence.tokens)
-
-
-def _parse_line(line: str) -> TaggedSentence:
-    parts = line.rsplit("#", 3)
-    start, end = (_seconds(part) for part in parts[-2:]) if len(parts) == 4 else (None, None)
-    if start is None or end is None:
-        return TaggedSentence(line)
-    return TaggedSentence(parts[0].strip(), parts[1].strip(), start, end)
-
-
-def _seconds(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return 0.0 if math.isnan(value) else value
-
-
-def _swap(match: re.Match[str]) -> str:
-    word = match.group(0)
-    other = _OTHER_SIDE.get(word.lower().replace("clock-wise", "clockwise"), "clockwise")
-    return other.capitalize() if word[0].isupper() else other
+    captions, reasons = [], []
+    for sentence in sentences:
+        start, end = int(sentence.start * TAG_RATE), int(sentence.end * TAG_RATE)
+        if sentence.start == sentence.end == 0:
+            captions.append(Caption(sentence.text, 0, frames, sentence.tokens))
+        elif not 0 <= start < end:
+            span = f"{sentence.start:g} s to {sentence.end:g} s"
+            reasons.append(f"caption tagged from {span}: {sentence.text}")
+        elif start >= frames:
+            reasons.append(
+                f"caption starts past the end ({start} of {frames} frames): {sentence.text}"
+            )
+        else:
+            captions.append(Caption(sentence.text, start, min(end, frames), sentence.tokens))
+    return tuple(captions), tuple(reasons)

@@ -1,4 +1,4 @@
-"""What a training set is made of: sources, clips and the captions that say what happens in them."""
+"""The contents of a data set: sources, clips and their captions."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
 @dataclass(frozen=True)
 class Source:
-    """Where motions come from and what their owner asks."""
+    """The origin of motions, with the terms of their owner."""
 
     name: str
     """Short name, e.g. `cmu`."""
     license: str
     """The owner's terms."""
     credit: str
-    """Whom to name, in the owner's words where there are such."""
+    """The credit line, in the owner's words where there are such."""
     url: str = ""
-    """Where the data can be had."""
+    """Address from which the data can be downloaded."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Caption:
     text: str
     """The sentence."""
     start_frame: int
-    """First frame that it tells of."""
+    """First frame that it describes."""
     end_frame: int
-    """One past the last frame that it tells of."""
+    """One past the last frame that it describes."""
     tokens: str = ""
     """HumanML3D's `word/POS` tokens, separated by spaces; empty where there are none."""
 
@@ -47,9 +47,9 @@ class Clip:
     source: str
     """Name of its source."""
     split: Split
-    """The part of the data that it belongs to."""
+    """Its split."""
     captions: tuple[Caption, ...]
-    """Sentences, already mirrored in a mirrored copy; none where nobody wrote any."""
+    """Sentences, already mirrored in a mirrored copy; none if there are none."""
     action: str | None
     """Action label, already mirrored in a mirrored copy."""
     mirrored: bool

@@ -1,6 +1,6 @@
 """Synthetic sequences: two single actions of the train split, one after the other, with sentences.
 
-Which actions fit is decided by the poses at their ends, seen from the body: all places where one
+The poses at the ends of actions, seen from the body, decide which ones fit: all frames where one
 may end and another begin are compared, and only near ones are joined (`splicing.py`). A sequence
 whose feet slide or whose joints jerk at the seam more than in real motion is left out.
 """
@@ -8,21 +8,19 @@ whose feet slide or whose joints jerk at the seam more than in real motion is le
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from latentmotion.data.captions import mirror_words
 from latentmotion.data.clip import Caption, Source
-from latentmotion.data.composable import Cut, Part, parts_of_dataset
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.manifest import COMPOSED, StoredClip
-from latentmotion.data.pairing import Pairing, rarity
+from latentmotion.data.pairing import ActionClip, Cut, Pairing, action_clips, rarity
 from latentmotion.data.splicing import seam_of, splice
-from latentmotion.data.store import StoredMotion, caption_rows
-from latentmotion.describe.ordering import in_order
+from latentmotion.data.store import COMPOSED, StoredClip, StoredMotion, caption_rows
+from latentmotion.describe.rewording import in_order
 from latentmotion.errors import DataError
 from latentmotion.representation.interface import Representation
 
@@ -32,16 +30,16 @@ _DIP = 0.015
 _ORDERED = 4
 """Sentences about a whole sequence."""
 
-_OWN = 2
-"""Sentences about each part of it."""
+_PER_ACTION = 2
+"""Sentences about each action in it."""
 
 
 @dataclass(frozen=True)
 class Composition:
-    """What sequences are made."""
+    """Settings of the sequences to make."""
 
     count: int
-    """How many are wanted."""
+    """Number of sequences."""
     seed: int = 0
     """Source of every choice."""
     seconds: tuple[float, float] = (2.0, 9.8)
@@ -55,21 +53,21 @@ class Composition:
     jerk: float = 1200.0
     """Most that a joint may jerk in the transition, m/s³."""
     uses: int = 12
-    """How often one clip may occur."""
+    """Most sequences that one clip may occur in."""
     refused_captions: frozenset[str] = frozenset()
     """Sentences of a test set, as `prompting.plain` writes them, which no caption may be."""
 
 
 @dataclass(frozen=True)
 class Composed:
-    """What came of it besides the motions."""
+    """Synthetic sequences and the reasons why others were refused."""
 
     motions: tuple[StoredMotion, ...]
     """The sequences."""
     source: Source
     """`composed`, with the terms of all owners."""
     refused: Counter[str] = field(default_factory=Counter)
-    """How many pairs were left out, by reason."""
+    """Number of pairs that were left out, by reason."""
 
 
 def compose(dataset: Dataset, wanted: Composition) -> Composed:
@@ -77,20 +75,25 @@ def compose(dataset: Dataset, wanted: Composition) -> Composed:
 
     Args:
         dataset: Clips with captions, in HumanML3D's features.
-        wanted: How many, and what is good enough.
+        wanted: Number and quality of the sequences.
 
     Raises:
-        DataError: Too few clips tell of a single action.
+        DataError: Too few clips describe a single action.
     """
-    parts = parts_of_dataset(dataset)
-    if len(parts) < 2:
+    actions = action_clips(dataset)
+    if len(actions) < 2:
         raise DataError(
-            f"{dataset.folder}: {len(parts)} train clips tell of a single action, expected at "
+            f"{dataset.folder}: {len(actions)} train clips tell of a single action, expected at "
             "least 2; add captions (`latentmotion data describe`) or more clips"
         )
-    composer = _Composer(dataset, parts, wanted)
-    motions = tuple(composer.sequences())
-    return Composed(motions, composed_source(dataset.sources), composer.refused)
+    composer = _Composer(dataset, actions, wanted)
+    motions: list[StoredMotion] = []
+    in_vain = 0
+    while len(motions) < wanted.count and in_vain < 40 * len(actions):
+        motion = composer.draw(f"{COMPOSED}-{wanted.seed}-{len(motions):05d}")
+        in_vain = 0 if motion else in_vain + 1
+        motions += [motion] if motion else []
+    return Composed(tuple(motions), composed_source(dataset.sources), composer.refused)
 
 
 def composed_source(sources: Sequence[Source]) -> Source:
@@ -114,8 +117,8 @@ def objection(
     Args:
         joints: Positions of the whole sequence, meters.
         seam: Frame at which the second motion begins.
-        representation: Says the frame rate and the skeleton.
-        wanted: What is good enough.
+        representation: Frame rate and skeleton.
+        wanted: Required quality.
     """
     fps, skeleton = representation.fps, representation.skeleton
     shortest, longest = wanted.seconds
@@ -129,102 +132,89 @@ def objection(
     return "jerk" if fit.jerk > wanted.jerk else ""
 
 
-class _Composer:
-    """Draws a first part, finds what may follow, joins and checks."""
+def composed_motion(
+    name: str,
+    features: Float[np.ndarray, "frames features"],
+    captions: Sequence[Caption],
+    origin: str,
+) -> StoredMotion:
+    """Returns a synthetic sequence with its captions, also in mirrored wording, for training."""
+    mirrored = [replace(caption, text=mirror_words(caption.text)) for caption in captions]
+    clip = StoredClip(
+        id=name,
+        source=COMPOSED,
+        origin=origin,
+        split="train",
+        frames=len(features),
+        shard=0,
+        offset=0,
+        captions=caption_rows(captions),
+        mirrored_captions=caption_rows(mirrored),
+    )
+    return StoredMotion(clip, features)
 
-    def __init__(self, dataset: Dataset, parts: list[Part], wanted: Composition) -> None:
+
+class _Composer:
+    """Draws a first action, finds one that can follow, joins and checks."""
+
+    def __init__(self, dataset: Dataset, actions: list[ActionClip], wanted: Composition) -> None:
         self.representation = dataset.representation
-        self.parts, self.wanted = parts, wanted
+        self.actions, self.wanted = actions, wanted
         self.generator = np.random.default_rng(wanted.seed)
-        self.rarity = rarity(parts)
-        self.pairing = Pairing(parts, dataset.representation, self.generator, wanted.distance)
+        self.rarity = rarity(actions)
+        self.pairing = Pairing(actions, self.representation, self.generator, wanted.distance)
         self.refused: Counter[str] = Counter()
         self.used: Counter[str] = Counter()
         self.joined: set[tuple[str, str]] = set()
 
-    def sequences(self) -> Iterator[StoredMotion]:
-        """Yields sequences until there are enough, or until no more are found."""
-        made, in_vain = 0, 0
-        while made < self.wanted.count and in_vain < 40 * len(self.parts):
-            motion = self._one(made)
-            in_vain = 0 if motion else in_vain + 1
-            made += motion is not None
-            if motion:
-                yield motion
-
-    def _one(self, number: int) -> StoredMotion | None:
-        first = self.parts[int(self.generator.choice(len(self.parts), p=self.rarity))]
-        if self.used[first.name] >= self.wanted.uses:
+    def draw(self, name: str) -> StoredMotion | None:
+        """Returns a sequence, or None where the actions drawn do not fit."""
+        wanted, representation = self.wanted, self.representation
+        first = self.actions[int(self.generator.choice(len(self.actions), p=self.rarity))]
+        if self.used[first.name] >= wanted.uses:
             return None
-        found = self.pairing.follower(first, self._allowed(first))
-        if found is None:
+        # Other actions, not yet joined, not too often used.
+        allowed = [
+            action.name != first.name
+            and action.verbs != first.verbs
+            and (first.name, action.name) not in self.joined
+            and self.used[action.name] < wanted.uses
+            for action in self.actions
+        ]
+        pair = self.pairing.follower(first, np.array(allowed))
+        if pair is None:
             self.refused["no pose near enough"] += 1
             return None
-        second, end, start = found
-        one, other = first.joints[: end + 1], self._kept(second, start, end)
-        joints = splice(one, other, self.wanted.transition, self.representation)
-        reason = objection(joints, end, self.representation, self.wanted)
+        second, end, start = pair
+        following = second.joints[start:]
+        if second.steady:  # cut at random, and where the sequence gets too long
+            longest = int(wanted.seconds[1] * representation.fps) - end
+            most = max(len(following), second.fewest)
+            frames = int(self.generator.integers(second.fewest, most + 1))
+            following = following[: min(frames, longest)]
+        joints = splice(first.joints[: end + 1], following, wanted.transition, representation)
+        reason = objection(joints, end, representation, wanted)
         if reason:
             self.refused[reason] += 1
             return None
         self.used.update((first.name, second.name))
         self.joined.add((first.name, second.name))
-        return self._stored(
-            number, joints, first.cut(0, end), second.cut(start, start + len(other))
-        )
-
-    def _stored(
-        self, number: int, joints: Float[np.ndarray, "frames joints 3"], first: Cut, second: Cut
-    ) -> StoredMotion:
-        """Returns a sequence with its sentences and where it comes from."""
-        features = self.representation.encode(joints)
-        captions = self._captions(first, second, len(features))
-        mirrored = [replace(caption, text=mirror_words(caption.text)) for caption in captions]
-        clip = StoredClip(
-            id=f"{COMPOSED}-{self.wanted.seed}-{number:05d}",
-            source=COMPOSED,
-            origin=f"{first.origin} + {second.origin}",
-            split="train",
-            frames=len(features),
-            shard=0,
-            offset=0,
-            captions=caption_rows(captions),
-            mirrored_captions=caption_rows(mirrored),
-        )
-        return StoredMotion(clip, features)
+        cuts = first.cut(0, end), second.cut(start, start + len(following))
+        features = representation.encode(joints)
+        origin = f"{cuts[0].origin} + {cuts[1].origin}"
+        return composed_motion(name, features, self._captions(*cuts, len(features)), origin)
 
     def _captions(self, first: Cut, second: Cut, frames: int) -> list[Caption]:
-        """Returns sentences about both parts together, then about each of them."""
+        """Returns sentences about both actions together, then about each of them."""
         seam, generator = first.end - first.start, self.generator
         texts: dict[str, None] = {}
         for _ in range(_ORDERED):
-            one, other = (
-                cut.part.sentences[int(generator.integers(len(cut.part.sentences)))]
+            before, after = (
+                cut.action.sentences[int(generator.integers(len(cut.action.sentences)))]
                 for cut in (first, second)
             )
-            texts.update(dict.fromkeys(in_order(one, other, generator, 1)))
+            texts.update(dict.fromkeys(in_order(before, after, generator, 1)))
         captions = [Caption(text, 0, frames) for text in texts]
         for cut, (start, end) in ((first, (0, seam)), (second, (seam, frames))):
-            captions += [Caption(text, start, end) for text in cut.part.texts[:_OWN]]
+            captions += [Caption(text, start, end) for text in cut.action.texts[:_PER_ACTION]]
         return captions
-
-    def _allowed(self, first: Part) -> Bool[np.ndarray, " parts"]:
-        """Says which parts may follow: other actions, not yet joined, not too often used."""
-        return np.array(
-            [
-                part.name != first.name
-                and part.verbs != first.verbs
-                and (first.name, part.name) not in self.joined
-                and self.used[part.name] < self.wanted.uses
-                for part in self.parts
-            ]
-        )
-
-    def _kept(self, second: Part, start: int, before: int) -> Float[np.ndarray, "frames joints 3"]:
-        """Returns the second part from its start on, cut where the sequence gets too long."""
-        longest = int(self.wanted.seconds[1] * self.representation.fps) - before
-        rest = second.joints[start:]
-        if second.steady:
-            wanted = int(self.generator.integers(second.least, max(len(rest), second.least) + 1))
-            return rest[: min(wanted, longest)]
-        return rest

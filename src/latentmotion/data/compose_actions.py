@@ -1,31 +1,35 @@
-"""Synthetic sequences of single actions: one repeated so many times, or one and then another.
+"""Synthetic sequences of single actions: one repeated several times, or one and then another.
 
-A sequence is kept if its seams are as smooth as `compose.py` asks and if measuring it anew finds
-what its words tell: so many jumps, or the first action before the seam and the second after it.
+A sequence is kept if its seams are as smooth as `compose.py` requires and if measuring it anew
+finds what its captions say: the number of jumps, or the first action before the seam and the second
+after it.
 """
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.data.captions import mirror_words
 from latentmotion.data.clip import Caption
-from latentmotion.data.compose import Composed, Composition, composed_source, objection
+from latentmotion.data.compose import (
+    Composed,
+    Composition,
+    composed_motion,
+    composed_source,
+    objection,
+)
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.manifest import COMPOSED, StoredClip
 from latentmotion.data.singles import Found, find_singles
 from latentmotion.data.splicing import pose_descriptors, splice
-from latentmotion.data.store import StoredMotion, caption_rows
-from latentmotion.describe.facts import BOTH
+from latentmotion.data.store import COMPOSED, StoredMotion
+from latentmotion.describe.facts import BOTH, SingleAction
 from latentmotion.describe.prompting import prompts, prompts_in_order
-from latentmotion.describe.scene import scene_of
-from latentmotion.describe.single import SingleAction
+from latentmotion.describe.reading import scene_of
 from latentmotion.describe.strictness import strictly
 from latentmotion.errors import DataError
 
@@ -34,9 +38,9 @@ Joints = Float[np.ndarray, "frames joints 3"]
 REPEATED = frozenset(
     ("jump", "hop", "kick", "punch", "squat", "bow", "knee", "raise", "jack", "pick_up")
 )
-"""Kinds of which one is shown two to four times."""
+"""Kinds that are repeated two to four times."""
 
-_WANTED = {
+_KIND_WEIGHTS = {
     "walk": 8.0, "run": 3.0, "jog": 3.0, "turn": 4.0, "stand": 2.0, "steps": 2.0, "kick": 3.0,
     "jump": 3.0, "punch": 2.5, "wave": 2.0, "raise": 3.0, "squat": 2.0, "pick_up": 2.0,
     "sit_down": 2.0, "stand_up": 2.0, "lie_down": 2.0, "get_up": 2.0, "bow": 1.5, "crouch": 1.5,
@@ -44,7 +48,7 @@ _WANTED = {
     "speed_up": 0.5, "slow_down": 0.5, "climb": 0.3, "half_circle": 0.5,
     "weave": 0.5, "turn_then_walk": 0.5, "walk_then_turn": 0.5, "turn_and_return": 0.3,
 }  # fmt: skip
-"""How much more often than others a kind is drawn: what people ask for in order."""
+"""Weights of kinds, as users ask for them in sequences; others have 1."""
 
 _SIDED = ("kick", "raise", "steps", "walk", "turn", "punch", "knee", "hop")
 """Kinds that follow themselves with another side or direction."""
@@ -56,7 +60,7 @@ _STARTS = {"start_walking": "walk", "start_running": "run"}
 _CHANGE = 0.45
 """Largest distance of poses with their speeds where one gait becomes another, meters."""
 
-_PATIENCE = 40
+_MOST_FAILURES = 40
 """Sequences of the same kinds that fail in a row before no more are tried."""
 
 _PROMPTS = 4
@@ -64,6 +68,9 @@ _PROMPTS = 4
 
 _PER_KIND = 60
 """Shots of one kind that are kept, so that pairs are found in time."""
+
+
+_OTHER_SIDE = {"left": "right", "right": "left"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +92,16 @@ class Shot:
     last: Float[np.ndarray, "some numbers"]
     """Poses where it may end."""
 
+    def nearest(self, following: Shot) -> tuple[float, int, int]:
+        """Returns the best seam to another shot.
+
+        Returns:
+            The distance of the poses, meters, the last frame of this one, the first of the other.
+        """
+        table = np.linalg.norm(self.last[:, None] - following.first[None], axis=-1)
+        row, column = np.unravel_index(table.argmin(), table.shape)
+        return float(table[row, column]), int(self.ends[row]), int(following.begins[column])
+
 
 def compose_actions(
     dataset: Dataset, wanted: Composition, found: Sequence[Found] | None = None
@@ -93,7 +110,7 @@ def compose_actions(
 
     Args:
         dataset: Motions in HumanML3D's features.
-        wanted: How many sequences, three in eight of them repeats, and what is good enough.
+        wanted: Number of sequences, three in eight of them repeats, and their quality.
         found: Single actions, where they are known.
 
     Raises:
@@ -117,20 +134,34 @@ def compose_actions(
 
 
 class _Composer:
-    """Draws shots, joins them and checks what came of it."""
+    """Draws shots, joins them and checks the result."""
 
-    def __init__(self, dataset: Dataset, found: Sequence[Found], wanted: Composition) -> None:
-        self.dataset, self.wanted = dataset, wanted
-        self.representation = dataset.representation
+    def __init__(self, dataset: Dataset, singles: Sequence[Found], wanted: Composition) -> None:
+        self.wanted, self.representation = wanted, dataset.representation
         self.generator = np.random.default_rng(wanted.seed)
         self.refused: Counter[str] = Counter()
-        self.used: Counter[str] = Counter()
         self.by_kind: dict[str, list[Shot]] = defaultdict(list)
-        for shot in self._shots(found):
-            self.by_kind[shot.action.kind].append(shot)
+        # Some shots of every kind, and their mirror images, of different clips first.
+        clips = {clip.id: clip for clip in dataset.clips("train", mirrored=True)}
+        count_by_kind: Counter[str] = Counter()
+        count_by_clip: Counter[tuple[str, str]] = Counter()
+        for index in self.generator.permutation(len(singles)).tolist():
+            action = singles[index].action
+            key = (action.kind, singles[index].clip)
+            enough = count_by_kind[action.kind] >= 2 * _PER_KIND or count_by_clip[key] >= 3
+            if enough or action.frames > 110:
+                continue
+            count_by_kind[action.kind] += 1
+            count_by_clip[key] += 1
+            clip = clips[("M" if self.generator.random() < 0.5 else "") + singles[index].clip]
+            window = dataset.features(clip)[action.start : action.end]
+            joints = self.representation.retarget(self.representation.decode(window))
+            action = _mirrored(action) if clip.mirrored else action
+            shot = self._shot(f"{clip.id}[{action.start}:{action.end}]", action, joints)
+            self.by_kind[action.kind].append(shot)
 
     def repeats(self, count: int) -> list[StoredMotion]:
-        """Returns single acts shown two to four times, and knees that march, of all kinds alike."""
+        """Returns single acts repeated two to four times, and marching, equally of all kinds."""
         wanted: list[tuple[str, int]] = [
             (kind, times) for kind in sorted(REPEATED & set(self.by_kind)) for times in (2, 3, 4)
         ]
@@ -140,20 +171,20 @@ class _Composer:
         return self._filled(quotas, count, lambda key: self._repeated(*key))
 
     def pairs(self, count: int) -> list[StoredMotion]:
-        """Returns two actions in order, drawn by kind: no recording decides what follows what."""
+        """Returns two actions in order, drawn by kind, so that no recording decides the order."""
         kinds = sorted(self.by_kind)
         weights = {
-            (one, other): _WANTED.get(one, 1.0) * _WANTED.get(other, 1.0)
-            for one in kinds
-            for other in kinds
-            if one != other or one in _SIDED
+            (first, second): _KIND_WEIGHTS.get(first, 1.0) * _KIND_WEIGHTS.get(second, 1.0)
+            for first in kinds
+            for second in kinds
+            if first != second or first in _SIDED
         }
         scale = count / sum(weights.values())
-        whole = {
+        rounded = {
             key: int(1.4 * scale * weight + self.generator.random())
             for key, weight in weights.items()
         }
-        quotas = {key: number for key, number in whole.items() if number}
+        quotas = {key: number for key, number in rounded.items() if number}
         return self._filled(quotas, count, lambda key: self._pair(*key))
 
     def _filled(
@@ -162,106 +193,125 @@ class _Composer:
         count: int,
         make: Callable[[Any], StoredMotion | None],
     ) -> list[StoredMotion]:
-        """Makes as many sequences of each key as it may have, in rounds; what fails often ends."""
+        """Makes sequences in rounds until each key has its quota or has failed too often."""
         made: list[StoredMotion] = []
-        have: Counter[tuple[Any, ...]] = Counter()
-        vain: Counter[tuple[Any, ...]] = Counter()
+        successes: Counter[tuple[Any, ...]] = Counter()
+        failures: Counter[tuple[Any, ...]] = Counter()
         keys = list(quotas)
         while keys and len(made) < count:
             for index in self.generator.permutation(len(keys)).tolist():
                 key = keys[index]
                 motion = make(key)
-                vain[key] = 0 if motion else vain[key] + 1
-                have[key] += motion is not None
+                failures[key] = 0 if motion else failures[key] + 1
+                successes[key] += motion is not None
                 made += [motion] if motion else []
-            keys = [key for key in keys if have[key] < quotas[key] and vain[key] < _PATIENCE]
+            keys = [
+                key
+                for key in keys
+                if successes[key] < quotas[key] and failures[key] < _MOST_FAILURES
+            ]
         order = self.generator.permutation(len(made))[:count]
         return [made[index] for index in order.tolist()]
 
     def _repeated(self, kind: str, times: int) -> StoredMotion | None:
-        shots = [s for s in self.by_kind["knee" if kind == "march" else kind] if _is_once(s)]
+        """Repeats one shot, or marches with a knee's shot and its mirror image in turn."""
+        shots = [
+            shot
+            for shot in self.by_kind["knee" if kind == "march" else kind]
+            if shot.action.kind == "raise" or (shot.action.count == 1 and shot.action.side != BOTH)
+        ]
         if not shots:
             return self._refuse("nothing to repeat")
         shot = shots[int(self.generator.integers(len(shots)))]
-        if kind == "march":
-            return self._repeat([shot, self._mirror(shot)], times, marching=times >= 4)
-        return self._repeat([shot], times)
+        cycle = [shot, self._mirror(shot)] if kind == "march" else [shot]
+        joints = self._cycled(cycle, times)
+        if isinstance(joints, str):
+            return self._refuse(joints)
+        whole = (0, len(joints))
+        side = BOTH if kind == "march" else shot.action.side
+        action = replace(shot.action, start=0, end=len(joints), count=times, side=side, act=whole)
+        checked = strictly(action, scene_of(joints))
+        if not checked or checked.count != times:
+            return self._refuse("count is not found")
+        if kind == "march" and times >= 4:
+            checked = SingleAction("march", *whole, act=whole)
+        texts = prompts(checked, self.generator, _PROMPTS, self.wanted.refused_captions)
+        return self._stored(joints, texts, f"{times} x {shot.clip}")
 
-    def _repeat(self, shots: list[Shot], times: int, marching: bool = False) -> StoredMotion | None:
-        """Joins one shot, or two in turn, so many times; None where it is not smooth or exact."""
+    def _cycled(self, shots: list[Shot], times: int) -> Joints | str:
+        """Joins so many shots in turn; returns why if that is not smooth."""
         joints = shots[0].joints
         start = 0
         for turn in range(times):
             shot, following = shots[turn % len(shots)], shots[(turn + 1) % len(shots)]
-            distance = _distances(shot.last, following.first)
-            row, column = np.unravel_index(distance.argmin(), distance.shape)
-            if distance[row, column] > self.wanted.distance:
-                return self._refuse("no pose near enough")
-            end = int(shot.ends[row]) + 1 if turn < times - 1 else len(shot.joints)
-            part, start = shot.joints[start:end], int(following.begins[column])
+            distance, last, next_start = shot.nearest(following)
+            if distance > self.wanted.distance:
+                return "no pose near enough"
+            end = last + 1 if turn < times - 1 else len(shot.joints)
+            piece, start = shot.joints[start:end], next_start
             if turn == 0:
-                joints = part
+                joints = piece
                 continue
             seam = len(joints) - 1
-            joints = splice(joints, part, self.wanted.transition, self.representation)
+            joints = splice(joints, piece, self.wanted.transition, self.representation)
             reason = objection(joints, seam, self.representation, self.wanted)
             if reason and (reason != "too short or too long" or turn == times - 1):
-                return self._refuse(reason)
-        side = shots[0].action.side if len(shots) == 1 else BOTH
-        whole = (0, len(joints))
-        action = replace(
-            shots[0].action, start=0, end=len(joints), count=times, side=side, act=whole
-        )
-        checked = strictly(action, scene_of(joints))
-        if not checked or checked.count != times:
-            return self._refuse("count is not found")
-        told = SingleAction("march", *whole, act=whole) if marching else checked
-        texts = prompts(told, self.generator, _PROMPTS, self.wanted.refused_captions)
-        return self._stored(joints, texts, f"{times} x {shots[0].clip}")
+                return reason
+        return joints
 
-    def _pair(self, one: str, other: str) -> StoredMotion | None:
+    def _pair(self, first_kind: str, second_kind: str) -> StoredMotion | None:
+        """Joins two actions, of several drawn those whose poses are nearest."""
         best: tuple[float, Shot, Shot] | None = None
-        for first in [self._drawn(one) for _ in range(4)]:
-            some = [self._drawn(other) for _ in range(16)]
-            if one == other:
-                some = [self._mirror(first), *some]
-                some = [shot for shot in some if _differs(first.action, shot.action)]
-            for shot in some:
-                near = float(_distances(first.last, shot.first).min())
+        for first in [self._drawn(first_kind) for _ in range(4)]:
+            candidates = [self._drawn(second_kind) for _ in range(16)]
+            if first_kind == second_kind:  # only those that captions distinguish
+                action = first.action
+                candidates = [
+                    shot
+                    for shot in (self._mirror(first), *candidates)
+                    if action.count == shot.action.count
+                    and (action.side, action.direction) != (shot.action.side, shot.action.direction)
+                ]
+            for shot in candidates:
+                near = first.nearest(shot)[0]
                 if shot.clip != first.clip and (best is None or near < best[0]):
                     best = near, first, shot
-        ways = one in _GAITS and other in _GAITS
-        if best is None or best[0] > (_CHANGE if ways else self.wanted.distance):
+        gaits = first_kind in _GAITS and second_kind in _GAITS
+        if best is None or best[0] > (_CHANGE if gaits else self.wanted.distance):
             return self._refuse("no pose near enough")
         return self._joined(best[1], best[2])
 
     def _joined(self, first: Shot, second: Shot) -> StoredMotion | None:
-        table = _distances(first.last, second.first)
-        row, column = np.unravel_index(table.argmin(), table.shape)
-        seam, start = int(first.ends[row]), int(second.begins[column])
-        one, other = first.joints[: seam + 1], second.joints[start:]
-        joints = splice(one, other, self.wanted.transition, self.representation)
+        _, seam, start = first.nearest(second)
+        joints = splice(
+            first.joints[: seam + 1],
+            second.joints[start:],
+            self.wanted.transition,
+            self.representation,
+        )
         reason = objection(joints, seam, self.representation, self.wanted)
         if reason:
             return self._refuse(reason)
-        told = _told(joints, seam, first.action, second.action)
-        if told is None:
+        before = after = None
+        rest = len(joints) - seam
+        if min(seam, rest) >= 12:
+            action = replace(first.action, start=0, end=seam + 1)
+            before = strictly(action, scene_of(joints[: seam + 1]))
+            action = replace(second.action, start=0, end=rest)
+            after = strictly(action, scene_of(joints[seam:]))
+        if before is None or after is None:
             return self._refuse("actions are not found")
-        asked, refused = self._as_asked(*told), self.wanted.refused_captions
-        texts = prompts_in_order(*asked, self.generator, _PROMPTS, refused)
+        after = replace(after, start=seam, end=len(joints))
+        # A stop before something, and a start after it, are often described as walking or running.
+        stopped, started = _STOPS.get(before.kind), _STARTS.get(after.kind)
+        if stopped and after.kind != "stand" and self.generator.random() < 0.75:
+            before = replace(before, kind=stopped)
+        same = (before.kind, before.direction) == (started, after.direction)
+        if started and before.kind != "stand" and not same and self.generator.random() < 0.75:
+            after = replace(after, kind=started)
+        refused = self.wanted.refused_captions
+        texts = prompts_in_order(before, after, self.generator, _PROMPTS, refused)
         return self._stored(joints, texts, f"{first.clip} + {second.clip}")
-
-    def _as_asked(
-        self, first: SingleAction, second: SingleAction
-    ) -> tuple[SingleAction, SingleAction]:
-        """Tells of a stop before something, and of a start after it, as of walking or running."""
-        before, after = _STOPS.get(first.kind), _STARTS.get(second.kind)
-        if before and second.kind != "stand" and self.generator.random() < 0.75:
-            first = replace(first, kind=before)
-        same = (first.kind, first.direction) == (after, second.direction)
-        if after and first.kind != "stand" and not same and self.generator.random() < 0.75:
-            second = replace(second, kind=after)
-        return first, second
 
     def _mirror(self, shot: Shot) -> Shot:
         joints = shot.joints[:, list(self.representation.skeleton.mirror)] * np.array([-1, 1, 1])
@@ -280,42 +330,11 @@ class _Composer:
             return self._refuse("no words")
         features = self.representation.encode(joints)
         captions = [Caption(text, 0, len(features)) for text in texts]
-        mirrored = [replace(caption, text=mirror_words(caption.text)) for caption in captions]
-        clip = StoredClip(
-            id="",
-            source=COMPOSED,
-            origin=origin,
-            split="train",
-            frames=len(features),
-            shard=0,
-            offset=0,
-            captions=caption_rows(captions),
-            mirrored_captions=caption_rows(mirrored),
-        )
-        return StoredMotion(clip, features)
-
-    def _shots(self, found: Sequence[Found]) -> Iterator[Shot]:
-        """Yields some shots of every kind, and their mirror images, of different clips first."""
-        clips = {clip.id: clip for clip in self.dataset.clips("train", mirrored=True)}
-        taken: Counter[str] = Counter()
-        of_clip: Counter[tuple[str, str]] = Counter()
-        for index in self.generator.permutation(len(found)).tolist():
-            one = found[index]
-            kind = one.action.kind
-            key = (kind, one.clip)
-            if taken[kind] >= 2 * _PER_KIND or of_clip[key] >= 3 or one.action.frames > 110:
-                continue
-            of_clip[key] += 1
-            taken[kind] += 1
-            clip = clips[("M" if self.generator.random() < 0.5 else "") + one.clip]
-            window = self.dataset.features(clip)[one.action.start : one.action.end]
-            joints = self.representation.retarget(self.representation.decode(window))
-            action = _mirrored(one.action) if clip.mirrored else one.action
-            yield self._shot(f"{clip.id}[{action.start}:{action.end}]", action, joints)
+        return composed_motion("", features, captions, origin)
 
     def _shot(self, name: str, action: SingleAction, joints: Joints) -> Shot:
         first, last = action.act[0] - action.start, action.act[1] - action.start
-        own = replace(action, start=0, end=len(joints), act=(first, last))
+        shifted = replace(action, start=0, end=len(joints), act=(first, last))
         end = len(joints) - 1
         begins = np.arange(0, max(min(first, 12), 3), 2)
         ends = np.arange(min(max(last - 1, end - 12), end - 2), end + 1, 2)
@@ -323,43 +342,10 @@ class _Composer:
             begins = np.arange(0, max(end - 24, 3), 2)
             ends = np.arange(min(22, end - 2), end + 1, 2)
         fps, skeleton = self.representation.fps, self.representation.skeleton
-        poses = [pose_descriptors(joints, fps, skeleton, some) for some in (begins, ends)]
-        return Shot(name, own, joints, begins, ends, *poses)
-
-
-def _told(
-    joints: Joints, seam: int, first: SingleAction, second: SingleAction
-) -> tuple[SingleAction, SingleAction] | None:
-    """Returns both actions as the sequence shows them before and after its seam."""
-    if min(seam, len(joints) - seam) < 12:
-        return None
-    one = replace(first, start=0, end=seam + 1)
-    other = replace(second, start=0, end=len(joints) - seam)
-    before = strictly(one, scene_of(joints[: seam + 1]))
-    after = strictly(other, scene_of(joints[seam:]))
-    if before is None or after is None:
-        return None
-    return before, replace(after, start=seam, end=len(joints))
-
-
-def _is_once(shot: Shot) -> bool:
-    return (shot.action.count == 1 and shot.action.side != BOTH) or shot.action.kind == "raise"
-
-
-def _differs(one: SingleAction, other: SingleAction) -> bool:
-    """Whether two actions of one kind are told differently."""
-    return (one.side, one.direction) != (other.side, other.direction) and one.count == other.count
-
-
-_OTHER = {"left": "right", "right": "left"}
+        poses = [pose_descriptors(joints, fps, skeleton, frames) for frames in (begins, ends)]
+        return Shot(name, shifted, joints, begins, ends, *poses)
 
 
 def _mirrored(action: SingleAction) -> SingleAction:
-    side, way = (_OTHER.get(word, word) for word in (action.side, action.direction))
-    return replace(action, side=side, direction=way)
-
-
-def _distances(
-    some: Float[np.ndarray, "some numbers"], others: Float[np.ndarray, "others numbers"]
-) -> Float[np.ndarray, "some others"]:
-    return np.linalg.norm(some[:, None] - others[None], axis=-1)
+    side, direction = (_OTHER_SIDE.get(word, word) for word in (action.side, action.direction))
+    return replace(action, side=side, direction=direction)

@@ -1,4 +1,4 @@
-"""A prepared folder as Python sees it: clips by split, their features, normalizer and sources."""
+"""A prepared folder in Python: clips by split, their features, normalizer and sources."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from safetensors import SafetensorError, safe_open
 
 from latentmotion.data.clip import SPLITS, Clip, Source
-from latentmotion.data.manifest import MANIFEST, Manifest, StoredClip, read_manifest
+from latentmotion.data.store import MANIFEST, Manifest, StoredClip, read_manifest
 from latentmotion.errors import DataError, InputError
 from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.normalizer import Normalizer
@@ -20,14 +20,14 @@ from latentmotion.storage.files import sha256
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Motions ready for training; features are read from disk when they are asked for."""
+    """Motions ready for training; features are read from disk on demand."""
 
     folder: Path
     """The prepared folder."""
     manifest: Manifest
-    """What it says about itself."""
+    """Its manifest."""
     representation: Representation
-    """How its features describe motion."""
+    """Representation of its features."""
 
     @classmethod
     def load(cls, folder: str | Path) -> Dataset:
@@ -60,7 +60,7 @@ class Dataset:
 
     @property
     def sources(self) -> tuple[Source, ...]:
-        """Where its motions come from and what their owners ask."""
+        """Origins of its motions, with the terms of their owners."""
         return self.manifest.sources
 
     @cached_property
@@ -93,21 +93,19 @@ class Dataset:
         name = clip.id.removeprefix("M") if clip.mirrored else clip.id
         if name not in self._stored:
             raise DataError(f"{self.folder} has no clip {clip.id!r}")
-        features = self._rows(self._stored[name])
+        stored = self._stored[name]
+        path = self.folder / self.manifest.shards[stored.shard].file
+        try:
+            with safe_open(path, "np") as shard:
+                rows = shard.get_slice("features")
+                features = rows[stored.offset : stored.offset + stored.frames]
+        except (OSError, SafetensorError) as error:
+            raise DataError(f"{path} is damaged ({error}); copy or prepare it again") from error
         return self.representation.mirror(features) if clip.mirrored else features
 
     def actions(self) -> list[str]:
         """Returns the action labels that occur, sorted."""
         return sorted({clip.action for clip in self.manifest.clips if clip.action})
-
-    def _rows(self, stored: StoredClip) -> Float[np.ndarray, "frames features"]:
-        path = self.folder / self.manifest.shards[stored.shard].file
-        try:
-            with safe_open(path, "np") as shard:
-                rows = shard.get_slice("features")
-                return rows[stored.offset : stored.offset + stored.frames]
-        except (OSError, SafetensorError) as error:
-            raise DataError(f"{path} is damaged ({error}); copy or prepare it again") from error
 
     @cached_property
     def _stored(self) -> dict[str, StoredClip]:

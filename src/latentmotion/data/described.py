@@ -1,16 +1,16 @@
-"""Sentences measured from the motions of a prepared folder, or of a folder of motion files.
+"""Captions measured from the motions of a prepared folder, or of a folder of motion files.
 
 In the train split each clip gets sentences about itself and about parts of random length and
-place; its own captions go with the parts of which they are still true. Clips of val and test keep
+position; its own captions go with the parts of which they are still true, and are also said in
+other words. Captions that the motion contradicts can be left out. Clips of val and test keep
 their captions, and get measured ones only where they have none.
 """
 
 from __future__ import annotations
 
 import csv
-import hashlib
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,34 +18,39 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.captions import TaggedSentence, fit_sentences, mirror_words
+from latentmotion.data import singles
+from latentmotion.data.captions import fit_sentences
 from latentmotion.data.clip import Caption
-from latentmotion.data.contradictions import contradiction, without_contradicted
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.encoding import encode_all
-from latentmotion.data.manifest import MANIFEST, CaptionRow, StoredClip
-from latentmotion.data.own import FPS, OwnMotions
+from latentmotion.data.prepare import REPORT, Report, encode_all, parts_of, read_report
 from latentmotion.data.recording import Dropped
-from latentmotion.data.report import REPORT, Report, parts_of
-from latentmotion.data.rewording import reworded_captions
-from latentmotion.data.singles import Balance, balanced_singles, single_rows, with_prompts
+from latentmotion.data.sources.own import OwnMotions
+from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
+from latentmotion.data.takes import FPS
+from latentmotion.describe.agreement import check as check_agreement
 from latentmotion.describe.prompting import plain
 from latentmotion.describe.reading import describe
+from latentmotion.describe.rewording import rewordings as reworded_texts
 from latentmotion.describe.sentences import plain_action, sentences
-from latentmotion.describe.windows import Row, Windows, caption_windows
+from latentmotion.describe.windows import Windows, caption_windows
 from latentmotion.errors import DataError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file, atomic_folder
 
 COLUMNS = ("file", "caption", "from", "to")
-"""What `data prepare own --captions` reads."""
+"""Columns that `data prepare own --captions` reads."""
 
 PROMPTS = 4
 """Prompts of each window that shows a single action."""
 
 LONGEST_FILE = 200
-"""Frames of the longest motion file that is described whole; longer ones in parts."""
+"""Frames of the longest motion file that is described whole; longer ones are in parts."""
+
+Joints = Float[np.ndarray, "frames 22 3"]
+
+_SHORTEST = 4
+"""Frames of the shortest motion that can be described."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +82,9 @@ def describe_folder(
     Args:
         folder: A prepared folder of HumanML3D features.
         out: The folder to write; features and normalizer are copied as they are.
-        windows: How many parts per clip, and how many sentences.
-        seed: What draws parts and wording; each clip draws for itself.
-        rewordings: How often each caption of the train split is said in other words.
+        windows: Numbers of parts per clip, and of sentences.
+        seed: Seed of parts and wording; each clip draws for itself.
+        rewordings: Number of paraphrases of each caption of the train split.
         check: Whether captions of the train split that the motion contradicts are left out.
         single: Most windows of one category of single action that get prompts; zero is none.
         refused_captions: Sentences of a test set, as `prompting.plain` writes them, which no
@@ -89,20 +94,20 @@ def describe_folder(
         DataError: The folder is not a prepared one, or of another representation.
         InputError: The folder cannot be written.
     """
-    dataset, refused = _loaded(folder, check)
+    dataset, dropped = _load(folder, check)
     clips = tuple(described_clips(dataset, windows, seed, rewordings))
     if single:
-        found = balanced_singles(dataset, seed, Balance(single))
-        rows = single_rows(found, seed, PROMPTS)
-        clips = tuple(with_prompts(clip, rows) for clip in clips)
+        rows = singles.single_rows(
+            singles.balanced_singles(dataset, seed, singles.Balance(single)), seed, PROMPTS
+        )
+        clips = tuple(singles.with_prompts(clip, rows) for clip in clips)
     clips = tuple(without_captions(clip, refused_captions) for clip in clips)
     manifest = replace(dataset.manifest, clips=clips)
-    path = dataset.folder / REPORT
-    old = read_json(Report, path) if path.is_file() else Report((), (), None)
+    old = read_report(dataset.folder) or Report((), (), None)
     added = sum(len(clip.captions) for clip in clips)
     added -= sum(len(clip.captions) for clip in dataset.manifest.clips)
     note = f"{added} captions measured from the motion (latentmotion data describe, seed {seed})"
-    report = replace(old, parts=parts_of(manifest), dropped=(*old.dropped, *refused))
+    report = replace(old, parts=parts_of(manifest), dropped=(*old.dropped, *dropped))
     report = replace(report, notes=(*old.notes, note))
     with atomic_folder(out, MANIFEST) as temporary:
         for shard in manifest.shards:
@@ -132,33 +137,93 @@ def described_clips(
             yield clip
             continue
         joints = dataset.representation.decode(dataset.features(clip.clip()))
-        generator = _generator(seed, clip.id)
+        generator = singles.clip_generator(seed, clip.id)
         if clip.split == "train":
-            own = [Caption(*row) for row in clip.captions]
-            new = reworded_captions(own, generator, rewordings)
-            known, reworded = (
-                [(c.text, c.start_frame, c.end_frame) for c in captions] for captions in (own, new)
-            )
-            rows = [
-                *reworded,
-                *caption_windows(joints, [*known, *reworded], generator, windows),
+            captions = [Caption(*row) for row in clip.captions]
+            known = [(c.text, c.start_frame, c.end_frame) for c in captions]
+            reworded = [
+                (c.text, c.start_frame, c.end_frame)
+                for c in reworded_captions(captions, generator, rewordings)
             ]
+            measured = caption_windows(joints, [*known, *reworded], generator, windows)
+            rows = [*reworded, *measured]
         else:
-            whole = describe(joints)
-            rows = [(text, 0, clip.frames) for text in sentences(whole, generator, count=3)]
-        yield _with_rows(clip, rows)
+            texts = sentences(describe(joints), generator, count=3)
+            rows = [(text, 0, clip.frames) for text in texts]
+        yield clip.with_captions(rows)
+
+
+def reworded_captions(
+    captions: Sequence[Caption], generator: np.random.Generator, count: int
+) -> tuple[Caption, ...]:
+    """Returns captions that say the same of the same frames in other words.
+
+    Only for clips of the train split: a test set keeps the words that people wrote.
+
+    Args:
+        captions: Captions of a clip.
+        generator: Source of every choice.
+        count: Number of wordings to try for each caption.
+
+    Returns:
+        The new captions alone, without tokens; none that the clip has already.
+    """
+    known = {(c.text.rstrip(". "), c.start_frame, c.end_frame) for c in captions}
+    reworded: list[Caption] = []
+    for caption in captions:
+        for text in reworded_texts(caption.text, generator, count):
+            key = (text.rstrip(". "), caption.start_frame, caption.end_frame)
+            if key not in known:
+                known.add(key)
+                reworded.append(Caption(text, caption.start_frame, caption.end_frame))
+    return tuple(reworded)
+
+
+def contradiction(caption: str, joints: Joints) -> str:
+    """Returns what a motion does that a caption of it denies; empty if there is nothing.
+
+    Args:
+        caption: A sentence, or the name of an action.
+        joints: As `describe` takes them.
+    """
+    if len(joints) < _SHORTEST:
+        return ""
+    agreement = check_agreement(caption, describe(joints))
+    pairs = zip(agreement.verdicts, agreement.reasons, strict=True)
+    return "; ".join(reason for verdict, reason in pairs if verdict == "contradicts")
+
+
+def without_contradicted(dataset: Dataset) -> tuple[Dataset, tuple[Dropped, ...]]:
+    """Removes captions that the motion contradicts from the train split.
+
+    Val and test keep the captions that people wrote.
+
+    Returns:
+        The data set with the other captions, and the removed ones with the reason.
+    """
+    dropped: list[Dropped] = []
+    clips = []
+    for clip in dataset.manifest.clips:
+        if clip.split == "train":
+            captions = _agreeing_rows(dataset, clip, False, dropped)
+            mirrored = _agreeing_rows(dataset, clip, True, dropped)
+            clip = replace(clip, captions=captions, mirrored_captions=mirrored)
+        clips.append(clip)
+    manifest = replace(dataset.manifest, clips=tuple(clips))
+    return replace(dataset, manifest=manifest), tuple(dropped)
 
 
 def describe_files(
     motions: OwnMotions, seed: int = 0, check: bool = False, names: bool = False
 ) -> list[FileRow | Dropped]:
-    """Describes motion files; what `data prepare` would drop comes with the reason.
+    """Describes motion files; those that `data prepare` would drop come with the reason.
 
-    Sentences in text files beside the motions stay, before the measured ones.
+    Sentences in text files beside the motions stay, before the measured ones. Files longer than a
+    clip are described in parts of equal length.
 
     Args:
         motions: The files.
-        seed: What draws the wording.
+        seed: Seed of the wording.
         check: Whether sentences beside a motion that it contradicts are left out.
         names: Whether a file's name (`wave_hello_02.bvh`) says what it shows; a name that the
             motion contradicts is left out.
@@ -166,20 +231,31 @@ def describe_files(
     Raises:
         DataError: There is no such folder or no motion file in it.
     """
-    out: list[FileRow | Dropped] = []
+    rows: list[FileRow | Dropped] = []
     for item in encode_all(motions.recordings(), HUMANML3D_FEATURES):
         if isinstance(item, Dropped):
-            out.append(item)
+            rows.append(item)
             continue
         joints = HUMANML3D_FEATURES.decode(item.features)
-        file = item.label.origin
-        out += _known_rows(file, joints, item.label.sentences, check)
+        file, frames = item.label.origin, len(joints)
+        captions, reasons = fit_sentences(item.label.sentences, frames)
+        rows += [Dropped(file, "caption", reason) for reason in reasons]
+        for caption in captions:
+            start, end, text = caption.start_frame, caption.end_frame, caption.text
+            if check and (reason := contradiction(text, joints[start:end])):
+                rows.append(Dropped(file, "caption", f"{text!r}, but {reason}"))
+            else:
+                rows.append(FileRow(file, text, *_seconds(start, end, frames)))
         action = plain_action(Path(file).stem) if names else ""
         if action and (reason := contradiction(action, joints)):
-            out.append(Dropped(item.label.id, "caption", f"name {action!r}, but {reason}"))
+            rows.append(Dropped(item.label.id, "caption", f"name {action!r}, but {reason}"))
             action = ""
-        out += _file_rows(file, joints, _generator(seed, item.label.id), action)
-    return out
+        generator = singles.clip_generator(seed, item.label.id)
+        edges = np.linspace(0, frames, -(-frames // LONGEST_FILE) + 1).astype(int).tolist()
+        for start, end in pairwise(edges):
+            texts = sentences(describe(joints[start:end]), generator, action or None, count=3)
+            rows += [FileRow(file, text, *_seconds(start, end, frames)) for text in texts]
+    return rows
 
 
 def write_captions(path: str | Path, rows: Iterable[FileRow]) -> None:
@@ -192,25 +268,25 @@ def write_captions(path: str | Path, rows: Iterable[FileRow]) -> None:
         table = csv.writer(file)
         table.writerow(COLUMNS)
         for row in rows:
-            part = ("", "") if row.start == row.end == 0 else (f"{row.start:g}", f"{row.end:g}")
-            table.writerow((row.file, row.caption, *part))
+            span = ("", "") if row.start == row.end == 0 else (f"{row.start:g}", f"{row.end:g}")
+            table.writerow((row.file, row.caption, *span))
 
 
 def folder_rows(
     folder: str | Path, windows: Windows, seed: int, rewordings: int = 0, check: bool = False
 ) -> list[FileRow | Dropped]:
-    """Returns the captions that `describe_folder` would write, and what it would leave out."""
-    dataset, refused = _loaded(folder, check)
+    """Returns the captions that `describe_folder` would write, and those it would leave out."""
+    dataset, dropped = _load(folder, check)
     rows = [
-        FileRow(clip.id, text, *_span(start, end, clip.frames))
+        FileRow(clip.id, text, *_seconds(start, end, clip.frames))
         for clip in described_clips(dataset, windows, seed, rewordings)
         for text, start, end, _ in clip.captions
     ]
-    return [*refused, *rows]
+    return [*dropped, *rows]
 
 
-def _loaded(folder: str | Path, check: bool) -> tuple[Dataset, tuple[Dropped, ...]]:
-    """Opens a prepared folder of HumanML3D's features, without contradicted captions if asked.
+def _load(folder: str | Path, check: bool) -> tuple[Dataset, tuple[Dropped, ...]]:
+    """Opens a prepared folder of HumanML3D's features, without contradicted captions if `check`.
 
     Raises:
         DataError: The folder is not a prepared one, or of another representation.
@@ -224,55 +300,25 @@ def _loaded(folder: str | Path, check: bool) -> tuple[Dataset, tuple[Dropped, ..
     return without_contradicted(dataset) if check else (dataset, ())
 
 
-def _known_rows(
-    file: str,
-    joints: Float[np.ndarray, "frames 22 3"],
-    known: tuple[TaggedSentence, ...],
-    check: bool,
-) -> Iterator[FileRow | Dropped]:
-    """Yields the sentences that lie beside a motion, or why one is left out."""
-    captions, reasons = fit_sentences(known, len(joints))
-    yield from (Dropped(file, "caption", reason) for reason in reasons)
-    for caption in captions:
-        start, end = caption.start_frame, caption.end_frame
-        if check and (reason := contradiction(caption.text, joints[start:end])):
-            yield Dropped(file, "caption", f"{caption.text!r}, but {reason}")
+def _agreeing_rows(
+    dataset: Dataset, clip: StoredClip, mirrored: bool, dropped: list[Dropped]
+) -> tuple[CaptionRow, ...]:
+    """Returns the captions of one side that hold, and adds the others to those dropped."""
+    rows = clip.mirrored_captions if mirrored else clip.captions
+    if not rows:
+        return rows
+    joints = dataset.representation.decode(dataset.features(clip.clip(mirrored)))
+    kept = []
+    for row in rows:
+        text, start, end, _ = row
+        if reason := contradiction(text, joints[start:end]):
+            side = "mirrored: " if mirrored else ""
+            dropped.append(Dropped(clip.id, "caption", f"{side}{text!r}, but {reason}"))
         else:
-            yield FileRow(file, caption.text, *_span(start, end, len(joints)))
+            kept.append(row)
+    return tuple(kept)
 
 
-def _file_rows(
-    file: str,
-    joints: Float[np.ndarray, "frames 22 3"],
-    generator: np.random.Generator,
-    action: str = "",
-) -> list[FileRow]:
-    """Files longer than a clip are described in parts of equal length."""
-    frames = len(joints)
-    parts = -(-frames // LONGEST_FILE)
-    edges = np.linspace(0, frames, parts + 1).astype(int).tolist()
-    out = []
-    for start, end in pairwise(edges):
-        texts = sentences(describe(joints[start:end]), generator, action or None, count=3)
-        out += [FileRow(file, text, *_span(start, end, frames)) for text in texts]
-    return out
-
-
-def _span(start: int, end: int, frames: int) -> tuple[float, float]:
-    """Returns seconds as a CSV has them: zero in both for the whole motion."""
+def _seconds(start: int, end: int, frames: int) -> tuple[float, float]:
+    """Returns seconds for a CSV: zero in both for the whole motion."""
     return (0.0, 0.0) if end - start == frames else (start / FPS, end / FPS)
-
-
-def _with_rows(clip: StoredClip, rows: list[Row]) -> StoredClip:
-    added: tuple[CaptionRow, ...] = tuple((*row, "") for row in rows)
-    mirrored = tuple((mirror_words(text), start, end, "") for text, start, end in rows)
-    return replace(
-        clip,
-        captions=(*clip.captions, *added),
-        mirrored_captions=(*clip.mirrored_captions, *mirrored),
-    )
-
-
-def _generator(seed: int, name: str) -> np.random.Generator:
-    number = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
-    return np.random.default_rng([seed, number])

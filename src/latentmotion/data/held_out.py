@@ -1,8 +1,8 @@
-"""Which clips are held out for validation and test: fixed lists, so that figures stay comparable.
+"""Clips held out for validation and test: fixed lists, so that figures stay comparable.
 
 `splits/val.txt` and `splits/test.txt` name source, clip and frames of joints. HumanML3D and HDM05
 have rules of their own, which the lists repeat; takes of Seoul National University are drawn by
-hash, and cut where the lists say, whatever becomes of the rules for cutting.
+hash and cut where the lists say, even if the rules for cutting change.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from importlib import resources
 from latentmotion.data.clip import Split
 
 VAL, TEST = 0.05, 0.10
-"""Parts of the recordings that are held out where no list names them."""
+"""Fractions of the recordings that are held out where no list names them."""
 
 
 @dataclass(frozen=True)
@@ -34,27 +34,27 @@ class HeldOut:
 @cache
 def held_out() -> Mapping[str, HeldOut]:
     """Returns the fixed clips of val and test, by id."""
-    found = {}
+    clips = {}
     splits: tuple[Split, ...] = ("val", "test")
     for split in splits:
         file = resources.files("latentmotion.data").joinpath(f"splits/{split}.txt")
         for line in file.read_text(encoding="utf-8").splitlines():
             source, name, frames = line.split()
-            found[name] = HeldOut(source, split, int(frames))
-    return found
+            clips[name] = HeldOut(source, split, int(frames))
+    return clips
 
 
 def pieces_of(prefix: str) -> list[tuple[int, int]]:
     """Returns the fixed pieces of a take whose clips are called `{prefix}-{first frame}`."""
-    fixed = ((name.rpartition("-"), clip.frames) for name, clip in held_out().items())
-    starts = [(int(start), frames) for (take, _, start), frames in fixed if take == prefix]
+    clips = ((name.rpartition("-"), clip.frames) for name, clip in held_out().items())
+    starts = [(int(start), frames) for (take, _, start), frames in clips if take == prefix]
     return sorted((start, start + frames) for start, frames in starts)
 
 
 def split_of(source: str, recording: str) -> Split:
-    """Returns the split of a recording, the same on every machine and whatever else is there."""
+    """Returns the split of a recording, the same on every machine."""
     digest = hashlib.sha256(f"{source}/{recording}".encode()).digest()
-    part = int.from_bytes(digest[:4], "big") / 2**32
-    if part < TEST:
+    draw = int.from_bytes(digest[:4], "big") / 2**32
+    if draw < TEST:
         return "test"
-    return "val" if part < TEST + VAL else "train"
+    return "val" if draw < TEST + VAL else "train"

@@ -1,30 +1,31 @@
-"""What a folder holds, what it lacks and how to get it: raw data of every kind, or prepared."""
+"""Contents of a folder of raw or prepared data: what is there, what is missing, how to get it."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from latentmotion.data.annotations import GET_IT, read_index, read_splits, read_texts
-from latentmotion.data.cmu_trials import CMU, find_trials, rows_by_trial
+from latentmotion.data.clip import SPLITS
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.finding import files_below
-from latentmotion.data.hdm05 import find_clips
-from latentmotion.data.humanml3d import FEATURES
-from latentmotion.data.manifest import MANIFEST
-from latentmotion.data.own import find_motions
-from latentmotion.data.report import Report, parts_of
-from latentmotion.data.snu import find_takes
-from latentmotion.data.uestc import ACTIONS, FRAMES, NAMES, POSES, UESTC
+from latentmotion.data.prepare import Report, parts_of
+from latentmotion.data.sources import humanml3d
+from latentmotion.data.sources.cmu import CMU, find_trials, rows_by_trial
+from latentmotion.data.sources.hdm05 import find_clips
+from latentmotion.data.sources.own import find_motions
+from latentmotion.data.sources.snu import find_takes
+from latentmotion.data.sources.uestc import ACTIONS, FRAMES, NAMES, POSES, UESTC
+from latentmotion.data.store import MANIFEST
+from latentmotion.data.takes import files_below
 from latentmotion.errors import DataError
 from latentmotion.storage.files import sha256
 
 _EXPECTED = (
     f"expected a prepared folder ({MANIFEST}), HumanML3D's captions (index.csv, texts, train.txt), "
-    f"an official processed folder ({FEATURES}), humanact12poses.pkl or {POSES}, CMU "
+    f"an official processed folder ({humanml3d.FEATURES}), humanact12poses.pkl or {POSES}, CMU "
     "trials (SS_TT.amc or .bvh), HDM05's clips (HDM_ACTOR_CLASS_NNN_120.amc), SNU's takes or your "
     "own BVH files"
 )
@@ -40,60 +41,74 @@ def inspect_folder(folder: Path) -> list[str]:
         return list(_prepared(Dataset.load(folder)))
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; {_EXPECTED}")
-    looks = (_annotations, _official, _poses, _motions)
-    lines = [line for look in looks for line in look(folder)]
-    if not lines:
+    annotated, lines = list(_annotations_and_poses(folder)), []
+    with suppress(DataError):
+        lines += list(_cmu(folder))
+    with suppress(DataError):
+        lines += [
+            f"HDM05: {len(find_clips(folder))} cut clips",
+            f"next: latentmotion data prepare hdm05 {folder} -o OUT",
+        ]
+    with suppress(DataError):
+        takes = find_takes(folder)
+        labels = sum(path.parent.name == "annotation" for path in files_below(folder, [".lab"]))
+        lines += [
+            f"SNU: {len(takes)} takes on its skeletons, {labels} files of annotations",
+            f"next: latentmotion data prepare snu {folder} -o OUT",
+        ]
+    if lines:
+        return [*annotated, *lines]
+    with suppress(DataError):
+        motions = find_motions(folder)
+        captioned = sum(path.with_suffix(".txt").is_file() for path in motions.values())
+        lines = [f"motion files: {len(motions)}, of which {captioned} have captions beside them"]
+        if captioned < len(motions) and not any(folder.glob("*.csv")):
+            lines.append(
+                "  missing: captions (NAME.txt beside NAME.bvh, or a CSV with file,caption)"
+            )
+        lines.append(f"next: latentmotion data prepare own {folder} -o OUT")
+    if not annotated and not lines:
         raise DataError(f"{folder}: found nothing known; {_EXPECTED}")
-    return lines
+    return [*annotated, *lines]
 
 
 def _prepared(dataset: Dataset) -> Iterator[str]:
-    folder = dataset.folder
-    for shard in dataset.manifest.shards:
+    folder, manifest = dataset.folder, dataset.manifest
+    for shard in manifest.shards:
         if sha256(folder / shard.file) != shard.sha256:
             raise DataError(f"{folder / shard.file} is damaged (hash); copy it or prepare again")
-    for split in ("train", "val", "test"):
+    for split in SPLITS:
         for clip in dataset.clips(split):
             if not np.isfinite(dataset.features(clip)).all():
                 raise DataError(f"{folder}: clip {clip.id} is not finite; prepare it again")
-    manifest = dataset.manifest
     yield f"prepared data set: {manifest.representation}, {manifest.fps:g} fps, every hash right"
     yield Report(parts_of(manifest), (), None).table()
     yield f"normalizer: {manifest.normalizer.origin}"
     if counts := Counter(clip.action for clip in manifest.clips if clip.action):
-        every = ", ".join(f"{action} {count}" for action, count in sorted(counts.items()))
-        yield f"actions: {len(counts)} ({every})"
+        actions = ", ".join(f"{action} {count}" for action, count in sorted(counts.items()))
+        yield f"actions: {len(counts)} ({actions})"
     for source in manifest.sources:
         yield f"source {source.name}{f', {source.url}' if source.url else ''}"
         yield f"  terms: {source.license}"
         yield f"  credit: {source.credit or 'nobody is named'}"
 
 
-def _annotations(folder: Path) -> Iterator[str]:
-    found = [path.parent for path in sorted(folder.rglob("index.csv"))]
-    for place in found:
-        rows = read_index(place)
-        yield f"HumanML3D's index in {place}: {len(rows)} clips"
-        for name, reader in (("captions", read_texts), ("splits", read_splits)):
+def _annotations_and_poses(folder: Path) -> Iterator[str]:
+    """Yields lines about HumanML3D's annotations and features, and about SMPL's poses."""
+    for path in sorted(folder.rglob("index.csv")):
+        yield f"HumanML3D's index in {path.parent}: {len(humanml3d.read_index(path.parent))} clips"
+        for name, reader in (("captions", humanml3d.read_texts), ("splits", humanml3d.read_splits)):
             try:
-                yield f"  {name}: {len(reader(place))} ids"
+                yield f"  {name}: {len(reader(path.parent))} ids"
             except DataError as error:
                 yield f"  missing {name}: {error}"
-
-
-def _official(folder: Path) -> Iterator[str]:
-    if not (folder / FEATURES).is_dir():
-        return
-    count = sum(1 for _ in (folder / FEATURES).glob("*.npy"))
-    yield f"official processed folder: {count} clips (mirrored copies included)"
-    needed = ("texts", "train.txt", "val.txt", "test.txt", "Mean.npy", "Std.npy")
-    for name in needed:
-        if not (folder / name).exists():
-            yield f"  missing {name}: {GET_IT}"
-    yield f"next: latentmotion data prepare humanml3d {folder} -o OUT (or kit)"
-
-
-def _poses(folder: Path) -> Iterator[str]:
+    if (folder / humanml3d.FEATURES).is_dir():
+        count = sum(1 for _ in (folder / humanml3d.FEATURES).glob("*.npy"))
+        yield f"official processed folder: {count} clips (mirrored copies included)"
+        for name in ("texts", "train.txt", "val.txt", "test.txt", "Mean.npy", "Std.npy"):
+            if not (folder / name).exists():
+                yield f"  missing {name}: {humanml3d.GET_IT}"
+        yield f"next: latentmotion data prepare humanml3d {folder} -o OUT (or kit)"
     for path in sorted(folder.rglob("humanact12poses.pkl")):
         yield "HumanAct12 with SMPL's poses"
         yield f"next: latentmotion data prepare humanact12 {path} -o OUT"
@@ -105,62 +120,24 @@ def _poses(folder: Path) -> Iterator[str]:
         yield f"next: latentmotion data prepare uestc {path.parent} -o OUT"
 
 
-def _motions(folder: Path) -> Iterator[str]:
-    lines = [line for look in (_cmu, _hdm05, _snu) for line in _found(look, folder)]
-    yield from lines or _found(_own, folder)
-
-
-def _found(look: Callable[[Path], Iterator[str]], folder: Path) -> list[str]:
-    try:
-        return list(look(folder))
-    except DataError:
-        return []
-
-
 def _cmu(folder: Path) -> Iterator[str]:
     trials = find_trials(folder)
-    kinds = [path.suffix.lower() for path in trials.values()]
-    yield f"CMU trials: {kinds.count('.amc')} AMC, {kinds.count('.bvh')} BVH"
+    endings = [path.suffix.lower() for path in trials.values()]
+    yield f"CMU trials: {endings.count('.amc')} AMC, {endings.count('.bvh')} BVH"
     amc = [path for path in trials.values() if path.suffix.lower() == ".amc"]
-    for place in sorted({path.parent for path in amc}):
-        if not any(path.suffix.lower() == ".asf" for path in place.iterdir()):
-            yield f"  missing: the ASF file in {place}; get it from {CMU.url}"
+    for parent in sorted({path.parent for path in amc}):
+        if not any(path.suffix.lower() == ".asf" for path in parent.iterdir()):
+            yield f"  missing: the ASF file in {parent}; get it from {CMU.url}"
     index = next(iter(sorted(folder.rglob("index.csv"))), None)
     if index is None:
-        yield f"  missing: HumanML3D's captions and index; {GET_IT}"
+        yield f"  missing: HumanML3D's captions and index; {humanml3d.GET_IT}"
     else:
-        yield from _coverage(trials, index.parent)
+        rows = rows_by_trial(index.parent)
+        lacking = sorted(set(rows) - set(trials))
+        clips, missing = sum(map(len, rows.values())), sum(len(rows[trial]) for trial in lacking)
+        cut = clips - missing
+        yield f"  HumanML3D has {clips} clips of CMU; {cut} of them can be cut from these"
+        if lacking:
+            shown = ", ".join(lacking[:8]) + (", …" if len(lacking) > 8 else "")
+            yield f"  missing: {len(lacking)} trials, from {CMU.url}: {shown}"
     yield f"next: latentmotion data prepare cmu --trials {folder} --humanml3d FOLDER -o OUT"
-
-
-def _coverage(trials: Mapping[str, Path], humanml3d: Path) -> Iterator[str]:
-    rows = rows_by_trial(humanml3d)
-    lacking = sorted(set(rows) - set(trials))
-    clips, missing = sum(map(len, rows.values())), sum(len(rows[trial]) for trial in lacking)
-    yield f"  HumanML3D has {clips} clips of CMU; {clips - missing} of them can be cut from these"
-    if lacking:
-        shown = ", ".join(lacking[:8]) + (", …" if len(lacking) > 8 else "")
-        yield f"  missing: {len(lacking)} trials, from {CMU.url}: {shown}"
-
-
-def _hdm05(folder: Path) -> Iterator[str]:
-    clips = find_clips(folder)
-    yield f"HDM05: {len(clips)} cut clips"
-    yield f"next: latentmotion data prepare hdm05 {folder} -o OUT"
-
-
-def _snu(folder: Path) -> Iterator[str]:
-    takes = find_takes(folder)
-    labels = sum(path.parent.name == "annotation" for path in files_below(folder, [".lab"]))
-    yield f"SNU: {len(takes)} takes on its skeletons, {labels} files of annotations"
-    yield f"next: latentmotion data prepare snu {folder} -o OUT"
-
-
-def _own(folder: Path) -> Iterator[str]:
-    motions = find_motions(folder)
-    captioned = sum(path.with_suffix(".txt").is_file() for path in motions.values())
-    tables = sorted(path.name for path in folder.glob("*.csv"))
-    yield f"motion files: {len(motions)}, of which {captioned} have captions beside them"
-    if captioned < len(motions) and not tables:
-        yield "  missing: captions (NAME.txt beside NAME.bvh, or a CSV with file,caption)"
-    yield f"next: latentmotion data prepare own {folder} -o OUT"

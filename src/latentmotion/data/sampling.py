@@ -1,6 +1,6 @@
-"""Which part of which clip is shown when: a plan that depends on nothing but seed and epoch.
+"""Crops and batches of an epoch, which depend on nothing but seed and epoch.
 
-As in HumanML3D's own reader (docs/reference/mld.md §5), a caption that tells of a part of a clip
+As in HumanML3D's own reader (docs/reference/mld.md §5), a caption that describes a part of a clip
 makes an item of its own, lengths are multiples of a unit of 4 frames, and one crop in three is a
 unit shorter than it could be. New here: crops of similar length go into one batch, so that next
 to no padding is computed.
@@ -19,7 +19,7 @@ from latentmotion.errors import InputError
 
 @dataclass(frozen=True)
 class Item:
-    """A clip, or the part of one, with the sentences that tell of exactly that."""
+    """A clip, or a part of one, with the sentences that describe exactly that."""
 
     clip: Clip
     """The clip."""
@@ -38,7 +38,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Crop:
-    """What is shown of an item this time."""
+    """A window of frames drawn from an item, with one of its sentences."""
 
     clip: Clip
     """The clip."""
@@ -52,7 +52,7 @@ class Crop:
 
 @dataclass(frozen=True)
 class Cropping:
-    """Which lengths crops may have."""
+    """Lengths of crops."""
 
     unit: int = 4
     """Lengths are multiples of this."""
@@ -76,9 +76,16 @@ class Cropping:
 def items_of(clips: Iterable[Clip]) -> list[Item]:
     """Returns one item per clip, and one per part of a clip that has sentences of its own.
 
-    A clip all of whose sentences tell of parts makes no item of the whole.
+    A clip all of whose sentences describe parts makes no item of the whole.
     """
-    return [item for clip in clips for item in _items(clip)]
+    items = []
+    for clip in clips:
+        spans: dict[tuple[int, int], list[str]] = {}
+        for caption in clip.captions:
+            spans.setdefault((caption.start_frame, caption.end_frame), []).append(caption.text)
+        spans = spans or {(0, clip.frames): []}
+        items += [Item(clip, start, end, tuple(texts)) for (start, end), texts in spans.items()]
+    return items
 
 
 def plan_epoch(
@@ -104,11 +111,3 @@ def plan_epoch(
     crops.sort(key=lambda crop: crop.frames)
     batches = [crops[i : i + batch_size] for i in range(0, len(crops), batch_size)]
     return [batches[index] for index in generator.permutation(count)]
-
-
-def _items(clip: Clip) -> list[Item]:
-    spans: dict[tuple[int, int], list[str]] = {}
-    for caption in clip.captions:
-        spans.setdefault((caption.start_frame, caption.end_frame), []).append(caption.text)
-    spans = spans or {(0, clip.frames): []}
-    return [Item(clip, start, end, tuple(texts)) for (start, end), texts in spans.items()]

@@ -1,6 +1,6 @@
-"""Windows of single actions in a data set, drawn so that every kind of action is told as often.
+"""Windows of single actions in a data set, drawn so that every kind of action is as frequent.
 
-Frequent categories are drawn down, over different clips first; kinds with few windows are shown in
+Frequent categories are subsampled, over different clips first; kinds with few windows are shown in
 several windows with other margins.
 """
 
@@ -9,16 +9,15 @@ from __future__ import annotations
 import hashlib
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from latentmotion.data.captions import mirror_words
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.manifest import COMPOSED, CaptionRow, StoredClip
+from latentmotion.data.store import COMPOSED, StoredClip
+from latentmotion.describe.facts import SingleAction
 from latentmotion.describe.prompting import prompts
-from latentmotion.describe.single import SingleAction
 from latentmotion.describe.single_actions import single_actions
 
 Category = tuple[str, ...]
@@ -33,14 +32,14 @@ _DRAWS = 8
 
 @dataclass(frozen=True)
 class Balance:
-    """How many windows there are of what."""
+    """Limits on the number of windows of a category or kind."""
 
     most: int = 40
     """Windows of one category."""
     largest: float = 0.055
     """Largest share of one kind; walking and turning may have twice as much."""
     smallest: float = 0.011
-    """Smallest share of a kind that can be had by other margins."""
+    """Share of a kind below which more windows with other margins are drawn."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,14 @@ class Found:
     """The action."""
 
 
+def clip_generator(seed: int, clip: str) -> np.random.Generator:
+    """Returns the random generator of a clip, which depends on its name and a seed alone."""
+    number = int.from_bytes(hashlib.sha256(clip.encode()).digest()[:8], "big")
+    return np.random.default_rng([seed, number])
+
+
 def category_of(action: SingleAction) -> Category:
-    """Returns what makes an action another one than the next for whoever asks for it."""
+    """Returns the properties that distinguish actions for a user who asks for one."""
     one_side = "one" if action.side in ("left", "right") else action.side
     sideways = "aside" if action.direction in ("left", "right") else action.direction
     turned = f"{45 * round(action.degrees / 45)}" if action.degrees else ""
@@ -68,102 +73,82 @@ def find_singles(
 
     Args:
         dataset: Holds the clips; HumanML3D's features.
-        seed: What draws margins; each clip draws for itself.
-        clips: Which are searched.
+        seed: Seed of the margins; each clip draws for itself.
+        clips: Clips to search.
         kinds: Kinds that are wanted; all by default.
     """
-    found = []
+    singles = []
     for clip in clips:
-        generator = np.random.default_rng([seed, _number(clip.id)])
+        generator = clip_generator(seed, clip.id)
         joints = dataset.representation.decode(dataset.features(clip))
-        found += [Found(clip.id, action) for action in single_actions(joints, generator, kinds)]
-    return found
+        singles += [Found(clip.id, action) for action in single_actions(joints, generator, kinds)]
+    return singles
 
 
 def balanced_singles(dataset: Dataset, seed: int, balance: Balance) -> list[Found]:
-    """Returns single actions of the train split, drawn so that no kind drowns the others."""
+    """Returns single actions of the train split, drawn so that no kind dominates the others."""
     clips = [clip for clip in dataset.clips("train") if clip.source != COMPOSED]
     generator = np.random.default_rng(seed)
-    found = _drawn_down(find_singles(dataset, seed, clips), balance.most, generator)
-    by_kind = _by_kind(found)
+    by_kind: dict[str, list[Found]] = defaultdict(list)
+    for single in _subsampled(find_singles(dataset, seed, clips), balance.most, generator):
+        by_kind[single.action.kind].append(single)
     for draw in range(1, _DRAWS):
-        rare = _rare(by_kind, balance)
+        fewest = balance.smallest * sum(map(len, by_kind.values()))
+        rare = frozenset(kind for kind, singles in by_kind.items() if len(singles) < fewest)
         if not rare:
             break
-        showing = {one.clip for kind in rare for one in by_kind[kind]}
+        showing = {single.clip for kind in rare for single in by_kind[kind]}
         again = (clip for clip in clips if clip.id in showing)
-        for one in find_singles(dataset, seed + 1000 * draw, again, rare):
-            if one not in by_kind[one.action.kind]:
-                by_kind[one.action.kind].append(one)
-    return [one for kind in by_kind.values() for one in kind[: _cap(by_kind, kind, balance)]]
+        for single in find_singles(dataset, seed + 1000 * draw, again, rare):
+            if single not in by_kind[single.action.kind]:
+                by_kind[single.action.kind].append(single)
+    total = sum(map(len, by_kind.values()))
+    balanced = []
+    for kind, singles in by_kind.items():
+        share = balance.largest * (2 if kind in _LARGE else 1)
+        balanced += singles[: int(share * total)]
+    return balanced
 
 
 def single_rows(
-    found: Iterable[Found], seed: int, count: int
+    singles: Iterable[Found], seed: int, count: int
 ) -> dict[str, list[tuple[str, int, int]]]:
     """Returns prompts for the windows of each clip.
 
     Args:
-        found: The windows.
-        seed: What draws the wording.
+        singles: The windows.
+        seed: Seed of the wording.
         count: Prompts per window.
     """
     generator = np.random.default_rng(seed)
     rows: dict[str, list[tuple[str, int, int]]] = defaultdict(list)
-    for one in found:
-        action = one.action
+    for single in singles:
+        action = single.action
         texts = prompts(action, generator, count)
-        rows[one.clip] += [(text, action.start, action.end) for text in texts]
+        rows[single.clip] += [(text, action.start, action.end) for text in texts]
     return rows
 
 
 def with_prompts(clip: StoredClip, rows: Mapping[str, list[tuple[str, int, int]]]) -> StoredClip:
     """Returns a clip with the prompts of its windows, and the mirrored ones."""
     known = {row[:3] for row in clip.captions}
-    new = [row for row in dict.fromkeys(rows.get(clip.id, ())) if row not in known]
-    added: tuple[CaptionRow, ...] = tuple((*row, "") for row in new)
-    mirrored = tuple((mirror_words(text), start, end, "") for text, start, end in new)
-    return replace(
-        clip,
-        captions=(*clip.captions, *added),
-        mirrored_captions=(*clip.mirrored_captions, *mirrored),
+    return clip.with_captions(
+        [row for row in dict.fromkeys(rows.get(clip.id, ())) if row not in known]
     )
 
 
-def _drawn_down(found: list[Found], most: int, generator: np.random.Generator) -> list[Found]:
-    """Keeps so many windows of each category: one of each clip, then the second, and so on."""
+def _subsampled(singles: list[Found], most: int, generator: np.random.Generator) -> list[Found]:
+    """Keeps `most` windows of each category: one of each clip, then the second, and so on."""
     categories: dict[Category, list[Found]] = defaultdict(list)
-    for index in generator.permutation(len(found)).tolist():
-        categories[category_of(found[index].action)].append(found[index])
+    for index in generator.permutation(len(singles)).tolist():
+        categories[category_of(singles[index].action)].append(singles[index])
     kept = []
     for group in categories.values():
-        seen: Counter[str] = Counter()
-        turns = []
-        for one in group:
-            turns.append(seen[one.clip])
-            seen[one.clip] += 1
-        order = sorted(range(len(group)), key=lambda n: turns[n])
+        count: Counter[str] = Counter()
+        ranks = []
+        for single in group:
+            ranks.append(count[single.clip])
+            count[single.clip] += 1
+        order = sorted(range(len(group)), key=ranks.__getitem__)
         kept += [group[n] for n in order[:most]]
     return kept
-
-
-def _by_kind(found: list[Found]) -> dict[str, list[Found]]:
-    by_kind: dict[str, list[Found]] = defaultdict(list)
-    for one in found:
-        by_kind[one.action.kind].append(one)
-    return by_kind
-
-
-def _rare(by_kind: dict[str, list[Found]], balance: Balance) -> frozenset[str]:
-    total = sum(map(len, by_kind.values()))
-    return frozenset(k for k, of in by_kind.items() if len(of) < balance.smallest * total)
-
-
-def _cap(by_kind: dict[str, list[Found]], kind: list[Found], balance: Balance) -> int:
-    total = sum(map(len, by_kind.values()))
-    share = balance.largest * (2 if kind[0].action.kind in _LARGE else 1)
-    return int(share * total)
-
-
-def _number(name: str) -> int:
-    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")

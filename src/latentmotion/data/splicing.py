@@ -46,21 +46,21 @@ def pose_descriptors(
 ) -> Float[np.ndarray, "chosen numbers"]:
     """Returns poses with their speeds as seen by the body, to compare by their distance.
 
-    Speeds count for the way of a sixth of a second; feet count twice.
+    Speeds count as the distance covered in a sixth of a second; feet count twice.
 
     Args:
         joints: Positions, meters, y up, the floor at height 0.
         fps: Frames per second.
-        skeleton: Whose joints they are.
-        frames: Which frames are wanted.
+        skeleton: Skeleton of the joints.
+        frames: Frames to describe.
     """
     velocity = np.gradient(joints, axis=0)[frames] * fps
     poses = joints[frames] - joints[frames, :1] * np.array([1.0, 0.0, 1.0])
     back = -np.asarray(heading(joints[frames], skeleton))[:, None]
     weights = np.ones(len(skeleton))
     weights[[*skeleton.left_foot, *skeleton.right_foot]] = 2.0
-    parts = [turn(poses, back), turn(velocity, back) / 6]
-    rows = [(part * weights[:, None]).reshape(len(frames), -1) for part in parts]
+    blocks = [turn(poses, back), turn(velocity, back) / 6]
+    rows = [(block * weights[:, None]).reshape(len(frames), -1) for block in blocks]
     return np.concatenate(rows, axis=1) / np.sqrt(len(skeleton))
 
 
@@ -76,7 +76,7 @@ def splice(
         first: Positions, meters; at least three frames.
         second: Positions; at least three frames.
         seconds: How long the transition takes.
-        representation: Says the frame rate and gives bones their lengths.
+        representation: Frame rate, skeleton and the lengths of bones.
 
     Returns:
         `len(first) + len(second) - 1` frames; the first `len(first) - 1` are the first's own.
@@ -87,7 +87,10 @@ def splice(
     offset = first[-1] - second[0]
     speed = _speed(first, -1) - _speed(second, 0)
     frames = min(round(seconds * fps), len(second) - 1)
-    fading = _quintic(offset, speed, frames)
+    s = (np.arange(frames) / frames)[:, None, None]
+    from_offset = 1 - 10 * s**3 + 15 * s**4 - 6 * s**5
+    from_speed = s - 6 * s**3 + 8 * s**4 - 3 * s**5
+    fading = offset * from_offset + speed * frames * from_speed
     second = second.copy()
     second[: len(fading)] += fading
     second[: len(fading)] = representation.retarget(second[: len(fading)])
@@ -113,17 +116,17 @@ def _aligned(
     skeleton: Skeleton,
 ) -> Float[np.ndarray, "after joints 3"]:
     """Turns and moves the second so that its first pose lies on the first's last one."""
-    goal, found = first[-1], second[0]
+    goal, pose = first[-1], second[0]
     weights = np.ones(len(skeleton))
     for joint in (*skeleton.left_foot, *skeleton.right_foot):
         speeds = [np.linalg.norm(_speed(m, n)[joint]) * fps for m, n in ((first, -1), (second, 0))]
-        low = max(goal[joint, 1], found[joint, 1]) < _STANDING_HEIGHT
+        low = max(goal[joint, 1], pose[joint, 1]) < _STANDING_HEIGHT
         if low and max(speeds) < _STANDING_SPEED:
             weights[joint] = _STANDING_WEIGHT
     weights /= weights.sum()
-    centers = [weights @ pose for pose in (goal, found)]
+    centers = [weights @ joints for joints in (goal, pose)]
     (ax, _, az), (bx, _, bz) = (
-        (pose - c).T for pose, c in zip((goal, found), centers, strict=True)
+        (joints - c).T for joints, c in zip((goal, pose), centers, strict=True)
     )
     angle = np.arctan2(weights @ (ax * bz - az * bx), weights @ (ax * bx + az * bz))
     move = centers[0] - turn(centers[1], angle)
@@ -133,13 +136,3 @@ def _aligned(
 def _speed(joints: Joints, frame: int) -> Float[np.ndarray, "joints 3"]:
     """Returns the step to the next frame at the start, from the one before at the end."""
     return joints[1] - joints[0] if frame == 0 else joints[-1] - joints[-2]
-
-
-def _quintic(
-    offset: Float[np.ndarray, "joints 3"], speed: Float[np.ndarray, "joints 3"], frames: int
-) -> Float[np.ndarray, "fading joints 3"]:
-    """Returns an offset (and its speed per frame) that fades to nothing in `frames`."""
-    s = (np.arange(frames) / frames)[:, None, None]
-    place = 1 - 10 * s**3 + 15 * s**4 - 6 * s**5
-    moving = s - 6 * s**3 + 8 * s**4 - 3 * s**5
-    return offset * place + speed * frames * moving

@@ -1,48 +1,184 @@
 """The prepared folder: `manifest.json` and `motions-NNN.safetensors`, written whole or not at all.
 
 A shard holds one array `features` (frames, features), float32, not normalized: its clips one after
-another, each stored once. Mirrored copies are computed when they are read.
+another, each stored once. Mirrored copies are computed when they are read. The manifest is read
+strictly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from safetensors.numpy import save
 
-from latentmotion.data.clip import Caption, Source
-from latentmotion.data.manifest import (
-    FORMAT,
-    MANIFEST,
-    CaptionRow,
-    Manifest,
-    Shard,
-    StoredClip,
-    StoredNormalizer,
-)
-from latentmotion.errors import DataError
+from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import Caption, Clip, Source, Split
+from latentmotion.errors import DataError, InputError
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.normalizer import Normalizer
-from latentmotion.storage.configuration import write_json
+from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.storage.files import atomic_folder, sha256
+
+MANIFEST = "manifest.json"
+FORMAT = "latentmotion dataset 1"
 
 SHARD_FRAMES = 40_000
 """Frames after which a new shard begins: some 40 MB, which every host takes."""
 
+COMPOSED = "composed"
+"""Source of synthetic sequences, which only train: a test set holds recorded motion."""
+
+CaptionRow = tuple[str, int, int, str]
+"""Text, first frame, one past the last frame, tokens."""
+
+
+@dataclass(frozen=True)
+class StoredClip:
+    """A clip and its mirror image in a prepared folder, all but their features."""
+
+    id: str
+    """Unique name."""
+    source: str
+    """Name of its source."""
+    origin: str
+    """The recording that it was cut from and where."""
+    split: Split
+    """Its split."""
+    frames: int
+    """Number of feature frames."""
+    shard: int
+    """Index of the shard that holds it."""
+    offset: int
+    """Its first row there."""
+    captions: tuple[CaptionRow, ...]
+    """Sentences about it."""
+    mirrored_captions: tuple[CaptionRow, ...]
+    """Sentences about its mirror image."""
+    action: str | None = None
+    """Action label."""
+    mirrored_action: str | None = None
+    """Action label of its mirror image."""
+
+    def clip(self, mirrored: bool = False) -> Clip:
+        """Returns the clip, or its mirrored copy."""
+        rows = self.mirrored_captions if mirrored else self.captions
+        return Clip(
+            id=f"M{self.id}" if mirrored else self.id,
+            source=self.source,
+            split=self.split,
+            captions=tuple(Caption(*row) for row in rows),
+            action=self.mirrored_action if mirrored else self.action,
+            mirrored=mirrored,
+            frames=self.frames,
+            origin=self.origin,
+        )
+
+    def with_captions(self, rows: Sequence[tuple[str, int, int]]) -> StoredClip:
+        """Returns the clip with more captions, whose mirrored ones have left and right swapped.
+
+        Args:
+            rows: Text, first frame and one past the last frame of each.
+        """
+        mirrored = ((mirror_words(text), start, end, "") for text, start, end in rows)
+        return replace(
+            self,
+            captions=(*self.captions, *((*row, "") for row in rows)),
+            mirrored_captions=(*self.mirrored_captions, *mirrored),
+        )
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One file of features."""
+
+    file: str
+    """Its name in the folder."""
+    frames: int
+    """Number of rows."""
+    sha256: str
+    """Hash of the file."""
+
+
+@dataclass(frozen=True)
+class StoredNormalizer:
+    """Mean and standard deviation by which features are normalized."""
+
+    origin: str
+    """The data they were computed from."""
+    mean: tuple[float, ...]
+    """One per feature."""
+    std: tuple[float, ...]
+    """One per feature."""
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """All of a prepared folder but the features themselves."""
+
+    format: str
+    """Name and version of the format."""
+    representation: str
+    """Name of the representation of the features."""
+    fps: float
+    """Frames per second."""
+    sources: tuple[Source, ...]
+    """Origins of the motions, with the terms of their owners."""
+    normalizer: StoredNormalizer
+    """Mean and standard deviation of the features."""
+    shards: tuple[Shard, ...]
+    """Files of features."""
+    clips: tuple[StoredClip, ...]
+    """Clips, in the order in which they lie in the shards."""
+
 
 @dataclass(frozen=True, eq=False)
 class StoredMotion:
-    """A clip on its way into a folder; its place there (shard and offset) is not yet known."""
+    """A clip on its way into a folder, where its shard and offset are not yet known."""
 
     clip: StoredClip
-    """What is known about it."""
+    """Everything but its features."""
     features: Float[np.ndarray, "frames features"]
     """Features, not normalized."""
+
+
+def read_manifest(folder: str | Path) -> Manifest:
+    """Reads the manifest of a prepared folder.
+
+    Raises:
+        DataError: The folder is not a prepared one, or it is damaged.
+    """
+    path = Path(folder) / MANIFEST
+    if not path.is_file():
+        found = "a folder without it" if path.parent.is_dir() else "no such folder"
+        raise DataError(
+            f"{folder}: expected a prepared data set ({MANIFEST}), found {found}; "
+            "make one with `latentmotion data prepare`"
+        )
+    try:
+        manifest = read_json(Manifest, path)
+    except InputError as error:
+        raise DataError(f"{error}; prepare the folder again") from error
+    if manifest.format != FORMAT:
+        raise DataError(
+            f"{path}: expected format {FORMAT!r}, found {manifest.format!r}; prepare it again"
+        )
+    for shard in manifest.shards:
+        if not (path.parent / shard.file).is_file():
+            raise DataError(f"{path.parent}: lacks {shard.file}; copy it there or prepare again")
+    for clip in manifest.clips:
+        rows = manifest.shards[clip.shard].frames if clip.shard < len(manifest.shards) else 0
+        if not 0 <= clip.offset <= clip.offset + clip.frames <= rows:
+            raise DataError(f"{path}: clip {clip.id} lies outside its shard; prepare again")
+        if clip.source == COMPOSED and clip.split != "train":
+            raise DataError(
+                f"{path}: synthetic clip {clip.id} is in the split {clip.split!r}, expected "
+                "'train'; compose again"
+            )
+    return manifest
 
 
 def write_dataset(
@@ -58,13 +194,31 @@ def write_dataset(
         DataError: There is no motion, or two have the same name.
         InputError: The folder cannot be written.
     """
-    motions = _unique(motions)
+    names: set[str] = set()
+    groups: list[list[StoredMotion]] = []
+    for motion in motions:
+        if motion.clip.id in names:
+            raise DataError(f"two clips are called {motion.clip.id!r}; rename one of them")
+        names.add(motion.clip.id)
+        frames = motion.clip.frames
+        if not groups or sum(m.clip.frames for m in groups[-1]) + frames > SHARD_FRAMES:
+            groups.append([])
+        groups[-1].append(motion)
+    if not groups:
+        raise DataError("no clip is left to write; see the reasons in the report")
     with atomic_folder(folder, MANIFEST) as temporary:
         shards: list[Shard] = []
         clips: list[StoredClip] = []
-        for number, group in enumerate(_in_shards(motions)):
-            shards.append(_write_shard(temporary, number, group))
-            clips.extend(_placed(group, number))
+        for number, group in enumerate(groups):
+            path = temporary / f"motions-{number:03d}.safetensors"
+            features = np.concatenate([motion.features for motion in group]).astype(np.float32)
+            # Written here and not by safetensors, whose files only their owner may read.
+            path.write_bytes(save({"features": features}))
+            shards.append(Shard(path.name, len(features), sha256(path)))
+            offset = 0
+            for motion in group:
+                clips.append(replace(motion.clip, shard=number, offset=offset))
+                offset += motion.clip.frames
         manifest = Manifest(
             format=FORMAT,
             representation=representation.name,
@@ -79,7 +233,7 @@ def write_dataset(
 
 
 def stored_normalizer(normalizer: Normalizer, origin: str) -> StoredNormalizer:
-    """Returns what the manifest keeps of a normalizer."""
+    """Returns a normalizer as the manifest keeps it."""
     mean, std = (tuple(map(float, values)) for values in (normalizer.mean, normalizer.std))
     return StoredNormalizer(origin, mean, std)
 
@@ -87,40 +241,3 @@ def stored_normalizer(normalizer: Normalizer, origin: str) -> StoredNormalizer:
 def caption_rows(captions: Iterable[Caption]) -> tuple[CaptionRow, ...]:
     """Returns captions as the manifest keeps them."""
     return tuple((c.text, c.start_frame, c.end_frame, c.tokens) for c in captions)
-
-
-def _unique(motions: Iterable[StoredMotion]) -> list[StoredMotion]:
-    found: dict[str, StoredMotion] = {}
-    for motion in motions:
-        if motion.clip.id in found:
-            raise DataError(f"two clips are called {motion.clip.id!r}; rename one of them")
-        found[motion.clip.id] = motion
-    if not found:
-        raise DataError("no clip is left to write; see the reasons in the report")
-    return list(found.values())
-
-
-def _in_shards(motions: list[StoredMotion]) -> Iterator[list[StoredMotion]]:
-    group: list[StoredMotion] = []
-    for motion in motions:
-        if group and sum(m.clip.frames for m in group) + motion.clip.frames > SHARD_FRAMES:
-            yield group
-            group = []
-        group.append(motion)
-    yield group
-
-
-def _write_shard(folder: Path, number: int, group: list[StoredMotion]) -> Shard:
-    path = folder / f"motions-{number:03d}.safetensors"
-    features = np.concatenate([motion.features for motion in group]).astype(np.float32)
-    # Written here and not by safetensors, whose files only their owner may read.
-    path.write_bytes(save({"features": features}))
-    return Shard(path.name, len(features), sha256(path))
-
-
-def _placed(group: list[StoredMotion], shard: int) -> Iterator[StoredClip]:
-    offset = 0
-    for motion in group:
-        fields: dict[str, Any] = vars(motion.clip) | {"shard": shard, "offset": offset}
-        yield StoredClip(**fields)
-        offset += motion.clip.frames

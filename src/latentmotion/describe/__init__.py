@@ -1,1 +1,1 @@
-"""What a motion does, measured from its joints, and told in sentences; NumPy only."""
+"""The describer: acts of a motion measured from its joints and put into words; NumPy only."""

@@ -1,4 +1,4 @@
-"""Whether a motion does what a sentence claims: agrees, contradicts, or says nothing about it."""
+"""Agreement of a motion with the claims of a sentence: it agrees, contradicts or is silent."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 
 from latentmotion.describe.claims import SLIGHT, Claim, claims_of
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT, Description, Event
-from latentmotion.describe.travel import FAST, SLOW
+from latentmotion.describe.locomotion import FAST, SLOW
 
 Verdict = Literal["agrees", "contradicts", "silent"]
 
@@ -17,7 +17,7 @@ _GAITS = ("walk", "jog", "run")
 _LIMBS = ("kick", "hop", "punch", "raise", "wave", "knee", "balance", "pick_up", "arm_circle")
 _COUNTED = ("jump", "hop", "kick", "squat", "arm_circle", "knee")
 _SURE = ("jump", "hop", "kick", "squat", "sit", "lie_down", "kneel_down")
-"""Kinds of events that are hardly ever overlooked, so that absence contradicts."""
+"""Kinds of events that are hardly ever missed, so that their absence contradicts a claim."""
 
 _SIMILAR = {
     "jump": ("jump", "hop"),
@@ -33,18 +33,21 @@ _SIMILAR = {
     "raise": ("raise", "wave"),
     "wave": ("wave", "raise"),
 }
+"""Kinds of events and postures that a claim of a kind may mean."""
+
+_OPPOSITE = {"forward": "backward", "backward": "forward"}
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How a motion and a sentence go together."""
+    """The comparison of a motion with a sentence."""
 
     claims: tuple[Claim, ...]
-    """What the sentence claims."""
+    """Claims of the sentence."""
     verdicts: tuple[Verdict, ...]
     """One per claim."""
     reasons: tuple[str, ...]
-    """One per claim: what was found."""
+    """One per claim: what was found in the motion."""
 
     @property
     def verdict(self) -> Verdict:
@@ -52,6 +55,13 @@ class Agreement:
         if "contradicts" in self.verdicts:
             return "contradicts"
         return "agrees" if "agrees" in self.verdicts else "silent"
+
+
+Check = Callable[[Claim, Description], tuple[Verdict, str]]
+"""Compares a claim with a motion; returns the verdict and what was found."""
+
+_CHECKS: dict[str, Check] = {}
+"""Checks by kind of claim; all other kinds are compared with events."""
 
 
 def check(sentence: str | tuple[Claim, ...], description: Description) -> Agreement:
@@ -64,17 +74,20 @@ def check(sentence: str | tuple[Claim, ...], description: Description) -> Agreem
     claims = claims_of(sentence) if isinstance(sentence, str) else sentence
     verdicts: list[Verdict] = []
     reasons: list[str] = []
-    spans: list[tuple[int, int] | None] = []
+    before: tuple[int, int] | None = None
     for claim in claims:
         repeated = sum(claim.kind == other.kind for other in claims) > 1
         verdict, reason = check_claim(claim, description, repeated)
-        span = _span(claim, description)
-        before = next((one for one in reversed(spans) if one), None)
-        if claim.then and verdict == "agrees" and span and before and span[1] <= before[0]:
-            verdict, reason = "contradicts", f"{reason}, but earlier than what it follows"
+        span = frames_for(claim, description) if verdict == "agrees" else None
+        if claim.then and span and before and span[1] <= before[0]:
+            verdict, reason, span = (
+                "contradicts",
+                f"{reason}, but earlier than what it follows",
+                None,
+            )
         verdicts.append(verdict)
         reasons.append(f"{claim.kind}: {reason}")
-        spans.append(span if verdict == "agrees" else None)
+        before = span or before
     return Agreement(claims, tuple(verdicts), tuple(reasons))
 
 
@@ -86,221 +99,183 @@ def check_claim(
     Args:
         claim: The claim.
         description: The motion's.
-        repeated: Whether the sentence tells of more of the same kind, so that counts are parts.
+        repeated: Whether the sentence has more claims of the same kind, so that counts are parts.
     """
-    if claim.kind in (*_GAITS, "move"):
-        return _check_gait(claim, description)
-    special = _CHECKS.get(claim.kind)
-    if special:
-        return special(claim, description)
-    found = events_for(claim.kind, description)
-    if not found:
+    if claim.kind in _CHECKS:
+        return _CHECKS[claim.kind](claim, description)
+    events = events_for(claim.kind, description)
+    if not events:
         behind = claim.kind == "kick" and claim.direction == "backward"
-        sure = claim.kind in _SURE and not behind and not _may_hide(claim, description)
+        runs = any(move.kind in ("jog", "run") for move in description.moves)
+        hidden = claim.kind in ("jump", "hop") and runs  # it looks like a stride
+        sure = claim.kind in _SURE and not behind and not hidden
         return ("contradicts" if sure else "silent"), "not found"
-    return _check_details(claim, found, repeated)
+    sides = ", ".join(sorted({event.side or "?" for event in events}))
+    if claim.side and claim.kind in _LIMBS:
+        if claim.side == BOTH:
+            if claim.kind in ("kick", "punch", "knee"):
+                return "agrees", f"found, {sides}"
+            if not any(event.side == BOTH for event in events):
+                each_side = {LEFT, RIGHT} <= {event.side for event in events}
+                missing = "silent" if claim.kind in ("raise", "wave") else "contradicts"
+                return ("agrees" if each_side else missing), f"found {sides}"
+        events = tuple(event for event in events if event.side in (claim.side, BOTH, ""))
+        if not events:
+            return "contradicts", f"found {sides}, expected {claim.side}"
+    if claim.count and claim.kind in _COUNTED:
+        count = sum(event.count for event in events if event.kind in (claim.kind, "jump", "hop"))
+        if count != claim.count:
+            near = repeated and count > claim.count
+            near |= claim.count >= 4 and abs(count - claim.count) == 1
+            return ("silent" if near else "contradicts"), f"found {count}, told {claim.count}"
+    if claim.kind in ("jump", "hop") and claim.direction in _OPPOSITE:
+        directions = {event.direction for event in events}
+        if claim.direction not in directions:
+            verdict = "contradicts" if _OPPOSITE[claim.direction] in directions else "silent"
+            return verdict, f"went {', '.join(sorted(directions))}"
+    return "agrees", f"found {sides}"
 
 
 def events_for(kind: str, description: Description) -> tuple[Event, ...]:
     """Returns events, postures and turns that a claim of a kind may mean, by start."""
     kinds = _SIMILAR.get(kind, (kind,))
-    found = [event for one in kinds for event in description.find(one)]
-    return tuple(sorted(found, key=lambda event: event.start))
+    events = [event for one in kinds for event in description.find(one)]
+    return tuple(sorted(events, key=lambda event: event.start))
 
 
-def _check_details(claim: Claim, found: tuple[Event, ...], repeated: bool) -> tuple[Verdict, str]:
-    told = ", ".join(sorted({event.side or "?" for event in found}))
-    if claim.side and claim.kind in _LIMBS:
-        if claim.side == BOTH:
-            if claim.kind in ("kick", "punch", "knee"):
-                return "agrees", f"found, {told}"
-            if not any(event.side == BOTH for event in found):
-                sides = {event.side for event in found}
-                unsure = claim.kind in ("raise", "wave")
-                missing = "silent" if unsure else "contradicts"
-                return ("agrees" if {LEFT, RIGHT} <= sides else missing), f"found {told}"
-        same = [e for e in found if e.side in (claim.side, BOTH, "")]
-        if not same:
-            return "contradicts", f"found {told}, expected {claim.side}"
-        found = tuple(same)
-    if claim.count and claim.kind in _COUNTED:
-        number = sum(event.count for event in found if event.kind in (claim.kind, "jump", "hop"))
-        if number != claim.count:
-            near = repeated and number > claim.count
-            near |= claim.count >= 4 and abs(number - claim.count) == 1
-            return ("silent" if near else "contradicts"), f"found {number}, told {claim.count}"
-    if claim.kind in ("jump", "hop") and claim.direction in ("forward", "backward"):
-        ways = {event.direction for event in found}
-        if claim.direction not in ways:
-            opposite = {"forward": "backward", "backward": "forward"}[claim.direction] in ways
-            return ("contradicts" if opposite else "silent"), f"went {', '.join(sorted(ways))}"
-    return "agrees", f"found {told}"
+def frames_for(claim: Claim, description: Description) -> tuple[int, int] | None:
+    """Returns the frames from the first to the last event that a claim may mean."""
+    if claim.kind in (*_GAITS, "move"):
+        events = [m for m in description.moves if m.kind != "stand"]
+        if claim.direction in ("forward", "backward", LEFT, RIGHT):
+            events = [m for m in events if m.direction == claim.direction] or events
+    elif claim.kind in ("turn", "circle"):
+        events = [t for t in description.turns if not claim.side or t.side == claim.side]
+    else:
+        events = [
+            e for e in events_for(claim.kind, description) if claim.side in ("", e.side, BOTH)
+        ]
+    return (events[0].start, max(event.end for event in events)) if events else None
 
 
-def _check_gait(claim: Claim, description: Description) -> tuple[Verdict, str]:
-    moving = [move for move in description.moves if move.kind != "stand"]
-    if not moving:
-        return ("silent" if claim.kind == "move" else _no_gait(claim, description)), "stays"
-    gait, reason = _gait(claim, description, moving)
+def _checks(*kinds: str) -> Callable[[Check], Check]:
+    """Registers the check of some kinds of claims."""
+
+    def register(function: Check) -> Check:
+        _CHECKS.update(dict.fromkeys(kinds, function))
+        return function
+
+    return register
+
+
+@_checks(*_GAITS, "move")
+def _gait(claim: Claim, description: Description) -> tuple[Verdict, str]:
+    """Compares gait, direction and pace."""
+    moves = [move for move in description.moves if move.kind != "stand"]
+    if not moves:
+        still = claim.kind != "move" and description.steps < 2
+        return ("contradicts" if still else "silent"), "stays"
+    kinds = {move.kind for move in moves}
+    reason = ", ".join(sorted(kinds))
+    fastest = max(move.amount for move in moves)
+    gait: Verdict = "agrees"
+    if claim.kind == "walk" and "walk" not in kinds and fastest >= 2.0:
+        gait = "silent" if fastest < 2.6 else "contradicts"
+    elif claim.kind in ("jog", "run") and not kinds & {"jog", "run"}:
+        gait = "contradicts" if fastest < 1.1 else "silent"
+        reason = f"{reason} at {fastest:.1f} m/s"
     if gait == "contradicts":
         return gait, reason
-    way, where = _way(claim, description, moving)
-    if way == "contradicts":
-        return way, where
-    pace, speed = _pace(claim, moving)
-    if pace == "contradicts":
-        return pace, speed
-    return ("agrees" if "agrees" in (gait, way) else "silent"), f"{reason}, {where}"
-
-
-def _no_gait(claim: Claim, description: Description) -> Verdict:
-    if claim.direction == "place" and description.steps >= 2:
-        return "silent"
-    return "silent" if description.steps >= 2 else "contradicts"
-
-
-def _gait(claim: Claim, description: Description, moving: list[Event]) -> tuple[Verdict, str]:
-    found = ", ".join(sorted({move.kind for move in moving}))
-    fastest = max(move.amount for move in moving)
-    if claim.kind == "move":
-        return "agrees", found
-    if claim.kind == "walk":
-        walked = any(move.kind == "walk" for move in moving)
-        if not walked and fastest >= 2.0:
-            return ("silent" if fastest < 2.6 else "contradicts"), found
-        return "agrees", found
-    ran = any(move.kind in ("jog", "run") for move in moving)
-    if ran:
-        return "agrees", found
-    return ("contradicts" if fastest < 1.1 else "silent"), f"{found} at {fastest:.1f} m/s"
-
-
-def _way(claim: Claim, description: Description, moving: list[Event]) -> tuple[Verdict, str]:
-    """Judges forward, backward and sides."""
-    path, told = description.path, claim.direction
-    ways = {move.direction: 0.0 for move in moving}
-    for move in moving:
-        ways[move.direction] += move.amount * move.seconds
-    found = ", ".join(f"{way} {far:.1f} m" for way, far in ways.items())
-    if not told or told == "place":
-        far = told == "place" and path.length > 1.5 and not path.closed
-        return ("contradicts" if far else "silent"), found
-    if told in ("forward", "backward"):
-        if ways.get(told, 0) > 0.25:
-            return "agrees", found
-        opposite = {"forward": "backward", "backward": "forward"}[told]
-        unsure = claim.kind == "move" and ways.get(opposite, 0) < 0.5
-        return ("contradicts" if path.length > 0.6 and not unsure else "silent"), found
-    sides = ways.get(LEFT, 0) + ways.get(RIGHT, 0)
-    if told == "side":
-        return ("agrees" if sides > 0.25 else "contradicts" if path.length > 1 else "silent"), found
-    verdict = _to_side(told, description, ways)
-    return ("silent" if claim.kind == "move" and verdict == "contradicts" else verdict), found
-
-
-def _to_side(told: str, description: Description, ways: dict[str, float]) -> Verdict:
-    """A way to the left may be sideways, a drift, or a turn."""
-    other = RIGHT if told == LEFT else LEFT
-    sign = 1 if told == LEFT else -1
-    path = description.path
-    turned = {
-        side: sum(t.amount for t in description.turns if t.side == side) for side in (told, other)
-    }
-    for_it = ways.get(told, 0) > 0.25 or sign * path.left > 0.35 or turned[told] > 35
-    against = ways.get(other, 0) > 0.4 or sign * path.left < -0.5 or turned[other] > 45
-    if for_it:
-        return "agrees"
-    return "contradicts" if against else "silent"
-
-
-def _pace(claim: Claim, moving: list[Event]) -> tuple[Verdict, str]:
-    total = sum(move.frames for move in moving)
-    speed = sum(move.amount * move.frames for move in moving) / total
-    fast, slow = claim.pace == "fast", claim.pace == "slow"
-    if claim.kind == "move":
-        wrong = False
-    elif claim.kind in ("jog", "run"):
-        wrong = slow and speed > 3.3
+    direction, distances = _direction(claim, description, moves)
+    if direction == "contradicts":
+        return direction, distances
+    frames = sum(move.frames for move in moves)
+    speed = sum(move.amount * move.frames for move in moves) / frames
+    if claim.kind in ("jog", "run"):
+        wrong = claim.pace == "slow" and speed > 3.3
     else:
-        wrong = (slow and speed > FAST - 0.1) or (fast and speed < SLOW)
-    return ("contradicts" if wrong else "silent"), f"{speed:.1f} m/s"
+        too_fast = claim.pace == "slow" and speed > FAST - 0.1
+        wrong = claim.kind == "walk" and (too_fast or (claim.pace == "fast" and speed < SLOW))
+    if wrong:
+        return "contradicts", f"{speed:.1f} m/s"
+    return ("agrees" if "agrees" in (gait, direction) else "silent"), f"{reason}, {distances}"
 
 
-def _check_turn(claim: Claim, description: Description) -> tuple[Verdict, str]:
-    turned = description.path.turned
-    ways = [turned, *(t.amount if t.side == LEFT else -t.amount for t in description.turns)]
-    found = ", ".join(f"{way:+.0f}" for way in ways[1:]) or f"{turned:+.0f} in all"
+def _direction(claim: Claim, description: Description, moves: list[Event]) -> tuple[Verdict, str]:
+    """Compares the direction of a gait; returns the distances in each direction as well."""
+    path, claimed, loose = description.path, claim.direction, claim.kind == "move"
+    meters = {move.direction: 0.0 for move in moves}
+    for move in moves:
+        meters[move.direction] += move.amount * move.seconds
+    distances = ", ".join(f"{direction} {far:.1f} m" for direction, far in meters.items())
+    if not claimed or claimed == "place":
+        far = claimed == "place" and path.length > 1.5 and not path.closed
+        return ("contradicts" if far else "silent"), distances
+    if claimed in _OPPOSITE:
+        if meters.get(claimed, 0) > 0.25:
+            return "agrees", distances
+        unsure = loose and meters.get(_OPPOSITE[claimed], 0) < 0.5
+        return ("contradicts" if path.length > 0.6 and not unsure else "silent"), distances
+    if claimed == "side":
+        if meters.get(LEFT, 0) + meters.get(RIGHT, 0) > 0.25:
+            return "agrees", distances
+        return ("contradicts" if path.length > 1 else "silent"), distances
+    # A way to a side may be sideways, a drift, or a turn.
+    other, sign = (RIGHT, 1) if claimed == LEFT else (LEFT, -1)
+    turned = {
+        side: sum(turn.amount for turn in description.turns if turn.side == side)
+        for side in (claimed, other)
+    }
+    if meters.get(claimed, 0) > 0.25 or sign * path.left > 0.35 or turned[claimed] > 35:
+        return "agrees", distances
+    against = meters.get(other, 0) > 0.4 or sign * path.left < -0.5 or turned[other] > 45
+    return ("contradicts" if against and not loose else "silent"), distances
+
+
+@_checks("turn", "circle")
+def _turn(claim: Claim, description: Description) -> tuple[Verdict, str]:
+    """Compares side and degrees."""
+    total = description.path.turned
+    turned = [total, *(t.amount if t.side == LEFT else -t.amount for t in description.turns)]
+    reason = ", ".join(f"{degrees:+.0f}" for degrees in turned[1:]) or f"{total:+.0f} in all"
     if claim.side:
-        ways = [way if claim.side == LEFT else -way for way in ways]
-    amounts = [way if claim.side else abs(way) for way in ways]
-    best = max(amounts)
+        turned = [degrees if claim.side == LEFT else -degrees for degrees in turned]
+    amounts = [degrees if claim.side else abs(degrees) for degrees in turned]
+    most = max(amounts)
     if claim.degrees == SLIGHT:
-        against = claim.side and best < 15 and min(ways) < -35
-        return "contradicts" if against else "agrees" if best >= 15 else "silent", found
+        against = claim.side and most < 15 and min(turned) < -35
+        return "contradicts" if against else "agrees" if most >= 15 else "silent", reason
     if claim.degrees:
         close = [a for a in amounts if 0.6 * claim.degrees <= a <= 1.4 * claim.degrees + 20]
-        return "agrees" if close else "contradicts", found
-    least = 200.0 if claim.kind == "circle" else 30.0
-    closed = claim.kind == "circle" and not claim.side and description.path.closed
-    if best >= least or closed:
-        return "agrees", found
-    if claim.kind == "turn" and _twists(claim, description):
-        return "silent", f"{found}, but the trunk twists"
-    arc = 45.0 if claim.kind == "circle" else 0.6 * least
-    return "silent" if best >= arc else "contradicts", found
-
-
-def _twists(claim: Claim, description: Description) -> bool:
+        return "agrees" if close else "contradicts", reason
+    circle = claim.kind == "circle"
+    if most >= (200.0 if circle else 30.0):
+        return "agrees", reason
+    if circle and not claim.side and description.path.closed:
+        return "agrees", reason
     left, right = description.twist
-    return (claim.side != RIGHT and left > 25) or (claim.side != LEFT and right > 25)
+    twists = (claim.side != RIGHT and left > 25) or (claim.side != LEFT and right > 25)
+    if twists and not circle:
+        return "silent", f"{reason}, but the trunk twists"
+    return "silent" if most >= (45.0 if circle else 18.0) else "contradicts", reason
 
 
-def _check_stop(claim: Claim, description: Description) -> tuple[Verdict, str]:
-    moves = description.moves
-    stops = any(one.kind != "stand" and two.kind == "stand" for one, two in pairwise(moves))
-    if stops:
-        return "agrees", "moves, then stands"
-    return "silent", "no stop found"
+@_checks("stop")
+def _stop(claim: Claim, description: Description) -> tuple[Verdict, str]:
+    stops = any(a.kind != "stand" and b.kind == "stand" for a, b in pairwise(description.moves))
+    return ("agrees", "moves, then stands") if stops else ("silent", "no stop found")
 
 
-def _check_stand(claim: Claim, description: Description) -> tuple[Verdict, str]:
-    share = description.share("stand")
-    stays = sum(move.frames for move in description.moves if move.kind == "stand")
-    share = stays / description.frames
+@_checks("stand")
+def _stand(claim: Claim, description: Description) -> tuple[Verdict, str]:
+    standing = sum(move.frames for move in description.moves if move.kind == "stand")
+    share = standing / description.frames
+    reason = f"stands {100 * share:.0f} % of the time"
     if description.path.length > 1.0 and share < 0.25 and not claim.then:
-        return "contradicts", f"stands {100 * share:.0f} % of the time"
-    return ("agrees" if share > 0.3 else "silent"), f"stands {100 * share:.0f} % of the time"
+        return "contradicts", reason
+    return ("agrees" if share > 0.3 else "silent"), reason
 
 
-def _check_nothing(claim: Claim, description: Description) -> tuple[Verdict, str]:
+@_checks("twist", "lift")
+def _unmeasured(claim: Claim, description: Description) -> tuple[Verdict, str]:
     return "silent", "not measured"
-
-
-def _may_hide(claim: Claim, description: Description) -> bool:
-    """A jump or hop while running looks like a stride; a squat may be a crouch."""
-    if claim.kind in ("jump", "hop"):
-        return any(move.kind in ("jog", "run") for move in description.moves)
-    return False
-
-
-def _span(claim: Claim, description: Description) -> tuple[int, int] | None:
-    """From the start of the first to the end of the last time that a claim may mean."""
-    if claim.kind in (*_GAITS, "move"):
-        found = [m for m in description.moves if m.kind != "stand"]
-        if claim.direction in ("forward", "backward", LEFT, RIGHT):
-            found = [m for m in found if m.direction == claim.direction] or found
-    elif claim.kind in ("turn", "circle"):
-        found = [t for t in description.turns if not claim.side or t.side == claim.side]
-    else:
-        found = [e for e in events_for(claim.kind, description) if claim.side in ("", e.side, BOTH)]
-    return (found[0].start, max(event.end for event in found)) if found else None
-
-
-_CHECKS: dict[str, Callable[[Claim, Description], tuple[Verdict, str]]] = {
-    "turn": _check_turn,
-    "circle": _check_turn,
-    "stop": _check_stop,
-    "stand": _check_stand,
-    "twist": _check_nothing,
-    "lift": _check_nothing,
-}

@@ -1,14 +1,13 @@
-"""What a sentence claims about a motion: actions with side, direction, count, degrees and pace.
+"""Claims of a sentence about a motion: actions with side, direction, count, degrees and pace.
 
 Only what the describer can measure is read. "A man slowly walks backwards, then kicks twice with
 his left leg." claims `walk` backward, slow, then `kick` left, two. Words about the viewer's view
-("walks to the right of the screen") are read as the body's own side and judged leniently.
+("walks to the right of the screen") are read as the body's own side and checked leniently.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT
@@ -16,20 +15,20 @@ from latentmotion.describe.facts import BOTH, LEFT, RIGHT
 
 @dataclass(frozen=True)
 class Claim:
-    """One action that a sentence tells of."""
+    """One action that a sentence mentions."""
 
     kind: str
     """As `Event.kind`, or `move` (any gait), `circle`, `stop`, `place` (on the spot)."""
     side: str = ""
-    """Hand, foot or knee, or way of a turn."""
+    """Side of a hand, foot or knee, or of a turn."""
     direction: str = ""
-    """Where to: `forward`, `backward`, `left`, `right`, `side` (either), `up`, `place`."""
+    """`forward`, `backward`, `left`, `right`, `side` (either), `up`, `place`."""
     count: int = 0
-    """How often; zero where it is not told."""
+    """Number of repetitions; zero where the sentence has none."""
     degrees: float = 0.0
-    """How far a turn goes; zero where it is not told."""
+    """Degrees of a turn; zero where the sentence has none."""
     pace: str = ""
-    """`slow` or `fast`; empty where it is not told."""
+    """`slow` or `fast`; empty where the sentence has none."""
     then: bool = False
     """Whether it comes after the claim before it."""
 
@@ -39,7 +38,7 @@ _NOT_MEANT = (
     r"run\w* (?:his|her|their|its|both|one|the|a|them|it) ?(?:\w+ )?(?:hands?|fingers?|arms?)?",
     r"(?:left|right|upper) (?:hand )?side(?= of)|walkman|stand ?point|in ?position",
 )
-"""Words with a verb in them that tell of something else."""
+"""Words with a verb in them that mean something else."""
 
 _VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("", _NOT_MEANT),
@@ -136,7 +135,7 @@ _VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
         ),
     ),
 )
-"""Kinds of claims and the words for them; what comes first wins where two begin together."""
+"""Kinds of claims and the words for them; the first wins where two begin at the same word."""
 
 _PATTERN = re.compile(
     "|".join(rf"(?P<v{n}>\b(?:{'|'.join(words)})\b)" for n, (_, words) in enumerate(_VERBS))
@@ -158,23 +157,27 @@ _BOTH_LIMBS = re.compile(
     r"\b(?:both|his|her|their|the|two)? ?(?:hands|arms|fists|legs|feet|knees)\b"
 )
 SLIGHT = 25.0
-"""Degrees of a turn that is called slight."""
+"""Degrees of a turn that a sentence calls slight."""
 
 _GAITS = ("walk", "jog", "run", "move", "turn", "circle", "stop", "stand")
 _HANDS = re.compile(r"\b(?:hand|arm|fist|elbow|wrist)s?\b")
 _LEGS = re.compile(r"\b(?:legs?|knees?|foot|feet)\b")
-_TURNED = re.compile(
+_TWISTED = re.compile(
     r"\b(?:head|torso|trunk|waist|hips?|upper body|wrists?|hands?|arms?|cap|bottle|wheel|knobs?"
     r"|dial|key|page|valve|handle|lid|foot|them|it|leg|shoulders?|neck)\b"
 )
 _LEFT_AND_RIGHT = re.compile(
     r"\bleft (?:and|to|or) (?:the )?right\b|\bright (?:and|to|or) (?:the )?left\b"
 )
-_VIEW = re.compile(r"\b(?:top|bottom|screen|camera|viewer|upper|lower)\b")
+_VIEWER = re.compile(r"\b(?:top|bottom|screen|camera|viewer|upper|lower)\b")
 _FORWARD = re.compile(r"\b(?:for?wards?|ahead|straight|front)\b")
 _BACKWARD = re.compile(r"\bback ?wards?\b|\bin reverse\b|\bbacks? (?:up|away)\b|\bretreat")
 _SIDEWAYS = re.compile(r"\bsideways?\b|\blaterally\b|\bside-?steps?\b")
 _SIDE = re.compile(r"\b(left|right|(?:counter|anti)[- ]?clock-?wise|clock-?wise)(?:wards?)?\b")
+_TO_SIDE = re.compile(
+    r"\b(?:to|towards?|in)(?: \w+){0,2} (left|right)\b|\b(left|right)(?:wards?)?$"
+)
+_BOUNDARY = re.compile(r",|\band\b|\bthen\b|\bwhile\b|\bbefore\b|\bperson\b|\bman\b|;|\. ")
 _SLOW = re.compile(r"\bslow(?:ly)?\b|\bgingerly\b|\bleisurely\b|\bcautiously\b|\bcarefully\b")
 _FAST = re.compile(r"\b(?:quick|brisk|rapid|hurried)(?:ly)?\b|\bfast(?:er)?\b|\bat speed\b")
 _DEGREES = re.compile(r"(\d{2,3})(?: ?°| ?-?deg)")
@@ -196,49 +199,60 @@ _CLOCK = {"clock": RIGHT, "count": LEFT, "anti-": LEFT, "anti ": LEFT, "antic": 
 
 
 def claims_of(sentence: str) -> tuple[Claim, ...]:
-    """Reads the claims of a sentence, in the order told."""
+    """Reads the claims of a sentence, in the order of its words.
+
+    A circle or `in place` that follows a gait belongs to the gait, which keeps its own claim.
+    """
     text = " ".join(sentence.lower().split())
-    found = [m for m in _PATTERN.finditer(text) if _kind(m)]
+    kinds = [(match, _VERBS[int(str(match.lastgroup)[1:])][0]) for match in _PATTERN.finditer(text)]
+    verbs = [(match, kind) for match, kind in kinds if kind]
     claims: list[Claim] = []
-    for number, match in enumerate(found):
-        begin = found[number - 1].end() if number else 0
-        until = found[number + 1].start() if number + 1 < len(found) else len(text)
+    for index, (match, kind) in enumerate(verbs):
+        begin = verbs[index - 1][0].end() if index else 0
+        end = verbs[index + 1][0].start() if index + 1 < len(verbs) else len(text)
         gap = text[begin : match.start()]
-        claim = _claim(_kind(match), _own_start(gap), match.group(), text[match.end() : until])
-        then = bool(claims) and bool(_THEN.search(gap))
-        claims.append(replace(claim, then=then))
-    return tuple(_joined(claims))
-
-
-def _kind(match: re.Match[str]) -> str:
-    name = match.lastgroup or "v0"
-    return _VERBS[int(name[1:])][0]
-
-
-def _own_start(gap: str) -> str:
-    """Returns what stands right before a verb and belongs to it, e.g. "slowly" or "two"."""
-    return re.split(r",|\band\b|\bthen\b|\bwhile\b|\bbefore\b|\bperson\b|\bman\b|;|\. ", gap)[-1]
+        last = claims[-1] if claims else None
+        if kind == "place":
+            if last and last.kind in ("walk", "jog", "run", "jump", "hop", "move"):
+                claims[-1] = replace(last, direction="place")
+            continue
+        # Words right before a verb may belong to it, e.g. "slowly" or "two".
+        before = _BOUNDARY.split(gap)[-1]
+        claim = _claim(kind, before, match.group(), text[match.end() : end])
+        if claim.kind == "circle" and last and last.kind == "arm_circle":
+            continue
+        claims.append(replace(claim, then=index > 0 and bool(_THEN.search(gap))))
+    return tuple(claims)
 
 
 def _claim(kind: str, before: str, verb: str, after: str) -> Claim:
+    """Reads the claim of a verb from the words before and after it."""
     near = re.split(r",|;|\. |\bwhile\b|\bas (?:he|she|they)\b", after)[0]
     whole = f"{before} {verb} {near}"
-    limb = None if kind in _GAITS else _LIMB.search(after) or _LIMB.search(before)
-    side, direction = _sides(kind, before, verb, after, limb)
+    degrees = 0.0
+    if kind in ("turn", "circle"):
+        if match := _DEGREES.search(whole):
+            degrees = float(match[1])
+        elif re.search(r"\bslight(?:ly)?\b|\ba (?:little|bit)\b", whole):
+            degrees = SLIGHT
+        else:
+            named = (amount for pattern, amount in _DEGREE_WORDS if pattern.search(whole))
+            degrees = next(named, 0.0)
+    side, direction = _side_and_direction(kind, before, verb, after)
     if kind == "kick" and re.search(r"\bback\b(?! leg| foot)", near):
         direction = "backward"
     return Claim(
-        _meant(kind, before, verb, near, after),
+        _kind_by_object(kind, before, verb, near, after),
         side=side,
         direction=direction,
-        count=_count(kind, before, verb, after),
-        degrees=_degrees(whole) if kind in ("turn", "circle") else 0.0,
+        count=_count(before, after),
+        degrees=degrees,
         pace="slow" if _SLOW.search(whole) else "fast" if _FAST.search(whole) else "",
     )
 
 
-def _meant(kind: str, before: str, verb: str, near: str, after: str) -> str:
-    """Returns the kind of a claim by what the verb acts upon.
+def _kind_by_object(kind: str, before: str, verb: str, near: str, after: str) -> str:
+    """Returns the kind of a claim according to the object of the verb.
 
     A raised leg is a `knee`, a lifted thing a `lift`, a turned wheel or waist a `twist`.
     """
@@ -250,7 +264,7 @@ def _meant(kind: str, before: str, verb: str, near: str, after: str) -> str:
     if kind in ("turn", "circle"):
         whole = f"{before} {verb} {near}"
         both = _LEFT_AND_RIGHT.search(near)
-        held = _HANDS.search(before) or (kind == "turn" and _TURNED.search(near))
+        held = _HANDS.search(before) or (kind == "turn" and _TWISTED.search(near))
         moved = kind == "circle" and (
             re.search(r"\b(?:leg|foot|body|head|hips?|waist|it|them)\b", before)
             or ("motion" in verb and not re.search(r"\b(?:walk|run|jog|step|turn|spin)", before))
@@ -260,44 +274,35 @@ def _meant(kind: str, before: str, verb: str, near: str, after: str) -> str:
     return kind
 
 
-def _sides(
-    kind: str, before: str, verb: str, after: str, limb: re.Match[str] | None
-) -> tuple[str, str]:
-    """Returns side and direction."""
+def _side_and_direction(kind: str, before: str, verb: str, after: str) -> tuple[str, str]:
+    """Returns side and direction of the action of a verb."""
+    limb = None if kind in _GAITS else _LIMB.search(after) or _LIMB.search(before)
     rest = after if limb is None else after.replace(limb.group(), " ")
+    if kind in ("turn", "circle") and (side := _SIDE.search(f"{before} {rest}")):
+        return _CLOCK.get(side[1][:5], side[1]), ""
     direction = ""
-    if kind in ("turn", "circle") and (way := _SIDE.search(f"{before} {rest}")):
-        return _CLOCK.get(way[1][:5], way[1]), ""
     if kind in ("walk", "jog", "run", "move", "jump", "hop", "kick", "arm_circle"):
-        whole = f"{before if kind == 'move' else ''} {verb} {rest}"
-        direction = _direction(whole)
+        text = f"{before if kind == 'move' else ''} {verb} {rest}"
+        if _BACKWARD.search(text):
+            direction = "backward"
+        elif _SIDEWAYS.search(text):
+            side = re.search(r"\b(left|right)\b", text)
+            direction = side[1] if side else "side"
+        elif _FORWARD.search(text):
+            direction = "forward"
+        elif not _VIEWER.search(text) and (side := _TO_SIDE.search(text.strip(" .,"))):
+            direction = side[1] or side[2]
     if limb and limb[1] in (LEFT, RIGHT):
         return limb[1], direction
     if limb or (kind in ("raise", "wave") and _BOTH_LIMBS.search(after)):
         return BOTH, direction
-    if kind in ("kick", "punch") and (way := re.search(r"\b(left|right)\b", before)):
-        return way[1], direction
+    if kind in ("kick", "punch") and (side := re.search(r"\b(left|right)\b", before)):
+        return side[1], direction
     return "", direction
 
 
-def _direction(text: str) -> str:
-    if _BACKWARD.search(text):
-        return "backward"
-    if _SIDEWAYS.search(text):
-        way = re.search(r"\b(left|right)\b", text)
-        return way[1] if way else "side"
-    if _FORWARD.search(text):
-        return "forward"
-    if _VIEW.search(text):
-        return ""
-    way = re.search(
-        r"\b(?:to|towards?|in)(?: \w+){0,2} (left|right)\b|\b(left|right)(?:wards?)?$",
-        text.strip(" .,"),
-    )
-    return (way[1] or way[2]) if way else ""
-
-
-def _count(kind: str, before: str, verb: str, after: str) -> int:
+def _count(before: str, after: str) -> int:
+    """Returns the number of repetitions that the words around a verb tell, else zero."""
     for text in (after, before):
         match = _COUNT.search(text)
         if match is None or re.match(
@@ -312,28 +317,3 @@ def _count(kind: str, before: str, verb: str, after: str) -> int:
         if number <= 20 and near and plain and word != "one":
             return number
     return 0
-
-
-def _degrees(text: str) -> float:
-    if match := _DEGREES.search(text):
-        return float(match[1])
-    if re.search(r"\bslight(?:ly)?\b|\ba (?:little|bit)\b", text):
-        return SLIGHT
-    return next((amount for pattern, amount in _DEGREE_WORDS if pattern.search(text)), 0.0)
-
-
-def _joined(claims: list[Claim]) -> Iterator[Claim]:
-    """A circle or `in place` that follows a gait is the gait's; the gait keeps its own claim."""
-    last: Claim | None = None
-    for claim in claims:
-        if claim.kind == "place":
-            if last is not None and last.kind in ("walk", "jog", "run", "jump", "hop", "move"):
-                last = replace(last, direction="place")
-            continue
-        if claim.kind == "circle" and last is not None and last.kind == "arm_circle":
-            continue
-        if last is not None:
-            yield last
-        last = claim
-    if last is not None:
-        yield last

@@ -1,4 +1,4 @@
-"""Captions as clauses: who, does what, and then does what; only where there is no doubt.
+"""Captions as clauses: a subject and its actions in order; only where there is no doubt.
 
 "the man walks forward slowly, then turns left." has the subject "the man" and two clauses, `walk`
 with "forward slowly" and `turn` with "left". Anything that does not fit this scheme word by word
@@ -21,7 +21,7 @@ SUBJECT = re.compile(
     r"|subject|toon|sim|lady|dude)"
     r"|(?P<pronoun>he|she|they))\b(?!'s)"
 )
-"""Who acts, at the start of a sentence."""
+"""The subject at the start of a sentence."""
 
 _GENDER: dict[str, str] = dict.fromkeys(("man", "guy", "boy", "he", "dude"), "male")
 _GENDER |= dict.fromkeys(("woman", "girl", "she", "lady"), "female")
@@ -50,10 +50,10 @@ _PLURAL_WORDS = """
 """
 
 _PLURALS = set(_PLURAL_WORDS.split())
-"""Words that end as a third person does and are none."""
+"""Words that end like a third person but are not verbs."""
 
-_WAYS = {"around", "forward", "forwards", "back", "backward", "backwards", "down", "up", "still",
-         "arms", "hands", "legs", "knees", "feet", "head"}  # fmt: skip
+_CLAUSE_ENDS = {"around", "forward", "forwards", "back", "backward", "backwards", "down", "up",
+                "still", "arms", "hands", "legs", "knees", "feet", "head"}  # fmt: skip
 """Words after which a third person can only be a verb."""
 
 _FINITE = set(BASE_OF_THIRD) - _PLURALS
@@ -64,14 +64,14 @@ _NOMINAL_VERBS = {"do", "perform", "make", "practice", "throw", "mime", "imitate
 
 @dataclass(frozen=True)
 class Clause:
-    """One action: how it follows the one before, the verb, and the words around it."""
+    """One action: its link to the clause before, the verb, and the words around it."""
 
     link: str
     """`` for the first, else `and`, `then`, `,` or `.`."""
     verb: str
     """Base form."""
     rest: tuple[str, ...]
-    """What follows the verb."""
+    """Words after the verb."""
     before: tuple[str, ...] = ()
     """Adverbs before the verb, `then` left out."""
 
@@ -113,11 +113,16 @@ def read_clauses(text: str) -> Sentence | None:
     if subject in ("they", "man", "woman") and words[:1] == ["and"]:
         return None
     clauses = _Reader(words, plural=subject == "they", bare=not subject).read()
-    if not clauses or any(_doubtful(clause) for clause in clauses):
-        return None
-    if (words[0] in BASE_OF_PARTICIPLE and _has_finite(clauses)) or _runs_on(words):
-        return None
     inside = {word for clause in clauses for word in clause.rest}
+    adverbs = {word for clause in clauses for word in clause.before}
+    if not clauses or (inside | adverbs) & {*_REFUSED, ";"}:
+        return None
+    if any(clause.verb in ("appear", "seem") for clause in clauses):
+        return None
+    if words[0] in BASE_OF_PARTICIPLE and inside & _FINITE:
+        return None  # "a man crouching down reaches up"
+    if any(word in _CLAUSE_ENDS and verb in _FINITE for word, verb in pairwise(words)):
+        return None  # a verb follows without a comma: "turns around runs back"
     return Sentence(subject, gender or "neutral", tuple(clauses), bool(inside & _PRONOUNS))
 
 
@@ -132,70 +137,74 @@ class _Reader:
 
     def read(self) -> list[Clause]:
         """Returns the clauses; none where there is doubt."""
-        start = self._head(0, first=True)
+        start = self.head(0, first=True)
         if start is None:
             return []
-        clauses, (before, verb, place), link = [], start, ""
+        clauses, (before, verb, index), link = [], start, ""
         while True:
-            end, found, next_link = self._next(verb, place)
+            end, following, next_link = self.next_clause(verb, index)
             if end < 0:
                 return []
-            clauses.append(Clause(link, verb, tuple(self.words[place:end]), before))
-            if found is None:
+            clauses.append(Clause(link, verb, tuple(self.words[index:end]), before))
+            if following is None:
                 return clauses
-            (before, verb, place), link = found, next_link
+            (before, verb, index), link = following, next_link
 
-    def _next(
-        self, verb: str, place: int
+    def next_clause(
+        self, verb: str, index: int
     ) -> tuple[int, tuple[tuple[str, ...], str, int] | None, str]:
-        """Returns where a clause ends, the head of the next and how it is linked; -1 for doubt."""
-        start, words = place, self.words
-        while place < len(words):
-            end = place
+        """Returns the end of a clause, and head and link of the next; -1 where there is doubt."""
+        start, words = index, self.words
+        while index < len(words):
+            end = index
             linked = []
-            while place < len(words) and words[place] in _LINKS:
-                linked.append(words[place])
-                place += 1
+            while index < len(words) and words[index] in _LINKS:
+                linked.append(words[index])
+                index += 1
             if not linked:
-                place += 1
+                index += 1
                 continue
-            found = self._head(place, first=False, clause=(verb, words[start:end]))
-            if found is not None:
-                return end, found, _link(linked, self.words[place : found[2]])
-            if "then" in linked or "." in linked or "but" in linked or self._suspect(place):
+            following = self.head(index, first=False, clause=(verb, words[start:end]))
+            if following is not None:
+                between = (*linked, *words[index : following[2]])
+                link = next((word for word in ("then", "and", ".") if word in between), ",")
+                return end, following, link
+            if "then" in linked or "." in linked or "but" in linked or self.may_be_verb(index):
                 return -1, None, ""
         return len(words), None, ""
 
-    def _head(
-        self, place: int, first: bool, clause: tuple[str, list[str]] = ("", [])
+    def head(
+        self, index: int, first: bool, clause: tuple[str, list[str]] = ("", [])
     ) -> tuple[tuple[str, ...], str, int] | None:
-        """Returns adverbs, verb and the place after it, where a clause begins at `place`."""
+        """Returns the adverbs and the verb of a clause, and the index after the verb."""
         before: list[str] = []
         words = self.words
-        if not first:
-            place = self._skip_subject(place)
-        while place < len(words) and _BEFORE_VERB.fullmatch(words[place]):
-            before += [words[place]] if words[place] not in ("then", "also") else []
-            place += 1
-        if place < len(words) and words[place] in ("is", "are"):
-            place += 1
-            while place < len(words) and _BEFORE_VERB.fullmatch(words[place]):
-                before += [words[place]]
-                place += 1
-            verb = BASE_OF_PARTICIPLE.get(words[place]) if place < len(words) else None
+        subject = None if first else SUBJECT.match(" ".join(words[index:]))
+        index += len(subject.group(0).split()) if subject else 0
+        while index < len(words) and _BEFORE_VERB.fullmatch(words[index]):
+            before += [words[index]] if words[index] not in ("then", "also") else []
+            index += 1
+        if index < len(words) and words[index] in ("is", "are"):
+            index += 1
+            while index < len(words) and _BEFORE_VERB.fullmatch(words[index]):
+                before += [words[index]]
+                index += 1
+            verb = BASE_OF_PARTICIPLE.get(words[index]) if index < len(words) else None
             self.forms.setdefault("form", "going")
         else:
-            verb = self._form(words[place]) if place < len(words) else None
-        if verb is None or self._nominal(verb, words[place], clause):
+            verb = self.base_form(words[index]) if index < len(words) else None
+        if verb is None:
             return None
-        return tuple(before), verb, place + 1
+        previous, rest = clause
+        if previous:  # it may be one more thing, or one more participle
+            listed = bool(rest) and rest[-1] in BASE_OF_THIRD and previous in _NOMINAL_VERBS
+            subordinate = {"while", "as", "by", "before", "after", "when"} & set(rest)
+            participle = any(word in BASE_OF_PARTICIPLE for word in rest)
+            if listed or (words[index] in BASE_OF_PARTICIPLE and (subordinate or participle)):
+                return None
+        return tuple(before), verb, index + 1
 
-    def _skip_subject(self, place: int) -> int:
-        rest = " ".join(self.words[place:])
-        match = SUBJECT.match(rest)
-        return place + len(match.group(0).split()) if match else place
-
-    def _form(self, word: str) -> str | None:
+    def base_form(self, word: str) -> str | None:
         """Returns the base of a word in the form that the sentence's first verb has."""
         form = self.forms.get("form")
         if form in (None, "goes", "going") and word in BASE_OF_THIRD:
@@ -209,50 +218,17 @@ class _Reader:
             return word
         return None
 
-    def _nominal(self, verb: str, word: str, clause: tuple[str, list[str]]) -> bool:
-        """Whether what looks like a verb may be one more thing, or one more participle."""
-        head, rest = clause
-        if not head:
-            return False
-        going = word in BASE_OF_PARTICIPLE
-        listed = bool(rest) and rest[-1] in BASE_OF_THIRD and head in _NOMINAL_VERBS
-        subordinate = {"while", "as", "by", "before", "after", "when"} & set(rest)
-        participle = any(w in BASE_OF_PARTICIPLE for w in rest)
-        return listed or (going and (bool(subordinate) or participle))
-
-    def _suspect(self, place: int) -> bool:
-        """Whether the word after "and" or a comma may be a verb that we do not know."""
-        while place < len(self.words) and _BEFORE_VERB.fullmatch(self.words[place]):
-            place += 1
-        if place >= len(self.words):
+    def may_be_verb(self, index: int) -> bool:
+        """Whether the word after "and" or a comma may be an unknown verb."""
+        while index < len(self.words) and _BEFORE_VERB.fullmatch(self.words[index]):
+            index += 1
+        if index >= len(self.words):
             return True
-        word, form = self.words[place], self.forms.get("form")
+        word, form = self.words[index], self.forms.get("form")
         if word in _PRONOUNS or word.endswith("ed") or word in BASE_OF_THIRD:
             return True
         if form == "goes" and (word in BASE_OF_PARTICIPLE or word.endswith("ing")):
-            return self.words[place - 1] == "and" or True
-        if word in VERBS and "to" not in self.words[:place]:
+            return True
+        if word in VERBS and "to" not in self.words[:index]:
             return word not in ("left", "right", "back", "forward", "hip", "cup", "step")
         return word.endswith("s") and not word.endswith("ss") and word not in _PLURALS
-
-
-def _link(linked: list[str], between: list[str]) -> str:
-    if "then" in linked or "then" in between:
-        return "then"
-    return "and" if "and" in linked else "." if "." in linked else ","
-
-
-def _has_finite(clauses: list[Clause]) -> bool:
-    """Whether a third person is left inside, as in "a man crouching down reaches up"."""
-    words = {word for clause in clauses for word in clause.rest}
-    return bool(words & _FINITE)
-
-
-def _runs_on(words: list[str]) -> bool:
-    """Whether a verb follows without a comma, as in "turns around runs back"."""
-    return any(place in _WAYS and verb in _FINITE for place, verb in pairwise(words))
-
-
-def _doubtful(clause: Clause) -> bool:
-    words = {*clause.rest, *clause.before}
-    return bool(words & _REFUSED) or clause.verb in ("appear", "seem") or ";" in words

@@ -1,78 +1,86 @@
-"""Facts about a motion: moves, turns, postures and events, each with its frames.
+"""Facts about a motion: moves, turns, postures, events and single actions, each with its frames.
 
-Every fact is an `Event`. Sides are the body's own. Frames are counted at 20 per second.
+Every fact is an `Event`, an action in a window a `SingleAction`. Sides are the body's own. Frames
+are counted at 20 per second.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 FPS = 20.0
 """Frames per second of every motion that is described."""
 
 LEFT, RIGHT, BOTH = "left", "right", "both"
+SIDES = (LEFT, RIGHT)
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens, or lasts, from one frame to another."""
+    """An event or a state that lasts from one frame to another."""
 
     kind: str
-    """What it is, e.g. `walk`, `turn`, `sit`, `kick`."""
+    """Name of what happens, e.g. `walk`, `turn`, `sit`, `kick`."""
     start: int
     """First frame."""
     end: int
     """One past the last frame."""
     side: str = ""
-    """`left`, `right` or `both`: the way of a turn, or the hand, foot or knee that acts."""
+    """`left`, `right` or `both`: the side of a turn, or of the hand, foot or knee that acts."""
     direction: str = ""
-    """Where it goes as the body sees it (`forward`, `backward`, `left`, `right`, `up`, `place`)."""
+    """Direction in the body frame (`forward`, `backward`, `left`, `right`, `up`, `place`)."""
     amount: float = 0.0
     """Degrees of a turn, meters per second of a move, meters of height of everything else."""
     count: int = 1
-    """How often it is repeated, e.g. swings of a waving hand."""
+    """Number of repetitions, e.g. swings of a waving hand."""
 
     @property
     def frames(self) -> int:
-        """How long it lasts."""
+        """Duration in frames."""
         return self.end - self.start
 
     @property
     def seconds(self) -> float:
-        """How long it lasts."""
+        """Duration in seconds."""
         return self.frames / FPS
+
+    def overlap(self, other: Event, margin: int = 0) -> int:
+        """Returns the number of frames shared with another event, widened by a margin."""
+        start, end = max(self.start, other.start - margin), min(self.end, other.end + margin)
+        return max(end - start, 0)
 
 
 @dataclass(frozen=True)
 class Path:
-    """The way of the pelvis over the floor."""
+    """The path of the pelvis over the floor."""
 
     length: float
     """Meters walked, small sways left out."""
     forward: float
-    """Meters gained ahead, seen from where the body faced at the start; negative is backward."""
+    """Displacement, meters, in the direction faced at the start; negative is backward."""
     left: float
-    """Meters gained to the left, seen from where the body faced at the start."""
+    """Displacement, meters, to the left of the direction faced at the start."""
     ahead: float
-    """Meters moved in the direction faced at the time, added up; negative is backward."""
+    """Sum of the meters moved in the direction faced at the time; negative is backward."""
     sideways: float
-    """Meters moved to the left of the direction faced at the time, added up."""
+    """Sum of the meters moved to the left of the direction faced at the time."""
     turned: float
     """Degrees by which the heading changed from start to end, turns added up; left is positive."""
     closed: bool
-    """Whether the path ends near where it began although it went far."""
+    """Whether a long path ends near its start."""
     widening: float = 0.0
-    """Radius of its last third by radius of its first, minus one; zero where it is no circle."""
+    """Radius of the last third of a circle over that of the first, minus one; zero otherwise."""
 
 
 @dataclass(frozen=True)
 class Description:
-    """What can be measured about a motion."""
+    """The facts of one motion."""
 
     frames: int
     """Its length."""
     path: Path
-    """Its way over the floor."""
+    """Its path over the floor."""
     moves: tuple[Event, ...]
     """`stand`, `walk`, `jog` and `run`, one after another without gaps, by direction and speed."""
     turns: tuple[Event, ...]
@@ -85,9 +93,9 @@ class Description:
     steps: int
     """Number of steps of both feet."""
     twist: tuple[float, float] = (0.0, 0.0)
-    """Degrees by which the shoulders turn at most to the left and right of the hips."""
+    """Largest turn, degrees, of the shoulders to the left and right of the hips."""
     activity: float = 1.0
-    """Mean speed of hands, feet and head, m/s; below 0.12 the body is as good as still."""
+    """Mean speed of hands, feet and head, m/s; below 0.12 the body is nearly still."""
 
     @property
     def seconds(self) -> float:
@@ -111,6 +119,52 @@ class Description:
         return tuple(sorted(found, key=lambda event: event.start))
 
     def share(self, kind: str, direction: str = "") -> float:
-        """Returns the part of the motion, 0 to 1, that moves or postures of a kind take."""
+        """Returns the share of the motion, 0 to 1, that moves or postures of a kind take."""
         found = self.find(kind, direction=direction)
         return min(sum(event.frames for event in found) / max(self.frames, 1), 1.0)
+
+
+@dataclass(frozen=True)
+class SingleAction:
+    """One action of a clip and the window that shows nothing else."""
+
+    kind: str
+    """Name of the action, such as `walk`, `punch` or `turn_then_walk`."""
+    start: int
+    """First frame of the window (20 frames per second)."""
+    end: int
+    """One past the last frame of the window."""
+    side: str = ""
+    """`left`, `right`, `both`, or nothing where no side applies."""
+    direction: str = ""
+    """`forward`, `backward`, `left`, `right`, `up`, `down`, or nothing."""
+    count: int = 1
+    """Number of repetitions; 1 where they are not counted."""
+    degrees: float = 0.0
+    """Net change of heading over the window, in degrees; 0 where none."""
+    gait: str = ""
+    """`walk`, `jog` or `run` while turning or circling; nothing on the spot."""
+    pace: str = ""
+    """`slow`, `normal` or `fast` for gaits; nothing where no pace applies."""
+    act: tuple[int, int] = (0, 0)
+    """First frame and one past the last frame of the act itself."""
+
+    @property
+    def frames(self) -> int:
+        """Length of the window."""
+        return self.end - self.start
+
+
+def joined_moves(moves: Iterable[Event], gap: int) -> list[Event]:
+    """Joins successive moves of one kind and direction with less than `gap` frames between."""
+    joined: list[Event] = []
+    for move in moves:
+        last = joined[-1] if joined else None
+        alike = last and (last.kind, last.direction) == (move.kind, move.direction)
+        if last and alike and move.start - last.end < gap:
+            frames = last.frames + move.frames
+            speed = (last.amount * last.frames + move.amount * move.frames) / frames
+            joined[-1] = replace(last, end=move.end, amount=speed)
+        else:
+            joined.append(move)
+    return joined

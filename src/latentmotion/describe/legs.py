@@ -1,4 +1,4 @@
-"""What the legs do: steps, flights (jumps, hops, running), kicks, raised knees, balance."""
+"""Acts of the legs: steps, flights (jumps, hops, running), kicks, raised knees, balance."""
 
 from __future__ import annotations
 
@@ -6,17 +6,25 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from latentmotion.describe.facts import BOTH, FPS, LEFT, RIGHT, Event
-from latentmotion.describe.signals import JOINT, Signals, bend, closed_gaps, peaks, smooth, spans
-
-_SIDES = (LEFT, RIGHT)
+from latentmotion.describe.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event
+from latentmotion.describe.signals import (
+    JOINT,
+    Signals,
+    around_peak,
+    bearing,
+    bend,
+    closed_gaps,
+    peaks,
+    smooth,
+    spans,
+)
 
 
 @dataclass(frozen=True)
 class Flight:
-    """A time in which no foot touches the floor."""
+    """An interval in which no foot touches the floor."""
 
     start: int
     """First frame in the air."""
@@ -24,7 +32,7 @@ class Flight:
     """First frame back on the floor."""
     rise: float
     """Meters by which the pelvis is higher than at take-off and landing."""
-    way: tuple[float, float]
+    travel: tuple[float, float]
     """Meters flown to the left and ahead."""
     leaves: str
     """Foot or feet that touched the floor last."""
@@ -36,32 +44,32 @@ def flights_of(signals: Signals) -> list[Flight]:
     """Returns every flight of at least two frames and less than a second."""
     low = signals.feet.min(axis=1)
     level = _level(low)
-    found = []
+    flights = []
     for start, end in spans(low - level > 0.045, 2):
         if end - start > FPS:
             continue
         pelvis = signals.joints[:, 0, 1]
         before, after = max(start - 1, 0), min(end, signals.frames - 1)
         rise = float(pelvis[start:end].max() - 0.5 * (pelvis[before] + pelvis[after]))
-        way = signals.velocity[start:end].sum(axis=0) / FPS
-        found.append(
+        travel = signals.velocity[start:end].sum(axis=0) / FPS
+        flights.append(
             Flight(
                 start=start,
                 end=end,
                 rise=rise,
-                way=(float(way[0]), float(way[1])),
+                travel=(float(travel[0]), float(travel[1])),
                 leaves=_touching(signals, level, before - 2, before + 1),
                 lands=_touching(signals, level, after, after + 3),
             )
         )
-    return found
+    return flights
 
 
 def running_of(flights: list[Flight], signals: Signals) -> Float[np.ndarray, " frames"]:
-    """Returns where the gait is a jog or run, 1, else 0.
+    """Returns 1 in frames where the gait is a jog or run, else 0.
 
-    There the pelvis bobs, hardly ever do both feet stand, and heels swing up; or flights from one
-    foot to the other follow each other, as in running on the spot.
+    In these frames the pelvis bobs, both feet hardly ever stand, and heels swing up; or flights
+    from one foot to the other follow each other, as in running in place.
     """
     both = (signals.feet.max(axis=1) < 0.03).astype(np.float64)
     heel = signals.joints[:, [7, 8], 1].max(axis=1)
@@ -80,7 +88,7 @@ def jumps_of(
     signals: Signals, flights: list[Flight], running: Float[np.ndarray, " frames"]
 ) -> list[Event]:
     """Returns jumps from both feet, hops on one, and leaps from one foot to the other."""
-    out = []
+    jumps = []
     for flight in flights:
         fast = signals.speed[flight.start : flight.end].mean() > 0.9
         crossed = flight.leaves != flight.lands
@@ -91,41 +99,33 @@ def jumps_of(
             continue
         same = flight.leaves == flight.lands and flight.leaves != BOTH
         if same and flight.rise > 0.04:
-            out.append(_jump("hop", flight, flight.leaves))
+            jumps.append(_jump("hop", flight, flight.leaves))
         elif high or (flight.leaves == flight.lands == BOTH and flight.rise > 0.035):
-            out.append(_jump("jump", flight, BOTH if flight.leaves == BOTH else ""))
-    return out
+            jumps.append(_jump("jump", flight, BOTH if flight.leaves == BOTH else ""))
+    return jumps
 
 
 def kicks_of(signals: Signals) -> list[Event]:
     """Returns swings of a stretched leg that are high, or low ones much faster than a step."""
-    out = []
-    for index, side in enumerate(_SIDES):
+    kicks = []
+    for index, side in enumerate(SIDES):
         foot = signals.of(f"{side}_ankle")
         away = foot - signals.of(f"{side}_hip")
+        reach = np.linalg.norm(away, axis=1)
         swing = np.linalg.norm(np.gradient(smooth(away, 0.7), axis=0), axis=1) * FPS
         straight = bend(signals, f"{side}_hip", f"{side}_knee", f"{side}_ankle")
-        height = foot[:, 1] - _other_foot(signals, index)
-        high = [top for top in peaks(height, 0.42, 0.25) if _is_kick(top, away, swing, straight)]
-        out += [
-            _around(signals, "kick", height, top, side, _kick_direction(away[top])) for top in high
-        ]
-        out += _low_kicks(signals, side, away, height, out)
-    return out
-
-
-def _is_kick(
-    top: int,
-    away: Float[np.ndarray, "frames 3"],
-    swing: Float[np.ndarray, " frames"],
-    straight: Float[np.ndarray, " frames"],
-) -> bool:
-    """Says whether a foot that is highest at `top` got there fast, ahead or aside, stretched."""
-    near, reach = slice(max(top - 4, 0), top + 5), np.linalg.norm(away, axis=1)
-    fast = swing[max(top - 8, 0) : top + 6].max() > 2.6
-    behind = away[top, 2] < -0.2 and abs(away[top, 0]) < 0.35
-    stretched = straight[near].max() > 125 and reach[near].max() > 0.6
-    return bool(fast and not behind and stretched)
+        other_foot = np.minimum(signals.feet[:, 1 - index], 0.6) + 0.06  # higher on a stair
+        height = foot[:, 1] - other_foot
+        for top in peaks(height, 0.42, 0.25):
+            near = slice(max(top - 4, 0), top + 5)
+            fast = swing[max(top - 8, 0) : top + 6].max() > 2.6
+            behind = away[top, 2] < -0.2 and abs(away[top, 0]) < 0.35
+            if fast and not behind and straight[near].max() > 125 and reach[near].max() > 0.6:
+                direction = bearing(away[top, 0], away[top, 2])
+                direction = "side" if direction in SIDES else direction
+                kicks.append(_event_at(top, height, "kick", side, direction))
+        kicks += _low_kicks(signals, side, away, height, kicks)
+    return kicks
 
 
 def _low_kicks(
@@ -133,32 +133,27 @@ def _low_kicks(
     side: str,
     away: Float[np.ndarray, "frames 3"],
     height: Float[np.ndarray, " frames"],
-    taken: list[Event],
+    known: list[Event],
 ) -> list[Event]:
-    """Returns kicks as at a ball: the foot swings ahead low, and faster than the body goes."""
+    """Returns kicks as of a ball: the foot swings ahead low, and faster than the body moves."""
     ahead = smooth(away[:, 2], 0.5)
     pace = np.gradient(ahead) * FPS
-    out = []
+    kicks = []
     for top in peaks(ahead, 0.3, 0.45):
-        around = slice(max(top - 7, 0), top + 1)
-        slow = signals.speed[around].mean() < 2.6
-        lifted = height[top] > 0.1
-        free = not any(k.side == side and k.start - 6 <= top < k.end + 6 for k in taken)
-        if (
-            free
-            and slow
-            and lifted
-            and pace[around].max() > 3.4 + 0.8 * signals.speed[around].mean()
-        ):
+        before = slice(max(top - 7, 0), top + 1)
+        speed = signals.speed[before].mean()
+        slow, lifted = speed < 2.6, height[top] > 0.1
+        free = not any(k.side == side and k.start - 6 <= top < k.end + 6 for k in known)
+        if free and slow and lifted and pace[before].max() > 3.4 + 0.8 * speed:
             end = min(top + 4, signals.frames)
-            out.append(Event("kick", around.start, end, side, "forward", float(height[top])))
-    return out
+            kicks.append(Event("kick", before.start, end, side, "forward", float(height[top])))
+    return kicks
 
 
 def knees_of(signals: Signals, kicks: list[Event]) -> list[Event]:
     """Returns knees raised to the hip or higher while the other foot stands."""
-    out = []
-    for index, side in enumerate(_SIDES):
+    knees = []
+    for index, side in enumerate(SIDES):
         knee = signals.of(f"{side}_knee")
         thigh = knee[:, 1] - signals.of(f"{side}_hip")[:, 1]
         free = (signals.feet[:, index] > 0.15) & (signals.feet[:, 1 - index] < 0.15)
@@ -166,31 +161,31 @@ def knees_of(signals: Signals, kicks: list[Event]) -> list[Event]:
         curve = np.where(up, thigh + 0.4, 0)
         for top in peaks(curve, 0.27, 0.15):
             if not any(kick.start <= top < kick.end and kick.side == side for kick in kicks):
-                out.append(_around(signals, "knee", curve, top, side, "up"))
-    return out
+                knees.append(_event_at(top, curve, "knee", side, "up"))
+    return knees
 
 
 def balances_of(signals: Signals) -> list[Event]:
-    """Returns times of a second and more on one foot that stays."""
-    out = []
+    """Returns intervals of a second and more on one foot that stays in place."""
+    balances = []
     still = signals.speed < 0.35
-    for index, side in enumerate(_SIDES):
+    for index, side in enumerate(SIDES):
         stands = (signals.feet[:, index] < 0.06) & (signals.feet[:, 1 - index] > 0.12)
         upright = signals.joints[:, 0, 1] > 0.6
         for start, end in spans(stands & still & upright, 22):
-            out.append(Event("balance", start, end, side=side))
-    return out
+            balances.append(Event("balance", start, end, side=side))
+    return balances
 
 
 def treading_of(signals: Signals) -> list[Event]:
-    """Returns times of steps on the spot: feet lifted in turn, four times and more."""
+    """Returns intervals of steps in place: feet lifted in turn, four times and more."""
     lifts = sorted(
         (top, index)
         for index in (0, 1)
         for top in peaks(signals.feet[:, index], 0.08, 0.06)
         if signals.speed[top] < 0.5 and signals.feet[top, 1 - index] < 0.12
     )
-    out, run = [], lifts[:1]
+    treading, run = [], lifts[:1]
     for lift in [*lifts[1:], (10**6, -1)]:
         if run and lift[0] - run[-1][0] < 1.1 * FPS and lift[1] != run[-1][1]:
             run.append(lift)
@@ -199,26 +194,26 @@ def treading_of(signals: Signals) -> list[Event]:
             pace = FPS * (len(run) - 1) / (run[-1][0] - run[0][0])
             kind = "jog" if pace > 2.3 else "walk"
             start, end = max(run[0][0] - 4, 0), min(run[-1][0] + 5, signals.frames)
-            out.append(Event(kind, start, end, direction="place", amount=0.1, count=len(run)))
+            treading.append(Event(kind, start, end, direction="place", amount=0.1, count=len(run)))
         run = [lift]
-    return out
+    return treading
 
 
 def climbs_of(signals: Signals) -> list[Event]:
-    """Returns ways up and down a stair, ladder or seat: the ground under the lower foot changes.
+    """Returns climbs of a stair, ladder or seat: the height of the ground under the feet changes.
 
     The amount is the meters climbed, `up` or `down`.
     """
     level = smooth(_level(signals.feet.min(axis=1)), 4.0)
     pelvis = smooth(signals.joints[:, 0, 1], 4.0)
     rate = np.gradient(level) * FPS
-    out = []
+    climbs = []
     for sign, direction in ((1, "up"), (-1, "down")):
         for start, end in spans(closed_gaps(sign * rate > 0.04, 20), 6):
             rise = sign * (level[end - 1] - level[start])
             if rise > 0.14 and sign * (pelvis[end - 1] - pelvis[start]) > 0.1:
-                out.append(Event("climb", start, end, direction=direction, amount=float(rise)))
-    return out
+                climbs.append(Event("climb", start, end, direction=direction, amount=float(rise)))
+    return climbs
 
 
 def steps_of(signals: Signals) -> int:
@@ -227,20 +222,20 @@ def steps_of(signals: Signals) -> int:
 
 
 def strides_of(signals: Signals) -> list[tuple[int, int]]:
-    """Returns first frame and one past the last of every step, of both feet, by start."""
-    found = []
+    """Returns the first frame and one past the last of every step of both feet, by start."""
+    strides = []
     for name in ("left_foot", "right_foot"):
         toe = signals.joints[:, JOINT[name]]
         moving = smooth(np.linalg.norm(np.gradient(toe[:, ::2], axis=0), axis=1) * FPS, 0.7) > 0.6
         for start, end in spans(moving, 3):
-            way = toe[min(end, len(toe) - 1), ::2] - toe[start, ::2]
-            if float(np.linalg.norm(way)) > 0.15:
-                found.append((start, end))
-    return sorted(found)
+            travel = toe[min(end, len(toe) - 1), ::2] - toe[start, ::2]
+            if float(np.linalg.norm(travel)) > 0.15:
+                strides.append((start, end))
+    return sorted(strides)
 
 
 def _level(low: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
-    """The ground under the lower foot, which may be a stair: its lowest within 0.8 s around."""
+    """Height of the ground, which may be a stair: the lowest of the lower foot within 0.8 s."""
     return np.minimum(-_most(-low, 16), 0.6)
 
 
@@ -252,23 +247,25 @@ def _most(curve: Float[np.ndarray, " frames"], reach: int) -> Float[np.ndarray, 
 
 
 def _touching(signals: Signals, level: Float[np.ndarray, " frames"], start: int, end: int) -> str:
-    part = signals.feet[max(start, 0) : end] - level[max(start, 0) : end, None]
-    if not len(part):
+    """Returns the foot, or both, that touches the ground in some frames."""
+    height = signals.feet[max(start, 0) : end] - level[max(start, 0) : end, None]
+    if not len(height):
         return BOTH
-    left, right = part.min(axis=0) < 0.07
+    left, right = height.min(axis=0) < 0.07
     return BOTH if left == right else LEFT if left else RIGHT
 
 
 def _is_stride(flight: Flight) -> bool:
+    """Whether a flight leads from one foot to the other, or may do so while running."""
     return {flight.leaves, flight.lands} == {LEFT, RIGHT} or (
         BOTH in (flight.leaves, flight.lands)
         and flight.rise < 0.06
-        and float(np.hypot(*flight.way)) > 0.2
+        and float(np.hypot(*flight.travel)) > 0.2
     )
 
 
 def _jump(kind: str, flight: Flight, side: str) -> Event:
-    left, ahead = flight.way
+    left, ahead = flight.travel
     far = float(np.hypot(left, ahead))
     if far < 0.12:
         direction = "place"
@@ -279,29 +276,9 @@ def _jump(kind: str, flight: Flight, side: str) -> Event:
     return Event(kind, flight.start, flight.end, side, direction, flight.rise)
 
 
-def _other_foot(signals: Signals, index: int) -> Float[np.ndarray, " frames"]:
-    """How high the other foot stands: zero on the floor, more on a stair."""
-    return np.minimum(signals.feet[:, 1 - index], 0.6) + 0.06
-
-
-def _kick_direction(away: Float[np.ndarray, " 3"]) -> str:
-    angle = np.degrees(np.arctan2(away[0], away[2]))
-    if abs(angle) < 50:
-        return "forward"
-    return "backward" if abs(angle) > 130 else "side"
-
-
-def _around(
-    signals: Signals,
-    kind: str,
-    curve: Float[np.ndarray, " frames"],
-    top: int,
-    side: str,
-    direction: str,
+def _event_at(
+    top: int, curve: Float[np.ndarray, " frames"], kind: str, side: str, direction: str
 ) -> Event:
-    """An event from where a curve leaves to where it falls below a third of its peak."""
-    low: Bool[np.ndarray, " frames"] = curve < curve[top] / 3
-    before, after = np.flatnonzero(low[:top]), np.flatnonzero(low[top:])
-    start = int(before[-1]) + 1 if len(before) else 0
-    end = top + int(after[0]) if len(after) else signals.frames
-    return Event(kind, start, end, side, direction, float(curve[top]))
+    """Returns the event around a peak, in which a curve stays above a third of it."""
+    before, after = around_peak(curve, top, curve[top] / 3)
+    return Event(kind, before + 1, after, side, direction, float(curve[top]))

@@ -1,20 +1,31 @@
-"""Postures over time, the changes between them, squats, bows and things picked from the floor."""
+"""Postures over time, changes between them, squats, bows and pick-ups, poses and stillness."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool
 
-from latentmotion.describe.facts import BOTH, LEFT, RIGHT, Event
-from latentmotion.describe.signals import Signals, bend, peaks, smooth
+from latentmotion.describe.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event
+from latentmotion.describe.signals import (
+    JOINT,
+    Signals,
+    bend,
+    closed_gaps,
+    intervals,
+    peaks,
+    smooth,
+    spans,
+    valley,
+    without_short_intervals,
+)
 
 KINDS = ("stand", "crouch", "bend", "kneel", "sit", "floor", "lie")
 """Postures; `floor` is sitting on the floor."""
 
 SHORTEST = 6
-"""Frames of the shortest posture."""
+"""Frames of the shortest posture and of the shortest pose."""
 
 _CHANGES = {
     ("stand", "sit"): "sit_down",
@@ -33,124 +44,132 @@ _CHANGES = {
     ("kneel", "floor"): "sit_down",
     ("lie", "kneel"): "get_up",
 }
-"""What happens between two postures, whatever short crouch or bow lies between."""
+"""The change between two postures, with or without a short crouch or bow between them."""
 
-_LEADS_ON = {"sit_down": "lie_down", "kneel_down": "lie_down", "sit_up": "get_up"}
-"""Changes that are only the first half of another."""
+_FIRST_HALF = {"sit_down": "lie_down", "kneel_down": "lie_down", "sit_up": "get_up"}
+"""Changes that may be only the first half of another."""
 
 _PASSING = ("crouch", "bend")
 
 
 def postures_of(signals: Signals) -> tuple[Event, ...]:
-    """Cuts a motion into postures."""
-    codes = _codes(signals)
-    edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
-    while len(edges) > 2:
-        lengths = np.diff(edges)
-        shortest = int(np.argmin(lengths))
-        if lengths[shortest] >= SHORTEST:
-            break
-        start, end = edges[shortest], edges[shortest + 1]
-        codes[start:end] = codes[start - 1] if start else codes[end]
-        edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
-    return tuple(Event(KINDS[codes[start]], start, end) for start, end in pairwise(edges))
-
-
-def changes_of(postures: tuple[Event, ...]) -> list[Event]:
-    """Returns `sit_down`, `stand_up` and so on, from the end of one posture to the next."""
-    out = []
-    held = [p for p in postures if p.kind not in _PASSING]
-    for one, two in pairwise(held):
-        kind = _CHANGES.get((one.kind, two.kind))
-        passing = _LEADS_ON.get(out[-1].kind) if out else None
-        if passing == kind and kind and one.frames < 60:
-            out[-1] = Event(kind, out[-1].start, min(two.start + 6, two.end))
-        elif kind:
-            start, end = max(one.end - 6, one.start), min(two.start + 6, two.end)
-            out.append(Event(kind, start, end))
-    return out
-
-
-def dips_of(signals: Signals, changes: list[Event]) -> list[Event]:
-    """Returns squats, bows and pick-ups: down and up again."""
-    pelvis, out = signals.joints[:, 0, 1], []
-    depth = smooth(np.maximum(0.92 - pelvis, 0), 1.0)
-    lean = smooth(np.maximum(signals.lean, 0), 1.0)
-    hands = np.stack([signals.of(f"{side}_wrist")[:, 1] for side in (LEFT, RIGHT)], axis=1)
-    knees = np.minimum(
-        *(bend(signals, f"{s}_hip", f"{s}_knee", f"{s}_ankle") for s in (LEFT, RIGHT))
-    )
-    reach = np.maximum(0.9 - hands.min(axis=1), 0)
-    dip = np.maximum(depth / 0.25, lean / 45)
-    free = 0
-    for top in peaks_apart(dip, 1.0, 0.45):
-        if any(c.start - 4 <= top < c.end + 4 for c in changes):
-            continue
-        start, end = _valley(dip, top)
-        start, free = max(start, free), end
-        if start >= end:
-            continue  # a second peak of the same dip
-        around = slice(start, end)
-        low = int(np.argmax(reach[around])) + start
-        if hands[around].min() < 0.32 and lean[around].max() > 35:
-            out.append(
-                Event("pick_up", start, end, _lower(hands[low]), "", float(hands[low].min()))
-            )
-        elif depth[top] > 0.2 and knees[around].min() < 120 and lean[around].max() < 70:
-            out.append(Event("squat", start, end, amount=float(depth[around].max())))
-        elif lean[top] > 45:
-            out.append(Event("bow", start, end, direction="forward", amount=float(lean[top])))
-    return out
-
-
-def peaks_apart(curve: Float[np.ndarray, " frames"], least: float, drop: float) -> list[int]:
-    """Returns maxima inside a motion: the curve rises to them and falls again."""
-    return [top for top in peaks(curve, least, drop) if curve[top:].min() < curve[top] - drop]
-
-
-def _codes(signals: Signals) -> Int[np.ndarray, " frames"]:
+    """Divides a motion into postures."""
     pelvis = signals.joints[:, 0, 1]
     feet = signals.joints[:, [7, 8], 1].min(axis=1)
     knees = np.stack([signals.of("left_knee"), signals.of("right_knee")], axis=1)
     thigh = pelvis - knees[:, :, 1].min(axis=1)
     ahead = knees[:, :, 2].min(axis=1)
     shin = knees[:, :, 1].max(axis=1)
-    over = _behind_feet(signals)
+    names = ("left_ankle", "right_ankle", "left_foot", "right_foot")
+    support = np.stack([signals.of(name)[:, 2] for name in names], axis=1).mean(axis=1)
+    weight = np.stack([signals.of(n)[:, 2] for n in ("pelvis", "spine3", "spine3", "head")])
+    behind = support - weight.mean(axis=0)  # the weight is this far behind the feet on a seat
     lie = (signals.tilt > 58) & (pelvis < 0.42)
     floor = (pelvis < 0.28) & (signals.tilt < 60)
     kneel = (knees[:, :, 1].min(axis=1) < 0.14) & (pelvis > 0.28) & (pelvis < 0.65)
     kneel &= feet < 0.25
-    sit = (thigh < 0.25) & (ahead > 0.22) & (signals.tilt < 50) & (over > 0.14)
+    sit = (thigh < 0.25) & (ahead > 0.22) & (signals.tilt < 50) & (behind > 0.14)
     sit &= signals.speed < 0.5
     bowed = (signals.lean > 45) & ~lie
     crouch = (pelvis - feet < 0.66) & (shin < 0.75)
-    return np.select([lie, floor, sit & ~kneel, kneel, bowed, crouch], [6, 5, 4, 3, 2, 1], 0)
+    codes = np.select([lie, floor, sit & ~kneel, kneel, bowed, crouch], [6, 5, 4, 3, 2, 1], 0)
+    codes = without_short_intervals(codes, SHORTEST)
+    return tuple(Event(KINDS[codes[start]], start, end) for start, end in intervals(codes))
 
 
-def _behind_feet(signals: Signals) -> Float[np.ndarray, " frames"]:
-    """Meters by which the weight of the body is behind its feet, as only a seat allows."""
-    names = ("left_ankle", "right_ankle", "left_foot", "right_foot")
-    feet = np.stack([signals.of(name)[:, 2] for name in names], axis=1).mean(axis=1)
-    weight = np.stack([signals.of(n)[:, 2] for n in ("pelvis", "spine3", "spine3", "head")])
-    return feet - weight.mean(axis=0)
+def changes_of(postures: tuple[Event, ...]) -> list[Event]:
+    """Returns `sit_down`, `stand_up` and so on, from the end of one posture to the next."""
+    changes: list[Event] = []
+    held = [posture for posture in postures if posture.kind not in _PASSING]
+    for before, after in pairwise(held):
+        kind = _CHANGES.get((before.kind, after.kind))
+        continued = _FIRST_HALF.get(changes[-1].kind) if changes else None
+        end = min(after.start + 6, after.end)
+        if kind and continued == kind and before.frames < 60:
+            changes[-1] = Event(kind, changes[-1].start, end)
+        elif kind:
+            changes.append(Event(kind, max(before.end - 6, before.start), end))
+    return changes
 
 
-def _valley(curve: Float[np.ndarray, " frames"], top: int) -> tuple[int, int]:
-    """Returns where a curve leaves and comes back to a third of a peak, or turns up again."""
-    low = curve < 0.35 * curve[top]
-    before, after = np.flatnonzero(low[:top]), np.flatnonzero(low[top:])
-    start = int(before[-1]) if len(before) else 0
-    end = top + int(after[0]) if len(after) else len(curve)
-    higher = np.flatnonzero(curve > 1.001 * curve[top])
-    left, right = higher[higher < top], higher[higher > top]
-    if len(left) and left[-1] >= start:
-        start = int(left[-1] + np.argmin(curve[left[-1] : top + 1]))
-    if len(right) and right[0] < end:
-        end = int(top + np.argmin(curve[top : right[0] + 1]))
-    return start, end
+def dips_of(signals: Signals, changes: list[Event]) -> list[Event]:
+    """Returns squats, bows and pick-ups: down and up again."""
+    dips = []
+    depth = smooth(np.maximum(0.92 - signals.joints[:, 0, 1], 0), 1.0)
+    lean = smooth(np.maximum(signals.lean, 0), 1.0)
+    hands = np.stack([signals.of(f"{side}_wrist")[:, 1] for side in SIDES], axis=1)
+    knees = np.minimum(*(bend(signals, f"{s}_hip", f"{s}_knee", f"{s}_ankle") for s in SIDES))
+    reach = np.maximum(0.9 - hands.min(axis=1), 0)
+    dip = np.maximum(depth / 0.25, lean / 45)
+    free = 0
+    for top in peaks(dip, 1.0, 0.45):
+        rises_again = dip[top:].min() < dip[top] - 0.45
+        if not rises_again or any(c.start - 4 <= top < c.end + 4 for c in changes):
+            continue
+        start, end = valley(dip, top)
+        start, free = max(start, free), end
+        if start >= end:
+            continue  # a second peak of the same dip
+        around = slice(start, end)
+        left, right = hands[int(np.argmax(reach[around])) + start]
+        if hands[around].min() < 0.32 and lean[around].max() > 35:
+            side = BOTH if abs(left - right) < 0.15 else LEFT if left < right else RIGHT
+            dips.append(Event("pick_up", start, end, side, "", float(min(left, right))))
+        elif depth[top] > 0.2 and knees[around].min() < 120 and lean[around].max() < 70:
+            dips.append(Event("squat", start, end, amount=float(depth[around].max())))
+        elif lean[top] > 45:
+            dips.append(Event("bow", start, end, direction="forward", amount=float(lean[top])))
+    return dips
 
 
-def _lower(hands: Float[np.ndarray, " 2"]) -> str:
-    if abs(hands[0] - hands[1]) < 0.15:
-        return BOTH
-    return LEFT if hands[0] < hands[1] else RIGHT
+def poses_of(signals: Signals) -> tuple[Event, ...]:
+    """Returns `arms_out`, `hands_on_hips`, `touch_head`, `crawl` and `jack`, by start."""
+    wrists = [signals.of(f"{side}_wrist") for side in SIDES]
+    hands = np.maximum(*(wrist[:, 1] for wrist in wrists))
+    knees = np.maximum(*(signals.of(f"{side}_knee")[:, 1] for side in SIDES))
+    low = (signals.joints[:, 0, 1] < 0.7) & (hands < 0.4) & (knees < 0.45)
+    crawls = low & (signals.lean > 40) & (signals.lean < 140)
+    at_head = [np.linalg.norm(wrist - signals.of("head"), axis=1) < 0.24 for wrist in wrists]
+    poses = [
+        *_held("arms_out", _arm_out(signals, LEFT) & _arm_out(signals, RIGHT), BOTH),
+        *_held("hands_on_hips", _akimbo(signals, LEFT) & _akimbo(signals, RIGHT), BOTH),
+        *_held("touch_head", at_head[0], LEFT),
+        *_held("touch_head", at_head[1], RIGHT),
+        *_held("crawl", crawls, ""),
+    ]
+    # Jumping jacks: feet go apart while the arms go up, and both come back.
+    feet = signals.joints[:, JOINT["left_ankle"]] - signals.joints[:, JOINT["right_ankle"]]
+    apart = np.linalg.norm(feet[:, ::2], axis=1)
+    above = [(signals.of(f"{s}_wrist") - signals.of(f"{s}_shoulder"))[:, 1] for s in SIDES]
+    for top in peaks(np.minimum(*above), 0.0, 0.3):
+        widest = apart[max(top - 5, 0) : top + 6].max()
+        narrowest = apart[max(top - 14, 0) : top + 15].min()
+        if widest > 0.4 and narrowest < widest - 0.15:
+            poses.append(Event("jack", max(top - 5, 0), min(top + 6, signals.frames)))
+    return tuple(sorted(poses, key=lambda event: event.start))
+
+
+def stillness(signals: Signals, slowest: float = 0.25) -> Bool[np.ndarray, " frames"]:
+    """Returns the frames in which no joint is faster than `slowest` meters per second."""
+    velocity = np.gradient(smooth(signals.joints, 1.5), axis=0) * FPS
+    return np.linalg.norm(velocity, axis=-1).max(axis=1) < slowest
+
+
+def _held(kind: str, shown: Bool[np.ndarray, " frames"], side: str) -> list[Event]:
+    """Makes an event of every interval that is long enough; short gaps do not end it."""
+    return [Event(kind, a, b, side=side) for a, b in spans(closed_gaps(shown, 4), SHORTEST)]
+
+
+def _arm_out(signals: Signals, side: str) -> Bool[np.ndarray, " frames"]:
+    """Whether an arm is stretched out to its side, level with the shoulder."""
+    shoulder, wrist = signals.of(f"{side}_shoulder"), signals.of(f"{side}_wrist")
+    outward = (wrist - shoulder)[:, 0] * (1 if side == LEFT else -1)
+    return (outward > 0.36) & (np.abs(wrist[:, 1] - shoulder[:, 1]) < 0.25)
+
+
+def _akimbo(signals: Signals, side: str) -> Bool[np.ndarray, " frames"]:
+    """Whether a hand is at the hip, the elbow bent and away from the body."""
+    hip, elbow, wrist = (signals.of(f"{side}_{name}") for name in ("hip", "elbow", "wrist"))
+    near = np.linalg.norm(wrist - hip, axis=1) < 0.33
+    bent = bend(signals, f"{side}_shoulder", f"{side}_elbow", f"{side}_wrist") < 130
+    return near & bent & (np.abs(elbow[:, 0]) > np.abs(wrist[:, 0]))

@@ -1,33 +1,39 @@
-"""How people type turns, on the spot and on the way, curves and circles.
-
-Patterns are written as in `prompt_phrases`.
-"""
+"""Prompts that ask for turns on the spot and on the way, curves and circles."""
 
 from __future__ import annotations
 
-from latentmotion.describe.prompt_phrases import (
+from latentmotion.describe.facts import SingleAction
+from latentmotion.describe.prompt_patterns import (
     GOING,
-    PEOPLE_ON_FOOT,
     RUNNERS,
     Wording,
     clockwise,
+    patterns,
+    people_on_foot,
     times,
     towards,
 )
-from latentmotion.describe.single import SingleAction
 
 
 def turn(action: SingleAction) -> Wording:
-    """A turn on the spot, or on the way while walking or running."""
-    if action.gait:
-        return _turn_on_the_way(action)
-    clauses, nouns = turned(action.side, action.degrees)
-    spot = "[||||| on the spot| in place]"
-    people = ("a dancer",) if action.degrees >= 290 else ()
-    if action.degrees < 290:
-        clauses = [f"{text}{spot}" for text in clauses]
+    """Patterns for a turn on the spot, or on the way while walking or running."""
+    gait, degrees = action.gait, action.degrees
+    if gait and degrees > 270:
+        return circle(action)
+    clauses, nouns = turned(action.side, degrees)
+    if gait:
+        going = GOING[gait]
+        clauses = [
+            *(f"~{gait} and {text}" for text in clauses),
+            *(f"{text} while {going}" for text in clauses[:5]),
+            *_curved(action),
+        ]
+        nouns = [f"{text} while {going}" for text in nouns]
+        return Wording(clauses, nouns, people=people_on_foot(gait))
+    if degrees < 290:
+        clauses = [f"{text}[||||| on the spot| in place]" for text in clauses]
         clauses += [f"~stand on the spot and {text}" for text in clauses[:1]]
-    return Wording(tuple(clauses), tuple(nouns), people=people)
+    return Wording(clauses, nouns, people=("a dancer",) if degrees >= 290 else ())
 
 
 def turned(side: str, degrees: float) -> tuple[list[str], list[str]]:
@@ -36,21 +42,6 @@ def turned(side: str, degrees: float) -> tuple[list[str], list[str]]:
         return _spun(side, degrees)
     if 130 <= degrees <= 230:
         return _turned_around(side, degrees)
-    to = towards(side)
-    clauses, nouns = _turned_so_far(side, degrees)
-    if degrees >= 30:
-        plain = [f"~turn {to}", f"~turn {to}", f"~make a {side} turn", f"~rotate {to}"]
-        plain += [f"~pivot {to}", f"~do a turn to the {side}", f"~swivel to the {side}"]
-        plain += [f"~take a turn to the {side}", f"~turn to the {side} side"]
-        if 60 <= degrees <= 120:
-            plain += [f"~turn to face [{side}|the {side}]", f"~face {side}"]
-        clauses = [*plain[:2], *clauses, *plain[2:]]
-        nouns = [f"a {side} turn", f"a turn to [the|the|<his>] {side}", f"{side} turn", *nouns]
-    return clauses, nouns
-
-
-def _turned_so_far(side: str, degrees: float) -> tuple[list[str], list[str]]:
-    """How far a turn goes, where that has a name."""
     to, to_the = towards(side), f"to [the|the|<his>] {side}"
     clauses: list[str] = []
     nouns: list[str] = []
@@ -78,11 +69,19 @@ def _turned_so_far(side: str, degrees: float) -> tuple[list[str], list[str]]:
         clauses += [f"~turn [far|around] to the {side}", f"~turn a long way to the {side}"]
         clauses += [f"~make a big {side} turn", f"~turn {clockwise(side)}"]
         nouns += [f"a [big|wide|large] turn to the {side}"]
+    if degrees >= 30:
+        plain = [f"~turn {to}", f"~turn {to}", f"~make a {side} turn", f"~rotate {to}"]
+        plain += [f"~pivot {to}", f"~do a turn to the {side}", f"~swivel to the {side}"]
+        plain += [f"~take a turn to the {side}", f"~turn to the {side} side"]
+        if 60 <= degrees <= 120:
+            plain += [f"~turn to face [{side}|the {side}]", f"~face {side}"]
+        clauses = [*plain[:2], *clauses, *plain[2:]]
+        nouns = [f"a {side} turn", f"a turn {to_the}", f"{side} turn", *nouns]
     return clauses, nouns
 
 
 def _turned_around(side: str, degrees: float) -> tuple[list[str], list[str]]:
-    """Turns of 130 to 230 degrees."""
+    """Returns verb phrases and noun phrases of turns of 130 to 230 degrees."""
     to, to_the = towards(side), f"to [the|the|<his>] {side}"
     clauses = ["~turn around", f"~turn around [to the {side}|to <his> {side}|{side}]"]
     clauses += [f"~turn around [{clockwise(side)}|over <his> {side} shoulder]", "~turn back"]
@@ -101,81 +100,59 @@ def _turned_around(side: str, degrees: float) -> tuple[list[str], list[str]]:
 
 
 def _spun(side: str, degrees: float) -> tuple[list[str], list[str]]:
-    """Turns of 290 degrees and more."""
+    """Returns verb phrases and noun phrases of turns of 290 degrees and more."""
     rounds, to, clock = round(degrees / 360), towards(side), clockwise(side)
     spot = "[|||on the spot|in place]"
     if degrees <= 430:
-        clauses = [
-            "~spin around [||once]",
-            f"~spin around {to}",
-            f"~spin {clock} {spot}",
-            f"~turn all the way around {to}",
-            f"~turn in a full circle [||to the {side}|{clock}]",
-            f"~do a [360|360|full spin|full turn] [||to the {side}|{clock}]",
-            f"~make a full turn to [the|<his>] {side}",
-            f"~rotate [once|all the way around|360 degrees] {clock}",
-            f"~turn [360 degrees|a full 360] [||{to}]",
-            f"~turn around once {to}",
-            f"~twirl around [||to the {side}|once]",
-        ]
+        clauses = patterns(f"""
+            ~spin around [||once]; ~spin around {to}; ~spin {clock} {spot};
+            ~turn all the way around {to}; ~turn in a full circle [||to the {side}|{clock}];
+            ~do a [360|360|full spin|full turn] [||to the {side}|{clock}];
+            ~make a full turn to [the|<his>] {side};
+            ~rotate [once|all the way around|360 degrees] {clock};
+            ~turn [360 degrees|a full 360] [||{to}]; ~turn around once {to};
+            ~twirl around [||to the {side}|once]
+        """)
         nouns = [f"a [full|complete|360 degree] turn to the {side}", f"a spin to the {side}"]
         return clauses, [*nouns, f"a {clock} spin", "a full spin", "a 360", f"a full {side} turn"]
     vague = "several times" if rounds > 2 else "more than once"
     often = times(rounds) if abs(degrees / 360 - rounds) < 0.2 and rounds > 1 else vague
-    clauses = [
-        f"~spin around {often}",
-        f"~spin around and around {to}",
-        f"~spin {clock} {spot}",
-        f"~spin around {to} {often}",
-        f"~keep [spinning|turning] [to the {side}|{clock}]",
-        f"~turn around and around {to}",
-        f"~turn in circles {spot} [|to the {side}|{clock}]",
-        f"~rotate {clock} {often}",
-        f"~twirl around {often}",
-    ]
+    clauses = patterns(f"""
+        ~spin around {often}; ~spin around and around {to}; ~spin {clock} {spot};
+        ~spin around {to} {often}; ~keep [spinning|turning] [to the {side}|{clock}];
+        ~turn around and around {to}; ~turn in circles {spot} [|to the {side}|{clock}];
+        ~rotate {clock} {often}; ~twirl around {often}
+    """)
     return clauses, [f"spins to the {side}", f"spinning {clock}", "spinning around and around"]
 
 
-def _turn_on_the_way(action: SingleAction) -> Wording:
-    gait, side = action.gait, action.side
-    if action.degrees > 270:
-        return circle(action)
-    verb_ing = GOING[gait]
-    turns, nouns = turned(side, action.degrees)
-    clauses = [f"~{gait} and {text}" for text in turns]
-    clauses += [f"{text} while {verb_ing}" for text in turns[:5]]
-    clauses += _curved(action, verb_ing)
-    nouns = [f"{text} while {verb_ing}" for text in nouns]
-    people = RUNNERS if gait != "walk" else PEOPLE_ON_FOOT
-    return Wording(tuple(clauses), tuple(nouns), people=people)
-
-
-def _curved(action: SingleAction, verb_ing: str) -> list[str]:
-    """Turns on the way as users tell them: curves, bends and corners."""
+def _curved(action: SingleAction) -> list[str]:
+    """Returns verb phrases of a turn on the way: curves, bends and corners."""
     gait, side, degrees = action.gait, action.side, action.degrees
+    going = GOING[gait]
     to = f"to [the|the|<his>] {side}"
     if degrees > 230:
         return [f"~{gait} in a [wide|long] curve {to}", f"~{gait} far around {to}"]
     if degrees >= 130:
         out = [f"~{gait} and ~make a u-turn [|{to}]", f"~{gait} around in a half circle {to}"]
-        out += [f"~make a u-turn [|{to}] while {verb_ing}", f"~do a u-turn, {verb_ing}"]
-        return [*out, f"~turn back while {verb_ing}", f"~{gait}, ~turn and ~{gait} the other way"]
+        out += [f"~make a u-turn [|{to}] while {going}", f"~do a u-turn, {going}"]
+        return [*out, f"~turn back while {going}", f"~{gait}, ~turn and ~{gait} the other way"]
     out = [f"~{gait} in a [curve|bend|curve|arc] {to}", f"~{gait} along a curve {to}"]
-    out += [f"~curve {to} while {verb_ing}", f"~{gait} a curve {to}"]
+    out += [f"~curve {to} while {going}", f"~{gait} a curve {to}"]
     if degrees <= 75:
         veer = f"[bearing|veering|drifting] {towards(side)}"
-        out += [f"~{gait} and ~veer {to}", f"~veer {to} while {verb_ing}", f"~{gait}, {veer}"]
-        out += [f"~{gait} and ~bear {side}", f"~bear {side} while {verb_ing}"]
+        out += [f"~{gait} and ~veer {to}", f"~veer {to} while {going}", f"~{gait}, {veer}"]
+        out += [f"~{gait} and ~bear {side}", f"~bear {side} while {going}"]
         out += [f"~{gait} and ~drift {to}"]
     if degrees >= 45:
-        out += [f"~take a {side} while {verb_ing}", f"~{gait} and ~take a {side} [|turn]"]
+        out += [f"~take a {side} while {going}", f"~{gait} and ~take a {side} [|turn]"]
         out += [f"~{gait} around a [corner|bend] {to}", f"~{gait} and ~round a corner {to}"]
         out += [f"~{gait}, turning {side}"]
     return out
 
 
 def walk_and_turn(action: SingleAction) -> Wording:
-    """First a way, then a turn, or the other way around."""
+    """Patterns for a straight way and then a turn, or the other way around."""
     gait = action.gait or "walk"
     turns, nouns = turned(action.side, action.degrees)
     if 130 <= action.degrees <= 230:
@@ -189,62 +166,52 @@ def walk_and_turn(action: SingleAction) -> Wording:
         clauses = [f"~{gait} {ahead}{join} {text}" for text in turns]
         named = [f"a {gait} [forward|], then {text}" for text in nouns]
         named += [f"a {gait} followed by {text}" for text in nouns]
-        return Wording(tuple(clauses), tuple(named))
+        return Wording(clauses, named)
     on = f"~{gait} [||forward|off|away|on|straight on|ahead|straight ahead]"
     clauses = [f"{text}[, then| and then| and| and|, and then] {on}" for text in turns]
     named = [f"{text}, then a {gait} [forward|straight ahead|]" for text in nouns]
-    return Wording(tuple(clauses), (*named, *(f"{text} followed by a {gait}" for text in nouns)))
+    return Wording(clauses, (*named, *(f"{text} followed by a {gait}" for text in nouns)))
 
 
 def turn_and_return(action: SingleAction) -> Wording:
-    """There, around, and back."""
+    """Patterns for a way there, a turn around and the way back."""
     gait = action.gait or "walk"
     going = GOING[gait]
     side = f"[|||to the {action.side}|to <his> {action.side}]" if action.side else ""
     around = f"[~turn around {side}|~make a u-turn {side}|~turn back|~do a 180]"
-    clauses = [
-        f"~{gait} [forward|ahead|away|], {around} and [~come back|~{gait} back|~return|~go back]",
-        f"~{gait} [|forward|ahead] and {around} and ~{gait} back",
-        f"~{gait} there and back",
-        f"~{gait} away, [~turn|~turn around] and [~come back|~return|~{gait} back]",
-        f"~turn [around|back] {side} and ~{gait} [back|the other way]",
-        f"~{gait} [forward|ahead], then {around}, then ~{gait} back",
-        f"~{gait}, {around} and ~{gait} [in the opposite direction|the other way]",
-        f"~make a u-turn {side} and ~come back",
-        f"~{gait} one way, ~turn around and ~{gait} the other way",
-        f"~{gait} [up|off], ~turn [around|back] {side} and ~return",
-    ]
-    nouns = [
-        f"a {gait} [there and back|with a u-turn|forward and back]",
-        f"{going} there and back",
-        f"a u-turn while {going}",
-        f"a {gait}, a u-turn and a {gait} back",
-    ]
-    people = RUNNERS if gait != "walk" else PEOPLE_ON_FOOT
-    return Wording(tuple(clauses), tuple(nouns), people=people)
+    clauses = patterns(f"""
+        ~{gait} [forward|ahead|away|], {around} and [~come back|~{gait} back|~return|~go back];
+        ~{gait} [|forward|ahead] and {around} and ~{gait} back; ~{gait} there and back;
+        ~{gait} away, [~turn|~turn around] and [~come back|~return|~{gait} back];
+        ~turn [around|back] {side} and ~{gait} [back|the other way];
+        ~{gait} [forward|ahead], then {around}, then ~{gait} back;
+        ~{gait}, {around} and ~{gait} [in the opposite direction|the other way];
+        ~make a u-turn {side} and ~come back;
+        ~{gait} one way, ~turn around and ~{gait} the other way;
+        ~{gait} [up|off], ~turn [around|back] {side} and ~return
+    """)
+    nouns = patterns(f"""
+        a {gait} [there and back|with a u-turn|forward and back]; {going} there and back;
+        a u-turn while {going}; a {gait}, a u-turn and a {gait} back
+    """)
+    return Wording(clauses, nouns, people=people_on_foot(gait))
 
 
 def circle(action: SingleAction) -> Wording:
-    """A whole circle walked or run."""
+    """Patterns for a whole circle, walked or run."""
     gait, side, clock = action.gait or "walk", action.side, clockwise(action.side)
     going = GOING[gait]
     way = f"[||to the {side}|{clock}|{clock}|to <his> {side}]"
-    clauses = [
-        f"~{gait} in a circle {way}",
-        f"~{gait} in a circle {way}",
-        f"~{gait} around in a circle {way}",
-        f"~{gait} {clock} in a circle",
-        f"~{gait} in a {clock} circle",
-        f"~go around in a circle {way}",
-        f"~{gait} a [full|whole|complete] circle {way}",
-        f"~circle around [to the {side}|{clock}] while {going}",
-    ]
-    nouns = [
-        f"a {clock} circle, {going}",
-        f"a {gait} in a circle {way}",
-        f"a circle [to the {side}|{clock}] while {going}",
-        f"{going} in a circle {way}",
-    ]
+    clauses = patterns(f"""
+        ~{gait} in a circle {way}; ~{gait} in a circle {way}; ~{gait} around in a circle {way};
+        ~{gait} {clock} in a circle; ~{gait} in a {clock} circle; ~go around in a circle {way};
+        ~{gait} a [full|whole|complete] circle {way};
+        ~circle around [to the {side}|{clock}] while {going}
+    """)
+    nouns = patterns(f"""
+        a {clock} circle, {going}; a {gait} in a circle {way};
+        a circle [to the {side}|{clock}] while {going}; {going} in a circle {way}
+    """)
     if action.degrees >= 400:
         clauses += [f"~{gait} in circles {way}", f"~go around in circles {way}"]
         clauses += [f"~{gait} around and around {way}", f"~{gait} round and round"]
@@ -252,50 +219,39 @@ def circle(action: SingleAction) -> Wording:
         clauses += [f"~{gait} [one lap|a lap|one round] {way}", f"~{gait} around once {way}"]
         clauses += [f"~{gait} in a circle {way} and ~end up where <he> started"]
         nouns += [f"[a|one] lap {way}[|, {going}]"]
-    people = RUNNERS if gait != "walk" else PEOPLE_ON_FOOT
-    return Wording(tuple(clauses), tuple(nouns), people=people)
+    return Wording(clauses, nouns, people=people_on_foot(gait))
 
 
 def half_circle(action: SingleAction) -> Wording:
-    """Half of a circle walked or run."""
+    """Patterns for half a circle, walked or run."""
     gait, side, clock = action.gait or "walk", action.side, clockwise(action.side)
     going = GOING[gait]
     way = f"[|to the {side}|to the {side}|{clock}|to <his> {side}]"
     half = "[half circle|semicircle|half-circle|half circle]"
-    clauses = [
-        f"~{gait} in a {half} {way}",
-        f"~{gait} a {half} {way}",
-        f"~make a {half} {way} while {going}",
-        f"~{gait} around in a {half} {way}",
-        f"~{gait} half a circle {way}",
-        f"~follow a {half} {way}, {going}",
-        f"~{gait} along a {half} {way}",
-        f"~{gait} in a [wide|long] curve to the {side}",
-        f"~{gait} a wide u-turn {way}",
-        f"~{gait} in a {clock} {half}",
-    ]
+    clauses = patterns(f"""
+        ~{gait} in a {half} {way}; ~{gait} a {half} {way}; ~make a {half} {way} while {going};
+        ~{gait} around in a {half} {way}; ~{gait} half a circle {way};
+        ~follow a {half} {way}, {going}; ~{gait} along a {half} {way};
+        ~{gait} in a [wide|long] curve to the {side}; ~{gait} a wide u-turn {way};
+        ~{gait} in a {clock} {half}
+    """)
     nouns = [f"a {half} {way}, {going}", f"a {gait} in a {half} {way}", f"half a circle {way}"]
-    return Wording(tuple(clauses), tuple(nouns), people=RUNNERS if gait != "walk" else ())
+    return Wording(clauses, nouns, people=RUNNERS if gait != "walk" else ())
 
 
 def weave(action: SingleAction) -> Wording:
-    """Left and right in turn on the way."""
+    """Patterns for a way that bends to the left and the right in turn."""
     gait = action.gait or "walk"
     going = GOING[gait]
-    clauses = (
-        f"~{gait} in a zigzag [|line|pattern|path]",
-        "~zigzag [|forward|ahead|along]",
-        f"~{gait} in [a wavy line|an s-curve|s-curves|a serpentine|a snaking line|curves]",
-        "~weave [left and right|from side to side|along|through obstacles|in and out]",
-        f"~{gait} a slalom",
-        f"~slalom [|forward|while {going}]",
-        f"~{gait} and ~zigzag",
-        f"~{gait} in curves [left and right|to both sides]",
-        f"~{gait}, weaving [left and right|from side to side|around obstacles]",
-        f"~{gait} [zigzag|in a slalom]",
-        f"~{gait} forward, swerving left and right",
-        f"~{gait} around [cones|obstacles] in a slalom",
-        f"~swerve left and right while {going}",
-    )
+    clauses = patterns(f"""
+        ~{gait} in a zigzag [|line|pattern|path]; ~zigzag [|forward|ahead|along];
+        ~{gait} in [a wavy line|an s-curve|s-curves|a serpentine|a snaking line|curves];
+        ~weave [left and right|from side to side|along|through obstacles|in and out];
+        ~{gait} a slalom; ~slalom [|forward|while {going}]; ~{gait} and ~zigzag;
+        ~{gait} in curves [left and right|to both sides];
+        ~{gait}, weaving [left and right|from side to side|around obstacles];
+        ~{gait} [zigzag|in a slalom]; ~{gait} forward, swerving left and right;
+        ~{gait} around [cones|obstacles] in a slalom; ~swerve left and right while {going}
+    """)
     nouns = (f"a [zigzag|slalom|wavy|winding] {gait}", f"a slalom, {going}", "a zigzag path")
     return Wording(clauses, nouns)

@@ -1,29 +1,77 @@
 """One measured action, or two → prompts as users type them: short, varied, in every form.
 
-Patterns of `prompt_phrases` become third person ("a man turns left"), orders ("turn left"),
+Patterns of `prompt_patterns` become third person ("a man turns left"), imperatives ("turn left"),
 progressive forms ("someone is turning left"), bare participles, or noun phrases ("a left turn").
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from latentmotion.describe.prompt_phrases import IN_A_ROW, ONCE, ONE, Wording
-from latentmotion.describe.prompt_wording import contrasted, wording
-from latentmotion.describe.single import SingleAction
-from latentmotion.describe.verbs import present_participle, third_person
+from latentmotion.describe import prompt_gaits, prompt_limbs, prompt_turns
+from latentmotion.describe.facts import LEFT, RIGHT, SingleAction
+from latentmotion.describe.prompt_patterns import IN_A_ROW, ONCE, ONE, POSTURES, Wording
+from latentmotion.describe.verbs import inflect
 
-Form = Callable[[str], str]
-"""How a verb is written."""
+_FIXED = {**prompt_gaits.GAIT_CHANGES, **POSTURES}
+"""Patterns of kinds of actions that are always worded alike."""
+
+_WORDINGS: dict[str, Callable[[SingleAction], Wording]] = {
+    **dict.fromkeys(("walk", "jog", "run"), prompt_gaits.gait),
+    "steps": prompt_gaits.steps,
+    "turn": prompt_turns.turn,
+    **dict.fromkeys(("walk_then_turn", "turn_then_walk"), prompt_turns.walk_and_turn),
+    "turn_and_return": prompt_turns.turn_and_return,
+    "circle": prompt_turns.circle,
+    "half_circle": prompt_turns.half_circle,
+    "weave": prompt_turns.weave,
+    "speed_up": prompt_gaits.sped_up,
+    "slow_down": prompt_gaits.slowed_down,
+    **dict.fromkeys(("start_walking", "start_running"), prompt_gaits.started),
+    **dict.fromkeys(("stop_walking", "stop_running"), prompt_gaits.stopped),
+    "jump": prompt_limbs.jumped,
+    "hop": prompt_limbs.hopped,
+    "kick": prompt_limbs.kicked,
+    "punch": prompt_limbs.punched,
+    "wave": prompt_limbs.waved,
+    "raise": prompt_limbs.raised,
+    "clap": prompt_limbs.clapped,
+    "knee": prompt_limbs.kneed,
+    **dict.fromkeys(("jack", "squat", "bow"), prompt_limbs.counted),
+    "arm_circle": prompt_limbs.circled_arms,
+    "pick_up": prompt_limbs.picked_up,
+    "balance": prompt_limbs.balanced,
+    "touch_head": prompt_limbs.touched_head,
+    "climb": prompt_limbs.climbed,
+    "crouch": prompt_limbs.crouched,
+}
+"""Functions that make the patterns of the other kinds of actions."""
+
+KINDS = (*_WORDINGS, *_FIXED)
+"""All kinds of actions that have words."""
+
+_LIMBS = {
+    "kick": ("leg", ("~kick with <the> A LIMB, then with the B", "~kick A, then B")),
+    "punch": ("hand", ("~punch with <the> A LIMB, then with the B", "~punch A, then B")),
+    "wave": ("hand", ("~wave <the> A LIMB, then the B",)),
+    "raise": ("hand", ("~raise <the> A LIMB, then the B", "~lift <the> A LIMB, then the B")),
+    "knee": ("knee", ("~raise <the> A LIMB, then the B", "~lift <the> A LIMB, then the B")),
+    "hop": ("leg", ("~hop on <the> A LIMB, then on the B",)),
+    "balance": ("leg", ("~stand on <the> A LIMB, then on the B",)),
+}
+"""Limb of acts with one side, and patterns for one side A and then the other, B."""
+
+_DIRECTED = ("walk", "jog", "run", "jump", "steps")
+"""Kinds of actions that go in a direction."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """Who acts, and the words that agree with it."""
+    """The subject of a sentence, and the words that agree with it."""
 
     name: str
     """As the sentence begins; empty in orders and bare participles."""
@@ -62,33 +110,21 @@ _COMMON = (
 _MASCULINE = re.compile(r"\b(?:man|businessman|grandpa|knight|butler|monk)\b")
 _FEMININE = re.compile(r"\b(?:woman|grandma|girl)\b")
 
-_PAST = {
-    "take": "took", "go": "went", "run": "ran", "make": "made", "keep": "kept", "get": "got",
-    "stand": "stood", "sit": "sat", "do": "did", "throw": "threw", "give": "gave", "swing": "swung",
-    "hit": "hit", "strike": "struck", "put": "put", "hold": "held", "bend": "bent", "come": "came",
-    "begin": "began", "spin": "spun", "turn": "turned", "lie": "lay", "rise": "rose",
-    "kneel": "knelt", "creep": "crept", "leap": "leapt", "set": "set", "break": "broke",
-    "bring": "brought", "spring": "sprang", "bear": "bore", "say": "said", "lay": "laid",
-    "lose": "lost", "leave": "left", "spread": "spread", "sleep": "slept", "sink": "sank",
-    "have": "had", "be": "was",
-}  # fmt: skip
-_DOUBLED = re.compile(r"[^aeiou]*(?:qu)?[aeiou][bdgklmnprt]|(?:un|zig|side-?)?(?:zag|step)")
-_IRREGULAR = {"be": "is", "have": "has"}
 _FORMS = {"order": 34, "third": 27, "is": 8, "doing": 7, "participle": 9, "noun": 13, "past": 2}
-"""Shares of the forms of a sentence about one action."""
+"""Shares of the forms of a sentence about one action, in percent."""
 
 _SHOWN = ("show", "show me", "animate", "an animation of", "a video of")
-"""What users put before "a man turning left"."""
+"""Words that users put before "a man turning left"."""
 
 _CLOSED = re.compile(r"\[([^\[\]]*)\]")
 _CLUMSY = re.compile(
     r"\b(?:keep|start|beginn|stopp|finish)ing \w+ing\b|\bbeing\b|then .*then .*then"
     r"|(?:spot|place) while|\b(\w+) \1\b"
 )
-"""What nobody types, though the grammar gives it: "keeping hopping"."""
+"""Phrases that the grammar allows but nobody types, such as "keeping hopping"."""
 
-_MANIFOLD = re.compile(r"\b(?:then|before|after|first|from|followed)\b|,")
-"""Patterns that tell of an order themselves."""
+_SEQUENCE = re.compile(r"\b(?:then|before|after|first|from|followed)\b|,")
+"""Words of a pattern that describes a sequence by itself."""
 
 _VOWEL = re.compile(r"\b([Aa]) (?=[aeio](?!ne\b|ne-))")
 
@@ -102,10 +138,10 @@ def prompts(
     """Writes different prompts that ask for one action.
 
     Args:
-        action: What is done.
-        generator: What draws wording and style.
+        action: The action.
+        generator: Draws wording and style.
         count: How many; fewer where there are fewer ways to say it.
-        refused: Prompts never to be returned, as `plain` writes them.
+        refused: Prompts that are never returned, as `plain` writes them.
     """
     words = wording(action)
     return _different(lambda: _styled(_single(words, generator), generator), count, refused)
@@ -121,11 +157,11 @@ def prompts_in_order(
     """Writes different prompts that ask for one action and then another.
 
     Args:
-        first: What is done first.
-        second: What follows.
-        generator: What draws wording and style.
+        first: The first action.
+        second: The action that follows it.
+        generator: Draws wording and style.
         count: How many; fewer where there are fewer ways to say it.
-        refused: Prompts never to be returned, as `plain` writes them.
+        refused: Prompts that are never returned, as `plain` writes them.
     """
     one, two = _plainer(wording(first)), _plainer(wording(second))
     contrasts = contrasted(first, second)
@@ -143,31 +179,63 @@ def plain(sentence: str) -> str:
     return " ".join(re.sub(r"[^\w\s]", " ", sentence.lower()).split())
 
 
+def wording(action: SingleAction) -> Wording:
+    """Returns the patterns for an action.
+
+    Raises:
+        KeyError: Its kind is none of `KINDS`.
+    """
+    return _FIXED[action.kind] if action.kind in _FIXED else _WORDINGS[action.kind](action)
+
+
+def contrasted(first: SingleAction, second: SingleAction) -> Sequence[str]:
+    """Returns patterns that name the act once: "kick with the left leg, then with the right"."""
+    if first.kind != second.kind or max(first.count, second.count) > 1:
+        return ()
+    if first.kind in _LIMBS and {first.side, second.side} == {LEFT, RIGHT}:
+        limb, texts = _LIMBS[first.kind]
+        named = [text.replace("LIMB", limb) for text in texts]
+        named += [f"{text.replace('LIMB', limb)} {limb}" for text in texts if "LIMB" in text]
+        return [
+            text.replace("A", first.side).replace("B", second.side).replace(", then", join)
+            for text in named
+            for join in (", then", " and then", " then")
+        ]
+    ways = first.direction, second.direction
+    same_pace = first.kind in _DIRECTED and first.pace == second.pace
+    if same_pace and "" not in ways and ways[0] != ways[1]:
+        verb = "step" if first.kind == "steps" else first.kind
+        one, two = (f"[{w}|to the {w}]" if w in (LEFT, RIGHT) else f"[{w}|{w}s]" for w in ways)
+        return [f"~{verb} {one}, then {two}", f"~{verb} {one} and then {two}"]
+    return ()
+
+
 def _plainer(words: Wording) -> Wording:
-    """Leaves out patterns that tell of an order themselves, where there are others, and "once"."""
-    clauses = tuple(text for text in words.clauses if not _MANIFOLD.search(text))
-    nouns = tuple(text for text in words.nouns if not _MANIFOLD.search(text))
+    """Prefers patterns that do not describe a sequence by themselves, and uses "once" less."""
+    clauses = [text for text in words.clauses if not _SEQUENCE.search(text)]
+    nouns = [text for text in words.nouns if not _SEQUENCE.search(text)]
     return replace(
         words,
-        clauses=tuple(_uncounted(text) for text in clauses or words.clauses),
-        nouns=tuple(_uncounted(text) for text in nouns),
+        clauses=[_uncounted(text) for text in clauses or words.clauses],
+        nouns=[_uncounted(text) for text in nouns],
     )
 
 
 def _uncounted(pattern: str) -> str:
-    """Tells a single time less often."""
+    """Makes "once" and "one" rarer, and drops "in a row"."""
     return pattern.replace(ONCE, "[|||||once]").replace(ONE, "[a|a|a|a|one]").replace(IN_A_ROW, "")
 
 
 def _different(draw: Callable[[], str], count: int, refused: frozenset[str]) -> list[str]:
-    found: dict[str, str] = {}
+    """Draws sentences until there are as many different ones, or no more seem to come."""
+    drawn: dict[str, str] = {}
     for _ in range(30 * count + 100):
-        if len(found) >= count:
+        if len(drawn) >= count:
             break
         sentence = draw()
         if plain(sentence) not in refused and not _CLUMSY.search(sentence):
-            found.setdefault(plain(sentence), sentence)
-    return list(found.values())
+            drawn.setdefault(plain(sentence), sentence)
+    return list(drawn.values())
 
 
 def _single(words: Wording, generator: np.random.Generator) -> str:
@@ -177,9 +245,8 @@ def _single(words: Wording, generator: np.random.Generator) -> str:
         return _pick(words.orders, generator)
     if form == "noun" and words.nouns:
         return _noun(words, generator)
-    text = _clause(
-        _front(words.clauses, generator), form, _subject(words, form, generator), generator
-    )
+    pattern = _front(words.clauses, generator)
+    text = _clause(pattern, form, _subject(words, form, generator), generator)
     if form == "doing" and generator.random() < 0.15:
         return f"{_pick(_SHOWN, generator)} {text}"
     if words.places and generator.random() < 0.06:
@@ -191,21 +258,27 @@ def _ordered(one: Wording, two: Wording, generator: np.random.Generator) -> str:
     """Two actions, in an order of words drawn at random."""
     style = _draw_share(generator, {"plain": 55, "before": 12, "after": 14, "noun": 12, "dot": 7})
     if style == "noun" and one.nouns and two.nouns:
-        return _nouns_in_order(one, two, generator)
+        begin, end = _noun(one, generator), _noun(two, generator)
+        if generator.random() < 0.12:
+            return f"first {begin}, then {end}"
+        joins = (", then ", ", followed by ", " followed by ", " and then ", " before ")
+        return f"{begin}{_pick(joins, generator)}{end}"
     form = _draw_share(generator, {"order": 42, "third": 40, "is": 7, "participle": 9, "past": 2})
     who = _subject(one if generator.random() < 0.5 else two, form, generator)
     follow = two.after if two.after and generator.random() < 0.4 else two.clauses
-    a, b = _front(one.clauses, generator), _front(follow, generator)
-    if style == "before":
-        return _before(a, b, form, who, generator)
-    if style == "after":
-        return _after(a, b, form, who, generator)
-    bare = Subject("", who.his, who.him, who.he)
+    first, second = _front(one.clauses, generator), _front(follow, generator)
+    unnamed = replace(who, name="")
+    if style in ("before", "after"):
+        minor, major = (second, first) if style == "before" else (first, second)
+        doing = _clause(minor, "participle", unnamed, generator)
+        main = _clause(major, form, who, generator)
+        leads = generator.random() < (0.4 if style == "before" else 0.6)
+        return f"{style} {doing}, {main}" if leads else f"{main} {style} {doing}"
     then = {"is": "participle", "third": "plural" if who.plural else "third"}.get(form, form)
-    begin, end = _clause(a, form, who, generator), _clause(b, then, bare, generator)
+    begin, end = _clause(first, form, who, generator), _clause(second, then, unnamed, generator)
     if style == "dot":
         if form in ("third", "past") and who.name:
-            end = _clause(b, form, Subject(who.he, who.his, who.him, who.he), generator)
+            end = _clause(second, form, replace(who, name=who.he), generator)
         return f"{begin}. then {end}"
     if generator.random() < 0.12:
         return f"first {begin}, then {end}"
@@ -213,45 +286,17 @@ def _ordered(one: Wording, two: Wording, generator: np.random.Generator) -> str:
     return f"{begin}{_pick(joins, generator)}{end}"
 
 
-def _before(a: str, b: str, form: str, who: Subject, generator: np.random.Generator) -> str:
-    """The second action in a clause with "before"."""
-    doing = _clause(b, "participle", Subject("", who.his, who.him, who.he), generator)
-    main = _clause(a, form, who, generator)
-    return f"before {doing}, {main}" if generator.random() < 0.4 else f"{main} before {doing}"
-
-
-def _after(a: str, b: str, form: str, who: Subject, generator: np.random.Generator) -> str:
-    """The first action in a clause with "after"."""
-    doing = _clause(a, "participle", Subject("", who.his, who.him, who.he), generator)
-    main = _clause(b, form, who, generator)
-    return f"after {doing}, {main}" if generator.random() < 0.6 else f"{main} after {doing}"
-
-
-def _nouns_in_order(one: Wording, two: Wording, generator: np.random.Generator) -> str:
-    a, b = _noun(one, generator), _noun(two, generator)
-    joins = (", then ", ", followed by ", " followed by ", " and then ", " before ")
-    if generator.random() < 0.12:
-        return f"first {a}, then {b}"
-    return f"{a}{_pick(joins, generator)}{b}"
-
-
 def _clause(pattern: str, form: str, who: Subject, generator: np.random.Generator) -> str:
     """Fills a pattern of a verb phrase in a form, with its subject where it has one."""
-    inflect = _inflect(form, who)
+    verb_form = "participle" if form in ("is", "doing") else form
+    if form == "third" and who.plural:
+        verb_form = "plural"
     text = _agreed(_expanded(pattern, generator), who, generator)
-    text = re.sub(r"~([\w-]+)", lambda match: inflect(match[1]), text)
+    text = re.sub(r"~([\w-]+)", lambda match: inflect(match[1], verb_form), text)
     lead = who.name
     if form == "is" and who.name:
         lead = f"{who.name} {'are' if who.plural else 'is'}"
     return _tidy(f"{lead} {text}")
-
-
-def _inflect(form: str, who: Subject) -> Form:
-    if form in ("is", "doing", "participle"):
-        return _participle
-    if form == "past":
-        return _past
-    return _third if form == "third" and not who.plural else _base
 
 
 def _noun(words: Wording, generator: np.random.Generator) -> str:
@@ -265,26 +310,23 @@ def _subject(words: Wording, form: str, generator: np.random.Generator) -> Subje
         return Subject("", "your", "you", "you")
     if form == "participle":
         return Subject("", *_THEY)
-    named = _PEOPLE if generator.random() < 0.45 else _COMMON
+    people = _PEOPLE if generator.random() < 0.45 else _COMMON
     if words.people and generator.random() < 0.2:
-        named = words.people
-    name = _pick(tuple(named), generator)
+        people = words.people
+    name = _pick(tuple(people), generator)
     while form == "doing" and name in ("he", "she", "they"):
         name = _pick(_COMMON, generator)
     terse = generator.random() < 0.08
-    return Subject(
-        re.sub(r"^(?:a|an|the) ", "", name) if terse else name, *_pronouns(name, generator)
-    )
-
-
-def _pronouns(name: str, generator: np.random.Generator) -> tuple[str, str, str]:
     if _MASCULINE.search(name):
-        return _HE
-    if _FEMININE.search(name):
-        return _SHE
-    words = _PEOPLE.get(name, _THEY)
-    loose = words is _THEY and name not in ("they", "someone", "somebody")
-    return _HE if loose and generator.random() < 0.3 else words
+        pronouns = _HE
+    elif _FEMININE.search(name):
+        pronouns = _SHE
+    else:
+        pronouns = _PEOPLE.get(name, _THEY)
+        may_be_he = pronouns is _THEY and name not in ("they", "someone", "somebody")
+        if may_be_he and generator.random() < 0.3:
+            pronouns = _HE
+    return Subject(re.sub(r"^(?:a|an|the) ", "", name) if terse else name, *pronouns)
 
 
 def _agreed(text: str, who: Subject, generator: np.random.Generator) -> str:
@@ -322,35 +364,15 @@ def _styled(sentence: str, generator: np.random.Generator) -> str:
     return sentence.replace(",", "") if kind < 0.33 else sentence
 
 
-def _third(verb: str) -> str:
-    return _IRREGULAR.get(verb) or third_person(verb)
-
-
-def _participle(verb: str) -> str:
-    return "being" if verb == "be" else present_participle(verb)
-
-
-def _past(verb: str) -> str:
-    if verb in _PAST:
-        return _PAST[verb]
-    if _DOUBLED.fullmatch(verb):
-        return f"{verb}{verb[-1]}ed"
-    return re.sub(r"(?<=[^aeiou])y$", "i", verb).removesuffix("e") + "ed"
-
-
-def _base(verb: str) -> str:
-    return verb
-
-
-def _front(patterns: tuple[str, ...], generator: np.random.Generator) -> str:
+def _front(patterns: Sequence[str], generator: np.random.Generator) -> str:
     """Draws a pattern; the first are drawn about twice as often as the last."""
     return patterns[int(len(patterns) * generator.random() ** 1.5)]
 
 
-def _pick(found: tuple[str, ...], generator: np.random.Generator) -> str:
-    return found[int(generator.integers(len(found)))]
+def _pick(choices: Sequence[str], generator: np.random.Generator) -> str:
+    return choices[int(generator.integers(len(choices)))]
 
 
 def _draw_share(generator: np.random.Generator, shares: dict[str, int]) -> str:
-    parts = np.array(list(shares.values()), float)
-    return list(shares)[int(generator.choice(len(parts), p=parts / parts.sum()))]
+    weights = np.array(list(shares.values()), float)
+    return list(shares)[int(generator.choice(len(weights), p=weights / weights.sum()))]

@@ -1,23 +1,23 @@
-"""Captions in other words that mean the same, as users type them.
+"""Captions in other words that mean the same, as users type them, and two captions in one.
 
     "the person walks forward slowly, then turns to the left."
     → "walk ahead at a slow pace, then turn left"    "a woman walks forward slowly and then turns
     left"    "walking forwards slowly, then turning to the left"
 
-Who acts, the form of the verb, synonyms, counts as digits and how clauses are joined may change;
-actions, their order, sides, directions and counts stay. A sentence that is not understood word by
-word (`clauses.py`) gets another subject at most.
+The subject, the form of the verb, synonyms, counts as digits and the links between clauses may
+change; actions, their order, sides, directions and counts stay. A sentence that is not understood
+word by word (`clauses.py`) gets another subject at most.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
 from latentmotion.describe.clauses import SUBJECT, Clause, Sentence, read_clauses, words_of
-from latentmotion.describe.synonyms import PHRASES, VERB_GROUPS, VerbGroup, other_number
-from latentmotion.describe.verbs import present_participle, third_person
+from latentmotion.describe.verbs import PHRASES, VERB_GROUPS, inflect, other_number
 
 _SUBJECTS = {
     "neutral": ("a person", "the person", "someone", "a figure", "the figure", "a human", "person"),
@@ -41,15 +41,37 @@ _NEAR = {"of", "behind", "beside", "above", "around", "to", "towards", "toward",
 _NOT_GOING = {"start", "begin", "continue", "stop", "proceed", "try", "end", "remain", "finish",
               "let", "land", "attempt", "hold", "keep", "come", "halt", "resume", "use",
               "regain", "lose"}  # fmt: skip
-"""Verbs that nobody puts into the progressive in a row of actions."""
+"""Verbs that are not used in the progressive in a sequence of actions."""
 
 _DROPPED = re.compile(
     r"\b(raise|lift|lower|wave|swing|bend|move|with|using|shake|stretch|kick) (?:your|the) "
     r"(?=left|right|arms?|hands?|legs?|knees?)"
 )
-"""Where short commands leave out "your" and "the"."""
+"""Phrases in which short commands leave out "your" and "the"."""
 
 _ATTEMPTS = 8
+
+_ACTORS: dict[str, tuple[tuple[str, str], ...]] = {
+    "neutral": (
+        ("a person", "the person"),
+        ("someone", "the person"),
+        ("the figure", "the figure"),
+    ),
+    "male": (("a man", "he"), ("the man", "he")),
+    "female": (("a woman", "she"), ("the woman", "she")),
+}
+"""Subjects, and their names in a second sentence."""
+
+_FRAMES = (
+    (("going", "goes"), "after {one}, {subject} {other}"),
+    (("goes", "going"), "{subject} {one} before {other}"),
+    (("go", "go"), "first {one}, then {other}"),
+    (("goes", "goes"), "{subject} first {one}, then {other}"),
+    (("goes", "goes"), "{subject} {one}. then {again} {other}."),
+    (("goes", "goes"), "{subject} {one} and after that {other}"),
+    (("go", "go"), "{one} and afterwards {other}"),
+)
+"""Forms of the verbs of both parts, and the text around them."""
 
 
 def rewordings(sentence: str, generator: np.random.Generator, count: int) -> list[str]:
@@ -58,30 +80,38 @@ def rewordings(sentence: str, generator: np.random.Generator, count: int) -> lis
     Args:
         sentence: A caption.
         generator: Source of every choice.
-        count: How many are wanted.
+        count: Number of sentences.
 
     Returns:
         Different sentences, none of them the given one; fewer than `count` where there is doubt.
     """
     read = read_clauses(sentence)
     known = {_bare(sentence)}
-    found: list[str] = []
+    texts: list[str] = []
     for _ in range(count * _ATTEMPTS):
-        if len(found) == count:
+        if len(texts) == count:
             break
         text = _other_subject(sentence, generator) if read is None else reworded(read, generator)
         if text and _bare(text) not in known:
             known.add(_bare(text))
-            found.append(text)
-    return found
+            texts.append(text)
+    return texts
 
 
 def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
-    """Returns one random wording of a caption in clauses."""
-    form = _form(sentence, generator)
-    gender = _gender(sentence, generator)
+    """Returns one random wording of a caption in clauses; empty if its owner cannot change."""
+    words = {word for clause in sentence.clauses for word in clause.rest}
+    static = _NOT_GOING & {clause.verb for clause in sentence.clauses}
+    forms = ["goes", "goes"] + ([] if static else ["is going"])
+    if not sentence.referring:
+        forms += ["go", "go", "go"] + ([] if static else ["going"])
+    form = str(generator.choice(forms))
+    if sentence.referring or {"him", "themself"} & words:  # a pronoun inside has to fit
+        gender = {"male": "male", "female": "female"}.get(sentence.gender, "neutral")
+    else:
+        gender = str(generator.choice(["neutral", "neutral", "neutral", "male", "female"]))
     owner = {"go": "you", "going": "neutral"}.get(form, gender)
-    if not _keeps_owner(sentence, owner):
+    if owner == "you" and {"herself", "hers", "theirs"} & words:
         return ""
     subject = ""
     if form in ("goes", "is going"):
@@ -91,58 +121,77 @@ def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
     return _joined(clauses, subject, form, short, generator)
 
 
+def in_order(
+    first: Sentence, second: Sentence, generator: np.random.Generator, count: int
+) -> list[str]:
+    """Returns sentences about one action and then another.
+
+    Args:
+        first: The first action.
+        second: The next action, by the same person.
+        generator: Source of every choice.
+        count: Number of sentences.
+
+    Returns:
+        Different sentences: "a person walks forward, then sits down.", "walk forward, sit down",
+        "after walking forward, a person sits down", "first walk forward, then sit down" and the
+        like; fewer than `count` where there are no more.
+    """
+    joined = together(first, second)
+    written: dict[str, None] = {}
+    for _ in range(6 * count):
+        if len(written) == count:
+            break
+        if joined.referring or generator.random() >= 0.4:
+            written.setdefault(reworded(joined, generator))
+            continue
+        gender = str(generator.choice(["neutral", "neutral", "male", "female"]))
+        subject, again = _ACTORS[gender][int(generator.integers(len(_ACTORS[gender])))]
+        forms, frame = _FRAMES[int(generator.integers(len(_FRAMES)))]
+        owner = "you" if "go" in forms else gender
+        one = predicate(first, forms[0], owner, generator)
+        other = predicate(second, forms[1], owner, generator)
+        written.setdefault(frame.format(subject=subject, again=again, one=one, other=other))
+    return [text for text in written if text]
+
+
+def together(first: Sentence, second: Sentence) -> Sentence:
+    """Returns both as one sentence with the first's subject."""
+    then = replace(second.clauses[0], link="then")
+    clauses = (*first.clauses, then, *second.clauses[1:])
+    gender = first.gender if first.gender == second.gender else "neutral"
+    return Sentence(first.subject, gender, clauses, first.referring or second.referring)
+
+
 def predicate(sentence: Sentence, form: str, owner: str, generator: np.random.Generator) -> str:
     """Returns the clauses of a sentence, in one random wording, without a subject.
 
     Args:
         sentence: A caption in clauses; no "he" or "they" inside.
         form: `go`, `goes` or `going`.
-        owner: Whose hands and feet they are: `male`, `female`, `neutral` or `you`.
+        owner: The owner of hands and feet: `male`, `female`, `neutral` or `you`.
         generator: Source of every choice.
     """
     clauses = [_varied(clause, sentence, owner, generator) for clause in sentence.clauses]
     return _joined(clauses, "", form, False, generator).rstrip(".")
 
 
-def inflected(phrase: str, form: str) -> str:
-    """Returns a clause, its verb first in base form, as `go`, `goes` or `going`."""
-    verb, _, rest = phrase.partition(" ")
-    forms = {"goes": third_person, "going": present_participle}
-    return f"{forms[form](verb) if form in forms else verb} {rest}".strip()
-
-
-def _form(sentence: Sentence, generator: np.random.Generator) -> str:
-    """Returns `goes`, `is going`, `going` or `go`, whichever the sentence allows."""
-    static = _NOT_GOING & {clause.verb for clause in sentence.clauses}
-    forms = ["goes", "goes"] + ([] if static else ["is going"])
-    if not sentence.referring:
-        forms += ["go", "go", "go"] + ([] if static else ["going"])
-    return str(generator.choice(forms))
-
-
-def _gender(sentence: Sentence, generator: np.random.Generator) -> str:
-    """Returns who acts; a pronoun inside the sentence has to fit."""
-    inside = [word for clause in sentence.clauses for word in clause.rest]
-    if sentence.referring or {"him", "themself"} & set(inside):
-        return {"male": "male", "female": "female"}.get(sentence.gender, "neutral")
-    return str(generator.choice(["neutral", "neutral", "neutral", "male", "female"]))
-
-
-def _keeps_owner(sentence: Sentence, owner: str) -> bool:
-    """Whether every "her" and "them" is clear enough to be given to another owner."""
-    words = [word for clause in sentence.clauses for word in clause.rest]
-    return not ({"herself", "hers", "theirs"} & set(words) and owner == "you")
-
-
 def _varied(
     clause: Clause, sentence: Sentence, owner: str, generator: np.random.Generator
 ) -> Clause:
     """Returns the clause with other owners, synonyms and numbers."""
-    rest = clause.rest if sentence.referring else _owned(clause.rest, owner, sentence)
-    text = " ".join((clause.verb, *rest)).replace(" ,", ",")
+    own_words = clause.rest if sentence.referring else _owned(clause.rest, owner, sentence)
+    text = " ".join((clause.verb, *own_words)).replace(" ,", ",")
     for group in VERB_GROUPS:
-        if generator.random() < 0.6:
-            text = _swapped(text, group, generator)
+        rest = text.partition(" ")[2]
+        if generator.random() >= 0.6 or (group.unless and re.search(group.unless, rest)):
+            continue
+        for phrase in sorted(group.phrases, key=len, reverse=True):
+            following = text[len(phrase) :]
+            fits = not group.following or re.match(group.following, following.strip())
+            if fits and re.match(rf"{phrase}(?![a-z-])", text):
+                text = str(generator.choice(group.phrases)) + following
+                break
     for pattern, choices in PHRASES:
         if generator.random() < 0.6:
             choice = str(generator.choice(choices))
@@ -153,30 +202,17 @@ def _varied(
     return Clause(clause.link, verb, tuple(words), clause.before)
 
 
-def _swapped(text: str, group: VerbGroup, generator: np.random.Generator) -> str:
-    if group.unless and re.search(group.unless, text.partition(" ")[2]):
-        return text
-    for phrase in sorted(group.phrases, key=len, reverse=True):
-        following = text[len(phrase) :]
-        if not re.match(rf"{phrase}(?![a-z-])", text):
-            continue
-        if group.following and not re.match(group.following, following.strip()):
-            continue
-        return str(generator.choice(group.phrases)) + following
-    return text
-
-
 def _owned(words: tuple[str, ...], owner: str, sentence: Sentence) -> tuple[str, ...]:
     """Returns the words with "his", "their" and the like given to another owner."""
-    own, person, self_ = _OWN[owner]
+    possessive, person, reflexive = _OWN[owner]
     result = []
-    for place, word in enumerate(words):
-        last = place + 1 == len(words) or words[place + 1] in ("and", "then", ",", "while", "with")
-        near = place > 0 and words[place - 1] in _NEAR
+    for index, word in enumerate(words):
+        last = index + 1 == len(words) or words[index + 1] in ("and", "then", ",", "while", "with")
+        near = index > 0 and words[index - 1] in _NEAR
         if word in _SELF:
-            word = self_
+            word = reflexive
         elif word in ("his", "their") or (word == "her" and not last):
-            word = own
+            word = possessive
         elif word in ("him", "her") or (word == "them" and near and sentence.gender == "neutral"):
             word = person
         result.append(word)
@@ -188,14 +224,14 @@ def _joined(
 ) -> str:
     """Writes the clauses one after another."""
     chain = str(generator.choice([", then", " then", " and then", ", and then"]))
-    verb_form = form.split()[-1]
+    verb_form = {"goes": "third", "going": "participle"}.get(form.split()[-1], "base")
     text = f"{subject} is" if form == "is going" and subject else subject
     for number, clause in enumerate(clauses):
         link = {"then": chain, "and": " and", "": "", ",": ","}.get(clause.link, " and")
         if short and clause.link == "then":
             link = ","
-        spoken = inflected(" ".join((clause.verb, *clause.rest)), verb_form)
-        before = " ".join(word for word in clause.before)
+        spoken = " ".join((inflect(clause.verb, verb_form), *clause.rest))
+        before = " ".join(clause.before)
         if clause.link == "," and number == len(clauses) - 1 and not short:
             link = ", and" if number > 1 else " and"
         text += f"{link} {before} {spoken}" if before else f"{link} {spoken}"

@@ -1,20 +1,17 @@
-"""Description → sentences as people write captions and type prompts, in several styles."""
+"""Description → sentences in the style of captions and of prompts."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from latentmotion.describe.acts import Act, acts_of
 from latentmotion.describe.agreement import check
 from latentmotion.describe.facts import Description
-from latentmotion.describe.verbs import present_participle, third_person
-from latentmotion.describe.wording import Phrase, meanwhile, phrases
-
-Form = Callable[[str], str]
-"""How a verb is written."""
+from latentmotion.describe.phrases import Phrase, meanwhile, phrases
+from latentmotion.describe.verbs import inflect
 
 _SUBJECTS = (
     ("a person", "their", "them", 8),
@@ -27,10 +24,10 @@ _SUBJECTS = (
     ("a figure", "its", "it", 1),
     ("", "the", "them", 4),
 )
-"""Who acts, possessive, object, weight; the last leaves the subject out."""
+"""Subject, possessive, object pronoun, weight; the last row leaves the subject out."""
 
 MOST_ACTS = 5
-"""More than this is not told in one sentence: the motion is described by its beginning and end."""
+"""Most acts of one sentence; of more, those that last longest are described."""
 
 
 def sentences(
@@ -43,27 +40,37 @@ def sentences(
 
     Args:
         description: The motion's.
-        generator: What draws wording and style.
+        generator: Draws wording and style.
         action: A sentence about it or the name of its action, from a file. It is used where the
             motion does not contradict it.
-        count: How many sentences at most; fewer where there are fewer ways to tell it.
+        count: Most sentences; fewer where there are fewer wordings.
     """
     known = plain_action(action) if action else ""
     if known and check(known, description).verdict == "contradicts":
         known = ""
     acts = acts_of(description)
-    found: list[str] = []
+    texts: list[str] = []
     if known:
-        found = _with_action(known, description, acts, generator)[:count]
-        if acts[0].kind in ("stand", "still") or _covers(known, acts):
-            return found
+        texts = [known]
+        claimed = {claim.kind for claim in check(known, description).claims}
+        moves = [act for act in acts if act.kind in ("walk", "jog", "run", "turn")]
+        if moves and not claimed & {"walk", "jog", "run", "turn", "circle", "move", "sit"}:
+            verb, rest = _draw(phrases(moves[0]), generator)
+            texts.append(
+                f"{known.rstrip('. ')} while {_filled(verb, rest, 'the', 'them', 'participle')}"
+            )
+        texts = texts[:count]
+        # Measured sentences would only repeat or spoil what a caption says better.
+        gestures = all(act.kind in ("raise", "wave", "punch") for act in acts)
+        if acts[0].kind in ("stand", "still") or (len(known.split()) > 2 and gestures):
+            return texts
     for _ in range(6 * count):
-        if len(found) >= count:
+        if len(texts) >= count:
             break
         sentence = _sentence(acts, generator)
-        if sentence not in found:
-            found.append(sentence)
-    return found
+        if sentence not in texts:
+            texts.append(sentence)
+    return texts
 
 
 def plain_action(action: str) -> str:
@@ -75,78 +82,45 @@ def plain_action(action: str) -> str:
     return re.sub(r"\s*\d+\s*", " ", words).strip().lower()
 
 
-def _covers(known: str, acts: Sequence[Act]) -> bool:
-    """Says whether measured sentences would only repeat or spoil what a caption says better."""
-    return len(known.split()) > 2 and all(act.kind in ("raise", "wave", "punch") for act in acts)
-
-
-def _with_action(
-    known: str, description: Description, acts: Sequence[Act], generator: np.random.Generator
-) -> list[str]:
-    """The caption itself, and with the way that it does not tell."""
-    agreement = check(known, description)
-    told = {claim.kind for claim in agreement.claims}
-    ways = [act for act in acts if act.kind in ("walk", "jog", "run", "turn")]
-    out = [known]
-    if ways and not told & {"walk", "jog", "run", "turn", "circle", "move", "sit"}:
-        verb, rest = _draw(phrases(ways[0]), generator)
-        tail = _filled(present_participle(verb), rest, "the", "them", present_participle)
-        out.append(f"{known.rstrip('. ')} while {tail}")
-    return out
-
-
 def _sentence(acts: Sequence[Act], generator: np.random.Generator) -> str:
-    told = _chosen(acts)
+    """Writes one sentence about the acts that last longest, in their order."""
+    longest = sorted(acts, key=lambda act: -act.event.frames)[:MOST_ACTS]
+    acts = [act for act in acts if len(acts) <= MOST_ACTS or act in longest]
     weights = np.array([subject[3] for subject in _SUBJECTS], float)
     who, his, him, _ = _SUBJECTS[generator.choice(len(_SUBJECTS), p=weights / weights.sum())]
-    style = (
-        str(generator.choice(["third", "third", "third", "ing"]))
-        if who
-        else (str(generator.choice(["third", "base", "base", "ing"])))
-    )
-    form = {"third": third_person, "base": _same, "ing": present_participle}[style]
-    parts = [_part(act, form, his, him, generator) for act in told]
-    text = _join(parts, told, generator)
+    styles = ["third", "third", "third", "ing"] if who else ["third", "base", "base", "ing"]
+    style = str(generator.choice(styles))
+    form = "participle" if style == "ing" else style
+    parts = []
+    for act in acts:
+        verb, rest = _draw(phrases(act), generator)
+        during, manner = _draw(meanwhile(act), generator)
+        gerund = _filled(during, manner, his, him, "participle")
+        parts.append((_filled(verb, rest, his, him, form), gerund))
+    text = _joined(parts, acts, generator)
     who = f"{who} is" if who and style == "ing" else who
     text = f"{who} {text}".strip()
     return f"{text}." if generator.random() < 0.6 else text
 
 
-def _chosen(acts: Sequence[Act]) -> Sequence[Act]:
-    """Too many acts are told by those that last longest, in their order."""
-    if len(acts) <= MOST_ACTS:
-        return acts
-    longest = sorted(acts, key=lambda act: -act.event.frames)[:MOST_ACTS]
-    return [act for act in acts if act in longest]
-
-
-def _part(
-    act: Act, form: Form, his: str, him: str, generator: np.random.Generator
-) -> tuple[str, str]:
-    """Returns the act in the form of the sentence, and with -ing."""
-    verb, rest = _draw(phrases(act), generator)
-    during, how = _draw(meanwhile(act), generator)
-    going = present_participle(during)
-    return (
-        _filled(form(verb), rest, his, him, form),
-        _filled(going, how, his, him, present_participle),
-    )
-
-
-def _draw(found: list[Phrase], generator: np.random.Generator) -> Phrase:
-    """Plain wording comes first in the list, and is drawn half of the time."""
+def _draw(wordings: list[Phrase], generator: np.random.Generator) -> Phrase:
+    """Draws a wording; the plainest, which comes first, is drawn most often."""
     if generator.random() < 0.35:
-        return found[0]
-    return found[int(generator.integers(len(found)))]
+        return wordings[0]
+    return wordings[int(generator.integers(len(wordings)))]
 
 
-def _filled(verb: str, rest: str, his: str, him: str, form: Form) -> str:
+def _filled(verb: str, rest: str, his: str, him: str, form: str) -> str:
+    """Inflects the verbs of a phrase and fills in its pronouns."""
     rest = rest.replace("{his}", his).replace("{him}", him)
-    rest = re.sub(r"\{(\w+)\}", lambda match: form(match[1]), rest)
-    return f"{verb} {rest}".strip()
+    rest = re.sub(r"\{(\w+)\}", lambda match: inflect(match[1], form), rest)
+    return f"{inflect(verb, form)} {rest}".strip()
 
 
-def _join(parts: list[tuple[str, str]], acts: Sequence[Act], generator: np.random.Generator) -> str:
+def _joined(
+    parts: list[tuple[str, str]], acts: Sequence[Act], generator: np.random.Generator
+) -> str:
+    """Joins the acts of a sentence, each in the form of the sentence and as a participle."""
     groups, last = [parts[0][0]], acts[0]
     for (plain, gerund), act in zip(parts[1:], acts[1:], strict=True):
         before = last.gait or last.event
@@ -165,7 +139,3 @@ def _join(parts: list[tuple[str, str]], acts: Sequence[Act], generator: np.rando
     if len(groups) > 2 and generator.random() < 0.4:
         text = ", then ".join(groups[:-1])
     return text + str(generator.choice(joiners)) + groups[-1]
-
-
-def _same(verb: str) -> str:
-    return verb

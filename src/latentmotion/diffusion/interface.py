@@ -13,7 +13,7 @@ from latentmotion.condition.interface import Conditioning
 Noise = Callable[[tuple[int, ...]], np.ndarray]
 """Draws standard normal numbers of a shape, float32, always on the CPU and in NumPy."""
 
-Answer = Callable[[Any, float], Any]
+ModelOutput = Callable[[Any, float], Any]
 """A denoiser's output for a batch of latents at one time, its condition and mask being settled."""
 
 
@@ -28,7 +28,7 @@ class Denoiser(Protocol):
         condition: Conditioning,
         mask: Bool[Any, "batch tokens"],
     ) -> Float[Any, "batch tokens width"]:
-        """Returns what its `Prediction` says: noise, clean latents or velocity.
+        """Returns what its `Parametrization` says: noise, clean latents or velocity.
 
         Args:
             z: Noisy latents, NumPy or torch.

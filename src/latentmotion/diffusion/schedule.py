@@ -34,15 +34,15 @@ class Schedule(Protocol):
         """Returns the weight of the noise at `t`, in the shape of `t`."""
         ...
 
-    def slope(self, t: Time) -> tuple[Any, Any]:
+    def velocity_coefficients(self, t: Time) -> tuple[Any, Any]:
         """Returns the weights of signal and noise in the velocity at `t`."""
         ...
 
-    def at(self, u: Any) -> Any:
+    def time_at(self, u: Any) -> Any:
         """Returns the times at the fractions `u` of the schedule, 0 ≤ u < 1: for training."""
         ...
 
-    def times(self, steps: int) -> np.ndarray:
+    def timesteps(self, steps: int) -> np.ndarray:
         """Returns `steps` + 1 descending times: where a sampler stops over, its end included."""
         ...
 
@@ -66,7 +66,7 @@ class DiscreteTimes(ABC):
         """Returns sqrt(1 - alpha²)."""
         return _look_up(np.sqrt(1 - self.signal), t)
 
-    def slope(self, t: Time) -> tuple[Any, Any]:
+    def velocity_coefficients(self, t: Time) -> tuple[Any, Any]:
         """Returns (-sigma, alpha): v = alpha epsilon - sigma z_0 (Salimans & Ho 2022)."""
         return -self.sigma(t), self.alpha(t)
 
@@ -90,11 +90,11 @@ class ScaledLinear(DiscreteTimes):
     ends_clean: bool = False
     """Whether sampling ends at -1, without noise, instead of at 0."""
 
-    def at(self, u: Any) -> Any:
+    def time_at(self, u: Any) -> Any:
         """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
         return array_namespace(u).floor(u * self.length)
 
-    def times(self, steps: int) -> np.ndarray:
+    def timesteps(self, steps: int) -> np.ndarray:
         """Returns times with the spacing that diffusers calls leading."""
         # With a step for every time there is no room for the offset; diffusers fails there.
         times = _leading(self.length, steps)
@@ -117,11 +117,11 @@ class Cosine(DiscreteTimes):
     length: int = 1000
     """Number of discrete times: 1,000, or 50 in MDM's fast form, which is trained with so few."""
 
-    def at(self, u: Any) -> Any:
+    def time_at(self, u: Any) -> Any:
         """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
         return array_namespace(u).floor(u * self.length)
 
-    def times(self, steps: int) -> np.ndarray:
+    def timesteps(self, steps: int) -> np.ndarray:
         """Returns times with the spacing that diffusers calls leading, then -1."""
         return np.append(_leading(self.length, steps), -1).astype(np.float32)
 
@@ -145,15 +145,15 @@ class LinearPath:
         """Returns t."""
         return t
 
-    def slope(self, t: Time) -> tuple[Any, Any]:
+    def velocity_coefficients(self, t: Time) -> tuple[Any, Any]:
         """Returns (-1, 1): the velocity dz/dt = epsilon - z_0."""
         return -1.0, 1.0
 
-    def at(self, u: Any) -> Any:
+    def time_at(self, u: Any) -> Any:
         """Returns `u`."""
         return u
 
-    def times(self, steps: int) -> np.ndarray:
+    def timesteps(self, steps: int) -> np.ndarray:
         """Returns equal steps from 1 down to 0."""
         _check_steps(steps, 10_000)
         return np.linspace(1, 0, steps + 1, dtype=np.float32)

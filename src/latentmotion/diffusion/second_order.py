@@ -10,8 +10,8 @@ from typing import Any
 
 from jaxtyping import Float
 
-from latentmotion.diffusion.interface import Answer, Noise
-from latentmotion.diffusion.prediction import Prediction
+from latentmotion.diffusion.interface import ModelOutput, Noise
+from latentmotion.diffusion.parametrization import Parametrization
 from latentmotion.diffusion.schedule import Schedule
 
 Latents = Float[Any, "batch tokens width"]
@@ -26,28 +26,30 @@ class Heun:
     """
 
     schedule: Schedule
-    prediction: Prediction
+    parametrization: Parametrization
 
-    def walk(self, answer: Answer, z: Latents, times: Sequence[float], noise: Noise) -> Latents:
+    def integrate(
+        self, model_output: ModelOutput, z: Latents, times: Sequence[float], noise: Noise
+    ) -> Latents:
         """Returns the latents at the last of the times."""
         for t, s in pairwise(times):
-            z = self._step(answer, z, t, s)
+            z = self._step(model_output, z, t, s)
         return z
 
-    def _step(self, answer: Answer, z: Latents, t: float, s: float) -> Latents:
+    def _step(self, model_output: ModelOutput, z: Latents, t: float, s: float) -> Latents:
         alpha, sigma = self.schedule.alpha(s), self.schedule.sigma(s)
-        z0, epsilon = self.prediction.split(answer(z, t), z, t, self.schedule)
+        z0, epsilon = self.parametrization.to_x0_eps(model_output(z, t), z, t, self.schedule)
         guess = alpha * z0 + sigma * epsilon
         if sigma == 0:
             return guess
-        later = self.prediction.split(answer(guess, s), guess, s, self.schedule)
+        later = self.parametrization.to_x0_eps(model_output(guess, s), guess, s, self.schedule)
         rise, fall = alpha - self.schedule.alpha(t), sigma - self.schedule.sigma(t)
         return z + rise * (z0 + later[0]) / 2 + fall * (epsilon + later[1]) / 2
 
 
 @dataclass(frozen=True)
 class DPMSolver:
-    """DPM-Solver++(2M) (Lu et al. 2022, algorithm 2): one pass a step, and the last one's answer.
+    """DPM-Solver++(2M) (Lu et al. 2022, algorithm 2): one pass a step, and the last output.
 
     With λ = log(α / σ) and h = λ_s - λ_t, z_0 is taken to go on as from the step before, of h':
     z_s = (σ_s / σ_t) z_t + α_s (1 - exp(-h)) (z_0 + h / (2 h') (z_0 - z_0')).
@@ -55,18 +57,20 @@ class DPMSolver:
     """
 
     schedule: Schedule
-    prediction: Prediction
+    parametrization: Parametrization
 
-    def walk(self, answer: Answer, z: Latents, times: Sequence[float], noise: Noise) -> Latents:
+    def integrate(
+        self, model_output: ModelOutput, z: Latents, times: Sequence[float], noise: Noise
+    ) -> Latents:
         """Returns the latents at the last of the times."""
         before, last = None, 0.0
         for t, s in pairwise(times):
-            z0, _ = self.prediction.split(answer(z, t), z, t, self.schedule)
-            stride = self._lambda(s) - self._lambda(t) if s != t else 0.0
-            usable = before is not None and last > 0 and math.isfinite(last * stride)
-            ahead = z0 + stride / (2 * last) * (z0 - before) if usable else z0
+            z0, _ = self.parametrization.to_x0_eps(model_output(z, t), z, t, self.schedule)
+            size = self._lambda(s) - self._lambda(t) if s != t else 0.0
+            usable = before is not None and last > 0 and math.isfinite(last * size)
+            ahead = z0 + size / (2 * last) * (z0 - before) if usable else z0
             z = self._step(ahead, z, t, s)
-            before, last = z0, stride
+            before, last = z0, size
         return z
 
     def _step(self, z0: Latents, z: Latents, t: float, s: float) -> Latents:

@@ -1,4 +1,4 @@
-"""The metrics of one replication that look at joints alone; they need no evaluator."""
+"""Metrics of one replication that joint positions give, without an evaluator."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ BATCH = 32
 
 @dataclass(frozen=True, eq=False)
 class PositionScores:
-    """Metrics on the joints of a data set's representation."""
+    """Metrics of the joints of a data set's representation."""
 
     dataset: Dataset
-    """Tells representation, frame rate and training clips."""
+    """Source of representation, frame rate and training clips."""
 
     def quality(self, motions: Motions) -> Scores:
-        """Returns what motions are like: feet, jitter and floor."""
+        """Returns foot sliding, jitter and floor penetration of motions."""
         fps, skeleton = self.dataset.representation.fps, self.dataset.representation.skeleton
         bodies = [self._decode(motion) for motion in motions]
         scores = {
@@ -58,28 +58,28 @@ class PositionScores:
     def nearest(self, motions: Motions) -> Scores:
         """Returns the mean distance to the nearest training clip, mirrored ones too.
 
-        Poses are compared as the representation has them, root-relative and facing ahead; nothing
-        for one that has no such block.
+        Poses are compared as the representation has them, root-relative and facing ahead. Empty for
+        a representation without such a block.
         """
         if "positions" not in self.dataset.representation.blocks:
             return {}
         poses = [self._poses(motion) for motion in motions]
         return {"Nearest clip": 1000 * fmean(self._training.distance(pose) for pose in poses)}
 
-    def repeated(
-        self, motions: Motions, truth: Motions, padding: Float[np.ndarray, " features"] | None
+    def reconstruction(
+        self, motions: Motions, real: Motions, padding: Float[np.ndarray, " features"] | None
     ) -> Scores:
-        """Returns how far repeated motions are from the true ones, over all frames of all.
+        """Returns the errors of reconstructions, as means over all frames of all motions.
 
         Args:
-            motions: The repeated motions.
-            truth: The true ones, of the same lengths.
-            padding: The features that padding decodes from, to sum over it as the authors do;
-                none for the clean sums.
+            motions: The reconstructions.
+            real: The real motions, of the same lengths.
+            padding: Features that padding decodes from, to sum over it as the authors do; None for
+                the clean sums.
         """
-        pairs = [(a, b) for a, b in zip(motions, truth, strict=True)]
-        frames = sum(len(true) for true in truth)
-        inner = max(sum(max(len(true) - 2, 0) for true in truth), 1)
+        pairs = [(a, b) for a, b in zip(motions, real, strict=True)]
+        frames = sum(len(motion) for motion in real)
+        inner = max(sum(max(len(motion) - 2, 0) for motion in real), 1)
         if padding is not None:
             pairs = _padded(pairs, padding)
         bodies = [(self._decode(a), self._decode(b)) for a, b in pairs]
@@ -89,18 +89,18 @@ class PositionScores:
             "ACCL": 1000 * sum(acceleration_errors(a, b).sum() for a, b in bodies) / inner,
         }
 
-    def compared(self, motions: Motions, truth: Motions) -> Scores:
-        """Returns APE and AVE of motions against the true ones of the same lengths."""
+    def average_errors(self, motions: Motions, real: Motions) -> Scores:
+        """Returns APE and AVE of motions against the real ones of the same lengths."""
         skeleton = self.dataset.representation.skeleton
         if not {"left_hip", "right_hip", "left_shoulder", "right_shoulder"} <= {*skeleton.names}:
             return {}
-        found: dict[str, list[float]] = {}
-        for motion, true in zip(motions, truth, strict=True):
-            a, b = (parts_of(self._decode(features), skeleton) for features in (motion, true))
+        values: dict[str, list[float]] = {}
+        for pair in zip(motions, real, strict=True):
+            a, b = (parts_of(self._decode(features), skeleton) for features in pair)
             for metric, errors in (("APE", ape(a, b)), ("AVE", ave(a, b))):
                 for part, error in errors.items():
-                    found.setdefault(f"{metric} {part}", []).append(error)
-        return {name: fmean(errors) for name, errors in found.items()}
+                    values.setdefault(f"{metric} {part}", []).append(error)
+        return {name: fmean(errors) for name, errors in values.items()}
 
     def _decode(self, features: Float[np.ndarray, "frames features"]) -> Joints:
         return np.asarray(self.dataset.representation.decode(features), np.float64)
@@ -118,13 +118,13 @@ class PositionScores:
 def _padded(
     pairs: list[tuple[np.ndarray, np.ndarray]], padding: Float[np.ndarray, " features"]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Sorts by length, and pads each batch to its longest."""
+    """Sorts by length, and pads each batch to its longest, as the authors' data loader does."""
     pairs = sorted(pairs, key=lambda pair: len(pair[1]))
-    found = []
+    padded = []
     for start in range(0, len(pairs), BATCH):
         batch = pairs[start : start + BATCH]
-        longest = max(len(true) for _, true in batch)
-        for motion, true in batch:
-            tail = np.tile(padding, (longest - len(true), 1)).astype(true.dtype)
-            found.append((np.concatenate([motion, tail]), np.concatenate([true, tail])))
-    return found
+        longest = max(len(real) for _, real in batch)
+        for motion, real in batch:
+            tail = np.tile(padding, (longest - len(real), 1)).astype(real.dtype)
+            padded.append((np.concatenate([motion, tail]), np.concatenate([real, tail])))
+    return padded

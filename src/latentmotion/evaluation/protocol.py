@@ -1,259 +1,162 @@
-"""Measures models by a protocol: `evaluate(subject, dataset, extractor, protocol) -> Report`.
+"""Protocols: number and length of motions, captions, pairs and groups of an evaluation.
 
-For each replication: questions are asked, real motions answer them, and so does each subject; the
-evaluator looks at all answers, and the metrics at what it saw. The ground truth is a row like any.
+`Quirks` are peculiarities of the MLD authors' evaluation, each with the section of
+docs/reference/mld.md that describes it; all are off by default.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
+from zlib import crc32
 
 import numpy as np
 
-from latentmotion.condition.task import TaskName
-from latentmotion.data.dataset import Dataset
-from latentmotion.errors import InputError, ModelError
-from latentmotion.evaluation.bodies import on_stand_in
-from latentmotion.evaluation.feature_scores import Scores, feature_scores, truth_scores
-from latentmotion.evaluation.observation import Extractor, Observer, View, observer_of, reads_text
-from latentmotion.evaluation.origin import official, provenance_of
-from latentmotion.evaluation.position_scores import PositionScores
-from latentmotion.evaluation.published import PublishedTruth, departures, published_truth
-from latentmotion.evaluation.remarks import remarks
-from latentmotion.evaluation.repeats import asked_for, repeated_multimodality
-from latentmotion.evaluation.report import TRUTH, UNITS, Figure, Report
-from latentmotion.evaluation.settings import CLEAN, PAPER, PROTOCOLS, Protocol, Repeats
-from latentmotion.evaluation.subject import Generated, Motions, Prior, Reconstructed, Subject
-from latentmotion.evaluation.trials import HELD, Lengths, Plan, Trial
+from latentmotion.errors import InputError
 
-__all__ = [
-    "CLEAN",
-    "PAPER",
-    "PROTOCOLS",
-    "TRUTH",
-    "UNITS",
-    "Figure",
-    "Generated",
-    "Prior",
-    "Protocol",
-    "Reconstructed",
-    "Repeats",
-    "Report",
-    "Subject",
-    "compare",
-    "evaluate",
-    "plan_of",
-]
+ProtocolName = Literal["clean", "paper"]
+"""Names of the protocols."""
 
 
-def evaluate(
-    subject: Subject, dataset: Dataset, extractor: Extractor | None, protocol: Protocol = CLEAN
-) -> Report:
-    """Measures one model.
+@dataclass(frozen=True)
+class DrawnPairs:
+    """Random pairs in place of all pairs (mld.md §8, §10)."""
 
-    Args:
-        subject: The model, as generator, reconstructor or prior.
-        dataset: Where questions and real motions come from.
-        extractor: The evaluator; without one only metrics of positions are reported.
-        protocol: How it is measured.
-
-    Raises:
-        DataError: The split has nothing to ask for.
-        InputError: Model, evaluator and data do not fit.
-        ModelError: The model's features are not those of the data.
-    """
-    return compare([subject], dataset, extractor, protocol)
-
-
-def compare(
-    subjects: Sequence[Subject],
-    dataset: Dataset,
-    extractor: Extractor | None,
-    protocol: Protocol = CLEAN,
-) -> Report:
-    """Measures several models, each with a row of its own, on the same questions.
-
-    Raises:
-        DataError: As for `evaluate`.
-        InputError: As for `evaluate`, or the rows do not differ in name or are asked differently.
-        ModelError: As for `evaluate`.
-    """
-    plan = plan_of(subjects, dataset, extractor, protocol)
-    measured = _Measured(tuple(subjects), dataset, extractor, protocol)
-    for replication in range(protocol.replications):
-        measured.replicate(plan.trial(replication))
-    return _report(measured, plan, remarks(plan, extractor))
+    text_diversity: int = 300
+    """Pairs of diversity with a text-motion evaluator; each of the two draws without
+    replacement."""
+    action_diversity: int = 300
+    """Pairs of generated motions with an action classifier; with replacement."""
+    action_multimodality: int = 10
+    """Pairs of a label, of generated motions."""
+    true_action_diversity: int = 200
+    """Pairs of real motions: the default of their function."""
+    true_action_multimodality: int = 20
+    """Pairs of a label, of real motions: the default of their function."""
+    kid_subsets: int = 100
+    """Subsets from which KID is averaged (mld.md §8)."""
+    kid_size: int = 1000
+    """Motions of a subset."""
 
 
-def plan_of(
-    subjects: Sequence[Subject],
-    dataset: Dataset,
-    extractor: Extractor | None,
-    protocol: Protocol = CLEAN,
-) -> Plan:
-    """Returns what subjects will be asked.
+@dataclass(frozen=True)
+class Quirks:
+    """Switches; False, or None, is the clean way."""
 
-    Raises:
-        DataError: As for `evaluate`.
-        InputError: As for `compare`.
-        ModelError: As for `evaluate`.
-    """
-    _check(subjects, dataset)
-    needs = _needs(subjects, dataset, extractor, protocol)
-    return Plan(dataset, protocol, needs, _lengths(subjects, dataset, needs, protocol))
+    random_crops: bool = False
+    """Start and length of a clip's crop are drawn anew in every replication, and one in three is
+    a unit shorter (mld.md §5). Clean: from the first frame, as long as it can be."""
+    random_captions: bool = False
+    """One of a clip's captions is drawn (mld.md §5). Clean: they take turns."""
+    remainder_dropped: bool = False
+    """Items beyond the last full group of 32 have no R-precision and MM-Dist (mld.md §8). Clean:
+    others, whose own rank does not count again, fill the last group."""
+    float32_means: bool = False
+    """FID's means are computed in float32 (mld.md §8)."""
+    drawn_pairs: DrawnPairs | None = None
+    """Diversity, MultiModality and KID from random pairs (mld.md §8, §10). Clean: from all."""
+    permuted_truth: bool = False
+    """The FID of the ground truth is that to itself in another order, nearly 0 (mld.md §10).
+    Clean: between two random halves, the noise that a set of this size brings."""
+    sampled_latents: bool = False
+    """A VAE repeats a motion from latents drawn of its posterior (mld.md §8). Clean: from the
+    mean."""
+    padded_sums: bool = False
+    """MPJPE and ACCL sum over the padding of batches of 32 motions, and divide by the number of
+    true frames (mld.md §9)."""
+    random_state: bool = False
+    """The GRU of the action classifier starts from a random state in every call (mld.md §10)."""
+    population_deviation: bool = False
+    """The deviation of replications is divided by their number (mld.md §8). Clean: by one less."""
 
 
-@dataclass(eq=False)
-class _Measured:
-    """What is found, replication by replication."""
+AUTHORS = Quirks(
+    random_crops=True,
+    random_captions=True,
+    remainder_dropped=True,
+    float32_means=True,
+    drawn_pairs=DrawnPairs(),
+    permuted_truth=True,
+    sampled_latents=True,
+    padded_sums=True,
+    random_state=True,
+    population_deviation=True,
+)
+"""All of them, as the authors evaluate."""
 
-    subjects: tuple[Subject, ...]
-    dataset: Dataset
-    extractor: Extractor | None
-    protocol: Protocol
-    values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    _observer: Observer | None = None
-    _truth: tuple[View | None, Scores] | None = None
+
+@dataclass(frozen=True)
+class Repeats:
+    """Size of MultiModality: many motions of one caption."""
+
+    texts: int = 100
+    """Captions, drawn without replacement; all if there are fewer. 0 leaves the metric out."""
+    samples: int = 10
+    """Motions of each caption."""
+    pairs: int | None = None
+    """Pairs of motions that are compared, the same for all captions; null for all pairs."""
+    replications: int = 5
+    """Replications that measure it, since it needs the most motions of all metrics."""
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """Rules of an evaluation."""
+
+    name: str
+    """Name in reports."""
+    split: str = "test"
+    """Split of the test prompts."""
+    replications: int = 20
+    """Repetitions of the evaluation with other random numbers."""
+    seed: int = 0
+    """All randomness derives from it, the replication and the item."""
+    group: int = 32
+    """Motions among which R-precision ranks."""
+    repeats: Repeats = field(default_factory=Repeats)
+    """MultiModality of captions."""
+    max_frames: int | None = None
+    """Longest motion; by default the model's own."""
+    unit: int = 4
+    """Lengths are multiples of this, as text-motion evaluators see four frames at a time; motions
+    of actions keep their length."""
+    nearest_clip: bool = True
+    """Whether the distance to the nearest training clip, which is slow, is measured; in the first
+    replication only."""
+    quirks: Quirks = field(default_factory=Quirks)
+    """Peculiarities of the authors' code that are followed."""
 
     def __post_init__(self) -> None:
-        self._observer = observer_of(self.extractor) if self.extractor is not None else None
-        self.positions = PositionScores(self.dataset)
-
-    def replicate(self, trial: Trial) -> None:
-        """Measures every row once."""
-        truth, quality = self._real(trial)
-        self._keep(TRUTH, trial, trial.features, quality)
-        if truth is not None:
-            self._add(TRUTH, truth_scores(truth, self.protocol, trial.replication))
-        for subject in self.subjects:
-            self._subject(subject, trial, truth)
-
-    def _subject(self, subject: Subject, trial: Trial, truth: View | None) -> None:
-        motions = subject(trial, self.protocol)
-        self._keep(subject.row, trial, motions, self.positions.quality(motions))
-        if subject.repeats:
-            padding = self._padding(subject)
-            self._add(subject.row, self.positions.repeated(motions, trial.features, padding))
-        if subject.repeats or (subject.prompted and subject.card.condition.reads_text):
-            self._add(subject.row, self.positions.compared(motions, trial.features))
-        if truth is None or self._observer is None:
-            return
-        view, replication = self._view(motions, trial, subject.row), trial.replication
-        scores = feature_scores(view, truth, subject.prompted, self.protocol, replication)
-        self._add(subject.row, scores)
-        if isinstance(subject, Generated) and asked_for(subject, self.protocol, replication):
-            found = repeated_multimodality(subject, trial, self._observer, self.protocol)
-            self._add(subject.row, {"MultiModality": found})
-
-    def _real(self, trial: Trial) -> tuple[View | None, Scores]:
-        """Looks at the real motions; at the same ones only once, but for their captions."""
-        quirks = self.protocol.quirks
-        if self._truth is None or quirks.random_crops or quirks.random_state:
-            self._truth = (
-                self._view(trial.features, trial, TRUTH) if self._observer else None,
-                self.positions.quality(trial.features),
+        if self.replications < 1:
+            raise InputError(f"{self.replications} replications: expected 1 or more")
+        if self.seed < 0 or self.repeats.texts < 0:
+            raise InputError(
+                f"seed {self.seed}, {self.repeats.texts} captions of many motions: expected 0 or "
+                "more"
             )
-        view, quality = self._truth
-        if view is not None and self._observer is not None:
-            view = View(
-                view.features, view.logits, view.labels, self._observer.captions(trial.questions)
-            )
-        return view, quality
+        if self.group < 2 or self.unit < 1:
+            raise InputError(f"group {self.group}, unit {self.unit}: expected 2, 1 or more")
 
-    def _view(self, motions: Motions, trial: Trial, row: str) -> View:
-        assert self._observer is not None
-        drawn = self.protocol.quirks.random_state
-        noise = self.protocol.generator(f"state {row}", trial.replication) if drawn else None
-        return self._observer.view(motions, trial, noise)
+    def generator(self, purpose: str, replication: int, *item: int) -> np.random.Generator:
+        """Returns the random generator for a purpose in a replication, or in an item of it."""
+        return np.random.default_rng([self.seed, crc32(purpose.encode()), replication, *item])
 
-    def _keep(self, row: str, trial: Trial, motions: Motions, quality: Scores) -> None:
-        self._add(row, quality)
-        repeats = any(subject.row == row and subject.repeats for subject in self.subjects)
-        if self.protocol.nearest_clip and trial.replication == 0 and not repeats:
-            self._add(row, self.positions.nearest(motions))
-
-    def _padding(self, subject: Subject) -> np.ndarray | None:
-        if not self.protocol.quirks.padded_sums:
-            return None
-        return np.array(subject.card.normalizer_mean, np.float32)
-
-    def _add(self, row: str, scores: Scores) -> None:
-        for name, value in scores.items():
-            self.values.setdefault(row, {}).setdefault(name, []).append(value)
+    def seeds(self, purpose: str, replication: int, count: int, *item: int) -> list[int]:
+        """Returns one seed per motion, which depends only on the protocol's seed and its index."""
+        start = (self.seed, crc32(purpose.encode()), replication, *item)
+        sequences = (np.random.SeedSequence([*start, number]) for number in range(count))
+        return [int(sequence.generate_state(1)[0]) for sequence in sequences]
 
 
-def _report(measured: _Measured, plan: Plan, notes: Sequence[str]) -> Report:
-    protocol, dataset, extractor = measured.protocol, measured.dataset, measured.extractor
-    population = protocol.quirks.population_deviation
-    rows = {
-        row: {name: Figure.of(values, population) for name, values in figures.items()}
-        for row, figures in measured.values.items()
-    }
-    sources = [source.name for source in dataset.sources]
-    comparable = official(extractor) and not on_stand_in(dataset, extractor)
-    published = published_truth(sources, comparable)
-    wrong = departures(rows[TRUTH], published) if published else []
-    if wrong:
-        warnings.warn("\n".join(wrong), stacklevel=3)
-    made = provenance_of(measured.subjects, dataset, extractor)
-    counts = dict.fromkeys(rows, len(plan.items))
-    return Report(
-        rows, counts, protocol, made, (*notes, *_held(extractor, published)), tuple(wrong)
-    )
+CLEAN = Protocol("clean")
+"""The default."""
 
+PAPER = Protocol(
+    "paper",
+    repeats=Repeats(texts=100, samples=30, pairs=10, replications=20),
+    quirks=AUTHORS,
+)
+"""The authors' evaluation, for figures that are compared with those of papers."""
 
-def _held(extractor: Extractor | None, published: PublishedTruth | None) -> list[str]:
-    """Says what the ground truth is held against."""
-    if published is not None:
-        return [f"the ground truth is held against {published.paper}"]
-    if extractor is None:
-        return []
-    return [
-        "no published interval is known for this data set with this evaluator: the ground truth "
-        "is held against nothing, and no figure that an evaluator gives compares with papers'"
-    ]
-
-
-def _check(subjects: Sequence[Subject], dataset: Dataset) -> None:
-    rows = [TRUTH, *(subject.row for subject in subjects)]
-    if not subjects or len(set(rows)) < len(rows):
-        raise InputError(f"rows {', '.join(rows)}: expected one or more, each of another name")
-    for subject in subjects:
-        found, wanted = subject.card.representation, dataset.representation.name
-        if found != wanted:
-            raise ModelError(
-                f"model {subject.card.name!r} makes features {found!r}, {dataset.folder} has "
-                f"{wanted!r}; evaluate it on data of its own kind"
-            )
-
-
-def _needs(
-    subjects: Sequence[Subject], dataset: Dataset, extractor: Extractor | None, protocol: Protocol
-) -> TaskName:
-    """Returns what clips must have: what generators are asked, else what the evaluator reads."""
-    tasks: set[TaskName] = {s.card.task for s in subjects if s.prompted and not s.repeats}
-    if len(tasks) > 1:
-        raise InputError(f"models of the tasks {', '.join(sorted(tasks))}: evaluate them apart")
-    if tasks:
-        return tasks.pop()
-    clips = dataset.clips(protocol.split)
-    captioned, labelled = any(c.captions for c in clips), any(c.action for c in clips)
-    by_text = extractor is None or reads_text(extractor)
-    if by_text and captioned and any(subject.repeats for subject in subjects):
-        return "text"
-    return "action" if not by_text and labelled else "unconditional"
-
-
-def _lengths(
-    subjects: Sequence[Subject], dataset: Dataset, needs: TaskName, protocol: Protocol
-) -> Lengths:
-    shortest = max(subject.card.frames[0] for subject in subjects)
-    longest = min(subject.card.frames[1] for subject in subjects)
-    longest = min(longest, protocol.max_frames or longest)
-    if longest < shortest:
-        raise InputError(f"no motion of at most {longest} frames: the model's have {shortest} up")
-    held = dataset.representation.name in HELD
-    unit = 1 if held or needs == "action" else protocol.unit
-    return Lengths(shortest, longest, unit, held)
+PROTOCOLS: dict[ProtocolName, Protocol] = {"clean": CLEAN, "paper": PAPER}
+"""Protocols by name."""

@@ -1,4 +1,4 @@
-"""The report of an evaluation: figures with 95 % intervals, and all that decides them.
+"""Reports of evaluations: figures with 95 % intervals, their protocol and provenance.
 
 interval = 1.96 · std / √replications
 """
@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from latentmotion.evaluation.cost import Cost
-from latentmotion.evaluation.settings import Protocol
+from latentmotion.evaluation.protocol import Protocol
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import atomic_folder
 
 REPORT_FILE = "report.json"
 PAGE_FILE = "report.md"
-TRUTH = "ground truth"
+GROUND_TRUTH = "ground truth"
 """Row of the real motions."""
 
 UNITS = {
@@ -51,8 +51,8 @@ UNITS = {
     "Penetration": "mm ↓",
     "Nearest clip": "mm",
 }
-"""Every metric in the order of reports: its unit, and ↓ where less is better, ↑ where more is, →
-where near the ground truth is."""
+"""Unit of each metric, in the order of reports; ↓ if less is better, ↑ if more is, → if close to
+the ground truth is."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Figure:
     interval: float | None = None
     """Half of the 95 % interval of the mean; null for a single replication."""
     values: tuple[float, ...] = ()
-    """Each replication's."""
+    """Figure of each replication."""
 
     @classmethod
     def of(cls, values: Sequence[float], population: bool = False) -> Figure:
@@ -72,7 +72,7 @@ class Figure:
 
         Args:
             values: One per replication.
-            population: Whether their deviation is divided by their number, or by one less.
+            population: Whether the variance is divided by their number, or by one less.
         """
         count = len(values)
         deviation = float(np.std(values, ddof=0 if population else 1)) if count > 1 else None
@@ -86,7 +86,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a report was made from."""
+    """Data, models, evaluator and versions behind a report."""
 
     data: str
     """The prepared folder."""
@@ -99,33 +99,33 @@ class Provenance:
     models: Mapping[str, str]
     """Name of the model, by row."""
     sampling: Mapping[str, str]
-    """How it was sampled, by row."""
+    """Sampler, steps and guidance, by row."""
     evaluator: str
     """Fingerprint of the evaluator; empty without one."""
     body: str
-    """SHA-256 of the SMPL model file whose joints were looked at; empty without one."""
+    """SHA-256 of the SMPL model file of the joints; empty without one."""
     versions: Mapping[str, str]
-    """Of this package, its commit and what computes."""
+    """Versions of this package, its commit, its libraries and the machine."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What an evaluation found."""
+    """Figures of an evaluation."""
 
     rows: Mapping[str, Mapping[str, Figure]]
     """Figures by row and metric; see `UNITS`."""
     items: Mapping[str, int]
-    """How many motions a row has in a replication."""
+    """Motions of a replication, by row."""
     protocol: Protocol
-    """How it was measured."""
+    """Rules of the evaluation."""
     provenance: Provenance
-    """What from."""
+    """Data, models, evaluator and versions."""
     notes: tuple[str, ...] = ()
-    """What a reader must know to compare these figures."""
+    """Limits that a reader must know to compare the figures."""
     warnings: tuple[str, ...] = ()
-    """What is wrong with them."""
+    """Problems of the figures."""
     cost: Cost | None = None
-    """Parameters, FLOPs and seconds, where they were asked for."""
+    """Parameters, FLOPs and seconds, if they were measured."""
 
     def __getitem__(self, row: str) -> Mapping[str, Figure]:
         """Returns the figures of a row."""
@@ -133,33 +133,38 @@ class Report:
 
     @property
     def json(self) -> dict[str, Any]:
-        """The same as plain values."""
+        """The report as plain values."""
         return to_json(self)
 
     @property
     def metrics(self) -> list[str]:
         """The metrics that occur, in the order of reports."""
-        found = dict.fromkeys(name for figures in self.rows.values() for name in figures)
-        return sorted(found, key=lambda name: [*UNITS, name].index(name))
+        names = dict.fromkeys(name for figures in self.rows.values() for name in figures)
+        return sorted(names, key=lambda name: [*UNITS, name].index(name))
 
     def table(self) -> str:
-        """Returns the figures as a Markdown table, a metric a line."""
-        lines = [_line(["metric", *self.rows]), "|---" * (len(self.rows) + 1) + "|"]
+        """Returns the figures as a Markdown table, one line per metric."""
+        lines = [table_line(["metric", *self.rows]), "|---" * (len(self.rows) + 1) + "|"]
         for name in self.metrics:
             cells = [str(figures.get(name, "–")) for figures in self.rows.values()]
-            lines.append(_line([f"{name} {UNITS.get(name, '')}".strip(), *cells]))
+            lines.append(table_line([f"{name} {UNITS.get(name, '')}".strip(), *cells]))
         return "\n".join(lines)
 
     def markdown(self) -> str:
         """Returns a page: figures, warnings, notes and provenance."""
         p, made = self.protocol, self.provenance
+        models: dict[str, list[str]] = {}
+        for row, name in made.models.items():
+            weights, statistics = made.weights[row] or "not from a folder", made.statistics[row]
+            model = f"{name}: weights {weights}, statistics {statistics}"
+            models.setdefault(model, []).append(row + made.sampling[row])
         about = [
             f"protocol {p.name}, split {p.split}, {p.replications} replications, seed {p.seed}",
             "motions: " + ", ".join(f"{row} {count}" for row, count in self.items.items()),
             f"data {made.data} {made.data_hash}",
             f"evaluator {made.evaluator or 'none'}",
             *([f"body {made.body}"] if made.body else ()),
-            *self._models(),
+            *(f"{model} ({'; '.join(rows)})" for model, rows in models.items()),
             "versions: " + ", ".join(f"{name} {v}" for name, v in made.versions.items()),
         ]
         parts = [
@@ -184,21 +189,31 @@ class Report:
             (temporary / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
             (temporary / PAGE_FILE).write_text(self.markdown(), encoding="utf-8")
 
-    def _models(self) -> list[str]:
-        """Says of each model which rows are its own."""
-        made, rows = self.provenance, dict[str, list[str]]()
-        for row, name in made.models.items():
-            weights, statistics = made.weights[row] or "not from a folder", made.statistics[row]
-            rows.setdefault(f"{name}: weights {weights}, statistics {statistics}", []).append(
-                row + made.sampling[row]
-            )
-        return [f"{model} ({'; '.join(own)})" for model, own in rows.items()]
+
+def card_figures(report: Report) -> dict[str, Any]:
+    """Returns the figures for a model card: the means of every row, and how they were measured."""
+    protocol, made = report.protocol, report.provenance
+    rows = {
+        row: {name: float(f"{figure.mean:.4g}") for name, figure in figures.items()}
+        for row, figures in report.rows.items()
+    }
+    return {
+        "data": f"{made.data} {made.data_hash}",
+        "evaluator": made.evaluator,
+        "protocol": protocol.name,
+        "split": protocol.split,
+        "replications": protocol.replications,
+        "seed": protocol.seed,
+        "motions": dict(report.items),
+        "rows": rows,
+    }
+
+
+def table_line(cells: Sequence[str]) -> str:
+    """Returns a line of a Markdown table."""
+    return f"| {' | '.join(cells)} |"
 
 
 def _rounded(value: float, digits: int) -> str:
-    """Returns a number to so many digits; what only rounding makes is 0."""
+    """Formats a number with some significant digits; rounding errors around 0 are 0."""
     return f"{value:.{digits}g}" if abs(value) > 1e-9 else "0"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"

@@ -1,4 +1,4 @@
-"""File formats: `save` and `load` choose one by the ending of the path and import only that one."""
+"""File formats: `save` and `load` choose one by the path's ending and import only that module."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".png": "latentmotion.render.strip:write",
     }
 )
-"""Each ending that can be written, some of two parts, and the `module:function` that writes it."""
+"""Each ending that can be written, with the `module:function` that writes it."""
 
 READABLE: Mapping[str, str] = MappingProxyType(
     {
@@ -44,24 +44,24 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ),
     }
 )
-"""Each ending that can be read, and the `module:function` that reads it."""
+"""Each ending that can be read, with the `module:function` that reads it."""
 
 
 def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) -> list[Path]:
-    """Writes motions as the takes of one file; a format of single takes gets one file each.
+    """Writes motions as the takes of one file, or one file each where a format holds a single take.
 
     Args:
-        path: Where to; its ending chooses the format. BVH holds one take, so several motions
+        path: The file; its ending chooses the format. BVH holds one take, so several motions
             become `out-1.bvh`, `out-2.bvh` and so on.
         motions: The takes, at least one.
-        fps: Frames per second to resample them to; by default each keeps its own.
+        fps: Frames per second to resample to; by default each motion keeps its own.
 
     Returns:
         The files written.
 
     Raises:
-        InputError: No motions, an unknown ending, a rate that is none, or a folder that cannot be
-            written.
+        InputError: No motions, an unknown ending, an invalid frame rate, or a folder that cannot
+            be written.
         MissingExtraError: The format needs a package that is not installed.
         MissingProgramError: The format needs Blender, and there is none.
     """
@@ -80,7 +80,7 @@ def load(path: str | Path) -> list[Motion]:
 
     Raises:
         FileFormatError: The file is damaged or not of its kind.
-        InputError: The ending is none that can be read, or there is no such file.
+        InputError: The ending cannot be read, or there is no such file.
     """
     source = Path(path)
     reader = _function(source, READABLE, "read")
@@ -90,7 +90,7 @@ def load(path: str | Path) -> list[Motion]:
 
 
 def check_ending(path: str | Path) -> None:
-    """Raises what `save` would, so that a program can refuse before it generates.
+    """Raises what `save` would raise, so that a program can refuse before it generates.
 
     Raises:
         InputError: The ending is unknown.
@@ -104,18 +104,17 @@ def check_ending(path: str | Path) -> None:
 
 
 def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:
-    module, _, name = endings[_ending(path, endings, verb)].partition(":")
-    return getattr(importlib.import_module(module), name)
-
-
-def _ending(path: Path, endings: Mapping[str, str], verb: str) -> str:
+    """Imports the reader or writer that an ending names."""
     ending = path.suffix.lower()
     longer = "".join(path.suffixes[-2:]).lower()
-    if longer in endings or ending in endings:
-        return longer if longer in endings else ending
-    near = difflib.get_close_matches(ending, endings, n=1)
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise InputError(
-        f"the ending {ending or '(none)'!r} of {path} cannot be {verb}: {hint}"
-        f"known are {', '.join(endings)}"
-    )
+    if longer in endings:
+        ending = longer
+    elif ending not in endings:
+        near = difflib.get_close_matches(ending, endings, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise InputError(
+            f"the ending {ending or '(none)'!r} of {path} cannot be {verb}: {hint}"
+            f"known are {', '.join(endings)}"
+        )
+    module, _, name = endings[ending].partition(":")
+    return getattr(importlib.import_module(module), name)

@@ -13,8 +13,8 @@ from latentmotion.formats.lines import numbers, read_lines
 from latentmotion.kinematics.rotations import matrix_from_euler
 
 _INCH = 0.0254
-_TURNS = frozenset({"RX", "RY", "RZ"})
-_MOVES = frozenset({"TX", "TY", "TZ"})
+_ROTATIONS = frozenset({"RX", "RY", "RZ"})
+_TRANSLATIONS = frozenset({"TX", "TY", "TZ"})
 _Line = tuple[int, list[str]]
 """Number of a line, from 1, and its words."""
 
@@ -24,20 +24,20 @@ class Bone:
     """One bone; the root is a bone of length 0."""
 
     name: str = ""
-    """What ASF and AMC call it."""
+    """Its name in ASF and AMC."""
     direction: Float[np.ndarray, " 3"] | None = None
-    """From its start to its end, of length 1; none until its line is read."""
+    """Unit vector from its start to its end; None until its line is read."""
     length: float | None = None
-    """Meters; none until its line is read."""
+    """Meters; None until its line is read."""
     axes: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
-    """C: its own axes in the world's."""
+    """C: its own axes in world axes, in the columns."""
     channels: tuple[str, ...] = ()
-    """What each of its numbers in the AMC means, e.g. RX."""
+    """Meaning of each of its numbers in the AMC, e.g. RX."""
 
     @property
     def order(self) -> str:
-        """The axes it turns about, in the order of application."""
-        return "".join(channel[1] for channel in self.channels if channel in _TURNS)
+        """The axes it rotates about, in the order of application."""
+        return "".join(channel[1] for channel in self.channels if channel in _ROTATIONS)
 
     @property
     def vector(self) -> Float[np.ndarray, " 3"]:
@@ -47,14 +47,14 @@ class Bone:
 
 @dataclass(frozen=True)
 class Figure:
-    """What an ASF file holds."""
+    """The content of an ASF file."""
 
     meters: float
     """Meters per unit of length."""
     degrees: bool
     """Whether angles are in degrees rather than radians."""
     position: Float[np.ndarray, " 3"]
-    """Of the root in the rest pose, in the file's unit."""
+    """Root position in the rest pose, in the file's unit."""
     bones: dict[str, Bone]
     """By name, each after its parent, the root first."""
     parents: dict[str, str]
@@ -62,12 +62,23 @@ class Figure:
 
 
 def read_asf(path: str | Path) -> Figure:
-    """Reads a skeleton. Limits of angles are ignored.
+    """Reads a skeleton. Joint limits are ignored.
 
     Raises:
         FileFormatError: The file is damaged or not ASF.
     """
-    sections = _sections(Path(path))
+    sections: dict[str, list[_Line]] = {}
+    keyword = ""
+    for line, text in enumerate(read_lines(path), 1):
+        words = text.split("#")[0].split()
+        if words and words[0].startswith(":"):
+            keyword = words[0][1:].lower()
+            sections[keyword] = []
+        elif words:
+            sections.setdefault(keyword, []).append((line, words))
+    for needed in ("root", "bonedata", "hierarchy"):
+        if not sections.get(needed):
+            raise FileFormatError(path, f"has no ':{needed}' section; not ASF, or truncated")
     units = {words[0].lower(): (line, words[1:]) for line, words in sections.get("units", [])}
     line, length = units.get("length", (1, ["1"]))
     unit = float(numbers(path, line, length, 1)[0])
@@ -83,7 +94,7 @@ def read_asf(path: str | Path) -> Figure:
 
 
 def turned_in_order(
-    angles: Float[np.ndarray, "*batch turns"], order: str
+    angles: Float[np.ndarray, "*batch axes"], order: str
 ) -> Float[np.ndarray, "*batch 3 3"]:
     """Rotates about fixed axes one after the other: intrinsic rotation in the reverse order.
 
@@ -94,23 +105,6 @@ def turned_in_order(
     return matrix_from_euler(angles[..., ::-1], order[::-1])
 
 
-def _sections(path: Path) -> dict[str, list[_Line]]:
-    """Returns the lines below each `:keyword`, comments and blank lines aside."""
-    sections: dict[str, list[_Line]] = {}
-    keyword = ""
-    for line, text in enumerate(read_lines(path), 1):
-        words = text.split("#")[0].split()
-        if words and words[0].startswith(":"):
-            keyword = words[0][1:].lower()
-            sections[keyword] = []
-        elif words:
-            sections.setdefault(keyword, []).append((line, words))
-    for needed in ("root", "bonedata", "hierarchy"):
-        if not sections.get(needed):
-            raise FileFormatError(path, f"has no ':{needed}' section; not ASF, or truncated")
-    return sections
-
-
 class _Reader:
     """Reads the sections of one file, line by line."""
 
@@ -119,14 +113,13 @@ class _Reader:
         self.degrees = degrees
         self.meters = meters
         self.bones: dict[str, Bone] = {}
-        self._open: Bone | None = None
 
     def root(self, lines: list[_Line]) -> Float[np.ndarray, " 3"]:
         """Reads `:root` and returns its position, in the file's unit."""
         entries = {words[0].lower(): (line, words[1:]) for line, words in lines}
         zero = (1, ["0", "0", "0"])
         line, order = entries.get("order", (1, ["TX", "TY", "TZ", "RX", "RY", "RZ"]))
-        channels = self._channels(line, order, _MOVES | _TURNS)
+        channels = self._channels(line, order, _TRANSLATIONS | _ROTATIONS)
         line, angles = entries.get("orientation", zero)
         axes = self._axes(line, [*angles, *entries.get("axis", (1, ["XYZ"]))[1]])
         self.bones["root"] = Bone("root", np.zeros(3), 0.0, axes, channels)
@@ -134,19 +127,39 @@ class _Reader:
         return numbers(self.path, line, position, 3)
 
     def bonedata(self, lines: list[_Line]) -> None:
-        """Reads `:bonedata`."""
-        for line, words in lines:
-            keyword = words[0].lower()
-            if keyword == "begin" and self._open is None:
-                self._open = Bone()
-            elif self._open is None:
-                raise FileFormatError(self.path, f"found {words[0]!r}, expected 'begin'", line)
-            elif keyword == "end":
-                self._close(line, self._open)
-            else:
-                self._set(line, self._open, keyword, words[1:])
-        if self._open is not None:
-            problem = f"ends inside bone {self._open.name!r}: 'end' is missing"
+        """Reads `:bonedata`, one `begin` … `end` block per bone."""
+        bone: Bone | None = None
+        for line, (word, *values) in lines:
+            keyword = word.lower()
+            if bone is None:
+                if keyword != "begin":
+                    raise FileFormatError(self.path, f"found {word!r}, expected 'begin'", line)
+                bone = Bone()
+                continue
+            match keyword:
+                case "begin":
+                    raise FileFormatError(self.path, "found 'begin' inside a bone", line)
+                case "name":
+                    bone.name = " ".join(values)
+                case "direction":
+                    direction = numbers(self.path, line, values, 3)
+                    bone.direction = direction / (np.linalg.norm(direction) or 1.0)
+                case "length":
+                    bone.length = self.meters * float(numbers(self.path, line, values, 1)[0])
+                case "axis":
+                    bone.axes = self._axes(line, values)
+                case "dof":
+                    bone.channels = self._channels(line, values, _ROTATIONS)
+                case "end":
+                    if not bone.name or bone.direction is None or bone.length is None:
+                        problem = f"bone {bone.name!r} lacks its name, direction or length"
+                        raise FileFormatError(self.path, problem, line)
+                    if bone.name in self.bones:
+                        raise FileFormatError(self.path, f"found bone {bone.name!r} twice", line)
+                    self.bones[bone.name] = bone
+                    bone = None
+        if bone is not None:
+            problem = f"ends inside bone {bone.name!r}: 'end' is missing"
             raise FileFormatError(self.path, problem, lines[-1][0])
 
     def hierarchy(self, lines: list[_Line]) -> dict[str, str]:
@@ -166,31 +179,6 @@ class _Reader:
                     raise FileFormatError(self.path, problem, line)
                 parents[child] = parent
         return parents
-
-    def _set(self, line: int, bone: Bone, keyword: str, words: list[str]) -> None:
-        match keyword:
-            case "begin":
-                raise FileFormatError(self.path, "found 'begin' inside a bone", line)
-            case "name":
-                bone.name = " ".join(words)
-            case "direction":
-                direction = numbers(self.path, line, words, 3)
-                bone.direction = direction / (np.linalg.norm(direction) or 1.0)
-            case "length":
-                bone.length = self.meters * float(numbers(self.path, line, words, 1)[0])
-            case "axis":
-                bone.axes = self._axes(line, words)
-            case "dof":
-                bone.channels = self._channels(line, words, _TURNS)
-
-    def _close(self, line: int, bone: Bone) -> None:
-        if not bone.name or bone.direction is None or bone.length is None:
-            problem = f"bone {bone.name!r} lacks its name, direction or length"
-            raise FileFormatError(self.path, problem, line)
-        if bone.name in self.bones:
-            raise FileFormatError(self.path, f"found bone {bone.name!r} twice", line)
-        self.bones[bone.name] = bone
-        self._open = None
 
     def _axes(self, line: int, words: list[str]) -> Float[np.ndarray, "3 3"]:
         order = words[-1].upper() if words else ""

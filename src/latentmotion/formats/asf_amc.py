@@ -1,16 +1,16 @@
 """Acclaim's ASF/AMC: a skeleton of bones (ASF), and the angles of each bone per frame (AMC).
 
-A bone turns about its start, in its own axes: with C the rotation of its `axis` line and M that
-of its angles, its rotation relative to its parent is C M C⁻¹, and it ends `length · direction`
-further on. Angles apply in the order listed: `XYZ` means Rz Ry Rx.
+A bone rotates about its start, in its own axes: with C the rotation of its `axis` line and M that
+of its angles, its rotation relative to its parent is C M C⁻¹; its end lies `length · direction`
+from its start. Angles apply in the order listed: `XYZ` means Rz Ry Rx.
 
-Here a joint is a bone's start and takes the bone's name (`lfemur` is the left hip, `ltibia` the
+A joint is a bone's start and takes the bone's name (`lfemur` is the left hip, `ltibia` the
 left knee); a bone without children ends in an end site, `<bone>_end`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,10 +43,20 @@ def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 12
         raise InputError(f"found a frame rate of {fps}; expected a positive number")
     path, lines = Path(amc), read_lines(amc)
     figure = read_asf(find_asf(path) if asf is None else asf)
-    degrees, start = _read_preamble(path, lines, figure.degrees)
-    values = _read_frames(path, lines, start, figure)
+    degrees, values = _read_frames(path, lines, figure)
     skeleton = figure_skeleton(path.stem, figure)
-    rotations = _rotations(skeleton, figure, values, degrees)
+    rotations = np.tile(np.eye(3), (len(values["root"]), len(skeleton), 1, 1))
+    for order in {figure.bones[name].order for name in values} - {""}:  # all bones of it at once
+        bones = [figure.bones[name] for name in values if figure.bones[name].order == order]
+        channels = [[n for n, c in enumerate(bone.channels) if c[0] == "R"] for bone in bones]
+        angles = np.stack(
+            [values[bone.name][:, columns] for bone, columns in zip(bones, channels, strict=True)],
+            axis=1,
+        )
+        bent = turned_in_order(np.deg2rad(angles) if degrees else angles, order)
+        axes = np.stack([bone.axes for bone in bones])
+        joints = [skeleton.names.index(bone.name) for bone in bones]
+        rotations[:, joints] = axes @ bent @ axes.swapaxes(-1, -2)
     positions = np.tile(figure.position, (len(values["root"]), 1))
     for column, channel in enumerate(figure.bones["root"].channels):
         if channel[0] == "T":
@@ -61,36 +71,38 @@ def find_asf(amc: str | Path) -> Path:
         FileFormatError: There is none, or several of other names.
     """
     path = Path(amc).absolute()
-    found = sorted(p for p in path.parent.iterdir() if p.suffix.lower() == ".asf")
-    named = [other for other in found if path.stem.startswith(other.stem)]
-    if named or len(found) == 1:
-        return max(named or found, key=lambda other: len(other.stem))
+    beside = sorted(p for p in path.parent.iterdir() if p.suffix.lower() == ".asf")
+    named = [asf for asf in beside if path.stem.startswith(asf.stem)]
+    if named or len(beside) == 1:
+        return max(named or beside, key=lambda asf: len(asf.stem))
     raise FileFormatError(
         amc,
-        f"found {len(found) or 'no'} ASF files beside it, none with its name; expected its "
+        f"found {len(beside) or 'no'} ASF files beside it, none with its name; expected its "
         f"skeleton as {path.stem.split('_')[0]}.asf in the same folder, or pass asf=",
     )
 
 
-def _read_preamble(path: Path, lines: Sequence[str], degrees: bool) -> tuple[bool, int]:
-    """Returns whether angles are in degrees, and the index of the line that opens frame one."""
+def _read_frames(
+    path: Path, lines: Sequence[str], figure: Figure
+) -> tuple[bool, dict[str, Float[np.ndarray, "frames channels"]]]:
+    """Returns whether angles are in degrees, and the values of each bone.
+
+    All frames are read at once: apart from the numbers, every frame has the words of the first.
+    """
+    degrees, start = figure.degrees, None
     for index, text in enumerate(lines):
         word = text.strip().lower()
         if word.isdecimal():
-            return degrees, index
+            start = index
+            break
         if word in (":degrees", ":radians"):
             degrees = word == ":degrees"
         elif word and word[0] not in "#:":
             problem = f"found {text[:40]!r}, expected a frame number: not AMC, or damaged"
             raise FileFormatError(path, problem, index + 1)
-    raise FileFormatError(path, "holds no frames: the file is truncated", len(lines))
-
-
-def _read_frames(
-    path: Path, lines: Sequence[str], start: int, figure: Figure
-) -> dict[str, Float[np.ndarray, "frames channels"]]:
-    """Reads all frames at once: every frame has the words of the first, numbers aside."""
-    layout = _layout(path, lines, start, figure)
+    if start is None:
+        raise FileFormatError(path, "holds no frames: the file is truncated", len(lines))
+    layout = _first_frame_bones(path, lines, start, figure)
     words = " ".join(lines[start:]).split()
     counts = [1 + len(figure.bones[name].channels) for name in layout]
     width = 1 + sum(counts)
@@ -107,10 +119,10 @@ def _read_frames(
         values = {}
     if not (same and values and all(np.isfinite(block).all() for block in values.values())):
         raise _first_problem(path, lines, start, layout, figure)
-    return values
+    return degrees, values
 
 
-def _layout(path: Path, lines: Sequence[str], start: int, figure: Figure) -> list[str]:
+def _first_frame_bones(path: Path, lines: Sequence[str], start: int, figure: Figure) -> list[str]:
     """Returns the bones of the first frame, in its order; the others keep their rest pose."""
     layout: list[str] = []
     for index, text in enumerate(lines[start + 1 :], start + 1):
@@ -121,10 +133,10 @@ def _layout(path: Path, lines: Sequence[str], start: int, figure: Figure) -> lis
             _check_bone(path, index + 1, words, figure)
             layout.append(words[0])
     else:
-        # The only frame cannot be told from a file cut short, unless it is complete.
-        lacking = [n for n, bone in figure.bones.items() if bone.channels and n not in layout]
-        if lacking:
-            problem = f"ends before bone {lacking[0]!r}: the file is truncated"
+        # A single frame cannot be told from a file cut short, unless it is complete.
+        missing = [n for n, bone in figure.bones.items() if bone.channels and n not in layout]
+        if missing:
+            problem = f"ends before bone {missing[0]!r}: the file is truncated"
             raise FileFormatError(path, problem, len(lines))
     if "root" not in layout:
         raise FileFormatError(path, "found a frame without 'root'", start + 1)
@@ -132,24 +144,24 @@ def _layout(path: Path, lines: Sequence[str], start: int, figure: Figure) -> lis
 
 
 def _check_bone(path: Path, line: int, words: list[str], figure: Figure) -> None:
-    name, *rest = words
+    name, *values = words
     if name not in figure.bones:
         known = ", ".join(figure.bones)
         raise FileFormatError(path, f"found bone {name!r}; the ASF has {known}", line)
     count = len(figure.bones[name].channels)
-    if len(rest) != count:
-        problem = f"found {len(rest)} numbers for bone {name!r}, expected {count} as in the ASF"
+    if len(values) != count:
+        problem = f"found {len(values)} numbers for bone {name!r}, expected {count} as in the ASF"
         raise FileFormatError(path, problem, line)
-    numbers(path, line, rest, count)
+    numbers(path, line, values, count)
 
 
 def _first_problem(
     path: Path, lines: Sequence[str], start: int, layout: Sequence[str], figure: Figure
 ) -> FileFormatError:
-    """Goes line by line through a file known to be damaged."""
+    """Finds the first error, line by line, in a file known to be damaged."""
     filled = [(i, text.split()) for i, text in enumerate(lines[start:], start + 1) if text.strip()]
-    for place, (line, words) in enumerate(filled):
-        number = place % (1 + len(layout))
+    for index, (line, words) in enumerate(filled):
+        number = index % (1 + len(layout))
         if number == 0 and (len(words) > 1 or not words[0].isdecimal()):
             return FileFormatError(path, f"found {words[0]!r}, expected a frame number", line)
         if number > 0 and words[0] != layout[number - 1]:
@@ -172,23 +184,3 @@ def figure_skeleton(name: str, figure: Figure) -> Skeleton:
         offsets=np.stack([np.zeros(3), *(figure.bones[bone].vector for bone in starts)]),
         end_sites=tuple(range(len(names), len(names) + len(tips))),
     )
-
-
-def _rotations(
-    skeleton: Skeleton,
-    figure: Figure,
-    values: Mapping[str, Float[np.ndarray, "frames channels"]],
-    degrees: bool,
-) -> Float[np.ndarray, "frames joints 3 3"]:
-    """Turns all bones of the same order of axes at once."""
-    rotations = np.tile(np.eye(3), (len(values["root"]), len(skeleton), 1, 1))
-    for order in {figure.bones[name].order for name in values} - {""}:
-        bones = [figure.bones[name] for name in values if figure.bones[name].order == order]
-        turning = [[n for n, c in enumerate(bone.channels) if c[0] == "R"] for bone in bones]
-        columns = [values[bone.name][:, turns] for bone, turns in zip(bones, turning, strict=True)]
-        angles = np.stack(columns, axis=1)
-        turns = turned_in_order(np.deg2rad(angles) if degrees else angles, order)
-        axes = np.stack([bone.axes for bone in bones])
-        joints = [skeleton.names.index(bone.name) for bone in bones]
-        rotations[:, joints] = axes @ turns @ axes.swapaxes(-1, -2)
-    return rotations

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
-from latentmotion.formats.bvh_hierarchy import Node, hierarchy_lines, read_hierarchy
+from latentmotion.formats.bvh_hierarchy import hierarchy_lines, read_hierarchy
 from latentmotion.formats.lines import meters_per_unit, numbers, read_lines, table, whole_rate
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
@@ -25,7 +25,7 @@ WRITTEN_ORDER = "ZXY"
 """Rotation order of the files we write: an upright body is far from its singularity."""
 
 _SAME = 1e-7
-"""Meters below which a joint is where its offset says."""
+"""Meters up to which a joint counts as staying at its offset."""
 
 _FRAMES = re.compile(r"\s*frames\s*:?\s*(\d+)\s*", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*frame\s*time\s*:?\s*(\S+)\s*", re.IGNORECASE)
@@ -50,22 +50,46 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
     lines = read_lines(path)
     nodes, start = read_hierarchy(Path(path), lines)
     count, fps, body = _read_timing(Path(path), lines, start)
-    values = table(path, lines, body, len(_columns(nodes)))
+    columns = [(joint, *channel) for joint, node in enumerate(nodes) for channel in node.channels]
+    values = table(path, lines, body, len(columns))
     if len(values) != count:
         problem = f"found {len(values)} frames, expected {count} as 'Frames:' says"
         raise FileFormatError(path, problem, len(lines))
-    return _animation(Path(path).stem, nodes, values, scale, fps)
+    offsets = scale * np.array([node.offset for node in nodes])
+    translations = np.repeat(offsets[None], count, axis=0)
+    rotation_columns: dict[int, list[int]] = {}
+    for column, (joint, axis, kind) in enumerate(columns):
+        if kind == "position":
+            translations[:, joint, "XYZ".index(axis)] = scale * values[:, column]
+        else:
+            rotation_columns.setdefault(joint, []).append(column)
+    rotations = np.tile(np.eye(3), (count, len(nodes), 1, 1))
+    for order in {nodes[joint].order for joint in rotation_columns}:  # all its joints at once
+        joints = [joint for joint in rotation_columns if nodes[joint].order == order]
+        angles = np.deg2rad(values[:, [rotation_columns[joint] for joint in joints]])
+        rotations[:, joints] = matrix_from_euler(angles, order)
+    offsets[0] = 0
+    skeleton = Skeleton(
+        name=Path(path).stem,
+        names=tuple(node.name for node in nodes),
+        parents=tuple(node.parent for node in nodes),
+        offsets=offsets,
+        end_sites=tuple(joint for joint, node in enumerate(nodes) if node.is_end),
+    )
+    moves = any(kind == "position" for node in nodes[1:] for _, kind in node.channels)
+    root = translations[:, 0].copy()
+    return Animation(skeleton, rotations, root, fps, translations if moves else None)
 
 
 def write_bvh(path: str | Path, animation: Animation) -> None:
     """Writes an animation as BVH in centimeters, angles unwrapped so that curves never jump.
 
-    Leaf joints get an end site, since BVH demands one; joints that move besides turning get
-    position channels.
+    Leaf joints get an end site, which BVH requires; joints with animated offsets get position
+    channels.
 
     Args:
         path: The file, replaced only when all is written.
-        animation: What to write.
+        animation: The animation.
 
     Raises:
         InputError: The folder does not exist or cannot be written.
@@ -76,7 +100,17 @@ def write_bvh(path: str | Path, animation: Animation) -> None:
     if animation.translations is not None:
         away = np.abs(animation.translations - skeleton.offsets).max((0, 2))
         moving |= {joint for joint in joints if away[joint] > _SAME}
-    rows = _rows(animation, joints, moving)
+    rotations = np.asarray(animation.rotations[:, joints], np.float64)
+    angles = continuous_euler(rotations, WRITTEN_ORDER)
+    columns = []
+    for number, joint in enumerate(joints):
+        if joint in moving:
+            track = animation.translations
+            positions = animation.root_positions if not joint or track is None else track[:, joint]
+            columns.append(100 * np.asarray(positions, np.float64))
+        columns.append(np.rad2deg(angles[:, number]))
+    # Adding zero makes 0 of the -0 that rounding leaves.
+    rows = np.round(np.concatenate(columns, axis=1), 6) + 0.0
     template = " ".join(["%.6f"] * rows.shape[1])
     with atomic_file(path) as temporary:
         lines = ["HIERARCHY", *hierarchy_lines(skeleton, moving, WRITTEN_ORDER), "MOTION"]
@@ -87,10 +121,10 @@ def write_bvh(path: str | Path, animation: Animation) -> None:
 
 def _read_timing(path: Path, lines: Sequence[str], start: int) -> tuple[int, float, int]:
     """Returns the number of frames, the frames per second and the index of the first frame."""
-    found = [(i, line) for i, line in enumerate(lines[start : start + 20], start) if line.strip()]
-    if len(found) < 2:
+    filled = [(i, line) for i, line in enumerate(lines[start : start + 20], start) if line.strip()]
+    if len(filled) < 2:
         raise FileFormatError(path, "ends after 'MOTION': the file is truncated", len(lines))
-    (at, first), (then, second) = found[:2]
+    (at, first), (then, second) = filled[:2]
     frames, time = _FRAMES.fullmatch(first), _FRAME_TIME.fullmatch(second)
     if frames is None or int(frames[1]) == 0:
         raise FileFormatError(path, f"found {first[:40]!r}, expected 'Frames: <count>'", at + 1)
@@ -102,69 +136,8 @@ def _read_timing(path: Path, lines: Sequence[str], start: int) -> tuple[int, flo
     return int(frames[1]), whole_rate(1 / seconds), then + 1
 
 
-def _animation(
-    name: str,
-    nodes: Sequence[Node],
-    values: Float[np.ndarray, "frames columns"],
-    scale: float,
-    fps: float,
-) -> Animation:
-    offsets = scale * np.array([node.offset for node in nodes])
-    moved = np.repeat(offsets[None], len(values), axis=0)
-    for column, (joint, axis, kind) in enumerate(_columns(nodes)):
-        if kind == "position":
-            moved[:, joint, "XYZ".index(axis)] = scale * values[:, column]
-    offsets[0] = 0
-    skeleton = Skeleton(
-        name=name,
-        names=tuple(node.name for node in nodes),
-        parents=tuple(node.parent for node in nodes),
-        offsets=offsets,
-        end_sites=tuple(joint for joint, node in enumerate(nodes) if node.is_end),
-    )
-    moves = any(kind == "position" for node in nodes[1:] for _, kind in node.channels)
-    track = moved if moves else None
-    return Animation(skeleton, _rotations(nodes, values), moved[:, 0].copy(), fps, track)
-
-
-def _rotations(
-    nodes: Sequence[Node], values: Float[np.ndarray, "frames columns"]
-) -> Float[np.ndarray, "frames joints 3 3"]:
-    """Turns all joints of the same rotation order at once."""
-    turning: dict[int, list[int]] = {}
-    for column, (joint, _, kind) in enumerate(_columns(nodes)):
-        if kind == "rotation":
-            turning.setdefault(joint, []).append(column)
-    rotations = np.tile(np.eye(3), (len(values), len(nodes), 1, 1))
-    for order in {nodes[joint].order for joint in turning}:
-        joints = [joint for joint in turning if nodes[joint].order == order]
-        angles = np.deg2rad(values[:, [turning[joint] for joint in joints]])
-        rotations[:, joints] = matrix_from_euler(angles, order)
-    return rotations
-
-
-def _columns(nodes: Sequence[Node]) -> list[tuple[int, str, str]]:
-    return [(joint, *channel) for joint, node in enumerate(nodes) for channel in node.channels]
-
-
 def _depth_first(skeleton: Skeleton, joint: int = 0) -> list[int]:
     return [joint, *(j for c in skeleton.children(joint) for j in _depth_first(skeleton, c))]
-
-
-def _rows(
-    animation: Animation, joints: Sequence[int], moving: set[int]
-) -> Float[np.ndarray, "frames columns"]:
-    turns = np.asarray(animation.rotations[:, joints], np.float64)
-    angles = continuous_euler(turns, WRITTEN_ORDER)
-    blocks = []
-    for number, joint in enumerate(joints):
-        if joint in moving:
-            track = animation.translations
-            positions = animation.root_positions if not joint or track is None else track[:, joint]
-            blocks.append(100 * np.asarray(positions, np.float64))
-        blocks.append(np.rad2deg(angles[:, number]))
-    # Adding zero turns the -0 that rounding leaves into 0.
-    return np.round(np.concatenate(blocks, axis=1), 6) + 0.0
 
 
 def continuous_euler(
@@ -172,9 +145,9 @@ def continuous_euler(
 ) -> Float[np.ndarray, "frames joints 3"]:
     """Returns angles about the axes of `order` in radians, each frame the nearest to the last.
 
-    Every rotation has two triples, for ZXY (z, x, y) and (z + π, π - x, y + π). Going from one to
-    the other keeps distances, so whether to change sides depends on two frames only, and the side
-    is the parity of the changes so far.
+    Every rotation has two triples of angles, for ZXY (z, x, y) and (z + π, π - x, y + π). Changing
+    both of two frames keeps their distance, so whether to change depends on two frames only, and
+    which triple a frame takes is the parity of the changes so far.
 
     Args:
         rotations: Local rotations.

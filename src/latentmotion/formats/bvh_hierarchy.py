@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from latentmotion.formats.lines import numbers
 from latentmotion.kinematics.skeleton import Skeleton
 
 _STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\b)", re.IGNORECASE)
+_KEYWORDS = frozenset({"ROOT", "JOINT", "END", "{", "}", "OFFSET", "CHANNELS", "MOTION"})
 _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
 
 
@@ -29,13 +30,13 @@ class Node:
     is_end: bool = False
     """Whether it is an end site."""
     offset: Float[np.ndarray, " 3"] | None = None
-    """From its parent, in the file's unit; none until its line is read."""
+    """From its parent, in the file's unit; None until its line is read."""
     channels: list[tuple[str, str]] = field(default_factory=list)
     """Axis (`X`) and kind (`position` or `rotation`) of each of its columns."""
 
     @property
     def order(self) -> str:
-        """The axes it turns about, first to last."""
+        """The axes of its rotation channels, first to last."""
         return "".join(axis for axis, kind in self.channels if kind == "rotation")
 
 
@@ -53,10 +54,12 @@ def read_hierarchy(path: Path, lines: Sequence[str]) -> tuple[list[Node], int]:
         FileFormatError: The hierarchy is damaged.
     """
     reader = _Reader(path)
-    for line, statement in _statements(lines):
-        reader.take(line, statement)
-        if reader.ended:
-            return reader.nodes, line
+    for number, line in enumerate(lines, 1):
+        for statement in _STATEMENT.split(line):  # several may share a line
+            if statement and statement.strip():
+                reader.read(number, statement.strip())
+                if reader.ended:
+                    return reader.nodes, number
     raise FileFormatError(path, "ends before 'MOTION': the file is truncated", len(lines))
 
 
@@ -66,10 +69,10 @@ def hierarchy_lines(
     """Returns the lines of a joint's block and of all below it, in centimeters.
 
     Args:
-        skeleton: Whose tree it is.
+        skeleton: The tree of joints.
         moving: Joints that get position channels.
         order: The axes of the rotation channels, first to last.
-        joint: Where to begin.
+        joint: The joint.
     """
     children = skeleton.children(joint)
     positions = [f"{axis}position" for axis in "XYZ"] if joint in moving else []
@@ -80,7 +83,7 @@ def hierarchy_lines(
         below = hierarchy_lines(skeleton, moving, order, child) if not is_end else []
         inside += below or _end_site(skeleton, child)
     if not children:
-        # BVH demands a tip. The true one is unknown; half the bone before it looks right.
+        # BVH requires a tip. The true one is unknown; half the bone before it looks right.
         inside += _end_site(skeleton, joint, share=0.5)
     name = "_".join(skeleton.names[joint].split())
     return [f"{'JOINT' if joint else 'ROOT'} {name}", "{", *("\t" + s for s in inside), "}"]
@@ -92,20 +95,12 @@ def _end_site(skeleton: Skeleton, joint: int, share: float = 1.0) -> list[str]:
 
 def _offset(skeleton: Skeleton, joint: int, share: float = 1.0) -> str:
     centimeters = np.round(100 * share * np.asarray(skeleton.offsets[joint], np.float64), 6)
-    # Adding zero turns the -0 that rounding leaves into 0.
+    # Adding zero makes 0 of the -0 that rounding leaves.
     return "OFFSET " + " ".join(f"{value:.6f}" for value in centimeters + 0.0)
 
 
-def _statements(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
-    """Yields the line, from 1, and the text of each statement; several may share a line."""
-    for number, line in enumerate(lines, 1):
-        for part in _STATEMENT.split(line):
-            if part and part.strip():
-                yield number, part.strip()
-
-
 class _Reader:
-    """Takes a hierarchy statement by statement."""
+    """Reads a hierarchy statement by statement."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -115,34 +110,53 @@ class _Reader:
         self._open: list[int] = []
         self._unopened: int | None = None
         """The joint whose `{` must come next."""
-        self._actions = {
-            **{"ROOT": self._root, "JOINT": self._joint, "END": self._end_site},
-            **{"{": self._brace, "}": self._close, "MOTION": self._motion},
-            **{"OFFSET": self._offset, "CHANNELS": self._channels},
-        }
 
-    def take(self, line: int, statement: str) -> None:
+    def read(self, line: int, statement: str) -> None:
         """Reads one statement of line `line`."""
-        keyword, *words = statement.split()
+        word, *values = statement.split()
+        keyword, found = word.upper(), f"found {statement[:40]!r}"
         is_first, self._line = self._line == 0, line
-        found = f"found {statement[:40]!r}"
         if is_first:
-            self._check(keyword.upper() == "HIERARCHY", f"{found}, expected 'HIERARCHY': not BVH")
+            self._check(keyword == "HIERARCHY", f"{found}, expected 'HIERARCHY': not BVH")
             return
-        self._check(keyword.upper() in self._actions, f"{found}, expected a keyword of BVH")
+        self._check(keyword in _KEYWORDS, f"{found}, expected a keyword of BVH")
         self._check((self._unopened is not None) == (keyword == "{"), f"{found} at a wrong place")
-        self._actions[keyword.upper()](words)
+        match keyword:
+            case "ROOT":
+                problem = "found a second 'ROOT', expected one skeleton per file"
+                self._check(not self.nodes, problem)
+                self._add(Node(" ".join(values), -1))
+            case "JOINT":
+                self._add(Node(" ".join(values), self._current()))
+            case "END":
+                parent = self._current()
+                self._add(Node(f"{self.nodes[parent].name}_end", parent, is_end=True))
+            case "{":
+                assert self._unopened is not None
+                self._open.append(self._unopened)
+                self._unopened = None
+            case "}":
+                node = self.nodes[self._current()]
+                self._check(node.offset is not None, f"{node.name} has no 'OFFSET'")
+                self._open.pop()
+            case "OFFSET":
+                self.nodes[self._current()].offset = numbers(self.path, line, values, 3)
+            case "CHANNELS":
+                self._read_channels(values)
+            case "MOTION":
+                self._check(bool(self.nodes), "found 'MOTION' before any 'ROOT'")
+                self._check(not self._open, "found 'MOTION' before the last '}'")
+                self.ended = True
 
-    def _root(self, words: list[str]) -> None:
-        self._check(not self.nodes, "found a second 'ROOT', expected one skeleton per file")
-        self._add(Node(" ".join(words), -1))
-
-    def _joint(self, words: list[str]) -> None:
-        self._add(Node(" ".join(words), self._current()))
-
-    def _end_site(self, words: list[str]) -> None:
-        parent = self._current()
-        self._add(Node(f"{self.nodes[parent].name}_end", parent, is_end=True))
+    def _read_channels(self, words: list[str]) -> None:
+        count, names = (words[0] if words else "none"), words[1:]
+        problem = f"'CHANNELS' says {count}, but {len(names)} names follow"
+        self._check(count == str(len(names)), problem)
+        matches = [match for name in names if (match := _CHANNEL.fullmatch(name))]
+        problem = f"found the channels {names}, expected names like 'Xposition' and 'Zrotation'"
+        self._check(len(matches) == len(names), problem)
+        node = self.nodes[self._current()]
+        node.channels = [(match[1].upper(), match[2].lower()) for match in matches]
 
     def _add(self, node: Node) -> None:
         taken = {other.name for other in self.nodes}
@@ -151,34 +165,6 @@ class _Reader:
             node.name, copy = f"{name}_{copy}", copy + 1
         self._unopened = len(self.nodes)
         self.nodes.append(node)
-
-    def _brace(self, words: list[str]) -> None:
-        assert self._unopened is not None
-        self._open.append(self._unopened)
-        self._unopened = None
-
-    def _close(self, words: list[str]) -> None:
-        node = self.nodes[self._current()]
-        self._check(node.offset is not None, f"{node.name} has no 'OFFSET'")
-        self._open.pop()
-
-    def _offset(self, words: list[str]) -> None:
-        self.nodes[self._current()].offset = numbers(self.path, self._line, words, 3)
-
-    def _channels(self, words: list[str]) -> None:
-        count, names = (words[0] if words else "none"), words[1:]
-        problem = f"'CHANNELS' says {count}, but {len(names)} names follow"
-        self._check(count == str(len(names)), problem)
-        found = [match for name in names if (match := _CHANNEL.fullmatch(name))]
-        problem = f"found the channels {names}, expected names like 'Xposition' and 'Zrotation'"
-        self._check(len(found) == len(names), problem)
-        node = self.nodes[self._current()]
-        node.channels = [(match[1].upper(), match[2].lower()) for match in found]
-
-    def _motion(self, words: list[str]) -> None:
-        self._check(bool(self.nodes), "found 'MOTION' before any 'ROOT'")
-        self._check(not self._open, "found 'MOTION' before the last '}'")
-        self.ended = True
 
     def _current(self) -> int:
         self._check(bool(self._open), "found a statement outside the braces of any joint")

@@ -1,9 +1,9 @@
-"""CSV: one row a frame, for spreadsheets, statistics and languages that read nothing else.
+"""CSV: one row per frame, for spreadsheets, statistics and other languages.
 
     time,pelvis_x,pelvis_y,pelvis_z,left_hip_x,…
     0.000000,0.012300,0.921000,-0.004100,0.071200,…
 
-Seconds and meters, y up, to a micrometer; one take a file.
+Seconds and meters, y up, rounded to a micrometer; one take per file.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.lines import numbers, read_lines, whole_rate
@@ -24,7 +23,7 @@ from latentmotion.storage.files import atomic_file
 
 _TIME = "time"
 _SINGLE_FPS = 20.0
-"""Rate of a file whose single row does not tell."""
+"""Frames per second of a file with a single row."""
 
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -38,7 +37,7 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         times = np.arange(len(motion)) / motion.fps
         rows = np.column_stack([times, motion.joints.reshape(len(motion), -1)])
         lines = [",".join([_TIME, *_columns(motion.skeleton.names)])]
-        # Adding zero turns the -0 that rounding leaves into 0.
+        # Adding zero makes 0 of the -0 that rounding leaves.
         rows = np.round(rows.astype(np.float64), 6) + 0.0
         lines += [",".join([f"{value:.6f}" for value in row]) for row in rows.tolist()]
         with atomic_file(target) as temporary:
@@ -47,7 +46,7 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
 
 
 def read(path: str | Path) -> list[Motion]:
-    """Reads joints of one of our skeletons; columns may come in any order, others are left out.
+    """Reads joints of one of our skeletons; columns may come in any order, others are ignored.
 
     Raises:
         FileFormatError: A number is missing or not finite, times are uneven, or joints unknown.
@@ -56,20 +55,26 @@ def read(path: str | Path) -> list[Motion]:
     rows = list(csv.reader(lines))
     header = [name.strip() for name in rows[0]]
     skeleton = _skeleton(path, header)
-    wanted = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
+    columns = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
     values = []
     for line, row in enumerate(rows[1:], 2):
         if row and len(row) != len(header):
             problem = f"found {len(row)} values, expected {len(header)} as in the header"
             raise FileFormatError(path, problem, line)
         if row:
-            words = [row[column].strip() for column in wanted]
-            values.append(numbers(path, line, words, len(wanted)))
+            words = [row[column].strip() for column in columns]
+            values.append(numbers(path, line, words, len(columns)))
     if not values:
         raise FileFormatError(path, "has a header and no frame; it is truncated", 1)
     table = np.stack(values)
     joints = table[:, 1:].reshape(len(table), len(skeleton), 3).astype("f4")
-    return [Motion(joints, _rate(path, table[:, 0]), skeleton)]
+    times = table[:, 0]
+    if len(times) == 1:
+        return [Motion(joints, _SINGLE_FPS, skeleton)]
+    fps = (len(times) - 1) / float(times[-1] - times[0]) if times[-1] > times[0] else 0.0
+    if np.abs(np.diff(times) * fps - 1).max() > 0.01:
+        raise FileFormatError(path, "the times of the frames are not evenly apart; resample them")
+    return [Motion(joints, whole_rate(fps), skeleton)]
 
 
 def _columns(names: Sequence[str]) -> list[str]:
@@ -90,13 +95,3 @@ def _skeleton(path: str | Path, header: Sequence[str]) -> Skeleton:
         f"{', '.join(skeleton.name for skeleton in known)}",
         1,
     )
-
-
-def _rate(path: str | Path, times: Float[np.ndarray, " frames"]) -> float:
-    if len(times) == 1:
-        return _SINGLE_FPS
-    fps = (len(times) - 1) / float(times[-1] - times[0]) if times[-1] > times[0] else 0.0
-    uneven = np.abs(np.diff(times) * fps - 1).max()
-    if uneven > 0.01:
-        raise FileFormatError(path, "the times of the frames are not evenly apart; resample them")
-    return whole_rate(fps)

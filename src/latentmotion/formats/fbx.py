@@ -1,7 +1,7 @@
-"""FBX through the user's Blender: a `.glb` is written, and Blender, without a window, turns it.
+"""FBX through the user's Blender: writes a `.glb` and has Blender convert it in the background.
 
-There is no free writer of FBX that programs accept but Blender's. Where Blender is looked for:
-the environment variable, the PATH, the usual places of the system, a `bpy` of this Python.
+Blender has the only free FBX writer whose files other programs accept. It is looked for in the
+environment variable, the PATH, the system's usual folders, and as `bpy` in this Python.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from latentmotion.errors import InputError, MissingProgramError
@@ -51,11 +51,11 @@ _PLACES: Mapping[str, tuple[str, ...]] = {
         "~/.local/share/Steam/steamapps/common/Blender/blender",
     ),
 }
-"""Where Blender's program usually lies, by system; of several versions the last is taken."""
+"""Usual paths of Blender's program, by system; of several versions the last is taken."""
 
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
-    """Writes one figure that all motions move: each is a take of the file.
+    """Writes one figure with one take per motion.
 
     Raises:
         InputError: The motions differ in skeleton, the folder cannot be written, or Blender fails.
@@ -71,13 +71,27 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         atomic_file(target) as temporary,
     ):
         source = gltf.write(Path(folder) / "figure.glb", motions, _MISS)[0]
-        given = ["--", str(source), str(temporary), repr(motions[0].fps)]
-        _run([*command(blender), *given], temporary)
+        words = [*command(blender), "--", str(source), str(temporary), repr(motions[0].fps)]
+        # Python's variables lead to this Python's packages, not to Blender's.
+        clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+        try:
+            run = subprocess.run(
+                words, env=clean, capture_output=True, timeout=_MOST_SECONDS, check=False
+            )
+        except OSError as error:
+            raise InputError(f"{words[0]} does not start: {error.strerror or error}") from error
+        except subprocess.TimeoutExpired as error:
+            raise InputError(f"{words[0]} took longer than {_MOST_SECONDS} s; stopped") from error
+        output = (run.stdout + run.stderr).decode("utf-8", "replace")
+        if _DONE not in output or not temporary.is_file():
+            lines = [line for line in output.splitlines() if line.strip()]
+            last = " / ".join(lines[-3:]) or "nothing"
+            raise InputError(f"{words[0]} could not write FBX (exit code {run.returncode}): {last}")
     return [target]
 
 
 def check_ready() -> None:
-    """Raises MissingProgramError where there is no Blender; asked before motions are made."""
+    """Raises MissingProgramError where there is no Blender; called before motions are made."""
     find_blender()
 
 
@@ -96,11 +110,16 @@ def find_blender() -> Path:
     on_path = shutil.which("blender")
     if on_path is not None:
         return Path(on_path)
-    for place in _installed():
-        return place
+    patterns = _PLACES.get(sys.platform, _PLACES["linux"])
+    for pattern in map(Path, patterns):
+        pattern = pattern.expanduser()
+        paths = Path(pattern.anchor).glob(str(pattern.relative_to(pattern.anchor)))
+        programs = [path for path in paths if os.access(path, os.X_OK)]
+        if programs:
+            return max(programs)
     if importlib.util.find_spec("bpy") is not None:
         return Path(sys.executable)
-    looked = ", ".join(_places())
+    looked = ", ".join(patterns)
     raise MissingProgramError(
         f"writing .fbx needs Blender, which was not found: not in {VARIABLE} (not set), nor as "
         f"'blender' in the PATH, nor in {looked}. Install it from https://www.blender.org, or set "
@@ -115,32 +134,3 @@ def command(blender: Path) -> list[str]:
         return [str(blender), str(_SCRIPT)]
     quiet = ["--background", "--factory-startup", "--python-exit-code", "1"]
     return [str(blender), *quiet, "--python", str(_SCRIPT)]
-
-
-def _run(words: Sequence[str], target: Path) -> None:
-    # Python's variables lead to this Python's packages, not to Blender's.
-    clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
-    try:
-        run = subprocess.run(
-            words, env=clean, capture_output=True, timeout=_MOST_SECONDS, check=False
-        )
-    except OSError as error:
-        raise InputError(f"{words[0]} does not start: {error.strerror or error}") from error
-    except subprocess.TimeoutExpired as error:
-        raise InputError(f"{words[0]} took longer than {_MOST_SECONDS} s; stopped") from error
-    said = (run.stdout + run.stderr).decode("utf-8", "replace")
-    if _DONE not in said or not target.is_file():
-        lines = [line for line in said.splitlines() if line.strip()]
-        last = " / ".join(lines[-3:]) or "nothing"
-        raise InputError(f"{words[0]} could not write FBX (exit code {run.returncode}): {last}")
-
-
-def _places() -> tuple[str, ...]:
-    return _PLACES.get(sys.platform, _PLACES["linux"])
-
-
-def _installed() -> Iterator[Path]:
-    for place in _places():
-        pattern = Path(place).expanduser()
-        found = Path(pattern.anchor).glob(str(pattern.relative_to(pattern.anchor)))
-        yield from sorted((path for path in found if os.access(path, os.X_OK)), reverse=True)

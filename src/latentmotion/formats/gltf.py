@@ -24,17 +24,17 @@ from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 
 _COLOR = (0.10, 0.215, 0.552, 1.0)
-"""Linear RGB of the mannequin."""
+"""Linear RGB and opacity of the mannequin."""
 
 _SAME = 1e-6
 """Meters below which two offsets are the same."""
 
 
 def write(path: str | Path, motions: Sequence[Motion], miss: float = 0.0) -> list[Path]:
-    """Writes one figure that all motions move: each is an animation of the file.
+    """Writes one figure with one animation per motion.
 
     Args:
-        path: Where to.
+        path: The file.
         motions: The takes.
         miss: Meters by which bones pass the next joint; see `bone_axes`.
 
@@ -51,11 +51,27 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
     """Returns the figure with all motions, not written yet; see `bone_axes` for `miss`."""
     animations = [motion.animation() for motion in motions]
     skeleton = animations[0].skeleton
-    axes, moving = bone_axes(skeleton, miss), _moving(animations)
+    axes, rest = bone_axes(skeleton, miss), skeleton.offsets
+    # All takes animate the same joints, those that any take moves: a program that changes takes
+    # leaves what the second does not animate where the first has left it.
+    moving = [
+        joint
+        for joint in range(len(rest))
+        if joint == 0
+        or any(np.abs(_translations(a, joint) - rest[joint]).max() > _SAME for a in animations)
+    ]
+    offsets = axes.offsets(np.array(rest, dtype=np.float64))
+    offsets[0] = _standing(skeleton)
+    rotations = _quaternions(axes.rotations(np.tile(np.eye(3), (len(skeleton), 1, 1))))
+    nodes: list[dict[str, Any]] = []
+    for joint, name in enumerate(skeleton.names):
+        rest_pose = {"translation": offsets[joint].tolist(), "rotation": rotations[joint].tolist()}
+        children = list(skeleton.children(joint))
+        nodes.append({"name": name, **rest_pose} | ({"children": children} if children else {}))
     document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
     document.json |= {
         "scenes": [{"nodes": [0, len(skeleton)]}],
-        "nodes": [*_joint_nodes(axes), {"name": "mannequin", "mesh": 0, "skin": 0}],
+        "nodes": [*nodes, {"name": "mannequin", "mesh": 0, "skin": 0}],
         **_figure(make_mannequin(skeleton), axes, document),
         "animations": [
             _animation(motion, animation, axes, moving, number, document)
@@ -66,23 +82,8 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
 
 
 def _standing(skeleton: Skeleton) -> Float[np.ndarray, " 3"]:
-    """Returns the place of the root from which the rest pose stands on the floor."""
+    """Returns the root position at which the rest pose stands on the floor."""
     return np.array([0, -skeleton.rest_joints()[:, 1].min(), 0])
-
-
-def _joint_nodes(axes: BoneAxes) -> list[dict[str, Any]]:
-    """Returns the joints in rest pose."""
-    skeleton = axes.skeleton
-    places = axes.offsets(np.array(skeleton.offsets, dtype=np.float64))
-    places[0] = _standing(skeleton)
-    turns = _quaternions(axes.rotations(np.tile(np.eye(3), (len(skeleton), 1, 1))))
-    nodes: list[dict[str, Any]] = []
-    for joint, name in enumerate(skeleton.names):
-        place = {"translation": places[joint].tolist(), "rotation": turns[joint].tolist()}
-        node = {"name": name, **place}
-        children = list(skeleton.children(joint))
-        nodes.append(node | ({"children": children} if children else {}))
-    return nodes
 
 
 def _quaternions(rotations: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 4"]:
@@ -107,11 +108,10 @@ def _figure(mannequin: Mannequin, axes: BoneAxes, document: Document) -> dict[st
     skeleton = mannequin.skeleton
     surface = {"baseColorFactor": _COLOR, "metallicFactor": 0.0, "roughnessFactor": 0.7}
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
-    # The moves of each joint's axes to the world's.
-    places = skeleton.rest_joints() + _standing(skeleton)
-    inverse = np.tile(np.eye(4), (len(places), 1, 1))
+    positions = skeleton.rest_joints() + _standing(skeleton)
+    inverse = np.tile(np.eye(4), (len(positions), 1, 1))  # from the world to each joint's axes
     inverse[:, :3, :3] = np.swapaxes(axes.world, -1, -2)
-    inverse[:, :3, 3] = -np.einsum("jba,jb->ja", axes.world, places)
+    inverse[:, :3, 3] = -np.einsum("jba,jb->ja", axes.world, positions)
     binding = document.add_array(inverse.astype("f4"))
     skin = {"name": skeleton.name, "joints": [*range(len(skeleton))], "skeleton": 0}
     return {
@@ -130,48 +130,33 @@ def _animation(
     document: Document,
 ) -> dict[str, Any]:
     times = (np.arange(len(animation)) / animation.fps).astype("f4")
-    clocks: dict[int, int] = {}
+    time_accessors: dict[int, int] = {}
     quaternions = continuous_quaternions(_quaternions(axes.rotations(animation.rotations)))
     channels, samplers = [], []
 
     def add(joint: int, path: str, values: np.ndarray) -> None:
-        if len(values) not in clocks:
-            clocks[len(values)] = document.add_array(times[: len(values)], bounds=True)
+        if len(values) not in time_accessors:
+            time_accessors[len(values)] = document.add_array(times[: len(values)], bounds=True)
         output = document.add_array(values.astype("f4"))
-        samplers.append({"input": clocks[len(values)], "output": output})
+        samplers.append({"input": time_accessors[len(values)], "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": joint, "path": path}})
 
     for joint in range(len(axes.skeleton)):
         if axes.skeleton.children(joint):
             add(joint, "rotation", quaternions[:, joint])
         if joint in moving:
-            add(joint, "translation", _places(animation, joint) @ axes.above[joint])
+            add(joint, "translation", _translations(animation, joint) @ axes.above[joint])
     extras = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
     name = f"{number}: {motion.caption}" if motion.caption else f"take {number}"
     return {"name": name, "channels": channels, "samplers": samplers, "extras": extras}
 
 
-def _moving(animations: Sequence[Animation]) -> list[int]:
-    """Returns the joints that any take has elsewhere than the figure at rest.
-
-    All takes tell their places then: a program that goes from one take to another leaves what
-    the second does not move where the first has left it.
-    """
-    rest = animations[0].skeleton.offsets
-    return [
-        joint
-        for joint in range(len(rest))
-        if joint == 0
-        or any(np.abs(_places(a, joint) - rest[joint]).max() > _SAME for a in animations)
-    ]
-
-
-def _places(animation: Animation, joint: int) -> Float[np.ndarray, "_ 3"]:
-    """Returns a joint's place relative to its parent in all frames, or in one if it stays there."""
+def _translations(animation: Animation, joint: int) -> Float[np.ndarray, "_ 3"]:
+    """Returns a joint's offset from its parent in all frames, or in one if it never changes."""
     if joint == 0:
         return animation.root_positions
     if animation.translations is not None:
-        places = animation.translations[:, joint]
-        if np.ptp(places, axis=0).max() > _SAME:
-            return places
+        offsets = animation.translations[:, joint]
+        if np.ptp(offsets, axis=0).max() > _SAME:
+            return offsets
     return animation.skeleton.offsets[joint][None]

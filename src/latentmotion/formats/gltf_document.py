@@ -3,7 +3,7 @@
     .glb        header (magic "glTF", version 2, length), JSON chunk, BIN chunk
     .gltf       the JSON; buffers and pictures are files beside it or data URIs
 
-A document in memory holds everything itself: all buffers are one, pictures lie in it too.
+A document in memory is self-contained: it has one buffer, which also holds the pictures.
 Source: Khronos glTF 2.0 specification, https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
 
@@ -38,12 +38,12 @@ _DAMAGE = (KeyError, IndexError, TypeError, ValueError, AttributeError, struct.e
 
 
 class Document:
-    """The JSON of a glTF file and the bytes that its buffer views lie in.
+    """The JSON of a glTF file and its one buffer.
 
     Args:
         json: Nodes, skins, meshes, animations, accessors and so on, as glTF names them.
         binary: The one buffer.
-        path: Where it was read, for errors.
+        path: The file it was read from, for errors.
     """
 
     def __init__(
@@ -63,12 +63,18 @@ class Document:
         source = Path(path)
         content = _content(source, source)
         text, chunk = _chunks(source, content) if content[:4] == b"glTF" else (content, None)
-        document = cls(_parsed(source, text), b"", source)
         try:
-            document._collect_buffers(chunk)
-            document._collect_pictures()
+            parsed = json.loads(text)
+        except ValueError as error:
+            raise FileFormatError(source, f"not glTF: its JSON cannot be read ({error})") from error
+        version = parsed.get("asset", {}).get("version") if isinstance(parsed, dict) else None
+        if not str(version).startswith("2."):
+            raise FileFormatError(source, f"found glTF of version {version}, expected 2.0")
+        document = cls(parsed, b"", source)
+        try:
+            document._collect(chunk)
         except _DAMAGE as error:
-            raise FileFormatError(source, f"damaged glTF: {_said(error)}") from error
+            raise FileFormatError(source, f"damaged glTF: {_reason(error)}") from error
         return document
 
     def write(self, path: str | Path) -> None:
@@ -77,12 +83,21 @@ class Document:
         Raises:
             InputError: The folder does not exist or cannot be written.
         """
+        entries = {key: value for key, value in self.json.items() if key != "buffers"}
+        buffer: dict[str, Any] = {"byteLength": len(self.binary)}
         if Path(path).suffix.lower() == ".gltf":
-            buffer = base64.b64encode(self.binary).decode()
-            whole = self._whole(uri="data:application/octet-stream;base64," + buffer)
+            data = base64.b64encode(self.binary).decode()
+            buffer["uri"] = "data:application/octet-stream;base64," + data
+            whole = entries | ({"buffers": [buffer]} if self.binary else {})
             content = json.dumps(whole, indent=1, allow_nan=False).encode()
         else:
-            content = self._glb()
+            whole = entries | ({"buffers": [buffer]} if self.binary else {})
+            text = json.dumps(whole, separators=(",", ":"), allow_nan=False).encode()
+            chunks = [(b"JSON", text + b" " * (-len(text) % 4))]
+            if self.binary:
+                chunks += [(b"BIN\0", bytes(self.binary) + bytes(-len(self.binary) % 4))]
+            body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in chunks)
+            content = struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
         with atomic_file(path) as temporary:
             temporary.write_bytes(content)
 
@@ -90,22 +105,24 @@ class Document:
         """Returns the values of an accessor: (count, ...), matrices in rows; fractions as floats.
 
         Raises:
-            FileFormatError: It reaches past the end of the buffer, or is of no known kind.
+            FileFormatError: It reaches past the end of the buffer, or its type is unknown.
         """
         try:
-            about = self.json["accessors"][accessor]
-            shape = (about["count"], *_SHAPES[about["type"]])
-            dtype = np.dtype(_DTYPES[about["componentType"]])
+            entry = self.json["accessors"][accessor]
+            shape = (entry["count"], *_SHAPES[entry["type"]])
+            dtype = np.dtype(_DTYPES[entry["componentType"]])
             values = np.zeros(shape, dtype)
-            if "bufferView" in about:
-                offset = about.get("byteOffset", 0)
-                values = self._values(about["bufferView"], offset, shape, dtype)
-            if "sparse" in about:
-                values = self._replaced(values, about["sparse"])
+            if "bufferView" in entry:
+                values = self._values(entry, shape, dtype)
+            if "sparse" in entry:  # some values are replaced
+                count, indices = entry["sparse"]["count"], entry["sparse"]["indices"]
+                rows = self._values(indices, (count,), np.dtype(_DTYPES[indices["componentType"]]))
+                values = values.copy()
+                values[rows] = self._values(entry["sparse"]["values"], (count, *shape[1:]), dtype)
         except _DAMAGE as error:
-            problem = f"damaged glTF: accessor {accessor}: {_said(error)}"
+            problem = f"damaged glTF: accessor {accessor}: {_reason(error)}"
             raise FileFormatError(self.path or "glTF", problem) from error
-        if about.get("normalized") and values.dtype.kind in "iu":
+        if entry.get("normalized") and values.dtype.kind in "iu":
             values = np.maximum(values / np.float32(np.iinfo(values.dtype).max), -1)
         return np.swapaxes(values, 1, 2) if values.ndim == 3 else values
 
@@ -118,7 +135,7 @@ class Document:
             array: (count,), (count, 2 to 4) or matrices in rows; of 32-bit floats or integers
                 that glTF knows.
             target: `VERTICES` or `INDICES` where it belongs to a mesh.
-            bounds: Whether to say its least and greatest, as positions and times must.
+            bounds: Whether to store minimum and maximum, as positions and times must.
         """
         values = np.swapaxes(array, 1, 2) if array.ndim == 3 else array
         data = np.ascontiguousarray(values)
@@ -146,10 +163,11 @@ class Document:
         entries.append(entry)
         return len(entries) - 1
 
-    def _collect_buffers(self, chunk: bytes | None) -> None:
+    def _collect(self, chunk: bytes | None) -> None:
+        """Gathers all buffers and pictures, inside and beside the file, in the one buffer."""
         starts = []
         for number, buffer in enumerate(self.json.get("buffers", [])):
-            content = chunk if number == 0 and "uri" not in buffer else self._named(buffer["uri"])
+            content = chunk if number == 0 and "uri" not in buffer else self._linked(buffer["uri"])
             if content is None or len(content) < buffer["byteLength"]:
                 found = 0 if content is None else len(content)
                 raise ValueError(f"buffer {number} has {found} of {buffer['byteLength']} bytes")
@@ -159,18 +177,16 @@ class Document:
         for view in self.json.get("bufferViews", []):
             view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
             view["buffer"] = 0
-
-    def _collect_pictures(self) -> None:
         for picture in self.json.get("images", []):
             uri = picture.get("uri", "data:")
             if not uri.startswith("data:"):
                 kind = _PICTURES.get(Path(unquote(uri)).suffix.lower())
-                picture["bufferView"] = self.add_view(self._named(uri))
+                picture["bufferView"] = self.add_view(self._linked(uri))
                 picture["mimeType"] = picture.get("mimeType", kind)
                 del picture["uri"]
 
-    def _named(self, uri: str) -> bytes:
-        """Returns what a data URI holds, or the file beside this one; never one elsewhere."""
+    def _linked(self, uri: str) -> bytes:
+        """Returns the content of a data URI or of a file beside this one; refuses others."""
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2], validate=True)
         assert self.path is not None
@@ -180,9 +196,10 @@ class Document:
         return _content(self.path, self.path.parent / name)
 
     def _values(
-        self, number: int, offset: int, shape: tuple[int, ...], dtype: np.dtype
+        self, source: dict[str, Any], shape: tuple[int, ...], dtype: np.dtype
     ) -> np.ndarray:
-        view = self.json["bufferViews"][number]
+        """Reads from the buffer view and the offset that `source` names."""
+        view, offset = self.json["bufferViews"][source["bufferView"]], source.get("byteOffset", 0)
         if "extensions" in view:
             raise ValueError(f"is compressed ({', '.join(view['extensions'])}); save it without")
         size = math.prod(shape[1:]) * dtype.itemsize
@@ -196,34 +213,6 @@ class Document:
         at = start + offset + stride * np.arange(shape[0])[:, None] + np.arange(size)
         return np.frombuffer(self.binary, np.uint8)[at].view(dtype).reshape(shape)
 
-    def _replaced(self, values: np.ndarray, sparse: dict[str, Any]) -> np.ndarray:
-        index, new, count = sparse["indices"], sparse["values"], sparse["count"]
-        dtype = np.dtype(_DTYPES[index["componentType"]])
-        places = self._values(index["bufferView"], index.get("byteOffset", 0), (count,), dtype)
-        shape = (count, *values.shape[1:])
-        values = values.copy()
-        values[places] = self._values(
-            new["bufferView"], new.get("byteOffset", 0), shape, values.dtype
-        )
-        return values
-
-    def _glb(self) -> bytes:
-        text = json.dumps(self._whole(), separators=(",", ":"), allow_nan=False).encode()
-        chunks = _chunk(b"JSON", text + b" " * (-len(text) % 4))
-        if self.binary:
-            chunks += _chunk(b"BIN\0", bytes(self.binary) + bytes(-len(self.binary) % 4))
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-    def _whole(self, **where: str) -> dict[str, Any]:
-        """Returns the JSON with the buffer as it is now."""
-        rest = {key: value for key, value in self.json.items() if key != "buffers"}
-        buffer = {"byteLength": len(self.binary), **where}
-        return rest | ({"buffers": [buffer]} if self.binary else {})
-
-
-def _chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack("<I4s", len(content), kind) + content
-
 
 def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes | None]:
     """Returns the JSON of a `.glb` and its buffer, if it has one."""
@@ -232,35 +221,24 @@ def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes | None]:
         raise FileFormatError(path, f"glTF of version {version}, expected 2; convert it first")
     if len(content) < length or length < 20:
         raise FileFormatError(path, f"found {len(content)} of {length} bytes: it is truncated")
-    parts, at = {}, 12
+    chunks, at = {}, 12
     while at + 8 <= length:
         size, kind = struct.unpack("<I4s", content[at : at + 8])
-        parts.setdefault(kind, content[at + 8 : at + 8 + size])
+        chunks.setdefault(kind, content[at + 8 : at + 8 + size])
         at += 8 + size
-    return parts.get(b"JSON", b""), parts.get(b"BIN\0")
-
-
-def _parsed(path: Path, text: bytes) -> dict[str, Any]:
-    try:
-        parsed = json.loads(text)
-    except ValueError as error:
-        raise FileFormatError(path, f"not glTF: its JSON cannot be read ({error})") from error
-    version = parsed.get("asset", {}).get("version") if isinstance(parsed, dict) else None
-    if not str(version).startswith("2."):
-        raise FileFormatError(path, f"found glTF of version {version}, expected 2.0")
-    return parsed
+    return chunks.get(b"JSON", b""), chunks.get(b"BIN\0")
 
 
 def _content(document: Path, path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        named = "" if path == document else f"it names {path.name}, which "
-        problem = f"{named}cannot be read: {error.strerror or error}"
+        which = "" if path == document else f"it names {path.name}, which "
+        problem = f"{which}cannot be read: {error.strerror or error}"
         raise FileFormatError(document, problem) from error
 
 
-def _said(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     if isinstance(error, KeyError):
         return f"{error} is missing or unknown"
     if isinstance(error, binascii.Error):

@@ -1,11 +1,11 @@
-"""glTF in: the bones of any skinned `.glb` or `.gltf` file and how its animations move them.
+"""glTF reader: the bones of any skinned `.glb` or `.gltf` file and the animations that move them.
 
-Positions take all scales and all nodes above the bones into account; `bones.py` makes plain
-bones of them, whose rests have neither rotation nor scale.
+Positions include all scales and all nodes above the bones; `bones.py` turns them into bones whose
+rest pose has neither rotation nor scale.
 
-Channels are steps, straight lines and great arcs, or cubic splines. Between keys k and k + 1, d
-seconds apart, at the share s of the way, glTF's cubic spline is Hermite's with the tangents d b_k
-and d a_{k+1}; its keys are triples (in-tangent a, value, b).
+Channels interpolate by steps, by straight lines and great arcs, or by cubic splines. Between keys k
+and k + 1, d seconds apart, at the share s between them, glTF's cubic spline is Hermite's with the
+tangents d b_k and d a_{k+1}; its keys are triples (in-tangent a, value, out-tangent b).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from latentmotion.motion import Motion
 _PATHS = ("translation", "rotation", "scale")
 
 Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Where a node is in the world: its position, its rotation, and its matrix with all scales."""
+"""A node in the world: its position, its rotation, and its matrix with all scales."""
 
 
 def read_animations(path: str | Path) -> list[Animation]:
@@ -55,7 +55,7 @@ def animations_of(document: Document) -> list[Animation]:
 
 
 def read_takes(path: str | Path) -> list[Motion]:
-    """Reads all animations as motions, with the captions of those that we wrote.
+    """Reads all animations as motions, with the captions of files that `gltf.write` wrote.
 
     Raises:
         FileFormatError: The file is damaged.
@@ -74,12 +74,28 @@ def read_takes(path: str | Path) -> list[Motion]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
-    """A node's place relative to its parent, over time or at rest."""
+class _Transform:
+    """A node's transform relative to its parent, over time or at rest."""
 
     translation: Float[np.ndarray, "... 3"]
     rotation: Float[np.ndarray, "... 3 3"]
     scale: Float[np.ndarray, "... 3"]
+
+    @classmethod
+    def of(cls, node: Mapping[str, Any]) -> _Transform:
+        """Returns the rest transform of a node."""
+        if "matrix" in node:
+            matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+            scale = np.linalg.norm(matrix[:3, :3], axis=0)
+            scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
+            rotation = matrix[:3, :3] / np.where(scale == 0, 1, scale)
+            rotation = matrix_from_quaternion(quaternion_from_matrix(rotation))
+            return cls(matrix[:3, 3], rotation, scale)
+        return cls(
+            np.array(node.get("translation", (0, 0, 0)), dtype=np.float64),
+            _matrix(np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)),
+            np.array(node.get("scale", (1, 1, 1)), dtype=np.float64),
+        )
 
 
 class Scene:
@@ -92,64 +108,78 @@ class Scene:
 
     def __init__(self, document: Document, path: Path) -> None:
         self.nodes: list[dict[str, Any]] = document.json.get("nodes", [])
-        self.parents = _parents(self.nodes, path)
-        self.places = [_place(node) for node in self.nodes]
+        self.path = path
+        self.parents = [-1] * len(self.nodes)
+        for number, node in enumerate(self.nodes):
+            for child in node.get("children", []):
+                if self.parents[child] != -1:
+                    raise FileFormatError(path, f"node {child} has two parents, expected a tree")
+                self.parents[child] = number
+        for node in range(len(self.nodes)):
+            above, steps = node, 0
+            while above >= 0:
+                above, steps = self.parents[above], steps + 1
+                if steps > len(self.nodes):
+                    raise FileFormatError(path, f"node {node} is its own ancestor, expected a tree")
+        self.transforms = [_Transform.of(node) for node in self.nodes]
         self.bones = self._bones(document, path)
         rank = {node: number for number, node in enumerate(self.bones)}
         self.bone_parents = tuple(rank[self.parents[b]] if n else -1 for n, b in enumerate(rank))
-        self.rest = self._world(self.places)
+        self.rest = self._world(self.transforms)
         names = [self.nodes[bone].get("name") or f"node_{bone}" for bone in self.bones]
         self.skeleton = plain_skeleton(path.stem, names, self.bone_parents, self.rest)
 
     def animation(self, tracks: Sequence[Track]) -> Animation:
         """Returns how one animation moves the bones."""
-        fps, times = clock(tracks)
+        keys = [track.times for track in tracks]
+        seconds = np.unique(np.concatenate(keys)) if keys else np.zeros(0)
+        fps, times = even_rate(self.path, seconds)
         values = {(track.node, track.path): track.sample(times) for track in tracks}
-        places = []
-        for node, rest in enumerate(self.places):
-            turns = values.get((node, "rotation"))
-            places.append(
-                _Place(
+        transforms = []
+        for node, rest in enumerate(self.transforms):
+            quaternions = values.get((node, "rotation"))
+            transforms.append(
+                _Transform(
                     values.get((node, "translation"), rest.translation),
-                    rest.rotation if turns is None else _matrix(turns),
+                    rest.rotation if quaternions is None else _matrix(quaternions),
                     values.get((node, "scale"), rest.scale),
                 )
             )
-        pose = self._world(places)
+        pose = self._world(transforms)
         moved = WorldPose(
             np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
-            np.broadcast_to(pose.turns, (len(times), *pose.turns.shape[-3:])),
+            np.broadcast_to(pose.rotations, (len(times), *pose.rotations.shape[-3:])),
         )
         return plain_animation(self.skeleton, self.rest, moved, fps)
 
-    def _world(self, places: Sequence[_Place]) -> WorldPose:
+    def _world(self, transforms: Sequence[_Transform]) -> WorldPose:
         """Returns positions and rotations of the bones in the world."""
-        known = self._frames(places, self.bones)
-        bones = [known[bone] for bone in self.bones]
+        frames = self._frames(transforms, self.bones)
+        bones = [frames[bone] for bone in self.bones]
         return WorldPose(
             _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
         )
 
     def rest_frame(self, node: int) -> Frame:
-        """Returns where a node is in rest pose; -1 is the world itself."""
-        return self._frames(self.places, [node])[node]
+        """Returns the frame of a node in rest pose; -1 is the world itself."""
+        return self._frames(self.transforms, [node])[node]
 
-    def _frames(self, places: Sequence[_Place], nodes: Sequence[int]) -> dict[int, Frame]:
-        """Returns where nodes are, and all above them."""
-        known: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
+    def _frames(self, transforms: Sequence[_Transform], nodes: Sequence[int]) -> dict[int, Frame]:
+        """Returns the frames of nodes and of all their ancestors."""
+        frames: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
         needed = {ancestor for node in nodes for ancestor in self._line(node)}
         for node in sorted(needed, key=lambda node: len(self._line(node))):
-            place = places[node]
-            start, turn, linear = known[self.parents[node]]
-            known[node] = (
-                start + np.einsum("...ab,...b->...a", linear, place.translation),
-                turn @ place.rotation,
-                linear @ (place.rotation * place.scale[..., None, :]),
+            local = transforms[node]
+            position, rotation, linear = frames[self.parents[node]]
+            frames[node] = (
+                position + np.einsum("...ab,...b->...a", linear, local.translation),
+                rotation @ local.rotation,
+                linear @ (local.rotation * local.scale[..., None, :]),
             )
-        return known
+        return frames
 
     def _line(self, node: int) -> list[int]:
-        """Returns a node and those above it, upward."""
+        """Returns a node and its ancestors, upward."""
         line = []
         while node >= 0:
             line.append(node)
@@ -166,7 +196,10 @@ class Scene:
         main = max(groups, key=len)
         if not main:
             raise FileFormatError(path, "has neither a skin nor an animation; expected a figure")
-        root = self._root(main, path)
+        shared = set(self._line(main[0])).intersection(*(self._line(bone) for bone in main[1:]))
+        if not shared:
+            raise FileFormatError(path, "the joints of its skin hang on no common node")
+        root = max(shared, key=lambda node: len(self._line(node)))  # the lowest above all
         listed = dict.fromkeys(node for group in (main, *groups) for node in group)
         below = {node: self._line(node) for node in listed if root in self._line(node)}
         lines = [line[: line.index(root) + 1] for line in below.values()]
@@ -177,54 +210,15 @@ class Scene:
             return order
         return sorted(order, key=lambda node: len(self._line(node)))
 
-    def _root(self, bones: Sequence[int], path: Path) -> int:
-        """Returns the lowest node that all these are, or hang below."""
-        shared = set(self._line(bones[0]))
-        for bone in bones[1:]:
-            shared &= set(self._line(bone))
-        if not shared:
-            raise FileFormatError(path, "the joints of its skin hang on no common node")
-        return max(shared, key=lambda node: len(self._line(node)))
-
-
-def _parents(nodes: Sequence[Mapping[str, Any]], path: Path) -> list[int]:
-    parents = [-1] * len(nodes)
-    for number, node in enumerate(nodes):
-        for child in node.get("children", []):
-            if parents[child] != -1:
-                raise FileFormatError(path, f"node {child} has two parents, expected a tree")
-            parents[child] = number
-    for node in range(len(nodes)):
-        above, steps = node, 0
-        while above >= 0:
-            above, steps = parents[above], steps + 1
-            if steps > len(nodes):
-                raise FileFormatError(path, f"node {node} is its own ancestor, expected a tree")
-    return parents
-
-
-def _place(node: Mapping[str, Any]) -> _Place:
-    if "matrix" in node:
-        matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-        scale = np.linalg.norm(matrix[:3, :3], axis=0)
-        scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
-        turn = matrix[:3, :3] / np.where(scale == 0, 1, scale)
-        return _Place(matrix[:3, 3], matrix_from_quaternion(quaternion_from_matrix(turn)), scale)
-    return _Place(
-        np.array(node.get("translation", (0, 0, 0)), dtype=np.float64),
-        _matrix(np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)),
-        np.array(node.get("scale", (1, 1, 1)), dtype=np.float64),
-    )
-
 
 def _matrix(quaternions: Float[np.ndarray, "*frames 4"]) -> Float[np.ndarray, "*frames 3 3"]:
-    """Turns glTF's quaternions (x, y, z, w) into matrices."""
+    """Converts glTF's quaternions (x, y, z, w) to matrices."""
     length = np.linalg.norm(quaternions, axis=-1, keepdims=True)
     return matrix_from_quaternion((quaternions / length)[..., [3, 0, 1, 2]])
 
 
 def _stacked(arrays: Sequence[np.ndarray], dimensions: int) -> np.ndarray:
-    """Stacks what the bones have, still or over time, with the bones before the last axes."""
+    """Stacks arrays of the bones, still or over time, with the bones before the last axes."""
     lead = np.broadcast_shapes(*(array.shape[:-dimensions] for array in arrays))
     whole = [np.broadcast_to(array, (*lead, *array.shape[-dimensions:])) for array in arrays]
     return np.stack(whole, axis=-dimensions - 1)
@@ -235,13 +229,13 @@ class Track:
     """One property of one node over time."""
 
     node: int
-    """Whose it is."""
+    """Index of the node."""
     path: str
     """`translation`, `rotation` or `scale`."""
     times: Float[np.ndarray, " keys"]
     """Seconds, rising."""
     values: Float[np.ndarray, "rows values"]
-    """One row a key, or three of a cubic spline; quaternions are (x, y, z, w)."""
+    """One row per key, three for a cubic spline; quaternions are (x, y, z, w)."""
     interpolation: str
     """`LINEAR`, `STEP` or `CUBICSPLINE`."""
 
@@ -250,20 +244,17 @@ class Track:
         last = max(len(self.times) - 2, 0)
         before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, last)
         after = np.minimum(before + 1, len(self.times) - 1)
-        span = self.times[after] - self.times[before]
-        share = (times - self.times[before]) / np.where(span > 0, span, 1)
-        share = np.clip(np.where(span > 0, share, 0), 0, 1)
+        length = self.times[after] - self.times[before]
+        share = (times - self.times[before]) / np.where(length > 0, length, 1)
+        share = np.clip(np.where(length > 0, share, 0), 0, 1)
         if self.interpolation == "CUBICSPLINE":
-            keys, s, span = (
-                self.values.reshape(len(self.times), 3, -1),
-                share[:, None],
-                span[:, None],
-            )
+            keys, s = self.values.reshape(len(self.times), 3, -1), share[:, None]
+            d = length[:, None]
             return (
                 (2 * s**3 - 3 * s**2 + 1) * keys[before, 1]
-                + (s**3 - 2 * s**2 + s) * (span * keys[before, 2])
+                + (s**3 - 2 * s**2 + s) * (d * keys[before, 2])
                 + (3 * s**2 - 2 * s**3) * keys[after, 1]
-                + (s**3 - s**2) * (span * keys[after, 0])
+                + (s**3 - s**2) * (d * keys[after, 0])
             )
         if self.interpolation == "STEP":
             return self.values[np.where(share > 1 - 1e-6, after, before)]
@@ -274,28 +265,21 @@ class Track:
 
 
 def read_tracks(document: Document, animation: Mapping[str, Any]) -> list[Track]:
-    """Returns the channels of one animation that move nodes; shapes that morph are left out."""
+    """Returns the channels of one animation that move nodes; morph targets are left out."""
     tracks = []
     for channel in animation["channels"]:
         target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
         if "node" in target and target["path"] in _PATHS:
             times, values = (document.array(sampler[side]) for side in ("input", "output"))
+            node, path = target["node"], target["path"]
             kind = sampler.get("interpolation", "LINEAR")
-            tracks.append(_track(target["node"], target["path"], times, values, kind))
+            rows = len(times) * (3 if kind == "CUBICSPLINE" else 1)
+            expected = (rows, 4 if path == "rotation" else 3)
+            if values.shape != expected or not len(times):
+                raise ValueError(f"{path} of node {node} has {values.shape}, expected {expected}")
+            times, values = times.astype(np.float64), values.astype(np.float64)
+            finite = np.isfinite(times).all() and np.isfinite(values).all()
+            if not (finite and (np.diff(times) > 0).all()):
+                raise ValueError(f"{path} of node {node} has NaN, or times that do not rise")
+            tracks.append(Track(node, path, times, values, kind))
     return tracks
-
-
-def clock(tracks: Sequence[Track]) -> tuple[float, Float[np.ndarray, " frames"]]:
-    """Returns the rate at which all keys fall on frames, and the time of each frame."""
-    times = [track.times for track in tracks]
-    return even_rate(np.unique(np.concatenate(times)) if times else np.zeros(0))
-
-
-def _track(node: int, path: str, times: np.ndarray, values: np.ndarray, kind: str) -> Track:
-    rows, width = len(times) * (3 if kind == "CUBICSPLINE" else 1), 4 if path == "rotation" else 3
-    if values.shape != (rows, width) or not len(times):
-        raise ValueError(f"{path} of node {node} has {values.shape}, expected {(rows, width)}")
-    times, values = times.astype(np.float64), values.astype(np.float64)
-    if not (np.isfinite(times).all() and np.isfinite(values).all() and (np.diff(times) > 0).all()):
-        raise ValueError(f"{path} of node {node} has NaN, or times that do not rise")
-    return Track(node, path, times, values, kind)

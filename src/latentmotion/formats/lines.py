@@ -63,7 +63,7 @@ def read_lines(path: str | Path) -> list[str]:
 def numbers(
     path: str | Path, line: int, words: Sequence[str], count: int
 ) -> Float[np.ndarray, " count"]:
-    """Turns the words of one line into `count` finite numbers.
+    """Parses the words of one line as `count` finite numbers.
 
     Args:
         path: The file, for the error.
@@ -93,7 +93,7 @@ def whole_rate(fps: float) -> float:
 def table(
     path: str | Path, lines: Sequence[str], start: int, width: int
 ) -> Float[np.ndarray, "rows width"]:
-    """Turns all lines from `start` on, blank ones aside, into rows of `width` finite numbers.
+    """Parses all lines from `start` on, except blank ones, as rows of `width` finite numbers.
 
     Args:
         path: The file, for the error.
@@ -111,7 +111,7 @@ def table(
         values = np.full((1, width), np.nan)
     if np.isfinite(values).all():
         return values
-    # Something is wrong: the slow way finds where.
+    # Something is wrong: read line by line to find it.
     filled = [
         (n, words) for n, line in enumerate(lines[start:], start + 1) if (words := line.split())
     ]

@@ -1,7 +1,7 @@
-"""NumPy's `.npz`: the joints as they are, for Python programs; several takes, nothing pickled.
+"""NumPy's `.npz`: joint positions of one or more takes, for Python programs; nothing pickled.
 
-    joints   (all frames, joints, 3) float32, meters, y up; the takes one after the other
-    frames   (takes,) how many frames each take has
+    joints   (all frames, joints, 3) float32, meters, y up; takes one after the other
+    frames   (takes,) number of frames of each take
     fps      (takes,)
     caption  (takes,) text
     metadata (takes,) JSON
@@ -17,7 +17,6 @@ import json
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
@@ -55,14 +54,33 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
 
 
 def read(path: str | Path) -> list[Motion]:
-    """Reads the takes that `write` wrote, or SMPL's poses, which show by their keys.
+    """Reads the takes that `write` wrote, or SMPL pose parameters, recognized by their keys.
 
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
+    from latentmotion.formats import smpl_npz
+
     try:
         with Path(path).open("rb") as opened:
-            return _read(path, opened)
+            if not zipfile.is_zipfile(opened):
+                raise FileFormatError(path, "not a motion file: cut short, or no .npz at all")
+            opened.seek(0)
+            file = np.load(opened, allow_pickle=False)
+            if smpl_npz.is_smpl(file.files):
+                return [smpl_npz.read_arrays(path, file)]
+            arrays = {name: file[name] for name in file.files}
+        names = tuple(str(name) for name in arrays["names"])
+        skeleton = next((known for known in _KNOWN.values() if known.names == names), None)
+        if skeleton is None:
+            parents = tuple(int(parent) for parent in arrays["parents"])
+            skeleton = Skeleton(str(arrays["skeleton"]), names, parents, arrays["offsets"])
+        takes = np.split(arrays["joints"], np.cumsum(arrays["frames"])[:-1])
+        facts = zip(arrays["fps"], arrays["caption"], arrays["metadata"], strict=True)
+        return [
+            Motion(joints, float(fps), skeleton, str(caption), json.loads(str(metadata)))
+            for joints, (fps, caption, metadata) in zip(takes, facts, strict=True)
+        ]
     except FileFormatError:
         raise
     except KeyError as error:
@@ -91,31 +109,3 @@ def read_joints(path: str | Path) -> list[Motion]:
     except (ValueError, KeyError, IndexError, OSError, EOFError, LatentMotionError) as error:
         expected = f"expected an array (frames, {' or '.join(map(str, _KNOWN))}, 3)"
         raise FileFormatError(path, f"{expected} of joint positions ({error})") from error
-
-
-def _read(path: str | Path, opened: BinaryIO) -> list[Motion]:
-    from latentmotion.formats import smpl_npz
-
-    if not zipfile.is_zipfile(opened):
-        raise FileFormatError(path, "not a motion file: cut short, or no .npz at all")
-    opened.seek(0)
-    file = np.load(opened, allow_pickle=False)
-    if smpl_npz.is_smpl(file.files):
-        return [smpl_npz.read_arrays(path, file)]
-    arrays = {name: file[name] for name in file.files}
-    skeleton = _skeleton(arrays)
-    takes = np.split(arrays["joints"], np.cumsum(arrays["frames"])[:-1])
-    facts = zip(arrays["fps"], arrays["caption"], arrays["metadata"], strict=True)
-    return [
-        Motion(joints, float(fps), skeleton, str(caption), json.loads(str(metadata)))
-        for joints, (fps, caption, metadata) in zip(takes, facts, strict=True)
-    ]
-
-
-def _skeleton(arrays: dict[str, np.ndarray]) -> Skeleton:
-    names = tuple(str(name) for name in arrays["names"])
-    for known in _KNOWN.values():
-        if known.names == names:
-            return known
-    parents = tuple(int(parent) for parent in arrays["parents"])
-    return Skeleton(str(arrays["skeleton"]), names, parents, arrays["offsets"])

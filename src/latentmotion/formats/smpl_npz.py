@@ -36,39 +36,73 @@ from latentmotion.storage.files import atomic_file
 
 _JOINTS, _SMPLX_JOINTS = len(HUMANML3D), 55
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-"""Takes what lies in our axes, y up, to AMASS's, z up."""
+"""From our axes, y up, to AMASS's, z up."""
 
 _PELVIS, _PELVIS_X = np.array([0, -0.22, 0.03]), np.array([0, -0.35, 0.01])
-"""Where the templates of SMPL and SMPL-H, and that of SMPL-X, have their pelvis, to the centimeter:
-`trans` moves the template, not the pelvis."""
+"""Pelvis in the templates of SMPL and SMPL-H, and in that of SMPL-X, to the centimeter: `trans`
+moves the template, not the pelvis."""
 
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """What all layouts hold."""
+    """Pose parameters, the same in all layouts."""
 
-    turns: Float[np.ndarray, "frames joints 3"]
+    rotations: Float[np.ndarray, "frames joints 3"]
     """Rotation vectors of SMPL's first 22 or 24 joints."""
     trans: Float[np.ndarray, "frames 3"]
-    """How far the template is moved, meters."""
+    """Translation of the template, meters."""
 
 
 def write_amass(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
-    """Writes SMPL-H as AMASS has it, a file for each motion.
+    """Writes SMPL-H parameters in AMASS's layout, a file for each motion.
 
     Raises:
         InputError: The skeleton is not SMPL's, or the folder cannot be written.
     """
-    return _write(path, motions, _amass)
+    layouts = []
+    for motion in motions:
+        parameters = _parameters(motion, _Z_UP, _PELVIS)
+        layouts.append(
+            {
+                "poses": _padded(parameters.rotations, 52),
+                "trans": parameters.trans,
+                "betas": np.zeros(16),
+                "dmpls": np.zeros((len(motion), 8)),
+                "gender": np.array("neutral"),
+                "mocap_framerate": np.array(motion.fps),
+            }
+        )
+    return _write(path, motions, layouts)
 
 
 def write_smplx(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
-    """Writes SMPL-X as AMASS has it, a file for each motion.
+    """Writes SMPL-X parameters in AMASS's layout, a file for each motion.
 
     Raises:
         InputError: The skeleton is not SMPL's, or the folder cannot be written.
     """
-    return _write(path, motions, _smplx)
+    layouts = []
+    for motion in motions:
+        parameters = _parameters(motion, _Z_UP, _PELVIS_X)
+        poses = _padded(parameters.rotations, _SMPLX_JOINTS)
+        layouts.append(
+            {
+                "poses": poses,
+                "root_orient": poses[:, :3],
+                "pose_body": poses[:, 3:66],
+                "pose_jaw": poses[:, 66:69],
+                "pose_eye": poses[:, 69:75],
+                "pose_hand": poses[:, 75:],
+                "trans": parameters.trans,
+                "betas": np.zeros(16),
+                "num_betas": np.array(16),
+                "gender": np.array("neutral"),
+                "surface_model_type": np.array("smplx"),
+                "mocap_frame_rate": np.array(motion.fps),
+                "mocap_time_length": np.array(motion.seconds),
+            }
+        )
+    return _write(path, motions, layouts)
 
 
 def write_smpl(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -77,22 +111,43 @@ def write_smpl(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     Raises:
         InputError: The skeleton is not SMPL's, or the folder cannot be written.
     """
-    return _write(path, motions, _smpl)
+    layouts = []
+    for motion in motions:
+        parameters = _parameters(motion, np.eye(3), _PELVIS)
+        poses = _padded(parameters.rotations, 24)
+        layouts.append(
+            {
+                "global_orient": poses[:, :3],
+                "body_pose": poses[:, 3:],
+                "transl": parameters.trans,
+                "betas": np.zeros((1, 10)),
+                "gender": np.array("neutral"),
+                "fps": np.array(motion.fps),
+            }
+        )
+    return _write(path, motions, layouts)
 
 
 def is_smpl(keys: Collection[str]) -> bool:
-    """Says whether a file has the keys of one of these layouts."""
+    """Returns whether a file has the keys of one of these layouts."""
     return {"poses", "trans"} <= set(keys) or {"global_orient", "body_pose"} <= set(keys)
 
 
 def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
-    """Returns the motion of the arrays of a file, on our own bones: shape (`betas`) is not known.
+    """Returns the motion in the arrays of a file, on our own bones: shape (`betas`) is ignored.
 
     Raises:
         FileFormatError: Shapes or numbers are wrong, or the frame rate is missing.
     """
     is_z_up = "poses" in arrays
-    poses, trans = _amass_rows(arrays) if is_z_up else _smpl_rows(arrays)
+    keys = ("poses",) if is_z_up else ("global_orient", "body_pose")
+    blocks = [np.asarray(arrays[key], np.float64) for key in keys]
+    poses = np.concatenate(
+        [block.reshape(len(block), math.prod(block.shape[1:])) for block in blocks], axis=1
+    )
+    still = np.zeros((len(poses), 3))
+    trans = arrays["trans"] if is_z_up else arrays.get("transl", still)
+    trans = np.asarray(trans, np.float64)
     if not len(poses) or poses.shape[1] < 3 * _JOINTS or trans.shape != (len(poses), 3):
         found = f"found poses {poses.shape} and trans {trans.shape}"
         raise FileFormatError(path, f"{found}, expected (frames, 66 or more) and (frames, 3)")
@@ -105,7 +160,10 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     joints = _body(_JOINTS).forward_kinematics(rotations, (trans + pelvis) @ axes)
     notes = json.loads(str(arrays["metadata"])) if "metadata" in arrays else {}
     caption = str(arrays["caption"]) if "caption" in arrays else ""
-    return Motion(joints.astype("f4"), _rate(path, arrays), caption=caption, metadata=notes)
+    for key in ("mocap_framerate", "mocap_frame_rate", "fps"):
+        if key in arrays:
+            return Motion(joints.astype("f4"), float(arrays[key]), caption=caption, metadata=notes)
+    raise FileFormatError(path, "says no frame rate; expected mocap_framerate or fps")
 
 
 def _parameters(
@@ -121,55 +179,11 @@ def _parameters(
     return Parameters(axis_angle_from_matrix(rotations), animation.root_positions @ axes.T - pelvis)
 
 
-def _amass(motion: Motion) -> dict[str, Any]:
-    parameters = _parameters(motion, _Z_UP, _PELVIS)
-    return {
-        "poses": _padded(parameters.turns, 52),
-        "trans": parameters.trans,
-        "betas": np.zeros(16),
-        "dmpls": np.zeros((len(motion), 8)),
-        "gender": np.array("neutral"),
-        "mocap_framerate": np.array(motion.fps),
-    }
-
-
-def _smplx(motion: Motion) -> dict[str, Any]:
-    parameters = _parameters(motion, _Z_UP, _PELVIS_X)
-    poses = _padded(parameters.turns, _SMPLX_JOINTS)
-    return {
-        "poses": poses,
-        "root_orient": poses[:, :3],
-        "pose_body": poses[:, 3:66],
-        "pose_jaw": poses[:, 66:69],
-        "pose_eye": poses[:, 69:75],
-        "pose_hand": poses[:, 75:],
-        "trans": parameters.trans,
-        "betas": np.zeros(16),
-        "num_betas": np.array(16),
-        "gender": np.array("neutral"),
-        "surface_model_type": np.array("smplx"),
-        "mocap_frame_rate": np.array(motion.fps),
-        "mocap_time_length": np.array(motion.seconds),
-    }
-
-
-def _smpl(motion: Motion) -> dict[str, Any]:
-    parameters = _parameters(motion, np.eye(3), _PELVIS)
-    poses = _padded(parameters.turns, 24)
-    return {
-        "global_orient": poses[:, :3],
-        "body_pose": poses[:, 3:],
-        "transl": parameters.trans,
-        "betas": np.zeros((1, 10)),
-        "gender": np.array("neutral"),
-        "fps": np.array(motion.fps),
-    }
-
-
-def _write(path: str | Path, motions: Sequence[Motion], layout: Any) -> list[Path]:
+def _write(
+    path: str | Path, motions: Sequence[Motion], layouts: Sequence[dict[str, Any]]
+) -> list[Path]:
     paths = numbered(Path(path), len(motions))
-    contents = [layout(motion) for motion in motions]
-    for target, motion, arrays in zip(paths, motions, contents, strict=True):
+    for target, motion, arrays in zip(paths, motions, layouts, strict=True):
         notes = json.dumps(dict(motion.metadata))
         arrays |= {"caption": np.array(motion.caption), "metadata": np.array(notes)}
         with atomic_file(target) as temporary:
@@ -177,30 +191,11 @@ def _write(path: str | Path, motions: Sequence[Motion], layout: Any) -> list[Pat
     return paths
 
 
-def _padded(turns: Float[np.ndarray, "frames joints 3"], joints: int) -> np.ndarray:
+def _padded(rotations: Float[np.ndarray, "frames joints 3"], joints: int) -> np.ndarray:
     """Returns the first 22 joints, and rest for all others, in rows."""
-    whole = np.zeros((len(turns), joints, 3))
-    whole[:, :_JOINTS] = turns[:, :_JOINTS]
-    return whole.reshape(len(turns), -1)
-
-
-def _amass_rows(arrays: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    poses, trans = (np.asarray(arrays[key], np.float64) for key in ("poses", "trans"))
-    return poses.reshape(len(poses), math.prod(poses.shape[1:])), trans
-
-
-def _smpl_rows(arrays: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    parts = [np.asarray(arrays[key], np.float64) for key in ("global_orient", "body_pose")]
-    rows = [part.reshape(len(part), math.prod(part.shape[1:])) for part in parts]
-    trans = arrays["transl"] if "transl" in arrays else np.zeros((len(rows[0]), 3))
-    return np.concatenate(rows, axis=1), np.asarray(trans, np.float64)
-
-
-def _rate(path: str | Path, arrays: Mapping[str, np.ndarray]) -> float:
-    for key in ("mocap_framerate", "mocap_frame_rate", "fps"):
-        if key in arrays:
-            return float(arrays[key])
-    raise FileFormatError(path, "says no frame rate; expected mocap_framerate or fps")
+    padded = np.zeros((len(rotations), joints, 3))
+    padded[:, :_JOINTS] = rotations[:, :_JOINTS]
+    return padded.reshape(len(rotations), -1)
 
 
 def _body(joints: int) -> Skeleton:

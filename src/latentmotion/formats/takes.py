@@ -1,4 +1,4 @@
-"""Takes: files that hold one each are numbered; figures of foreign programs become motions."""
+"""Takes: numbered files for formats of one take, and motions from animations of any program."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
 """Our own skeletons by the names of their joints."""
 
 _LAYOUTS = (".amass", ".smplx", ".smpl")
-"""What may stand before the ending and says more about it."""
+"""Parts of a name before the ending that belong to the ending."""
 
 
 def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -46,13 +46,13 @@ def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> M
     """Returns an animation as a motion of our own skeleton of those names, else of HumanML3D's.
 
     Args:
-        animation: As a file holds it.
-        notes: What the file says about it: `caption`, and whatever else.
+        animation: The animation in the file.
+        notes: The file's `caption` and other metadata.
 
     Raises:
         DataError: No joint map fits the skeleton.
     """
-    about = {key: value for key, value in (notes or {}).items() if key not in ("caption", "fps")}
+    metadata = {key: value for key, value in (notes or {}).items() if key not in ("caption", "fps")}
     caption = str((notes or {}).get("caption", ""))
     tips = animation.skeleton.end_sites
     names = tuple(n for j, n in enumerate(animation.skeleton.names) if j not in tips)
@@ -61,7 +61,7 @@ def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> M
         joints, known = to_humanml3d(animation), HUMANML3D
     else:
         joints = animation.joints()[:, [j for j in range(len(animation.skeleton)) if j not in tips]]
-    return Motion(joints.astype("f4"), animation.fps, known, caption, about)
+    return Motion(joints.astype("f4"), animation.fps, known, caption, metadata)
 
 
 def numbered(path: Path, count: int) -> list[Path]:

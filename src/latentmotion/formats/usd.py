@@ -4,7 +4,7 @@
       /Skeleton         joints as paths (`pelvis/left_hip`), bind and rest pose; plays take 1
       /Mannequin        the mesh, bound to it
       /Material         its color
-      /take_1, take_2   one SkelAnimation a take, caption and metadata in its custom data
+      /take_1, take_2   one SkelAnimation per take, caption and metadata in its custom data
 
 Meters, y up, `timeCodesPerSecond` is the frame rate. Programs play the animation that the skeleton
 names (`skel:animationSource`); to see another take, point it there.
@@ -12,7 +12,7 @@ Source: OpenUSD's UsdSkel schemas, https://openusd.org/release/api/usd_skel_page
 """
 
 # pyright: reportAttributeAccessIssue=false
-# (The names of usd-core's modules are made when they are imported.)
+# (usd-core's modules define their names when they are imported.)
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ except ImportError as error:
 
 FIGURE = "/Figure"
 NOTES = "latentmotion"
-"""Key of the custom data."""
+"""Key of the custom data of a take."""
 
 _COLOR = (0.10, 0.215, 0.552)
 """Linear RGB of the mannequin."""
@@ -72,19 +72,34 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
 def make_stage(motions: Sequence[Motion]) -> Any:
     """Returns the figure with all motions as a stage in memory."""
     animations = [motion.animation() for motion in motions]
-    skeleton = animations[0].skeleton
-    stage = _new_stage(motions)
+    skeleton, fps = animations[0].skeleton, motions[0].fps
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(fps)
+    stage.SetFramesPerSecond(fps)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(max((len(motion) - 1) / motion.fps for motion in motions) * fps)
     root = UsdSkel.Root.Define(stage, FIGURE)
     stage.SetDefaultPrim(root.GetPrim())
+    # The bones in rest pose, standing on the floor; the y of each runs along it.
     paths, axes = joint_paths(skeleton), bone_axes(skeleton)
     floor = np.array([0, -skeleton.rest_joints()[:, 1].min(), 0])
-    bones = _add_skeleton(stage, axes, paths, floor)
+    offsets = axes.offsets(np.array(skeleton.offsets, dtype=np.float64))
+    offsets[0] = floor
+    rotations = axes.rotations(np.tile(np.eye(3), (len(skeleton), 1, 1)))
+    bones = UsdSkel.Skeleton.Define(stage, f"{FIGURE}/Skeleton")
+    bones.CreateJointsAttr(Vt.TokenArray(paths))
+    bones.CreateJointNamesAttr(Vt.TokenArray(list(skeleton.names)))
+    bones.CreateRestTransformsAttr(_transforms(rotations, offsets))
+    bones.CreateBindTransformsAttr(_transforms(axes.world, skeleton.rest_joints() + floor))
     _add_mannequin(stage, make_mannequin(skeleton), floor)
     for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1):
-        prim = _add_take(stage, number, motion, animation, paths, axes)
+        take = _add_take(stage, number, motion, animation, paths, axes)
         if number == 1:
-            UsdSkel.BindingAPI.Apply(bones).CreateAnimationSourceRel().SetTargets([prim.GetPath()])
-    # Where the figure ever is, so that viewers need not skin it to know.
+            binding = UsdSkel.BindingAPI.Apply(bones.GetPrim())
+            binding.CreateAnimationSourceRel().SetTargets([take.GetPath()])
+    # The extent over all takes, so that viewers need not skin the figure to know it.
     low, high = _corners(np.concatenate([a.joints().reshape(-1, 3) for a in animations]))
     corners = [Gf.Vec3f(*corner.tolist()) for corner in (low - 0.25, high + 0.25)]
     UsdGeom.Boundable(root).CreateExtentAttr(corners)
@@ -92,49 +107,23 @@ def make_stage(motions: Sequence[Motion]) -> Any:
 
 
 def joint_paths(skeleton: Skeleton) -> list[str]:
-    """Returns each joint's name behind those of all above it, as UsdSkel tells who is whose child.
+    """Returns each joint's path from the root, by which UsdSkel knows the hierarchy.
 
-    What is no letter, digit or underscore becomes an underscore, as USD demands.
+    Characters other than letters, digits and underscores become underscores, as USD requires.
     """
     paths: list[str] = []
     for name, parent in zip(skeleton.names, skeleton.parents, strict=True):
-        own = Tf.MakeValidIdentifier(name)
-        paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
+        valid = Tf.MakeValidIdentifier(name)
+        paths.append(valid if parent < 0 else f"{paths[parent]}/{valid}")
     return paths
 
 
-def _new_stage(motions: Sequence[Motion]) -> Any:
-    stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(motions[0].fps)
-    stage.SetFramesPerSecond(motions[0].fps)
-    stage.SetStartTimeCode(0)
-    lengths = [(len(motion) - 1) / motion.fps for motion in motions]
-    stage.SetEndTimeCode(max(lengths) * motions[0].fps)
-    return stage
-
-
-def _add_skeleton(
-    stage: Any, axes: BoneAxes, paths: Sequence[str], floor: Float[np.ndarray, " 3"]
+def _transforms(
+    rotations: Float[np.ndarray, "joints 3 3"], positions: Float[np.ndarray, "joints 3"]
 ) -> Any:
-    """Adds the bones in rest pose, standing on the floor; the y of each runs along it."""
-    skeleton = axes.skeleton
-    bones = UsdSkel.Skeleton.Define(stage, f"{FIGURE}/Skeleton")
-    places = axes.offsets(np.array(skeleton.offsets, dtype=np.float64))
-    places[0] = floor
-    turns = axes.rotations(np.tile(np.eye(3), (len(skeleton), 1, 1)))
-    bones.CreateJointsAttr(Vt.TokenArray(paths))
-    bones.CreateJointNamesAttr(Vt.TokenArray(list(skeleton.names)))
-    bones.CreateRestTransformsAttr(_moves(turns, places))
-    bones.CreateBindTransformsAttr(_moves(axes.world, skeleton.rest_joints() + floor))
-    return bones.GetPrim()
-
-
-def _moves(turns: Float[np.ndarray, "joints 3 3"], places: Float[np.ndarray, "joints 3"]) -> Any:
-    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    matrices = np.tile(np.eye(4), (len(positions), 1, 1))
     # USD multiplies rows from the left.
-    matrices[:, :3, :3], matrices[:, 3, :3] = np.swapaxes(turns, -1, -2), places
+    matrices[:, :3, :3], matrices[:, 3, :3] = np.swapaxes(rotations, -1, -2), positions
     return Vt.Matrix4dArray([Gf.Matrix4d(matrix) for matrix in matrices.tolist()])
 
 
@@ -154,17 +143,13 @@ def _add_mannequin(stage: Any, mannequin: Mannequin, floor: Float[np.ndarray, " 
     skin.CreateJointIndicesPrimvar(False, 4).Set(mannequin.joints.reshape(-1).tolist())
     weights = mannequin.weights.astype("f4").reshape(-1)
     skin.CreateJointWeightsPrimvar(False, 4).Set(Vt.FloatArray.FromNumpy(weights))
-    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(_add_material(stage))
-
-
-def _add_material(stage: Any) -> Any:
     material = UsdShade.Material.Define(stage, f"{FIGURE}/Material")
     surface = UsdShade.Shader.Define(stage, f"{FIGURE}/Material/Surface")
     surface.CreateIdAttr("UsdPreviewSurface")
     surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*_COLOR))
     surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.7)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    return material
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
 
 
 def _add_take(
@@ -178,21 +163,21 @@ def _add_take(
     take = UsdSkel.Animation.Define(stage, f"{FIGURE}/take_{number}")
     take.CreateJointsAttr(Vt.TokenArray(paths))
     take.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1)] * len(paths)))
-    turns, moves = take.CreateRotationsAttr(), take.CreateTranslationsAttr()
+    rotations, translations = take.CreateRotationsAttr(), take.CreateTranslationsAttr()
     quaternions = continuous_quaternions(
         quaternion_from_matrix(axes.rotations(animation.rotations))
     )
     # UsdSkel's quaternions lie in memory as x, y, z, w.
     quaternions = quaternions[..., [1, 2, 3, 0]].astype("f4")
-    places = animation.translations
-    if places is None:
-        places = np.tile(animation.skeleton.offsets, (len(animation), 1, 1))
-    places = np.concatenate([animation.root_positions[:, None], places[:, 1:]], axis=1)
-    places = axes.offsets(places).astype("f4")
+    offsets = animation.translations
+    if offsets is None:
+        offsets = np.tile(animation.skeleton.offsets, (len(animation), 1, 1))
+    offsets = np.concatenate([animation.root_positions[:, None], offsets[:, 1:]], axis=1)
+    offsets = axes.offsets(offsets).astype("f4")
     codes = np.arange(len(animation)) * (stage.GetTimeCodesPerSecond() / animation.fps)
-    for code, turn, place in zip(codes.tolist(), quaternions, places, strict=True):
-        turns.Set(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(turn)), code)
-        moves.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(place)), code)
+    for code, rotation, offset in zip(codes.tolist(), quaternions, offsets, strict=True):
+        rotations.Set(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(rotation)), code)
+        translations.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(offset)), code)
     notes = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
     take.GetPrim().SetCustomDataByKey(NOTES, json.dumps(notes, ensure_ascii=False))
     take.GetPrim().SetDisplayName(motion.caption or f"take {number}")

@@ -1,4 +1,4 @@
-"""Animation: how the joints of any skeleton turn over time; what mocap files hold."""
+"""Animation: rotations of the joints of any skeleton over time, as in motion capture files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Animation:
     """Local rotations of a skeleton over time."""
 
     skeleton: Skeleton
-    """Whose joints turn."""
+    """The skeleton with these joints."""
     rotations: Float[np.ndarray, "frames joints 3 3"]
     """Rotation of each joint relative to its parent; identity is the rest pose."""
     root_positions: Float[np.ndarray, "frames 3"]
@@ -40,10 +40,10 @@ class Animation:
         )
 
     def resampled(self, fps: float) -> Animation:
-        """Returns the animation at another frame rate: frame i is what it is at i / fps seconds.
+        """Returns the animation at another frame rate: frame i is the pose at i / fps seconds.
 
-        Rotations go from frame to frame by great arcs, so that bones keep their lengths, positions
-        by straight lines. The last frame is kept where it falls on the new rate.
+        Rotations are interpolated by great arcs, so that bones keep their lengths, positions by
+        straight lines. The last frame is kept if it falls on the new rate.
 
         Args:
             fps: Frames per second wanted.
@@ -55,27 +55,27 @@ class Animation:
         last = len(self) - 1
         times = np.arange(int(last * fps / self.fps + 1e-6) + 1) * (self.fps / fps)
         before = np.minimum(times.astype(int), max(last - 1, 0))
-        after, part = np.minimum(before + 1, last), np.minimum(times - before, 1.0)
+        after, share = np.minimum(before + 1, last), np.minimum(times - before, 1.0)
         quaternions = quaternion_from_matrix(self.rotations)
-        turned = slerp(quaternions[before], quaternions[after], part[:, None])
+        rotations = slerp(quaternions[before], quaternions[after], share[:, None])
         return Animation(
             skeleton=self.skeleton,
-            rotations=matrix_from_quaternion(turned),
-            root_positions=_between(self.root_positions, before, after, part[:, None]),
+            rotations=matrix_from_quaternion(rotations),
+            root_positions=_between(self.root_positions, before, after, share[:, None]),
             fps=float(fps),
             translations=None
             if self.translations is None
-            else _between(self.translations, before, after, part[:, None, None]),
+            else _between(self.translations, before, after, share[:, None, None]),
         )
 
 
 def check_fps(fps: float) -> None:
-    """Raises InputError where a number can be no frame rate."""
+    """Raises InputError for a number that is no frame rate."""
     if not (np.isfinite(fps) and 0 < fps <= MOST_FPS):
         raise InputError(f"fps is {fps}, expected a positive number up to {MOST_FPS:g}")
 
 
 def _between(
-    track: np.ndarray, before: np.ndarray, after: np.ndarray, part: np.ndarray
+    track: np.ndarray, before: np.ndarray, after: np.ndarray, share: np.ndarray
 ) -> np.ndarray:
-    return track[before] * (1 - part) + track[after] * part
+    return track[before] * (1 - share) + track[after] * share

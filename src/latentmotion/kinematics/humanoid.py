@@ -1,13 +1,13 @@
 """Names of joints in foreign skeletons: which of them are HumanML3D's 22.
 
-A joint map says where to read positions, a name map which bones of a rig to move.
+A joint map says from which joints to read positions, a name map which bones of a rig to move.
 
 Joint maps. Each of the 22 is one source joint, or a weighted mean of several where the source has
 no such point (Acclaim's clavicles start at the spine, SMPL's in front of the shoulder). The weights
 put the point where SMPL's rest pose has it between its neighbors.
 
-Name maps. The names that animators' programs give to bones. Spines need none: they are the joints
-between pelvis and chest, however many there are.
+Name maps. The names that animation programs give to bones. Spines need none: they are all joints
+between pelvis and chest.
 """
 
 from __future__ import annotations
@@ -32,13 +32,17 @@ JointMap = Mapping[str, str | Mapping[str, float]]
 _NAMESPACE = re.compile(r"^(.*:)?(mixamorig\d*_?)?", re.IGNORECASE)
 
 
+def _weights(source: str | Mapping[str, float]) -> Mapping[str, float]:
+    return {source: 1.0} if isinstance(source, str) else source
+
+
 def _symmetric(middle: JointMap, side: JointMap, left: str, right: str) -> JointMap:
     """Completes a map: `@` in the source names of `side` stands for the prefix of either side."""
     joints = dict(middle)
     for name, prefix in (("left", left), ("right", right)):
         for joint, source in side.items():
-            weights = {source: 1.0} if isinstance(source, str) else source
-            joints[f"{name}_{joint}"] = {s.replace("@", prefix): w for s, w in weights.items()}
+            weights = _weights(source).items()
+            joints[f"{name}_{joint}"] = {s.replace("@", prefix): w for s, w in weights}
     return joints
 
 
@@ -154,14 +158,31 @@ def to_humanml3d(
 
     Args:
         animation: Any body, y up, in meters.
-        joint_map: Where each of the 22 comes from; by default found by the names.
+        joint_map: The source of each of the 22; by default found by the names.
 
     Raises:
         DataError: The skeleton is unknown, or the map names joints that are not there.
     """
     if joint_map is None:
         joint_map = find_joint_map(animation.skeleton.names)
-    weights = _weights(animation.skeleton.names, joint_map)
+    missing = [name for name in HUMANML3D.names if name not in joint_map]
+    if missing:
+        raise DataError(f"the joint map lacks {', '.join(missing)}; name a joint for each")
+    names = animation.skeleton.names
+    numbered = list(enumerate(names))[::-1]  # the first of joints that share a name counts
+    columns = {_without_namespace(name): column for column, name in numbered}
+    columns |= {name: column for column, name in numbered}
+    weights = np.zeros((len(HUMANML3D), len(names)))
+    for row, name in enumerate(HUMANML3D.names):
+        for source, weight in _weights(joint_map[name]).items():
+            column = columns.get(source, columns.get(_without_namespace(source)))
+            if column is None:
+                near = difflib.get_close_matches(source, names, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise DataError(
+                    f"the joint map names {source!r}, but the skeleton has {', '.join(names)}{hint}"
+                )
+            weights[row, column] += weight
     return np.einsum("hj,fjc->fhc", weights, animation.joints(), optimize=True)
 
 
@@ -171,12 +192,12 @@ def find_joint_map(names: Sequence[str]) -> JointMap:
     Raises:
         DataError: There is none; the message lists the names and says how to pass a map.
     """
-    found = {_without_namespace(name) for name in names}
+    known = {_without_namespace(name) for name in names}
     for joint_map in JOINT_MAPS.values():
         if all(
-            _without_namespace(source) in found
+            _without_namespace(source) in known
             for joint in joint_map.values()
-            for source in _parts(joint)
+            for source in _weights(joint)
         ):
             return joint_map
     raise DataError(
@@ -200,7 +221,12 @@ def load_joint_map(path: str | Path) -> JointMap:
         raise FileFormatError(path, "is not UTF-8 text; expected a JSON joint map") from error
     except json.JSONDecodeError as error:
         raise FileFormatError(path, f"not JSON: {error.msg}", error.lineno) from error
-    if not isinstance(joint_map, dict) or not all(map(_is_source, joint_map.values())):
+    valid = isinstance(joint_map, dict)
+    for source in joint_map.values() if valid else ():
+        weights = source.values() if isinstance(source, dict) else ()
+        numeric = all(isinstance(weight, int | float) for weight in weights)
+        valid &= isinstance(source, str) or (numeric and abs(sum(weights) - 1) < 1e-6)
+    if not valid:
         raise FileFormatError(
             path,
             'expected an object such as {"pelvis": "Hips", …}; a value is the name of a joint, '
@@ -209,62 +235,25 @@ def load_joint_map(path: str | Path) -> JointMap:
     return joint_map
 
 
-def _weights(names: Sequence[str], joint_map: JointMap) -> Float[np.ndarray, "22 joints"]:
-    missing = [name for name in HUMANML3D.names if name not in joint_map]
-    if missing:
-        raise DataError(f"the joint map lacks {', '.join(missing)}; name a joint for each")
-    columns = {
-        _without_namespace(name): column for column, name in reversed(list(enumerate(names)))
-    }
-    columns |= {name: column for column, name in reversed(list(enumerate(names)))}
-    weights = np.zeros((len(HUMANML3D), len(names)))
-    for row, name in enumerate(HUMANML3D.names):
-        for source, weight in _parts(joint_map[name]).items():
-            weights[row, _column(source, columns, names)] += weight
-    return weights
-
-
-def _column(source: str, columns: Mapping[str, int], names: Sequence[str]) -> int:
-    column = columns.get(source, columns.get(_without_namespace(source)))
-    if column is None:
-        near = difflib.get_close_matches(source, names, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise DataError(
-            f"the joint map names {source!r}, but the skeleton has {', '.join(names)}{hint}"
-        )
-    return column
-
-
-def _parts(source: str | Mapping[str, float]) -> Mapping[str, float]:
-    return {source: 1.0} if isinstance(source, str) else source
-
-
 def _without_namespace(name: str) -> str:
     """Returns the name without a namespace (`Bob:`) and without `mixamorig`."""
     return _NAMESPACE.sub("", name, count=1) or name
-
-
-def _is_source(source: object) -> bool:
-    if isinstance(source, dict):
-        numeric = all(isinstance(weight, int | float) for weight in source.values())
-        return numeric and abs(sum(source.values()) - 1) < 1e-6
-    return isinstance(source, str)
 
 
 NameMap = Mapping[str, tuple[str, ...]]
 """One of our joints → the names it may have, `plain`, the likeliest first."""
 
 LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
-"""What every rig must have on both sides."""
+"""Joints that every rig must have on both sides."""
 
 REQUIRED = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in LIMB_JOINTS)
-"""Joints without which nothing can be carried over."""
+"""Joints without which nothing can be retargeted."""
 
 OPTIONAL = (
     *("pelvis", "neck", "head", "left_collar", "right_collar", "left_foot", "right_foot"),
     *("spine1", "spine2", "spine3"),
 )
-"""Joints that are found from the others, or left at rest, where a rig does not have them."""
+"""Joints that are derived from the others, or stay at rest, if a rig lacks them."""
 
 _PREFIX = re.compile(
     r"^(.*[:|])?(mixamorig\d*[_:]?)?(?P<kind>def|org)?(?(kind)[-_])", re.IGNORECASE
@@ -292,7 +281,7 @@ def _sides(left: str, right: str, middle: Mapping[str, str], side: Mapping[str, 
 
 
 def _of_joint_map(name: str) -> NameMap:
-    """Takes the joints of a map for reading mocap that it reads from one joint alone."""
+    """Returns the joints of a joint map that have a single or a main source."""
     single = {
         joint: source if isinstance(source, str) else max(source, key=source.__getitem__)
         for joint, source in JOINT_MAPS[name].items()
@@ -364,22 +353,20 @@ NAME_MAPS: Mapping[str, NameMap] = MappingProxyType(
         **{"SMPL": SMPL, "Biped": BIPED},
     }
 )
-"""The names that are known, tried in this order. MotionBuilder's are Mixamo's."""
+"""Known naming conventions, tried in this order. MotionBuilder's is Mixamo's."""
 
 
 def match(names: Sequence[str], name_map: NameMap) -> dict[str, int]:
-    """Returns the joints of ours that are found, and where among `names`.
+    """Returns our joints that are found, and their indices in `names`.
 
     Where several joints share a plain name, as Rigify's `DEF-`, `ORG-` and controls do, the one
     that deforms the mesh is meant.
     """
-    places: dict[str, int] = {}
+    deforming = (("def-", 2), ("org-", 1))
+    ranks = [next((n for word, n in deforming if word in name.lower()), 0) for name in names]
+    index: dict[str, int] = {}
     for form in (unnumbered, str):
-        for place in sorted(range(len(names)), key=lambda n: (_rank(names[n]), -n)):
-            places[plain(form(names[place]))] = place
-    found = {joint: [places[n] for n in words if n in places] for joint, words in name_map.items()}
-    return {joint: where[0] for joint, where in found.items() if where}
-
-
-def _rank(name: str) -> int:
-    return next((rank for word, rank in (("def-", 2), ("org-", 1)) if word in name.lower()), 0)
+        for number in sorted(range(len(names)), key=lambda n: (ranks[n], -n)):
+            index[plain(form(names[number]))] = number
+    matches = {joint: [index[n] for n in words if n in index] for joint, words in name_map.items()}
+    return {joint: numbers[0] for joint, numbers in matches.items() if numbers}

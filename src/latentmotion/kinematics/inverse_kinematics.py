@@ -3,13 +3,13 @@
 A bone's direction fixes two of its three degrees of freedom. The third, the twist, comes from:
 
     pelvis, chest    the rigid rotation that fits all bones that leave them (Kabsch)
-    spine between    the shortest way from the pelvis' turn to the chest's, then swing only
+    spine between    interpolated from the pelvis' rotation to the chest's, then swing only
     hip, shoulder    the hinge: knee and elbow bend about one axis, normal to the limb's plane;
-                     for limbs that are straight see `hinge.py`
+                     for straight limbs see `hinge.py`
     all others       swing only, from the parent
 
-The rest pose is a T: arms along ±x, legs down and a little apart, feet flat and ahead. Its bones
-are as long as the motion's median bones, so that forward kinematics gives the same joints again.
+The rest pose is a T: arms along ±x, legs down and a little apart, feet flat and pointing ahead. Its
+bones have the motion's median lengths, so that forward kinematics gives the same joints again.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from latentmotion.kinematics.rotations import (
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
 RIGID_TOLERANCE = 0.002
-"""Meters that the bones leaving pelvis or chest may move against each other before the animation
-moves those joints as well as turning them."""
+"""Meters that the bones leaving pelvis or chest may move relative to each other before the
+animation translates those joints as well as rotating them."""
 
 _STIFFNESS = 0.1
 """λ of the hinge at 20 fps: a limb bent by 18° already decides its hinge within a frame."""
 
 _SWING_PRIOR, _TOE_PRIOR = 0.01, 0.05
-"""How much rest pose and toes say about the hinge, as sin² of the bend that says as much."""
+"""Weights of rest pose and toes for the hinge, as sin² of the bend that weighs as much."""
 
 _PACE = 2.0
-"""Radians per second that a limb may twist where its two bones stand still."""
+"""Radians per second that a limb may twist while its two bones stand still."""
 
 _STRADDLE = {"knee": np.radians(7), "ankle": np.radians(3)}
 """How far thigh and shank point outward in rest pose, so that the skins of the legs part."""
@@ -52,11 +52,11 @@ class Limb:
     """Two bones with a hinge between them."""
 
     joints: tuple[str, str, str]
-    """Where it starts, bends and ends."""
+    """The joints at its start, its bend and its end."""
     hinge: tuple[int, int, int]
     """Axis about which it bends in rest pose."""
     tip: str | None = None
-    """A joint beyond the end that shows the plane of a straight limb: the toes."""
+    """A joint beyond its end that shows the plane of a straight limb: the toes."""
 
 
 LIMBS = (
@@ -86,7 +86,7 @@ def solve(
 
 
 class _Solver:
-    """What the steps share: directions of the bones, the rest pose, world rotations so far."""
+    """State of the solution: directions of the bones, rest pose, world rotations so far."""
 
     def __init__(
         self, joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
@@ -97,7 +97,17 @@ class _Solver:
         bones = joints - joints[:, [max(parent, 0) for parent in skeleton.parents]]
         lengths = np.linalg.norm(bones, axis=-1)
         self.lengths = np.median(lengths, axis=0)
-        self.rest = _rest_directions(skeleton)
+        self.rest = unit(np.array(skeleton.offsets, dtype=np.float64))
+        for joint, name in enumerate(skeleton.names):  # the bone directions of a T-pose
+            side = {"left": 1.0, "right": -1.0}.get(name.partition("_")[0], 0.0)
+            if name.endswith(("shoulder", "elbow", "wrist")):
+                self.rest[joint] = (side, 0, 0)
+            elif name.endswith("collar"):
+                self.rest[joint] = unit(np.array([side, 1.0, 0.0]))
+            elif (lean := _STRADDLE.get(name.rpartition("_")[2])) is not None:
+                self.rest[joint] = (side * np.sin(lean), -np.cos(lean), 0)
+            elif name in ("head", "neck"):
+                self.rest[joint] = (0, 1, 0)
         known = lengths[..., None] > 1e-6
         self.bones = np.where(known, bones / np.maximum(lengths, 1e-6)[..., None], self.rest)
         self.world = {-1: np.broadcast_to(np.eye(3), (len(joints), 3, 3))}
@@ -105,33 +115,44 @@ class _Solver:
     def animation(self) -> Animation:
         for branch in self.branches:
             self.world[branch] = self._fit_branch(branch)
-        self._fit_feet()
-        self._fit_head()
+        self._fit_feet_and_head()
         for joint in range(len(self.skeleton)):
             if joint not in self.world:
                 self.world[joint] = self._turn(joint)
         world = np.stack([self.world[joint] for joint in range(len(self.skeleton))], axis=1)
+        # Joints around pelvis and chest move where rotations alone cannot reach them.
+        offsets = self.rest * self.lengths[:, None]
+        translations = np.repeat(offsets[None], len(self.joints), axis=0)
+        for branch in self.branches:
+            for child in self.children[branch]:
+                bone = self._local_bone(child, branch)
+                translations[:, child] = bone * self.lengths[child]
+        moves = np.linalg.norm(translations - offsets, axis=-1).max() > RIGID_TOLERANCE
         return Animation(
-            skeleton=replace(self.skeleton, offsets=self.rest * self.lengths[:, None]),
+            skeleton=replace(self.skeleton, offsets=offsets),
             rotations=self.skeleton.local_rotations(world),
             root_positions=self.joints[:, 0],
             fps=self.fps,
-            translations=self._translations(),
+            translations=translations if moves else None,
         )
 
     def _fit_branch(self, joint: int) -> Float[np.ndarray, "frames 3 3"]:
-        """Fits rotation and rest directions of the bones that leave a joint, in turn."""
+        """Fits rotation (Kabsch 1976) and rest directions of the bones that leave a joint."""
         children = list(self.children[joint])
         # The hips say how the pelvis is turned; the spine bends above it and has less of a say.
         spine = [self.skeleton.names[child].startswith("spine") for child in children]
         weights = np.where(spine, 0.2, 1.0)
-        seen = self.bones[:, children]
+        bones = self.bones[:, children]
         for _ in range(3):
-            turn = _kabsch(self.rest[children], seen, weights)
-            self.rest[children] = unit(np.einsum("tij,tci->cj", turn, seen))
-        return turn
+            rest = self.rest[children]
+            u, _, vt = np.linalg.svd(np.einsum("c,tci,cj->tij", weights, bones, rest))
+            u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+            rotation = u @ vt
+            self.rest[children] = unit(np.einsum("tij,tci->cj", rotation, bones))
+        return rotation
 
     def _turn(self, joint: int) -> Float[np.ndarray, "frames 3 3"]:
+        """Turns a limb about its hinge, other bones by the shortest rotation."""
         parent = self.skeleton.parents[joint]
         if not self.children[joint]:
             return self.world[parent]
@@ -139,18 +160,34 @@ class _Solver:
         limb = next((x for x in LIMBS if x.joints[0] == self.skeleton.names[joint]), None)
         if limb is not None and set(limb.joints) <= set(self.skeleton.names):
             return self._turn_limb(limb, parent)
-        reference = self._reference(joint, parent)
+        reference = self.world[parent]
+        end, steps = joint, 0
+        while len(self.children[end]) == 1:
+            end, steps = self.children[end][0], steps + 1
+        if end in self.branches:  # between branches, a share of the rotation from one to the other
+            ends = [quaternion_from_matrix(self.world[branch]) for branch in (parent, end)]
+            reference = matrix_from_quaternion(slerp(ends[0], ends[1], 1 / (steps + 1)))
         return matrix_between(reference @ self.rest[child], self.bones[:, child]) @ reference
 
-    def _reference(self, joint: int, parent: int) -> Float[np.ndarray, "frames 3 3"]:
-        """The parent's rotation, or on the way to a branch its share of the turn to there."""
-        above, steps = joint, 0
-        while len(self.children[above]) == 1:
-            above, steps = self.children[above][0], steps + 1
-        if above not in self.branches:
-            return self.world[parent]
-        ends = [quaternion_from_matrix(self.world[end]) for end in (parent, above)]
-        return matrix_from_quaternion(slerp(ends[0], ends[1], 1 / (steps + 1)))
+    def _fit_feet_and_head(self) -> None:
+        """Takes as rest pose of the feet how they stand, and of the head how it is mostly held."""
+        feet = [f for f in (self.skeleton.left_foot, self.skeleton.right_foot) if len(f) == 2]
+        slopes = []
+        for ankle, toe in feet:  # angle below the horizontal where the foot is low and still
+            pair = self.joints[:, [ankle, toe]]
+            speed = np.abs(np.gradient(pair, axis=0)).sum((1, 2)) if len(pair) > 1 else np.zeros(1)
+            low = pair[:, 1, 1] < np.percentile(pair[:, 1, 1], 5) + 0.03
+            still = speed <= np.percentile(speed[low], 50)
+            slope = np.arcsin(np.clip(-self.bones[:, toe, 1], -1, 1))
+            slopes.append(float(np.clip(np.median(slope[low & still]), 0, np.radians(60))))
+        for _, toe in feet:
+            slope = float(np.mean(slopes))
+            self.rest[toe] = (0.0, -np.sin(slope), np.cos(slope))
+        if "head" in self.skeleton.names and self.branches:
+            head = self.skeleton.names.index("head")
+            carried = np.median(self._local_bone(head, self.branches[-1]), axis=0)
+            lean = np.clip(np.arctan2(carried[2], carried[1]), -np.pi / 4, np.pi / 4)
+            self.rest[head] = (0.0, np.cos(lean), np.sin(lean))
 
     def _turn_limb(self, limb: Limb, parent: int) -> Float[np.ndarray, "frames 3 3"]:
         """Turns the upper bone so that the middle joint bends about its hinge."""
@@ -173,69 +210,6 @@ class _Solver:
 
     def _local_bone(self, joint: int, frame: int) -> Float[np.ndarray, "frames 3"]:
         return np.einsum("tij,ti->tj", self.world[frame], self.bones[:, joint])
-
-    def _fit_feet(self) -> None:
-        """Lets the foot slope in rest pose as it does while it stands flat on the floor."""
-        feet = [f for f in (self.skeleton.left_foot, self.skeleton.right_foot) if len(f) == 2]
-        slopes = [self._flat_slope(ankle, toe) for ankle, toe in feet]
-        for _, toe in feet:
-            slope = float(np.mean(slopes))
-            self.rest[toe] = (0.0, -np.sin(slope), np.cos(slope))
-
-    def _flat_slope(self, ankle: int, toe: int) -> float:
-        """Returns the foot's angle below the horizontal where it is low and still, radians."""
-        pair = self.joints[:, [ankle, toe]]
-        speed = np.abs(np.gradient(pair, axis=0)).sum((1, 2)) if len(pair) > 1 else np.zeros(1)
-        low = pair[:, 1, 1] < np.percentile(pair[:, 1, 1], 5) + 0.03
-        still = speed <= np.percentile(speed[low], 50)
-        slope = np.arcsin(np.clip(-self.bones[:, toe, 1], -1, 1))
-        return float(np.clip(np.median(slope[low & still]), 0, np.radians(60)))
-
-    def _fit_head(self) -> None:
-        """Takes as rest pose of the head how it is carried most of the time."""
-        if "head" not in self.skeleton.names or not self.branches:
-            return
-        head = self.skeleton.names.index("head")
-        carried = np.median(self._local_bone(head, self.branches[-1]), axis=0)
-        lean = np.clip(np.arctan2(carried[2], carried[1]), -np.pi / 4, np.pi / 4)
-        self.rest[head] = (0.0, np.cos(lean), np.sin(lean))
-
-    def _translations(self) -> Float[np.ndarray, "frames joints 3"] | None:
-        """Moves the joints around pelvis and chest where turning alone cannot reach them."""
-        offsets = self.rest * self.lengths[:, None]
-        moved = np.repeat(offsets[None], len(self.joints), axis=0)
-        for branch in self.branches:
-            for child in self.children[branch]:
-                moved[:, child] = self._local_bone(child, branch) * self.lengths[child]
-        error = np.linalg.norm(moved - offsets, axis=-1).max()
-        return moved if error > RIGID_TOLERANCE else None
-
-
-def _rest_directions(skeleton: Skeleton) -> Float[np.ndarray, "joints 3"]:
-    """Returns the bone directions of a T-pose."""
-    rest = unit(np.array(skeleton.offsets, dtype=np.float64))
-    for joint, name in enumerate(skeleton.names):
-        side = {"left": 1.0, "right": -1.0}.get(name.partition("_")[0], 0.0)
-        if name.endswith(("shoulder", "elbow", "wrist")):
-            rest[joint] = (side, 0, 0)
-        elif name.endswith("collar"):
-            rest[joint] = unit(np.array([side, 1.0, 0.0]))
-        elif (lean := _STRADDLE.get(name.rpartition("_")[2])) is not None:
-            rest[joint] = (side * np.sin(lean), -np.cos(lean), 0)
-        elif name in ("head", "neck"):
-            rest[joint] = (0, 1, 0)
-    return rest
-
-
-def _kabsch(
-    rest: Float[np.ndarray, "bones 3"],
-    seen: Float[np.ndarray, "frames bones 3"],
-    weights: Float[np.ndarray, " bones"],
-) -> Float[np.ndarray, "frames 3 3"]:
-    """Returns the rotations that best turn `rest` into `seen` (Kabsch 1976)."""
-    u, _, vt = np.linalg.svd(np.einsum("c,tci,cj->tij", weights, seen, rest))
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-    return u @ vt
 
 
 def _frame(

@@ -7,6 +7,7 @@ precision. Matrices act on column vectors from the left; angles are radians.
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any, Literal
 
 from jaxtyping import Float
@@ -15,7 +16,7 @@ from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 
 Layout = Literal["columns", "rows"]
-"""Which two vectors of a matrix its 6D form keeps: HumanML3D's columns or PyTorch3D's rows."""
+"""The two vectors of a matrix that its 6D form keeps: HumanML3D's columns or PyTorch3D's rows."""
 
 _SMALL = 1e-8
 """Below this squared sine or angle the Taylor series is exact to the last bit."""
@@ -58,7 +59,12 @@ def quaternion_between(
     length = xp.sqrt(xp.sum(a * a, axis=-1) * xp.sum(b * b, axis=-1))[..., None]
     w = length + xp.sum(a * b, axis=-1, keepdims=True)
     opposite = w <= length * 1e-6
-    axis = xp.where(opposite, _perpendicular(a + 0 * b), _cross(a, b))
+    # A perpendicular vector: the cross product with the axis, x or y, that `a` is farther from.
+    x, y, z = ((a + 0 * b)[..., n] for n in range(3))
+    with_x = xp.stack([0 * x, z, -y], axis=-1)
+    with_y = xp.stack([-z, 0 * y, x], axis=-1)
+    perpendicular = xp.where((abs(x) > abs(y))[..., None], with_y, with_x)
+    axis = xp.where(opposite, perpendicular, _cross(a, b))
     w = xp.where(opposite, xp.where(length > 0, 0 * w, 1 + 0 * w), w)
     return _normalize(xp.concat([w, axis], axis=-1))
 
@@ -127,7 +133,7 @@ def axis_angle_from_matrix(m: Float[Any, "*batch 3 3"]) -> Float[Any, "*batch 3"
     return q[..., 1:] * xp.where(small, 2 + square / 3, 2 * xp.atan2(sine, q[..., :1]) / sine)
 
 
-def matrix_from_euler(angles: Float[Any, "*batch turns"], order: str) -> Float[Any, "*batch 3 3"]:
+def matrix_from_euler(angles: Float[Any, "*batch axes"], order: str) -> Float[Any, "*batch 3 3"]:
     """Turns intrinsic Euler angles, as in BVH, into rotation matrices.
 
     Args:
@@ -143,11 +149,17 @@ def matrix_from_euler(angles: Float[Any, "*batch turns"], order: str) -> Float[A
             f"rotation order {order!r} for {angles.shape[-1]} angles; "
             "expected one of the letters X, Y, Z per angle, for example 'ZXY'"
         )
-    turns = [_turn(xp, axis, angles[..., n]) for n, axis in enumerate(order)]
-    matrix = turns[0]
-    for turn in turns[1:]:
-        matrix = xp.matmul(matrix, turn)
-    return matrix
+    matrices = []
+    for n, axis in enumerate(order):
+        angle = angles[..., n]
+        c, s, one, zero = xp.cos(angle), xp.sin(angle), 1 + 0 * angle, 0 * angle
+        rows = {
+            "X": [[one, zero, zero], [zero, c, -s], [zero, s, c]],
+            "Y": [[c, zero, s], [zero, one, zero], [-s, zero, c]],
+            "Z": [[c, -s, zero], [s, c, zero], [zero, zero, one]],
+        }[axis]
+        matrices.append(xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2))
+    return reduce(xp.matmul, matrices)
 
 
 def euler_from_matrix(m: Float[Any, "*batch 3 3"], order: str) -> Float[Any, "*batch 3"]:
@@ -224,22 +236,3 @@ def _cross(a: Float[Any, "*#batch 3"], b: Float[Any, "*#batch 3"]) -> Float[Any,
 def _normalize(v: Float[Any, "*batch n"]) -> Float[Any, "*batch n"]:
     xp = array_namespace(v)
     return v / xp.sqrt(xp.sum(v * v, axis=-1, keepdims=True))
-
-
-def _perpendicular(v: Float[Any, "*batch 3"]) -> Float[Any, "*batch 3"]:
-    """Crosses each vector with the axis that it is farthest from."""
-    xp = array_namespace(v)
-    x, y, z = (v[..., n] for n in range(3))
-    with_x = xp.stack([0 * x, z, -y], axis=-1)
-    with_y = xp.stack([-z, 0 * y, x], axis=-1)
-    return xp.where((abs(x) > abs(y))[..., None], with_y, with_x)
-
-
-def _turn(xp: Any, axis: str, angle: Float[Any, "*batch"]) -> Float[Any, "*batch 3 3"]:
-    c, s, one, zero = xp.cos(angle), xp.sin(angle), 1 + 0 * angle, 0 * angle
-    rows = {
-        "X": [[one, zero, zero], [zero, c, -s], [zero, s, c]],
-        "Y": [[c, zero, s], [zero, one, zero], [-s, zero, c]],
-        "Z": [[c, -s, zero], [s, c, zero], [zero, zero, one]],
-    }[axis]
-    return xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2)

@@ -5,6 +5,7 @@ Axes are right-handed with y up; a body in rest pose faces +z, its left side is 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +20,7 @@ class Skeleton:
     """A tree of joints in rest pose. A parent always comes before its children."""
 
     name: str
-    """What it is called, e.g. `humanml3d`."""
+    """Its name, e.g. `humanml3d`."""
     names: tuple[str, ...]
     """One name per joint."""
     parents: tuple[int, ...]
@@ -31,7 +32,7 @@ class Skeleton:
     right_foot: tuple[int, ...] = ()
     """Joints of the right foot that touch the floor (ankle, toe)."""
     end_sites: tuple[int, ...] = ()
-    """Joints that are only the tips of bones (BVH's `End Site`) and never rotate."""
+    """Joints that are only tips of bones (BVH's `End Site`) and never rotate."""
 
     def __len__(self) -> int:
         return len(self.names)
@@ -39,7 +40,9 @@ class Skeleton:
     @property
     def mirror(self) -> tuple[int, ...]:
         """For each joint the index of its counterpart on the other side, by name."""
-        return tuple(self.names.index(_other_side(name)) for name in self.names)
+        other = {"left": "right", "right": "left"}
+        mirrored = [re.sub("^(left|right)", lambda m: other[m[0]], name) for name in self.names]
+        return tuple(self.names.index(name) for name in mirrored)
 
     def children(self, joint: int) -> tuple[int, ...]:
         """Returns the joints whose parent is `joint`."""
@@ -56,7 +59,7 @@ class Skeleton:
     def world_rotations(
         self, rotations: Float[np.ndarray, "*batch joints 3 3"]
     ) -> Float[np.ndarray, "*batch joints 3 3"]:
-        """Turns rotations relative to the parents into rotations in the world, float64."""
+        """Converts rotations relative to the parents to rotations in the world, float64."""
         world = np.array(rotations, dtype=np.float64)
         for joint, parent in list(enumerate(self.parents))[1:]:
             world[..., joint, :, :] = world[..., parent, :, :] @ rotations[..., joint, :, :]
@@ -65,7 +68,7 @@ class Skeleton:
     def local_rotations(
         self, world: Float[np.ndarray, "*batch joints 3 3"]
     ) -> Float[np.ndarray, "*batch joints 3 3"]:
-        """Turns rotations in the world into rotations relative to the parents."""
+        """Converts rotations in the world to rotations relative to the parents."""
         above = world[..., list(self.parents[1:]), :, :]
         local = world.copy()
         local[..., 1:, :, :] = np.swapaxes(above, -1, -2) @ world[..., 1:, :, :]
@@ -77,7 +80,7 @@ class Skeleton:
         root_positions: Float[Any, "*batch 3"],
         translations: Float[Any, "*batch joints 3"] | None = None,
     ) -> Float[Any, "*batch joints 3"]:
-        """Turns local rotations into joint positions.
+        """Computes joint positions from local rotations.
 
         Args:
             rotations: Rotation of each joint relative to its parent; identity is the rest pose.
@@ -96,13 +99,6 @@ class Skeleton:
             positions.append(positions[parent] + step)
             world.append(xp.matmul(world[parent], rotations[..., joint, :, :]))
         return xp.stack(positions, axis=-2)
-
-
-def _other_side(name: str) -> str:
-    for side, other in (("left", "right"), ("right", "left")):
-        if name.startswith(side):
-            return other + name.removeprefix(side)
-    return name
 
 
 def _from_lengths(
@@ -186,8 +182,8 @@ _MIDDLE = {
 
 
 def _rest_offset(name: str) -> tuple[float, float, float]:
-    side, _, part = name.partition("_")
-    x, y, z = _MIDDLE[name] if name in _MIDDLE else _SIDE[part]
+    side, _, joint = name.partition("_")
+    x, y, z = _MIDDLE[name] if name in _MIDDLE else _SIDE[joint]
     return (-x if side == "right" else x, y, z)
 
 

@@ -1,6 +1,6 @@
-"""SMPL: model files that users bring, and a surface that follows bones (Loper et al., 2015).
+"""SMPL: model files that users bring, and their skinned surface (Loper et al., 2015).
 
-None ships with this package: SMPL is free for research alone; get it, under its own terms, from
+None ships with this package: SMPL is free for research only; get it, under its own terms, from
 https://smpl.is.tue.mpg.de (neutral model, SMPL_NEUTRAL.pkl). A file is `.npz`, or `.pkl` of plain
 NumPy arrays:
 
@@ -12,9 +12,9 @@ Linear blend skinning, section 3 of the paper:
     shaped   = template + shape_directions β                                  (vertices, 3)
     joints   = joint_regressor shaped                                         (joints, 3)
     posed    = shaped + pose_directions vec(R_1 - I, …, R_J-1 - I)
-    vertex i = Σ_j weights_ij (W_j (posed_i - joints_j) + place_j)
+    vertex i = Σ_j weights_ij (W_j (posed_i - joints_j) + p_j)
 
-W_j and place_j are the rotation and place of joint j in the world, by forward kinematics.
+W_j and p_j are the rotation and position of joint j in the world, by forward kinematics.
 """
 
 from __future__ import annotations
@@ -50,27 +50,27 @@ _HOW = "bring a SMPL model file as .npz or .pkl from https://smpl.is.tue.mpg.de"
 
 @dataclass(frozen=True, eq=False)
 class SkinnedBody:
-    """A surface and how it follows its bones; NumPy or PyTorch arrays."""
+    """A skinned surface; NumPy or PyTorch arrays."""
 
     template: Float[Any, "vertices 3"]
     """The surface in rest pose, meters, y up."""
     shape_directions: Float[Any, "vertices 3 shapes"]
-    """How the surface changes with each number of the shape."""
+    """Change of the surface per unit of each shape parameter."""
     pose_directions: Float[Any, "vertices 3 bends"]
-    """How it changes with each entry of R - I of the joints but the root, row by row."""
+    """Change per unit of each entry of R - I of all joints but the root, row by row."""
     joint_regressor: Float[Any, "joints vertices"]
-    """Which mean of vertices each joint is."""
+    """Each joint as a weighted mean of vertices."""
     weights: Float[Any, "vertices joints"]
-    """How much each vertex follows each joint; rows sum to 1."""
+    """Skinning weights; rows sum to 1."""
     parents: tuple[int, ...]
     """Index of each joint's parent; -1 for the root, which is joint 0."""
 
     def like(self, array: Any) -> SkinnedBody:
         """Returns the body as arrays of another one's library, precision and device."""
-        xp, parts = array_namespace(array), dict(vars(self))
-        parents = parts.pop("parents")
+        xp, arrays = array_namespace(array), dict(vars(self))
+        parents = arrays.pop("parents")
         kind = {"dtype": array.dtype, "device": device(array)}
-        return SkinnedBody(**{k: xp.asarray(v, **kind) for k, v in parts.items()}, parents=parents)
+        return SkinnedBody(**{k: xp.asarray(v, **kind) for k, v in arrays.items()}, parents=parents)
 
     def shaped(self, shape: Float[Any, " shapes"] | None = None) -> Float[Any, "vertices 3"]:
         """Returns the surface in rest pose; by default that of the mean person."""
@@ -80,7 +80,7 @@ class SkinnedBody:
         return self.template + xp.sum(self.shape_directions * shape, axis=-1)
 
     def rest_joints(self, shape: Float[Any, " shapes"] | None = None) -> Float[Any, "joints 3"]:
-        """Returns where the joints are in rest pose."""
+        """Returns the joint positions in rest pose, meters."""
         return self.joint_regressor @ self.shaped(shape)
 
     def posed(
@@ -94,41 +94,25 @@ class SkinnedBody:
         """
         xp = array_namespace(self.template, rotations)
         joints = self.rest_joints(shape)
-        world, places = _kinematics(rotations, joints, self.parents)
-        shifts = places - xp.sum(world * joints[:, None, :], axis=-1)
-        moves = xp.concat([world, shifts[..., None]], axis=-1)  #  (…, joints, 3, 4)
-        blended = self.weights @ xp.reshape(moves, (*moves.shape[:-2], 12))
+        turned = [rotations[..., 0, :, :]]
+        placed = [joints[0] + xp.zeros_like(rotations[..., 0, :, 0])]
+        for joint, parent in list(enumerate(self.parents))[1:]:
+            offset = joints[joint] - joints[parent]
+            placed.append(placed[parent] + xp.sum(turned[parent] * offset, axis=-1))
+            turned.append(turned[parent] @ rotations[..., joint, :, :])
+        world, positions = xp.stack(turned, axis=-3), xp.stack(placed, axis=-2)
+        shifts = positions - xp.sum(world * joints[:, None, :], axis=-1)
+        transforms = xp.concat([world, shifts[..., None]], axis=-1)  #  (…, joints, 3, 4)
+        blended = self.weights @ xp.reshape(transforms, (*transforms.shape[:-2], 12))
         blended = xp.reshape(blended, (*blended.shape[:-1], 3, 4))
-        surface = self.shaped(shape) + self._bulges(rotations)
-        return xp.sum(blended[..., :3] * surface[..., None, :], axis=-1) + blended[..., 3]
-
-    def _bulges(
-        self, rotations: Float[Any, "*batch joints 3 3"]
-    ) -> Float[Any, "*batch vertices 3"]:
-        xp = array_namespace(self.template, rotations)
-        bends = rotations[..., 1:, :, :] - xp.eye(
-            3, dtype=rotations.dtype, device=device(rotations)
-        )
+        identity = xp.eye(3, dtype=rotations.dtype, device=device(rotations))
+        bends = rotations[..., 1:, :, :] - identity
         bends = xp.reshape(bends, (*bends.shape[:-3], -1))
         count = self.pose_directions.shape[-1]
-        moved = bends @ xp.reshape(self.pose_directions, (-1, count)).T
-        return xp.reshape(moved, (*moved.shape[:-1], -1, 3))
-
-
-def _kinematics(
-    rotations: Float[Any, "*batch joints 3 3"],
-    joints: Float[Any, "joints 3"],
-    parents: tuple[int, ...],
-) -> tuple[Float[Any, "*batch joints 3 3"], Float[Any, "*batch joints 3"]]:
-    """Returns rotation and place of each joint in the world."""
-    xp = array_namespace(rotations, joints)
-    world = [rotations[..., 0, :, :]]
-    places = [joints[0] + xp.zeros_like(rotations[..., 0, :, 0])]
-    for joint, parent in list(enumerate(parents))[1:]:
-        offset = joints[joint] - joints[parent]
-        places.append(places[parent] + xp.sum(world[parent] * offset, axis=-1))
-        world.append(world[parent] @ rotations[..., joint, :, :])
-    return xp.stack(world, axis=-3), xp.stack(places, axis=-2)
+        correctives = bends @ xp.reshape(self.pose_directions, (-1, count)).T
+        correctives = xp.reshape(correctives, (*correctives.shape[:-1], -1, 3))
+        surface = self.shaped(shape) + correctives
+        return xp.sum(blended[..., :3] * surface[..., None, :], axis=-1) + blended[..., 3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +141,27 @@ def load_smpl(path: str | Path) -> SmplModel:
         FileFormatError: It is missing, damaged, holds chumpy's arrays or is not of SMPL's shapes.
     """
     arrays = {name: np.asarray(value) for name, value in _content(Path(path)).items()}
-    _check(path, arrays)
+    sizes: dict[str | int, int] = {}
+    for name, shape in _SHAPES.items():
+        if arrays[name].dtype.kind not in "fiu":
+            raise FileFormatError(
+                path, f"{name} holds {arrays[name].dtype}, expected numbers; {_HOW}"
+            )
+        found = arrays[name].shape
+        pairs = zip(shape, found, strict=False)
+        expected = tuple(sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in pairs)
+        if len(found) != len(shape) or found != expected:
+            raise FileFormatError(
+                path, f"{name} has the shape {found}, expected {shape}; {_HOW} (SMPL, not SMPL-X)"
+            )
+        if not np.isfinite(arrays[name]).all():
+            raise FileFormatError(path, f"{name} holds numbers that are not finite; {_HOW}")
+    if arrays["f"].size and arrays["f"].max() >= sizes["V"]:
+        raise FileFormatError(path, f"a triangle names vertex {arrays['f'].max()} of {sizes['V']}")
+    # The root's parent is the largest unsigned number, which is -1.
+    parents = (-1, *(int(parent) for parent in arrays["kintree_table"][0, 1:]))
+    if parents != BODY.parents:
+        raise FileFormatError(path, f"joints with the parents {parents}, expected {BODY.parents}")
     floats = {name: arrays[name].astype(np.float32) for name in _SHAPES if name in arrays}
     body = SkinnedBody(
         template=floats["v_template"],
@@ -165,7 +169,7 @@ def load_smpl(path: str | Path) -> SmplModel:
         pose_directions=floats["posedirs"],
         joint_regressor=floats["J_regressor"],
         weights=floats["weights"],
-        parents=_parents(path, arrays["kintree_table"]),
+        parents=parents,
     )
     return SmplModel(body, arrays["f"].astype(np.int64), sha256(path))
 
@@ -190,31 +194,3 @@ def _content(path: Path) -> Mapping[str, Any]:
         found = ", ".join(map(str, content)) or "nothing"
         raise FileFormatError(path, f"lacks {', '.join(missing)}; found {found}; {_HOW}")
     return {name: content[name] for name in _SHAPES}
-
-
-def _check(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
-    sizes: dict[str | int, int] = {}
-    for name, shape in _SHAPES.items():
-        if arrays[name].dtype.kind not in "fiu":
-            raise FileFormatError(
-                path, f"{name} holds {arrays[name].dtype}, expected numbers; {_HOW}"
-            )
-        found = arrays[name].shape
-        pairs = zip(shape, found, strict=False)
-        wanted = tuple(sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in pairs)
-        if len(found) != len(shape) or found != wanted:
-            raise FileFormatError(
-                path, f"{name} has the shape {found}, expected {shape}; {_HOW} (SMPL, not SMPL-X)"
-            )
-        if not np.isfinite(arrays[name]).all():
-            raise FileFormatError(path, f"{name} holds numbers that are not finite; {_HOW}")
-    if arrays["f"].size and arrays["f"].max() >= sizes["V"]:
-        raise FileFormatError(path, f"a triangle names vertex {arrays['f'].max()} of {sizes['V']}")
-
-
-def _parents(path: str | Path, table: np.ndarray) -> tuple[int, ...]:
-    # The root's parent is the largest unsigned number, which is -1.
-    parents = (-1, *(int(parent) for parent in table[0, 1:]))
-    if parents != BODY.parents:
-        raise FileFormatError(path, f"joints with the parents {parents}, expected {BODY.parents}")
-    return parents

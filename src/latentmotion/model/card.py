@@ -1,33 +1,50 @@
-"""model.json: all that a trained model's folder says of itself, typed, readable without PyTorch."""
+"""Model folders: finding one by name, path or hub id, and reading its card, `model.json`.
+
+A hub id is `owner/name`, or `owner/name@revision` for a branch, tag or commit of a repository on
+the Hugging Face Hub. Of a repository only the files of a model folder are downloaded, and none of
+them is unpickled. `HF_ENDPOINT` names another server than huggingface.co, and `HF_TOKEN` a user;
+both as `huggingface_hub` documents them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from latentmotion.condition.task import (
-    TASKS,
-    ActionTask,
-    Task,
-    TaskName,
-    TextTask,
-    UnconditionalTask,
-)
-from latentmotion.diffusion.leaps import Leaps
-from latentmotion.diffusion.prediction import Epsilon, Sample, Velocity
-from latentmotion.diffusion.sampler import SamplerName
+from latentmotion.condition.interface import Condition, TextEncoder
+from latentmotion.condition.task import ActionTask, TaskName, TextTask, UnconditionalTask
+from latentmotion.diffusion.few_step import FewStepConfig
+from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
-from latentmotion.errors import InputError, ModelError
+from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.model.vae_config import LatentSpace, VAEConfig
-from latentmotion.storage.configuration import from_json, read_plain, to_json, write_json
+from latentmotion.model.version_1 import upgraded_card
+from latentmotion.storage.configuration import from_json, read_plain, write_json
 
-FORMAT = 1
-"""Version of model.json that this code writes and reads."""
+FORMAT = 2
+"""Version of model.json that this code writes; it reads version 1 too."""
 
 CARD_FILE = "model.json"
+TEXT_GRAPH_FILE = "text_encoder.onnx"
+TOKENIZER_FILE = "tokenizer.json"
+LENGTHS_FILE = "lengths.safetensors"
+"""Files of a model folder; those of the text encoder may be in the folder of another model."""
+
+DEFAULT = "fast"
+"""The model that generates by default: `starter`, distilled to few steps."""
+
+HUB_FILES = ("*.json", "*.onnx", "*.safetensors", "LICENSE*", "README.md")
+"""Patterns of the files of a model folder: card, tokenizer, graphs, weights and documentation."""
+
+_SHIPPED = Path(__file__).parents[1] / "models"
+"""Folder of the models inside the package, each a folder."""
+
+_HUB_ID = re.compile(r"(?P<repository>\w[\w.-]*/\w[\w.-]*)(@(?P<revision>\w[\w./-]*))?", re.ASCII)
 
 GraphPrecision = Literal["float32", "int8"]
 """Precision of matrix products; weights of float32 graphs are kept in 16 bits."""
@@ -69,7 +86,7 @@ class ModelCard:
     """Shape and scale of the latents."""
     schedule: ScaledLinear | Cosine | LinearPath
     """Noise schedule."""
-    prediction: Epsilon | Sample | Velocity
+    parametrization: Epsilon | Sample | Velocity
     """What the denoiser predicts."""
     vae: VAEConfig
     """Configuration of the VAE."""
@@ -77,12 +94,8 @@ class ModelCard:
     """Configuration of the denoiser; None where only the first stage is trained."""
     condition: TextTask | ActionTask | UnconditionalTask
     """Its task: which text encoder, which labels; empty where no denoiser is trained."""
-    steps: int = 50
-    """Default number of sampling steps."""
-    guidance: float = 1.0
-    """Default guidance scale."""
-    sampler: SamplerName = "ddim"
-    """Default sampler."""
+    sampling: Sampling = field(default_factory=lambda: Sampling(guidance=1.0))
+    """Default sampling settings."""
     frames: tuple[int, int] = (16, 196)
     """Shortest and longest motion it was trained on, in frames."""
     precision: GraphPrecision = "float32"
@@ -107,19 +120,14 @@ class ModelCard:
         """
         if self.denoiser is None:
             return True
-        behind = self.denoiser.places == "latents_first"
+        behind = self.denoiser.positions == "latents_first"
         over_time = self.latents.frames_per_token is not None
-        return not (self.denoiser.sees_padding or (behind and over_time))
+        return not (self.denoiser.attends_to_padding or (behind and over_time))
 
     @property
-    def leaps(self) -> Leaps | None:
-        """What a distilled model, which takes guidance as an input, may be asked for; else None."""
-        return self.denoiser.leaps if self.denoiser else None
-
-    @property
-    def sampling(self) -> Sampling:
-        """How it is sampled where nothing else is asked."""
-        return Sampling(self.steps, self.guidance, self.sampler)
+    def few_step(self) -> FewStepConfig | None:
+        """Step counts and guidance scales of a distilled model; None for any other."""
+        return self.denoiser.few_step if self.denoiser else None
 
     @property
     def trained_denoiser(self) -> DenoiserConfig:
@@ -132,9 +140,17 @@ class ModelCard:
             raise ModelError(f"model {self.name!r} lacks a denoiser; train both stages first")
         return self.denoiser
 
+    def prompt_condition(self, encoder: Callable[[], TextEncoder]) -> Condition:
+        """Returns the condition of the model's prompts.
+
+        Args:
+            encoder: Returns the text encoder; called if prompts are sentences.
+        """
+        return self.condition.condition(self.trained_denoiser.condition_width, encoder)
+
     def write(self, folder: Path) -> None:
         """Writes `model.json` into `folder`."""
-        write_json(folder / CARD_FILE, _in_version_1(self))
+        write_json(folder / CARD_FILE, self)
 
 
 def read_card(folder: Path) -> ModelCard:
@@ -150,60 +166,129 @@ def read_card(folder: Path) -> ModelCard:
         data = read_plain(path)
     except InputError as error:
         raise ModelError(str(error)) from error
+    version = data.get("format", 1) if isinstance(data, Mapping) else FORMAT
+    if version not in (1, FORMAT):
+        raise ModelError(f"{path}: format {version}, expected {FORMAT}; update latentmotion")
     try:
-        card = from_json(ModelCard, _from_version_1(data))
+        return from_json(ModelCard, upgraded_card(data) if version == 1 else data)
     except InputError as error:
         raise ModelError(f"{path}: {error}") from error
-    if card.format != FORMAT:
-        raise ModelError(f"{path}: format {card.format}, expected {FORMAT}; update latentmotion")
-    return card
 
 
-def _in_version_1(card: ModelCard) -> dict[str, Any]:
-    """Returns a card as its file has it: conditions are told by words, an untrained part is {}."""
-    data = to_json(card)
-    data = {"kind": data.pop("kind"), "name": data.pop("name"), "task": card.task, **data}
-    if card.denoiser is None:
-        return {**data, "denoiser": {}, "condition": {}}
-    condition = {key: value for key, value in data["condition"].items() if key != "kind"}
-    if not card.condition.reads_text:
-        condition = {"kind": card.task, **condition}
-    return {**data, "condition": condition}
+def shipped_models() -> tuple[str, ...]:
+    """Returns the names of the models inside the package."""
+    # A folder that begins with a dot is still being written.
+    return tuple(sorted(c.parent.name for c in _SHIPPED.glob(f"[!.]*/{CARD_FILE}")))
 
 
-def _from_version_1(data: Any) -> Any:
-    """Returns a file's content with the classes named that it leaves out.
+def find_model(model: str | Path) -> Path:
+    """Returns the folder of a model, given a name such as `starter`, a folder or a run folder.
 
     Raises:
-        InputError: The task is missing or unknown.
+        ModelError: There is no such model; the message names the nearest.
     """
-    if not isinstance(data, Mapping):
-        return data
-    read = dict(data)
-    if "task" not in read:
-        raise InputError("missing key 'task'")
-    task = read.pop("task")
-    if task not in TASKS:
-        raise InputError(f"task: expected one of {', '.join(TASKS)}, found {task!r}")
-    if read.get("denoiser") == {}:
-        read["denoiser"] = None
-    if read.get("vae") == {} and isinstance(read.get("latents"), Mapping):
-        # A converted diffusion on raw frames.
-        read["vae"] = {"kind": "IdentityVAEConfig", "features": read["latents"].get("width")}
-    if isinstance(read.get("condition"), Mapping):
-        read["condition"] = _condition_from_version_1(TASKS[task], read)
-    return read
+    if str(model) in shipped_models():
+        return _SHIPPED / str(model)
+    if Path(model).is_dir():
+        inside = Path(model) / "model"  # where a training run puts it
+        return inside if (inside / CARD_FILE).is_file() else Path(model)
+    raise ModelError(
+        f"no model {str(model)!r}, neither by name nor as a folder; "
+        f"{hint(str(model), shipped_models())}"
+    )
 
 
-def _condition_from_version_1(task: type[Task], read: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the condition with its class; actions that were converted without names get numbers.
+def is_hub_id(model: str | Path) -> bool:
+    """Returns whether a model's name looks like `owner/name` and there is no such folder here."""
+    return isinstance(model, str) and bool(_HUB_ID.fullmatch(model)) and not Path(model).exists()
 
-    Old conversions kept the number of actions, which the denoiser has as well.
+
+def download(model: str) -> Path:
+    """Downloads a model folder, or finds it in huggingface_hub's cache; returns the folder.
+
+    Args:
+        model: Its hub id.
+
+    Raises:
+        MissingExtraError: `huggingface_hub` is not installed.
+        ModelError: There is no such model on the hub, or the hub cannot be reached.
     """
-    condition = {**read["condition"], "kind": task.__name__}
-    denoiser = read.get("denoiser")
-    if task is ActionTask and isinstance(denoiser, Mapping):
-        condition.pop("classes", None)
-        width = denoiser.get("condition_width", 0)
-        condition["labels"] = condition.get("labels") or [str(n) for n in range(width)]
-    return condition
+    try:
+        from huggingface_hub import snapshot_download
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(
+            f"the model {model!r} on the hub", "huggingface_hub", "hub"
+        ) from error
+    found = _HUB_ID.fullmatch(model)
+    assert found is not None  # the caller asked `is_hub_id`
+    try:
+        folder = snapshot_download(
+            found["repository"],
+            revision=found["revision"],
+            allow_patterns=list(HUB_FILES),
+            ignore_patterns="*/*",
+            endpoint=os.environ.get("HF_ENDPOINT"),
+        )
+    except Exception as error:  # huggingface_hub's errors, and those of its HTTP library
+        raise ModelError(
+            f"no model {model!r}: there is no such folder here, and from the hub it cannot be "
+            f"downloaded: {error}"
+        ) from error
+    return Path(folder)
+
+
+def text_encoder_folder(card: ModelCard, folder: Path) -> Path | None:
+    """Returns the folder with a model's text encoder: its own, else a shipped model's, else None.
+
+    Args:
+        card: The model's card, which names the text encoder.
+        folder: The model's folder.
+    """
+    if (folder / TEXT_GRAPH_FILE).is_file():
+        return folder
+    for name in shipped_models():
+        shipped = _SHIPPED / name
+        if not (shipped / TEXT_GRAPH_FILE).is_file():
+            continue
+        if read_card(shipped).condition.text_encoder == card.condition.text_encoder:
+            return shipped
+    return None
+
+
+def find_text_encoder(card: ModelCard, folder: Path) -> tuple[Path, Path]:
+    """Returns graph and tokenizer of a model's text encoder.
+
+    Raises:
+        ModelError: One of them is missing.
+    """
+    return text_encoder_files(text_encoder_folder(card, folder) or folder)
+
+
+def text_encoder_files(folder: Path) -> tuple[Path, Path]:
+    """Returns graph and tokenizer of the text encoder in a folder.
+
+    Raises:
+        ModelError: One of them is missing.
+    """
+    graph, tokenizer = folder / TEXT_GRAPH_FILE, folder / TOKENIZER_FILE
+    for path in (graph, tokenizer):
+        if not path.is_file():
+            raise ModelError(
+                f"{path} is missing; a text encoder needs {TEXT_GRAPH_FILE} and {TOKENIZER_FILE}: "
+                "copy the model's folder again or run latentmotion train text-encoder"
+            )
+    return graph, tokenizer
+
+
+def lengths_file(card: ModelCard, folder: Path) -> Path | None:
+    """Returns the file that predicts lengths, of a model's folder or of its text encoder's.
+
+    Args:
+        card: The model's card.
+        folder: The model's folder.
+    """
+    if not card.condition.reads_text:
+        return None
+    folders = folder, text_encoder_folder(card, folder) or folder
+    files = (candidate / LENGTHS_FILE for candidate in folders)
+    return next((file for file in files if file.is_file()), None)

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from latentmotion.diffusion.leaps import Leaps
-from latentmotion.diffusion.sampler import SamplerName
+from latentmotion.diffusion.few_step import FewStepConfig
+from latentmotion.diffusion.guidance import GuidanceRule
+from latentmotion.diffusion.samplers import SamplerName
 
 PositionKind = Literal["learned", "sine"]
 """Position tables learned as in the paper, or sines as in ACTOR."""
@@ -72,7 +73,7 @@ class DenoiserConfig:
     """Whether words are tokens of their own, or added to the time's as in MDM."""
     attention: Literal["in_context", "cross"] = "in_context"
     """How latents meet the context."""
-    places: Literal["separate", "latents_first", "context_first"] = "separate"
+    positions: Literal["separate", "latents_first", "context_first"] = "separate"
     """Which positions share a table."""
     position: PositionKind = "learned"
     """Kind of position table."""
@@ -82,10 +83,11 @@ class DenoiserConfig:
     """Multiplies the time: 1 for discrete times, 1000 for times in 0 .. 1."""
     length_token: bool = False
     """Whether the network is told the number of real latent tokens."""
-    sees_padding: bool = False
+    attends_to_padding: bool = False
     """Whether attention sees padded latents, a quirk of the authors' diffusion on raw frames."""
-    leaps: Leaps | None = None
-    """The leaps of a distilled model, which is told guidance and stride; null for any other."""
+    few_step: FewStepConfig | None = None
+    """Step counts of a distilled model, which has guidance and step size as inputs; null for any
+    other."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,8 @@ class Sampling:
     """Guidance scale (paper eq. 6)."""
     sampler: SamplerName = "ddim"
     """Rule of a sampling step."""
+    guidance_rule: GuidanceRule = "classifier_free"
+    """Kind of guidance; a distilled model learned it from its teacher."""
 
     def but(
         self,

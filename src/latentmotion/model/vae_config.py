@@ -65,7 +65,7 @@ class MotionVAEConfig(ABC):
             layers: New numbers of a transformer's layers by the old.
         """
 
-    def fitted(self: Config, features: int, frames: int) -> Config:
+    def for_data(self: Config, features: int, frames: int) -> Config:
         """Returns the configuration for so many features, and motions of at most so many frames."""
         return replace(self, features=features)  # type: ignore[type-var, call-arg]
 
@@ -179,7 +179,7 @@ class VPoserTConfig(MotionVAEConfig):
         """Returns the same with a latent token of so many numbers, and twice that inside."""
         return replace(self, hidden=2 * width, width=width, dropout=0.0)
 
-    def fitted(self, features: int, frames: int) -> VPoserTConfig:
+    def for_data(self, features: int, frames: int) -> VPoserTConfig:
         """Returns the same with `frames` as the one length."""
         return replace(self, features=features, frames=frames)
 

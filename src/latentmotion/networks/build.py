@@ -13,22 +13,6 @@ from typing import Any, overload
 import torch
 from torch import nn
 
-from latentmotion.baselines.vposer_t import VPoserT
-from latentmotion.diffusion.context import (
-    AcrossContext,
-    ContextFirst,
-    InContext,
-    LatentsFirst,
-    LeapEmbedding,
-    NoLeap,
-    NumbersThenWords,
-    SeePadding,
-    SeparatePlaces,
-    TimeAndLengthTokens,
-    TimeToken,
-    WordsAddedToTime,
-)
-from latentmotion.diffusion.denoiser import Denoiser
 from latentmotion.model.config import DenoiserConfig, PositionKind, TransformerConfig
 from latentmotion.model.vae_config import (
     ConvolutionalVAEConfig,
@@ -39,10 +23,24 @@ from latentmotion.model.vae_config import (
     VAEConfig,
     VPoserTConfig,
 )
-from latentmotion.nn.attention import CrossAttention, SelfAttention
-from latentmotion.nn.position import LearnedPosition, SinePosition
-from latentmotion.nn.timestep import NumberEmbedding
-from latentmotion.nn.transformer import (
+from latentmotion.networks.attention import CrossAttention, SelfAttention
+from latentmotion.networks.context import (
+    AcrossContext,
+    AttendToPadding,
+    ContextFirst,
+    InContext,
+    LatentsFirst,
+    NoStepEmbedding,
+    NumbersThenWords,
+    SeparatePositions,
+    StepEmbedding,
+    TimeAndLengthTokens,
+    TimeToken,
+    WordsAddedToTime,
+)
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.embeddings import LearnedPosition, NumberEmbedding, SinePosition
+from latentmotion.networks.transformer import (
     DecoderLayer,
     EncoderLayer,
     FeedForward,
@@ -52,19 +50,27 @@ from latentmotion.nn.transformer import (
     Stack,
     initialize,
 )
-from latentmotion.vae.convolutional import ConvolutionalVAE
-from latentmotion.vae.convolutions import (
+from latentmotion.networks.vae.convolutional import (
     Chain,
+    ConvolutionalVAE,
     Double,
     Halve,
     MaskedConvolution,
     ResidualBlock,
     Unfold,
 )
-from latentmotion.vae.frame_decoders import STRIDE, CrossDecoder, JointDecoder, TwoRateDecoder
-from latentmotion.vae.identity import IdentityVAE
-from latentmotion.vae.interface import MotionVAE
-from latentmotion.vae.transformer import LinearDistribution, TokenDistribution, TransformerVAE
+from latentmotion.networks.vae.identity import IdentityVAE
+from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.networks.vae.transformer import (
+    STRIDE,
+    CrossDecoder,
+    JointDecoder,
+    LinearDistribution,
+    TokenDistribution,
+    TransformerVAE,
+    TwoRateDecoder,
+)
+from latentmotion.networks.vae.vposer import VPoserT
 
 
 @overload
@@ -149,26 +155,25 @@ def _transformer_vae(config: TransformerVAEConfig) -> TransformerVAE:
         frames_in=nn.Linear(config.features, width),
         frames_out=nn.Linear(width, config.features),
         summary=torch.randn(config.tokens * (2 if own_tokens else 1), width),
-        place=position(config.position, width, config.transformer.dropout),
+        position=position(config.position, width, config.transformer.dropout),
         encoder=encoder_stack(config.transformer),
         distribution=TokenDistribution() if own_tokens else LinearDistribution(latent),
         decoder=_frame_decoder(config),
-        tokens=config.tokens,
         narrow=nn.Linear(width, latent) if adapted else nn.Identity(),
         widen=nn.Linear(latent, width) if adapted else nn.Identity(),
-        latent_width=latent,
+        latents=config.latent_space(),
     )
 
 
 def _frame_decoder(config: TransformerVAEConfig) -> nn.Module:
     whole, fine = config.transformer, config.fine_layers
-    place = position(config.position, whole.width, whole.dropout)
+    queries = position(config.position, whole.width, whole.dropout)
     if config.decoding == "joint":
-        return JointDecoder(place, encoder_stack(whole))
+        return JointDecoder(queries, encoder_stack(whole))
     if config.decoding == "cross":
-        return CrossDecoder(place, decoder_stack(whole))
+        return CrossDecoder(queries, decoder_stack(whole))
     return TwoRateDecoder(
-        place=place,
+        position=queries,
         coarse=decoder_stack(replace(whole, layers=whole.layers - fine)),
         unfold=nn.Linear(whole.width, STRIDE * whole.width),
         fine=decoder_stack(replace(whole, layers=fine, skips=False)),
@@ -226,10 +231,12 @@ def _denoiser(config: DenoiserConfig) -> Denoiser:
         condition_in=_condition_projection(config),
         numbers=_numbers(config),
         joining=WordsAddedToTime() if config.words == "added_to_time" else NumbersThenWords(),
-        places=_places(config),
+        positions=_positions(config),
         body=_body(config),
-        padding=SeePadding() if config.sees_padding else nn.Identity(),
-        leaps=LeapEmbedding(config.sine_width, width) if config.leaps else NoLeap(),
+        padding=AttendToPadding() if config.attends_to_padding else nn.Identity(),
+        step_embedding=StepEmbedding(config.sine_width, width)
+        if config.few_step
+        else NoStepEmbedding(),
     )
 
 
@@ -253,12 +260,14 @@ def _numbers(config: DenoiserConfig) -> nn.Module:
     return TimeAndLengthTokens(time, NumberEmbedding(config.sine_width, width))
 
 
-def _places(config: DenoiserConfig) -> nn.Module:
+def _positions(config: DenoiserConfig) -> nn.Module:
     width, dropout = config.transformer.width, config.transformer.dropout
     tables: list[Any] = [position(config.position, width, dropout) for _ in range(2)]
-    if config.places == "separate":
-        return SeparatePlaces(*tables)
-    return {"latents_first": LatentsFirst, "context_first": ContextFirst}[config.places](tables[0])
+    if config.positions == "separate":
+        return SeparatePositions(*tables)
+    return {"latents_first": LatentsFirst, "context_first": ContextFirst}[config.positions](
+        tables[0]
+    )
 
 
 def _body(config: DenoiserConfig) -> nn.Module:

@@ -1,4 +1,4 @@
-"""A camera: points in the world → pixels, by a pinhole; and where it stands to see a motion well.
+"""A pinhole camera: points in the world → pixels; and cameras that see a motion well.
 
 pixel = middle + focal · (right·p, −up·p) / (ahead·p),   p relative to the eye
 """
@@ -15,7 +15,7 @@ from latentmotion.arrays import unit
 from latentmotion.motion import Motion
 
 _SHORT = 0.8
-"""Meters of path below which a motion counts as on the spot."""
+"""Meters of path below which a motion counts as in place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +23,9 @@ class Camera:
     """A pinhole that looks at a point."""
 
     eye: Float[np.ndarray, " width"]
-    """Where it stands, meters."""
+    """Its position, meters."""
     target: Float[np.ndarray, " width"]
-    """What it looks at: the middle of the picture, meters."""
+    """The point it looks at, in the middle of the picture, meters."""
     focal: float
     """Pixels for one meter at one meter's distance."""
     size: tuple[int, int]
@@ -76,11 +76,11 @@ def camera_around(
 def camera_of_all(
     motion: Motion, vertices: Float[np.ndarray, "frames vertices 3"], size: tuple[int, int]
 ) -> tuple[Camera, float]:
-    """Looks across the path, not from behind, from as far as it takes to see all figures.
+    """Returns a camera that looks across the path, not from behind, and sees all figures.
 
     Args:
-        motion: Whose path it is.
-        vertices: What must be seen, meters.
+        motion: The motion, for its path.
+        vertices: The points that must be seen, meters.
         size: Width and height of the picture, pixels.
 
     Returns:
@@ -103,11 +103,11 @@ def camera_of_all(
 
 
 def half_front(motion: Motion) -> float:
-    """Returns the azimuth from which the person is seen half from the front at the start."""
+    """Returns the azimuth that shows the person half from the front at the start."""
     return facing(motion.joints, motion.skeleton.names) - np.radians(38)
 
 
 def facing(joints: Float[np.ndarray, "frames joints 3"], names: Sequence[str]) -> float:
-    """Returns where the first frame faces: the angle about the vertical from +z towards +x."""
+    """Returns the heading of the first frame: the angle about the vertical from +z to +x."""
     across = joints[0, names.index("left_hip")] - joints[0, names.index("right_hip")]
     return float(np.arctan2(-across[2], across[0]))

@@ -1,4 +1,4 @@
-"""A mannequin of our own: a smooth skin around the bones of any human skeleton, made by formula.
+"""Mannequin: a smooth skin around the bones of any human skeleton, made by formula.
 
 The body is the surface f(p) = 0 of tapered capsules, blended by a soft minimum
 
@@ -23,20 +23,20 @@ _BLEND = 0.013
 """k, meters: how widely neighboring capsules flow into one another."""
 
 _REFERENCE_HEIGHT = 1.4
-"""Distance of the neck from the ankles, meters, at which the radii below are true."""
+"""Distance of the neck from the ankles, meters, for which the radii below are."""
 
 _SOFTNESS = 1.5
-"""How much wider than the skin's blend the skinning's is, so that bent joints stay round."""
+"""How much wider skinning weights blend than the skin, so that bent joints stay round."""
 
 _INFLUENCES = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Capsule:
-    """A piece of the body between two points, in meters from joints in rest pose."""
+    """A part of the body between two points, relative to joints in rest pose, meters."""
 
     joint: str
-    """The joint that carries it."""
+    """The joint that it moves with."""
     start: tuple[float, float, float]
     """Where it starts, relative to the joint; x points to the body's outside."""
     end: tuple[float, float, float]
@@ -46,7 +46,7 @@ class Capsule:
     toward: str = ""
     """The joint it leads to; the same joint if empty."""
     squash: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """How much thicker or thinner it is along each axis."""
+    """Scale of its thickness along each axis."""
 
 
 _FLAT = (1.0, 0.62, 1.0)
@@ -92,9 +92,9 @@ class Mannequin:
     joints: Int[np.ndarray, "vertices 4"]
     """The joints that move each vertex."""
     weights: Float[np.ndarray, "vertices 4"]
-    """How much each does; the sum is 1."""
+    """Skinning weight of each; the sum is 1."""
     skeleton: Skeleton
-    """Whose rest pose it is made for."""
+    """The skeleton whose rest pose it has."""
 
     def pose(
         self, animation: Animation
@@ -116,15 +116,15 @@ def make_mannequin(skeleton: Skeleton, cell: float = 0.022) -> Mannequin:
     """Makes a body for a skeleton whose rest pose is a T.
 
     Args:
-        skeleton: With the joint names of HumanML3D or KIT; capsules of joints it lacks are left
-            out, and one with none of them gets a stick for each bone.
+        skeleton: With the joint names of HumanML3D or KIT; capsules of missing joints are left out,
+            and a skeleton with other names gets a stick for each bone.
         cell: Size of the grid's cells, meters on a body of 1.7 m: about the length of a face.
     """
     body = _Body(skeleton)
     cell = cell * body.scale
     low, values = body.sample(cell)
-    places, quads = surface_net(values)
-    vertices = low + cell * places
+    corners, quads = surface_net(values)
+    vertices = low + cell * corners
     for _ in range(2):
         value, slope, _ = body.evaluate(vertices)
         vertices = vertices - (value / (slope**2).sum(-1))[:, None] * slope
@@ -138,26 +138,35 @@ class _Body:
     """The capsules of one skeleton as arrays, and the function whose zero is their skin."""
 
     def __init__(self, skeleton: Skeleton) -> None:
-        self.skeleton = skeleton
-        self.scale = _scale(skeleton)
-        known = [piece for piece in _pieces() if {piece.joint, piece.toward} <= {*skeleton.names}]
-        pieces = known or _sticks(skeleton)
-        rest, index = skeleton.rest_joints(), skeleton.names.index
-        self.owner = np.array([index(piece.joint) for piece in pieces])
-        toward = [index(piece.toward) for piece in pieces]
-        self.start = rest[self.owner] + self.scale * np.array([piece.start for piece in pieces])
-        self.end = rest[toward] + self.scale * np.array([piece.end for piece in pieces])
-        self.radii = self.scale * np.array([piece.radii for piece in pieces])
-        self.squash = np.array([piece.squash for piece in pieces])
+        self.skeleton, self.scale = skeleton, 1.0
+        names, rest, index = skeleton.names, skeleton.rest_joints(), skeleton.names.index
+        if {"neck", "left_ankle"} <= set(names):  # the length of leg and trunk
+            height = rest[index("neck"), 1] - rest[index("left_ankle"), 1]
+            self.scale = max(0.1, float(height) / _REFERENCE_HEIGHT)
+        body = [_named(capsule, "", 1) for capsule in _MIDDLE]
+        for side, sign in (("left_", 1), ("right_", -1)):
+            body += [_named(capsule, side, sign) for capsule in _SIDE]
+        capsules = [capsule for capsule in body if {capsule.joint, capsule.toward} <= {*names}]
+        if not capsules:  # joints of other names: a stick for each bone
+            bones = [(names[p], name) for name, p in zip(names, skeleton.parents, strict=True)]
+            capsules = [
+                Capsule(a, (0, 0, 0), (0, 0, 0), (0.035, 0.025), b) for a, b in bones[1:] or bones
+            ]
+        self.owner = np.array([index(capsule.joint) for capsule in capsules])
+        toward = [index(capsule.toward) for capsule in capsules]
+        self.start = rest[self.owner] + self.scale * np.array([c.start for c in capsules])
+        self.end = rest[toward] + self.scale * np.array([c.end for c in capsules])
+        self.radii = self.scale * np.array([capsule.radii for capsule in capsules])
+        self.squash = np.array([capsule.squash for capsule in capsules])
         self.blend = _BLEND * self.scale
         self.sole = float(rest[:, 1].min())
 
     def distances(
-        self, points: Float[np.ndarray, "*batch 3"], parts: slice = slice(None)
-    ) -> tuple[Float[np.ndarray, "*batch parts"], Float[np.ndarray, "*batch parts 3"]]:
+        self, points: Float[np.ndarray, "*batch 3"], which: slice = slice(None)
+    ) -> tuple[Float[np.ndarray, "*batch capsules"], Float[np.ndarray, "*batch capsules 3"]]:
         """Returns the distance from the surface of each capsule, negative inside, and its slope."""
-        start, radii, squash = self.start[parts], self.radii[parts], self.squash[parts]
-        axis = (self.end[parts] - start) / squash
+        start, radii, squash = self.start[which], self.radii[which], self.squash[which]
+        axis = (self.end[which] - start) / squash
         taper = (radii[:, 1] - radii[:, 0]) / np.maximum((axis**2).sum(-1), 1e-9)
         along = (points[..., None, :] - start) / squash
         share = (along * axis).sum(-1) / np.maximum((axis**2).sum(-1), 1e-9)
@@ -173,7 +182,7 @@ class _Body:
     ) -> tuple[
         Float[np.ndarray, " points"],
         Float[np.ndarray, "points 3"],
-        Float[np.ndarray, "points parts"],
+        Float[np.ndarray, "points capsules"],
     ]:
         """Returns f, its gradient, and the share of each capsule in the blend."""
         distances, slopes = self.distances(points)
@@ -196,25 +205,21 @@ class _Body:
         margin = (self.radii.max(-1, keepdims=True) + 5 * self.blend) * self.squash
         first = ((np.minimum(self.start, self.end) - margin - low) / cell).astype(int).clip(0)
         last = ((np.maximum(self.start, self.end) + margin - low) / cell).astype(int) + 2
-        for part in range(len(self.owner)):
-            box = tuple(slice(*ends) for ends in zip(first[part], last[part], strict=True))
-            places = np.stack(
-                np.meshgrid(
-                    *[np.arange(n)[b] for n, b in zip(size, box, strict=True)], indexing="ij"
-                ),
-                axis=-1,
-            )
-            distance, _ = self.distances(low + cell * places, slice(part, part + 1))
+        for number in range(len(self.owner)):
+            box = tuple(slice(*ends) for ends in zip(first[number], last[number], strict=True))
+            axes = [np.arange(n)[b] for n, b in zip(size, box, strict=True)]
+            corners = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+            distance, _ = self.distances(low + cell * corners, slice(number, number + 1))
             total[box] += np.exp(-distance[..., 0] / self.blend)
         height = low[1] + cell * np.arange(size[1])
         return low, np.maximum(-self.blend * np.log(total), (self.sole - height)[:, None])
 
     def influences(
-        self, points: Float[np.ndarray, "points 3"], share: Float[np.ndarray, "points parts"]
+        self, points: Float[np.ndarray, "points 3"], share: Float[np.ndarray, "points capsules"]
     ) -> tuple[Int[np.ndarray, "points 4"], Float[np.ndarray, "points 4"]]:
-        """Returns the joints that move each point, and by how much.
+        """Returns the joints that move each point, and their weights.
 
-        What is right of the middle is not moved by the left limbs, nor the other way around.
+        Left limbs do not move what is right of the middle, nor right limbs what is left.
         """
         total = share ** (1 / _SOFTNESS) @ np.eye(len(self.skeleton))[self.owner]
         sides = [name.partition("_")[0] for name in self.skeleton.names]
@@ -226,32 +231,9 @@ class _Body:
         return np.minimum(joints, len(self.skeleton) - 1), weights / weights.sum(-1, keepdims=True)
 
 
-def _pieces() -> list[Capsule]:
-    """Returns the capsules of the whole body, both sides, with full names."""
-    whole = [_named(piece, "", 1) for piece in _MIDDLE]
-    for side, sign in (("left_", 1), ("right_", -1)):
-        whole += [_named(piece, side, sign) for piece in _SIDE]
-    return whole
-
-
-def _sticks(skeleton: Skeleton) -> list[Capsule]:
-    """Returns a stick for each bone of a skeleton whose joints have other names."""
-    names = skeleton.names
-    bones = [(names[parent], name) for name, parent in zip(names, skeleton.parents, strict=True)]
-    return [Capsule(a, (0, 0, 0), (0, 0, 0), (0.035, 0.025), b) for a, b in bones[1:] or bones]
-
-
-def _named(piece: Capsule, side: str, sign: int) -> Capsule:
-    (a, b, c), (d, e, f) = piece.start, piece.end
+def _named(capsule: Capsule, side: str, sign: int) -> Capsule:
+    """Returns a capsule of one side of the body, with the full names of its joints."""
+    (a, b, c), (d, e, f) = capsule.start, capsule.end
     ends = (sign * a, b, c), (sign * d, e, f)
-    toward = side + (piece.toward or piece.joint)
-    return Capsule(side + piece.joint, *ends, piece.radii, toward, piece.squash)
-
-
-def _scale(skeleton: Skeleton) -> float:
-    """Returns how large this body is, by the length of leg and trunk."""
-    rest, names = skeleton.rest_joints(), skeleton.names
-    if not {"neck", "left_ankle"} <= set(names):
-        return 1.0
-    height = rest[names.index("neck"), 1] - rest[names.index("left_ankle"), 1]
-    return max(0.1, float(height) / _REFERENCE_HEIGHT)
+    toward = side + (capsule.toward or capsule.joint)
+    return Capsule(side + capsule.joint, *ends, capsule.radii, toward, capsule.squash)

@@ -42,7 +42,7 @@ _GRID = (205, 211, 220)
 _SHADOW = (176, 183, 196)
 _SHADOW_REDUCTION = 4
 _SUN = (-0.3, 1.0, -0.35)
-"""Where the light comes from as the camera sees it: right, up, ahead."""
+"""Direction of the light in the camera's axes: right, up, ahead."""
 _SHADOW_WIDTHS = {"head": 0.09, "neck": 0.07, "wrist": 0.035, "elbow": 0.045, "foot": 0.045}
 _SOLE = 0.01
 """The skin reaches this far below the lowest joint, meters."""
@@ -67,8 +67,8 @@ class Bodies:
 
     def moved(self, frame: int, shift: Float[np.ndarray, " width"]) -> Bodies:
         """Returns one frame alone, somewhere else."""
-        parts = (self.vertices, self.joints)
-        vertices, joints = (part[frame : frame + 1] + shift for part in parts)
+        vertices = self.vertices[frame : frame + 1] + shift
+        joints = self.joints[frame : frame + 1] + shift
         normals = self.normals[frame : frame + 1]
         return replace(self, vertices=vertices, normals=normals, joints=joints)
 
@@ -79,7 +79,7 @@ class Bodies:
 
 
 def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float = 0.022) -> Bodies:
-    """Gives a motion a body; of some frames only, if they are given; with faces of size `cell`.
+    """Returns the body of a motion, in some frames or in all, with faces of size `cell`, meters.
 
     Raises:
         InputError: The joints are not named as a body's.
@@ -91,12 +91,12 @@ def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float
     animation = motion.animation()
     mannequin = make_mannequin(animation.skeleton, cell)
     chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
-    moves = animation.translations
+    translations = animation.translations
     picked = replace(
         animation,
         rotations=animation.rotations[chosen],
         root_positions=animation.root_positions[chosen],
-        translations=None if moves is None else moves[chosen],
+        translations=None if translations is None else translations[chosen],
     )
     vertices, normals = mannequin.pose(picked)
     joints = motion.joints[chosen].astype(np.float64)
@@ -131,47 +131,40 @@ def paint_floor(
     pixels, depth = camera.project(lines)
     away = np.linalg.norm((lines - camera.target)[..., [0, 2]], axis=-1) / reach
     strength = np.clip(1 - away**2, 0, 1)
-    seen = (np.minimum(depth[:, 1:], depth[:, :-1]) > 0.3) & (strength[:, 1:] > 0.02)
-    ends = np.concatenate([pixels[:, :-1], pixels[:, 1:]], axis=-1)[seen].tolist()
+    visible = (np.minimum(depth[:, 1:], depth[:, :-1]) > 0.3) & (strength[:, 1:] > 0.02)
+    ends = np.concatenate([pixels[:, :-1], pixels[:, 1:]], axis=-1)[visible].tolist()
     draw = ImageDraw.Draw(picture)
-    for line, share in zip(ends, strength[:, 1:][seen].tolist(), strict=True):
+    for line, share in zip(ends, strength[:, 1:][visible].tolist(), strict=True):
         draw.line(line, fill=faded(_GRID, share), width=OVERSAMPLING)
 
 
 def paint_shadow(
     picture: Picture, camera: Camera, bodies: Sequence[Bodies], frame: int, height: float
 ) -> None:
-    """Darkens the floor where bodies keep the sun off."""
+    """Darkens the floor in the shadow of bodies."""
     size = picture.width // _SHADOW_REDUCTION, picture.height // _SHADOW_REDUCTION
     mask = Image.new("L", size, 0)
     draw = ImageDraw.Draw(mask)
+    right, _, ahead = camera.axes()
+    sun = _SUN[0] * right + _SUN[2] * ahead
+    sun[1] = _SUN[1]
     for body in bodies:
-        _paint_bones(draw, camera, body, frame, height)
+        joints = body.joints[frame]
+        pixels, depth = camera.project(joints - (joints[:, 1:2] - height) * sun)
+        pixels = pixels / _SHADOW_REDUCTION
+        scale = camera.focal / np.maximum(depth, 0.1) / _SHADOW_REDUCTION
+        for joint, parent in list(enumerate(body.parents))[1:]:
+            name = body.names[joint].rpartition("_")[2]
+            radius = _SHADOW_WIDTHS.get(name, 0.07) * float(scale[joint])
+            (x, y), (u, v) = pixels[joint].tolist(), pixels[parent].tolist()
+            draw.line((x, y, u, v), fill=190, width=max(1, round(1.5 * radius)))
+            draw.ellipse((x - radius, y - 0.6 * radius, x + radius, y + 0.6 * radius), fill=190)
     mask = mask.filter(ImageFilter.GaussianBlur(max(1.0, size[1] / 130)))
     box = mask.getbbox()
     if box is not None:
         left, top, right, bottom = (n * _SHADOW_REDUCTION for n in box)
         soft = mask.crop(box).resize((right - left, bottom - top), Image.Resampling.BILINEAR)
         picture.paste(_SHADOW, (left, top, right, bottom), soft)
-
-
-def _paint_bones(
-    draw: ImageDraw.ImageDraw, camera: Camera, body: Bodies, frame: int, height: float
-) -> None:
-    joints = body.joints[frame]
-    right, _, ahead = camera.axes()
-    sun = _SUN[0] * right + _SUN[2] * ahead
-    sun[1] = _SUN[1]
-    above = joints[:, 1:2] - height
-    pixels, depth = camera.project(joints - above * sun)
-    pixels = pixels / _SHADOW_REDUCTION
-    scale = camera.focal / np.maximum(depth, 0.1) / _SHADOW_REDUCTION
-    for joint, parent in list(enumerate(body.parents))[1:]:
-        part = body.names[joint].rpartition("_")[2]
-        radius = _SHADOW_WIDTHS.get(part, 0.07) * float(scale[joint])
-        (x, y), (u, v) = pixels[joint].tolist(), pixels[parent].tolist()
-        draw.line((x, y, u, v), fill=190, width=max(1, round(1.5 * radius)))
-        draw.ellipse((x - radius, y - 0.6 * radius, x + radius, y + 0.6 * radius), fill=190)
 
 
 def paint_bodies(
@@ -183,15 +176,24 @@ def paint_bodies(
 ) -> None:
     """Draws one frame of each body, the farthest face first."""
     faces = []
+    right, up, ahead = camera.axes()
+    key = unit(0.6 * up - 0.45 * right - 0.65 * ahead)
     for body, color in zip(bodies, colors, strict=True):
         pixels, depth = camera.project(body.vertices[frame])
         corners = pixels[body.quads]
         first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
         front = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
         quads = body.quads[front]
-        light = _light(camera, unit(body.normals[frame][quads].sum(1)), color)
-        faces.append((corners[front], depth[quads].mean(1), light))
-    pixels, depth, shade = (np.concatenate(part) for part in zip(*faces, strict=True))
+        normals = unit(body.normals[frame][quads].sum(1))
+        sky = 0.5 + 0.5 * normals[:, 1]
+        lambert = np.maximum(normals @ key, 0)
+        shine = np.maximum(normals @ unit(key - ahead), 0) ** 24
+        rim = np.clip(1 + normals @ ahead, 0, 1) ** 3
+        share = 0.36 + 0.32 * sky + 0.50 * lambert
+        light = share[:, None] * np.array(color) + (34 * shine + 26 * rim * sky)[:, None]
+        shade = np.clip(light, 0, 255).astype(np.int64)
+        faces.append((corners[front], depth[quads].mean(1), shade))
+    pixels, depth, shade = (np.concatenate(column) for column in zip(*faces, strict=True))
     order = np.argsort(-depth)
     draw = ImageDraw.Draw(picture)
     corners = pixels[order].reshape(-1, 8).tolist()
@@ -199,25 +201,11 @@ def paint_bodies(
         draw.polygon(polygon, fill=tuple(color))
 
 
-def _light(
-    camera: Camera, normals: Float[np.ndarray, "faces 3"], color: tuple[int, int, int]
-) -> Int[np.ndarray, "faces 3"]:
-    right, up, ahead = camera.axes()
-    key = unit(0.6 * up - 0.45 * right - 0.65 * ahead)
-    sky = 0.5 + 0.5 * normals[:, 1]
-    lambert = np.maximum(normals @ key, 0)
-    shine = np.maximum(normals @ unit(key - ahead), 0) ** 24
-    rim = np.clip(1 + normals @ ahead, 0, 1) ** 3
-    share = 0.36 + 0.32 * sky + 0.50 * lambert
-    light = share[:, None] * np.array(color) + (34 * shine + 26 * rim * sky)[:, None]
-    return np.clip(light, 0, 255).astype(np.int64)
-
-
 def paint_trail(
-    picture: Picture, camera: Camera, way: Float[np.ndarray, "frames 3"], height: float
+    picture: Picture, camera: Camera, path: Float[np.ndarray, "frames 3"], height: float
 ) -> None:
-    """Draws a way on the floor."""
-    pixels, _ = camera.project(way * (1, 0, 1) + (0, height, 0))
+    """Draws a path on the floor."""
+    pixels, _ = camera.project(path * (1, 0, 1) + (0, height, 0))
     line = [tuple(pixel) for pixel in pixels.tolist()]
     ImageDraw.Draw(picture).line(line, fill=_SHADOW, width=3 * OVERSAMPLING, joint="curve")
 
@@ -230,23 +218,23 @@ def reduced(picture: Picture) -> Picture:
 def paint_text(
     picture: Picture,
     text: str,
-    place: tuple[float, float],
+    position: tuple[float, float],
     size: int,
     anchor: str,
     room: float = 1e9,
 ) -> None:
-    """Writes one line on a picture of final size, shortened to the room in pixels it has."""
+    """Writes one line on a picture of final size, shortened to `room` pixels."""
     font = ImageFont.load_default(size)
     draw = ImageDraw.Draw(picture)
     if draw.textlength(text, font=font) > room:
         while text and draw.textlength(text + "…", font=font) > room:
             text = text[:-1].rstrip()
         text += "…"
-    draw.text(place, text, fill=INK, font=font, anchor=anchor)
+    draw.text(position, text, fill=INK, font=font, anchor=anchor)
 
 
 def faded(color: tuple[int, int, int], strength: float) -> tuple[int, int, int]:
-    """Returns a color on its way from the background (0) to itself (1)."""
+    """Returns a color blended from the background (0) to itself (1)."""
     red, green, blue = (
         round(x + (y - x) * strength) for x, y in zip(BACKGROUND, color, strict=True)
     )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Style = Literal["row", "path"]
 
 WIDTH = 1280
-"""Pixels from left to right, if nothing else is said."""
+"""Default width, pixels."""
 
 WIDTHS = (200, 8000)
 """The narrowest and the widest strip."""
@@ -40,11 +40,11 @@ def write(
     """Writes a PNG with one strip for each motion, under each other.
 
     Args:
-        path: Where to.
-        motions: What to show.
-        style: `row`: figures at even distances from left to right, without their travel;
-            `path`: figures where they are, the earlier the paler.
-        figures: How many frames of each motion.
+        path: The file.
+        motions: The motions to show.
+        style: `row`: figures evenly spaced from left to right, without root motion;
+            `path`: figures at their positions, the earlier the paler.
+        figures: Number of frames of each motion.
         width: Pixels from left to right.
 
     Raises:
@@ -59,10 +59,15 @@ def write(
         raise InputError(f"{figures} figures in a strip; expected at least 1")
     if not WIDTHS[0] <= width <= WIDTHS[1]:
         raise InputError(f"a strip {width} pixels wide; expected {WIDTHS[0]} to {WIDTHS[1]}")
-    strips = [_captioned(painters[style](m, figures, width), m.caption) for m in motions]
-    sheet = painter.Image.new("RGB", (strips[0].width, sum(strip.height for strip in strips)))
-    for number, strip in enumerate(strips):
-        sheet.paste(strip, (0, number * strip.height))
+    strips = [painters[style](motion, figures, width) for motion in motions]
+    band, letters = round(_BAND * width), _text(18, width)
+    heights = [band + strip.height for strip in strips]
+    sheet = painter.Image.new("RGB", (width, sum(heights)), painter.BACKGROUND)
+    for number, (motion, strip) in enumerate(zip(motions, strips, strict=True)):
+        top = number * heights[number]
+        sheet.paste(strip, (0, top + band))
+        position, room = (letters, top + 0.6 * band), width - 2 * letters
+        painter.paint_text(sheet, motion.caption, position, letters, "lm", room)
     with atomic_file(path) as temporary:
         sheet.save(temporary, format="PNG", optimize=False)
     return [Path(path)]
@@ -78,18 +83,23 @@ def _row(motion: Motion, figures: int, across: int) -> Picture:
     target = np.array([0.0, floor + height / 2 - 0.26, 0.0])
     pixels = painter.oversampled(size)
     camera = camera_around(target, half_front(motion), np.radians(9), 40, pixels, height)
-    places = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
-    steps = places[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
+    positions = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
+    steps = positions[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
     moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
     picture = _painted(size, camera, moved, [painter.COLORS[0]] * len(moved), floor, 0.62 * width)
-    for frame, place in zip(frames, places, strict=True):
-        spot = (size[0] * (0.5 + place / width), size[1] - across * 11 / WIDTH)
-        painter.paint_text(picture, f"{frame / motion.fps:.1f} s", spot, _text(13, across), "mm")
+    for frame, position in zip(frames, positions, strict=True):
+        pixel = (size[0] * (0.5 + position / width), size[1] - across * 11 / WIDTH)
+        painter.paint_text(picture, f"{frame / motion.fps:.1f} s", pixel, _text(13, across), "mm")
     return picture
 
 
 def _path(motion: Motion, figures: int, across: int) -> Picture:
-    bodies = painter.make_bodies(motion, _along_path(motion, figures), cell=0.017)
+    # Frames at even distances along the path; where nobody walks, evenly in time.
+    steps = np.linalg.norm(np.diff(motion.joints[:, 0, [0, 2]], axis=0), axis=-1)
+    distance = np.concatenate([[0.0], np.cumsum(steps + 0.05 / motion.fps)])
+    even = np.searchsorted(distance, np.linspace(0, distance[-1], figures))
+    frames = np.unique(even.clip(0, len(motion) - 1)).tolist()
+    bodies = painter.make_bodies(motion, frames, cell=0.017)
     count = len(bodies.joints)
     size = across, round(_PATH * across)
     camera, height = camera_of_all(motion, bodies.vertices, painter.oversampled(size))
@@ -117,23 +127,6 @@ def _painted(
     return painter.reduced(picture)
 
 
-def _along_path(motion: Motion, figures: int) -> list[int]:
-    """Picks frames evenly along the way; where nobody walks, evenly in time."""
-    steps = np.linalg.norm(np.diff(motion.joints[:, 0, [0, 2]], axis=0), axis=-1)
-    way = np.concatenate([[0.0], np.cumsum(steps + 0.05 / motion.fps)])
-    wanted = np.linspace(0, way[-1], figures)
-    return np.unique(np.searchsorted(way, wanted).clip(0, len(motion) - 1)).tolist()
-
-
 def _text(size: int, across: int) -> int:
     """Returns the size of letters that are `size` pixels high on a strip of usual width."""
     return max(10, round(size * across / WIDTH))
-
-
-def _captioned(strip: Picture, caption: str) -> Picture:
-    band, letters = round(_BAND * strip.width), _text(18, strip.width)
-    whole = painter.Image.new("RGB", (strip.width, strip.height + band), painter.BACKGROUND)
-    whole.paste(strip, (0, band))
-    spot, room = (letters, 0.6 * band), strip.width - 2 * letters
-    painter.paint_text(whole, caption, spot, letters, "lm", room)
-    return whole

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.motion import Motion
@@ -32,13 +31,13 @@ SIZES = (96, 4096)
 """The smallest and the largest height of a video, pixels."""
 
 _GIF_FPS = 50
-"""Programs slow down GIFs of more frames per second."""
+"""Greatest rate of a GIF: programs slow down faster ones."""
 
 _CAPTION = 44
 """Height of the line with the caption, pixels."""
 
 _FOLLOWING = 0.5
-"""Seconds over which the camera's way is smoothed."""
+"""Standard deviation, seconds, of the Gaussian that smooths the camera's path."""
 
 _CELL = 0.025
 """Size of the figure's faces, meters."""
@@ -52,8 +51,8 @@ def write(
     """Writes a `.gif` or `.mp4` of one or more takes side by side.
 
     Args:
-        path: Where to; the ending says which.
-        motions: What to show, with one frame rate; the shorter ones wait at their end.
+        path: The file; its ending chooses the format.
+        motions: Takes of one frame rate; the shorter ones wait at their last frame.
         size: Height of the picture, pixels; an even number.
         view: Whether each take's camera follows its person, or stays where it sees all.
 
@@ -70,27 +69,41 @@ def write(
         raise InputError(
             f"a video of size {size}; expected an even number {SIZES[0]} to {SIZES[1]}"
         )
-    encode = _write_mp4
-    if Path(path).suffix.lower() == ".gif":
-        encode, rate = _write_gif, min(motions[0].fps, _GIF_FPS)
-        motions = [motion.resampled(rate) for motion in motions]
+    if Path(path).suffix.lower() != ".gif":
+        with atomic_file(path) as temporary:
+            _write_mp4(temporary, frames(motions, size, view), motions[0].fps)
+        return [Path(path)]
+    fps = min(motions[0].fps, _GIF_FPS)
+    pictures = frames([motion.resampled(fps) for motion in motions], size, view)
     with atomic_file(path) as temporary:
-        encode(temporary, frames(motions, size, view), motions[0].fps)
+        first = next(pictures).quantize(128)
+        plain = painter.Image.Dither.NONE
+        rest = [picture.quantize(palette=first, dither=plain) for picture in pictures]
+        # GIF counts hundredths of a second: durations differ by one, so that the whole is exact.
+        ends = [round(100 * frame / fps) * 10 for frame in range(len(rest) + 2)]
+        durations = [end - start for start, end in pairwise(ends)]
+        options = {"save_all": True, "append_images": rest, "duration": durations, "loop": 0}
+        first.save(temporary, format="GIF", **options)
     return [Path(path)]
 
 
 def frames(motions: Sequence[Motion], size: int = 512, view: View = "follow") -> Iterator[Picture]:
-    """Yields the pictures of a video, drawn as they are asked for."""
+    """Yields the pictures of a video, drawn on demand."""
     width = size if len(motions) == 1 else size * 3 // 8 * 2
     panels = [
         _Panel(motion, (width, size - _CAPTION), painter.COLORS[number % len(painter.COLORS)], view)
         for number, motion in enumerate(motions)
     ]
+    captions = [motion.caption for motion in motions]
+    captions = captions[:1] if len(set(captions)) == 1 else captions
     for frame in range(max(len(motion) for motion in motions)):
         whole = painter.Image.new("RGB", (width * len(panels), size), painter.BACKGROUND)
         for number, panel in enumerate(panels):
             whole.paste(panel.draw(frame), (number * width, 0))
-        _write_captions(whole, motions, size - _CAPTION / 2)
+        columns = whole.width / len(captions)
+        for number, caption in enumerate(captions):
+            position = ((number + 0.5) * columns, size - _CAPTION / 2)
+            painter.paint_text(whole, caption, position, 17, "mm", room=0.94 * columns)
         yield whole
 
 
@@ -102,7 +115,13 @@ class _Panel:
     ) -> None:
         self.size, self.color = size, color
         self.bodies = painter.make_bodies(motion, cell=_CELL)
-        self.way = _smooth(self.bodies.joints[:, 0] * (1, 0, 1), _FOLLOWING * motion.fps)
+        deviation = _FOLLOWING * motion.fps
+        radius = int(3 * deviation)
+        kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
+        path = self.bodies.joints[:, 0] * (1, 0, 1)  # of the camera's target, smoothed
+        path = np.pad(path, ((radius, radius), (0, 0)), mode="reflect", reflect_type="odd")
+        columns = [np.convolve(column, kernel / kernel.sum(), mode="valid") for column in path.T]
+        self.path = np.stack(columns, axis=-1)
         self.azimuth = half_front(motion)
         above = self.bodies.vertices[..., 1].max() - self.bodies.floor
         self.height = max(1.75, float(above)) + 0.35
@@ -113,10 +132,10 @@ class _Panel:
             )
 
     def draw(self, frame: int) -> Picture:
-        frame = min(frame, len(self.way) - 1)
+        frame = min(frame, len(self.path) - 1)
         floor, camera = self.bodies.floor, self.still
         if camera is None:  # it follows the person
-            target = self.way[frame] + (0, floor + self.height / 2 - 0.17, 0)
+            target = self.path[frame] + (0, floor + self.height / 2 - 0.17, 0)
             pixels = painter.oversampled(self.size)
             camera = camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
         picture = painter.new_picture(self.size)
@@ -124,36 +143,6 @@ class _Panel:
         painter.paint_shadow(picture, camera, [self.bodies], frame, floor)
         painter.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
         return painter.reduced(picture)
-
-
-def _write_captions(whole: Picture, motions: Sequence[Motion], height: float) -> None:
-    """Writes a caption under each panel, or one under all if they are the same."""
-    captions = [motion.caption for motion in motions]
-    if len(set(captions)) == 1:
-        captions = captions[:1]
-    width = whole.width / len(captions)
-    for number, caption in enumerate(captions):
-        place = ((number + 0.5) * width, height)
-        painter.paint_text(whole, caption, place, 17, "mm", room=0.94 * width)
-
-
-def _smooth(way: Float[np.ndarray, "frames 3"], reach: float) -> Float[np.ndarray, "frames 3"]:
-    """Smooths a way by a Gaussian of `reach` frames, its ends carried on."""
-    radius = int(3 * reach)
-    kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / reach) ** 2)
-    padded = np.pad(way, ((radius, radius), (0, 0)), mode="reflect", reflect_type="odd")
-    columns = [np.convolve(column, kernel / kernel.sum(), mode="valid") for column in padded.T]
-    return np.stack(columns, axis=-1)
-
-
-def _write_gif(path: Path, pictures: Iterator[Picture], fps: float) -> None:
-    first = next(pictures).quantize(128)
-    plain = painter.Image.Dither.NONE
-    rest = [picture.quantize(palette=first, dither=plain) for picture in pictures]
-    # GIF counts in hundredths of a second: frames differ by one, so that the whole keeps its speed.
-    ends = [round(100 * frame / fps) * 10 for frame in range(len(rest) + 2)]
-    each = [end - start for start, end in pairwise(ends)]
-    first.save(path, format="GIF", save_all=True, append_images=rest, duration=each, loop=0)
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], fps: float) -> None:

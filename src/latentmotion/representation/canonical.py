@@ -1,23 +1,20 @@
-"""Bodies in one place and rest pose: headings, bone lengths, rotations.
+"""Canonical bodies: heading, bone lengths, start, and rotations relative to a given rest pose.
 
-Where a body faces: a heading about the vertical, 0 towards +z and positive towards +x.
+Heading. The angle about the vertical at which a body faces, radians, 0 towards +z and positive
+towards +x: forward = y × across, where `across` points from the left side of the body to its right.
 
-forward = y × across, across = the way from the left side of the body to its right (radians).
+Canonical form. One body's bone lengths, on the floor, starting at the origin and facing +z.
 
-One body in one place: canonical bone lengths, on the floor, from the origin towards +z.
+Change of rest pose. The same motion as rotations away from another rest pose. With world rotations
+W, rest directions r of the new skeleton and the bones b that leave a joint:
 
-Rotations from one rest pose told from another: the same motion, another zero.
-
-World rotations W say where a body's parts point. With rest directions r of the new skeleton and
-the bones b that leave a joint,
-
-    one bone        W ← between(W r, b) W       so that W r = b, with the twist that W had
+    one bone        W ← between(W r, b) W       so that W r = b, with the twist of W
     several         W ← argmin Σ |W r - b|²     (Kabsch 1976)
     none            W ← W of the parent
 
-Rotations of bones as HumanML3D measures them: the shortest turn from a rest direction, no twist.
+HumanML3D's rotations. The shortest rotation from a rest direction, without twist:
 
-world_j = between(direction_j, bone_j),  local_j = world_above⁻¹ world_j
+    world_j = between(direction_j, bone_j),  local_j = world_above⁻¹ world_j
 """
 
 from __future__ import annotations
@@ -41,11 +38,11 @@ from latentmotion.kinematics.rotations import (
 from latentmotion.kinematics.skeleton import Skeleton
 
 SMOOTHING_FRAMES = 20.0
-"""Standard deviation of the Gaussian that HumanML3D smooths the heading with."""
+"""Standard deviation, frames, of the Gaussian with which HumanML3D smooths the heading."""
 
 
 def heading(joints: Float[Any, "*frames joints 3"], skeleton: Skeleton) -> Float[Any, "*frames"]:
-    """Returns where hips and shoulders together face."""
+    """Returns the heading of hips and shoulders together, radians."""
     xp = array_namespace(joints)
     across = _across(joints, skeleton, "hip") + _across(joints, skeleton, "shoulder")
     return xp.atan2(across[..., 2], -across[..., 0])
@@ -87,7 +84,7 @@ def gaussian_smooth(signal: Float[Any, "frames n"], sigma: float) -> Float[Any, 
 
 
 def turn(vectors: Float[Any, "*#batch 3"], angle: Float[Any, "*#batch"]) -> Float[Any, "*batch 3"]:
-    """Turns vectors about the vertical by an angle that moves +z towards +x."""
+    """Rotates vectors about the vertical; a positive angle, radians, moves +z towards +x."""
     xp = array_namespace(vectors, angle)
     c, s = xp.cos(angle), xp.sin(angle)
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
@@ -95,14 +92,14 @@ def turn(vectors: Float[Any, "*#batch 3"], angle: Float[Any, "*#batch"]) -> Floa
 
 
 def _across(
-    joints: Float[Any, "*frames joints 3"], skeleton: Skeleton, part: str
+    joints: Float[Any, "*frames joints 3"], skeleton: Skeleton, joint: str
 ) -> Float[Any, "*frames 3"]:
-    right, left = skeleton.names.index(f"right_{part}"), skeleton.names.index(f"left_{part}")
+    right, left = skeleton.names.index(f"right_{joint}"), skeleton.names.index(f"left_{joint}")
     return joints[..., right, :] - joints[..., left, :]
 
 
 _SHORTEST = 0.02
-"""Part of the length of a leg below which a bone is none; the shortest real one is 0.06 of it."""
+"""Share of a leg's length below which a bone counts as missing; the shortest real one has 0.06."""
 
 
 def retarget(
@@ -110,25 +107,25 @@ def retarget(
 ) -> Float[Any, "frames joints 3"]:
     """Gives a body the bone lengths of a skeleton; bones keep their directions.
 
-    The path of the root is scaled by the ratio of the leg lengths, the source's in frame 0. A bone
-    that the source lacks, where two joints are in one place, goes on as the bone above it does.
+    The root trajectory is scaled by the ratio of the leg lengths, the source's in frame 0. A bone
+    that the source lacks, because two joints coincide, continues in the direction of its parent.
 
     Args:
         joints: Positions of the same joints in another body, in any unit.
-        skeleton: Whose bone lengths are wanted.
+        skeleton: The skeleton with the wanted bone lengths.
         leg: Joints whose bones make up the length of a leg.
     """
     xp = array_namespace(joints)
     target = np.linalg.norm(skeleton.offsets, axis=-1)
     bones = joints - joints[:, [max(parent, 0) for parent in skeleton.parents], :]
     lengths = xp.sqrt(xp.sum(bones * bones, axis=-1))
-    own_leg = sum(lengths[0, j] for j in leg)
+    source_leg = sum(lengths[0, j] for j in leg)
     goal = xp.asarray(target, dtype=joints.dtype, device=device(joints))
     # What is left of a bone of length zero is rounding, which points anywhere.
-    lacking = (lengths <= _SHORTEST * own_leg)[..., None]
+    lacking = (lengths <= _SHORTEST * source_leg)[..., None]
     safe = xp.where(lengths > 0, lengths, xp.ones_like(lengths))
     directions = [bones[:, j, :] / safe[:, j, None] for j in range(len(skeleton))]
-    placed = [joints[:, 0, :] * (float(sum(target[j] for j in leg)) / own_leg)]
+    placed = [joints[:, 0, :] * (float(sum(target[j] for j in leg)) / source_leg)]
     for joint, parent in list(enumerate(skeleton.parents))[1:]:
         above = directions[parent]
         directions[joint] = xp.where(lacking[:, joint, :], above, directions[joint])
@@ -139,7 +136,7 @@ def retarget(
 def canonicalize(
     joints: Float[Any, "frames joints 3"], skeleton: Skeleton
 ) -> Float[Any, "frames joints 3"]:
-    """Puts the lowest point of a clip on the floor and its start at the origin, facing +z."""
+    """Moves the lowest point of a clip to the floor and its start to the origin, facing +z."""
     xp = array_namespace(joints)
     start = joints[0, 0, :]
     corner = xp.stack([start[0], xp.min(joints[..., 1]), start[2]])
@@ -152,8 +149,8 @@ def rotations_from(
     """Returns local rotations of a skeleton that make the same bones as the animation.
 
     Args:
-        skeleton: Whose rest pose is wanted; the animation's joints, with other offsets.
-        animation: The motion, told from its own rest pose.
+        skeleton: The skeleton with the wanted rest pose and the animation's joints.
+        animation: The motion, as rotations from its own rest pose.
     """
     joints = animation.joints()
     world = animation.skeleton.world_rotations(animation.rotations)
@@ -162,21 +159,15 @@ def rotations_from(
         bones = joints[:, children] - joints[:, [joint]]
         rest = skeleton.offsets[children]
         if len(children) > 1:
-            world[:, joint] = _fitted(rest, bones)
+            u, _, vt = np.linalg.svd(np.einsum("tci,cj->tij", bones, rest))
+            u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+            world[:, joint] = u @ vt
         elif children:
             swing = matrix_between(world[:, joint] @ rest[0], bones[:, 0])
             world[:, joint] = swing @ world[:, joint]
         elif parent >= 0:
             world[:, joint] = world[:, parent]
     return skeleton.local_rotations(world)
-
-
-def _fitted(
-    rest: Float[np.ndarray, "bones 3"], bones: Float[np.ndarray, "frames bones 3"]
-) -> Float[np.ndarray, "frames 3 3"]:
-    u, _, vt = np.linalg.svd(np.einsum("tci,cj->tij", bones, rest))
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-    return u @ vt
 
 
 def bone_rotations(

@@ -36,11 +36,11 @@ class HumanML3DRepresentation:
     """Joints to HumanML3D's features and back."""
 
     name: str
-    """What it is called in files."""
+    """Its name in files."""
     skeleton: Skeleton
-    """Whose joints it describes; its bone lengths are the canonical ones."""
+    """The joints it describes, with the canonical bone lengths."""
     fps: float
-    """Frames per second at which its velocities are meant."""
+    """Frames per second of its velocities."""
     directions: Float[np.ndarray, "joints 3"]
     """Direction of each bone from which its rotation is measured."""
     chain_starts: tuple[int, ...]
@@ -62,7 +62,7 @@ class HumanML3DRepresentation:
 
     @property
     def blocks(self) -> Mapping[str, slice]:
-        """Which features belong together, by name."""
+        """The range of each block of features, by name."""
         return _layout(len(self.skeleton))
 
     def retarget(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
@@ -70,13 +70,13 @@ class HumanML3DRepresentation:
         return canonical.retarget(joints, self.skeleton, self.leg)
 
     def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
-        """Puts the lowest point on the floor and the start at the origin, facing +z."""
+        """Moves the lowest point to the floor and the start to the origin, facing +z."""
         return canonical.canonicalize(joints, self.skeleton)
 
     def encode(
         self, joints: Float[Any, "frames joints 3"]
     ) -> Float[Any, "frames_less_one features"]:
-        """Describes a clip whatever its place and direction on the floor.
+        """Returns the features of a clip, whatever its position and heading on the floor.
 
         Args:
             joints: Global positions of at least two frames, meters, y up. Bone lengths are kept;
@@ -97,30 +97,40 @@ class HumanML3DRepresentation:
     def describe(
         self, joints: Float[Any, "frames joints 3"], yaw: Float[Any, " frames"]
     ) -> Float[Any, "frames_less_one features"]:
-        """Describes a clip that stands where it shall and whose heading is known.
+        """Returns the features of a clip in canonical form whose heading is known.
 
         Args:
             joints: Global positions, meters, y up, the floor at 0.
             yaw: Heading of the body, radians; 0 towards +z, positive towards +x.
         """
         xp = array_namespace(joints)
-        steps = joints[1:] - joints[:-1]
-        parts = [
-            _half_turns(yaw),
+        steps, poses = joints[1:] - joints[:-1], joints[:-1]
+        # Half a turn is only known up to π. Where the heading crosses -z, published features take
+        # the wrong sign for that frame and their path bends; here it stays right.
+        half = (yaw[:-1] - yaw[1:]) / 2
+        half = half - pi * xp.round(half / pi)
+        x, y, z = (poses[..., n] for n in range(3))
+        centered = xp.stack([x - x[:, :1], y, z - z[:, :1]], axis=-1)
+        parents = [max(parent, 0) for parent in self.skeleton.parents]
+        above = tuple(0 if j in self.chain_starts else p for j, p in enumerate(parents))
+        bones = poses - poses[:, parents, :]
+        feet = steps[:, [*self.skeleton.left_foot, *self.skeleton.right_foot], :]
+        blocks = [
+            half,
             turn(steps[:, 0, :], -yaw[1:])[:, ::2],
-            joints[:-1, 0, 1],
-            _around_root(joints[:-1], yaw[:-1])[:, 1:, :],
-            self._rotations(joints[:-1], yaw[:-1])[:, 1:, :],
+            poses[:, 0, 1],
+            turn(centered, -yaw[:-1, None])[:, 1:, :],
+            bone_rotations(bones, yaw[:-1], self.directions, above)[:, 1:, :],
             turn(steps, -yaw[:-1, None]),
-            self._contacts(steps),
+            xp.astype(xp.sum(feet * feet, axis=-1) < self.still, steps.dtype),
         ]
-        rows = [xp.reshape(part, (steps.shape[0], -1)) for part in parts]
+        rows = [xp.reshape(block, (steps.shape[0], -1)) for block in blocks]
         return xp.astype(xp.concat(rows, axis=1), xp.float32)
 
     def decode(
         self, features: Float[Any, "*batch frames features"]
     ) -> Float[Any, "*batch frames joints 3"]:
-        """Integrates turns and steps of the root and places the joints around it.
+        """Integrates rotations and steps of the root and adds the joints around it.
 
         Rotations, velocities and contacts are not used. The clip starts above the origin.
         """
@@ -129,7 +139,9 @@ class HumanML3DRepresentation:
             features[..., self.blocks[name]]
             for name in ("yaw_velocity", "root_velocity", "root_height", "positions")
         )
-        yaw = -2 * _sum_before(half[..., 0])
+        half = half[..., 0]
+        turned = xp.cumulative_sum(half[..., :-1], axis=-1)
+        yaw = -2 * xp.concat([xp.zeros_like(half[..., :1]), turned], axis=-1)
         nothing = xp.zeros_like(height)
         step = xp.concat([step[..., :1], nothing, step[..., 1:]], axis=-1)
         step = turn(step[..., :-1, :], yaw[..., 1:])
@@ -142,7 +154,7 @@ class HumanML3DRepresentation:
     def restart(
         self, features: Float[Any, "*batch frames features"]
     ) -> Float[Any, "*batch frames features"]:
-        """Returns the features: none of them knows where the clip began."""
+        """Returns the features unchanged: none depends on where the clip begins."""
         return features
 
     def mirror(
@@ -156,7 +168,7 @@ class HumanML3DRepresentation:
 
     @cached_property
     def _mirror_map(self) -> tuple[list[int], Float[np.ndarray, " features"]]:
-        """Which feature each comes from, and the sign it takes."""
+        """The feature that each one comes from, and its sign."""
         other = np.array(self.skeleton.mirror)
         vector, sixd = [-1, 1, 1], [1, -1, -1, -1, 1, 1]
         swaps = {"yaw_velocity": ([0], [-1]), "root_velocity": ([0], [-1, 1])}
@@ -168,18 +180,6 @@ class HumanML3DRepresentation:
             sources.extend(every[self.blocks[name]].reshape(len(order), -1)[order].ravel().tolist())
             signs.extend(sign * len(order))
         return sources, np.array(signs, dtype=np.float32)
-
-    def _rotations(
-        self, joints: Float[Any, "frames joints 3"], yaw: Float[Any, " frames"]
-    ) -> Float[Any, "frames joints 6"]:
-        parents = [max(parent, 0) for parent in self.skeleton.parents]
-        above = tuple(0 if j in self.chain_starts else p for j, p in enumerate(parents))
-        return bone_rotations(joints - joints[:, parents, :], yaw, self.directions, above)
-
-    def _contacts(self, steps: Float[Any, "frames joints 3"]) -> Float[Any, "frames 4"]:
-        xp = array_namespace(steps)
-        feet = steps[:, [*self.skeleton.left_foot, *self.skeleton.right_foot], :]
-        return xp.astype(xp.sum(feet * feet, axis=-1) < self.still, steps.dtype)
 
     def _check(self, joints: Float[Any, "frames joints 3"]) -> None:
         xp = array_namespace(joints)
@@ -203,34 +203,6 @@ def _layout(joints: int) -> Mapping[str, slice]:
     return MappingProxyType(
         {name: slice(end - widths[name], end) for name, end in zip(widths, ends, strict=True)}
     )
-
-
-def _half_turns(yaw: Float[Any, " frames"]) -> Float[Any, " frames_less_one"]:
-    """Returns half the turn to each next frame, positive from +x to +z.
-
-    Half a turn is only known up to π. Where the heading crosses -z, published features take the
-    wrong sign for that frame and their path bends; here it stays right.
-    """
-    xp = array_namespace(yaw)
-    half = (yaw[:-1] - yaw[1:]) / 2
-    return half - pi * xp.round(half / pi)
-
-
-def _around_root(
-    joints: Float[Any, "frames joints 3"], yaw: Float[Any, " frames"]
-) -> Float[Any, "frames joints 3"]:
-    """Turns each pose to face +z, with the root above the origin."""
-    xp = array_namespace(joints)
-    x, y, z = (joints[..., n] for n in range(3))
-    centered = xp.stack([x - x[:, :1], y, z - z[:, :1]], axis=-1)
-    return turn(centered, -yaw[:, None])
-
-
-def _sum_before(values: Float[Any, "*batch frames"]) -> Float[Any, "*batch frames"]:
-    """Sums all earlier values; the first is 0."""
-    xp = array_namespace(values)
-    sums = xp.cumulative_sum(values[..., :-1], axis=-1)
-    return xp.concat([xp.zeros_like(values[..., :1]), sums], axis=-1)
 
 
 HUMANML3D_FEATURES = HumanML3DRepresentation(

@@ -1,4 +1,4 @@
-"""Representation: the two-way street between joint positions and the features networks learn."""
+"""Representation: the interface between joint positions and the features that networks learn."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from latentmotion.kinematics.skeleton import Skeleton
 
 @runtime_checkable
 class Representation(Protocol):
-    """Turns joints into features and back; NumPy and PyTorch arrays alike."""
+    """Converts joints to features and back; NumPy and PyTorch arrays alike."""
 
     @property
     def name(self) -> str:
-        """What it is called in files."""
+        """Its name in files."""
         ...
 
     @property
     def skeleton(self) -> Skeleton:
-        """Whose joints it describes."""
+        """The joints it describes."""
         ...
 
     @property
     def fps(self) -> float:
-        """Frames per second at which its velocities are meant."""
+        """Frames per second of its velocities."""
         ...
 
     @property
@@ -42,13 +42,13 @@ class Representation(Protocol):
 
     @property
     def blocks(self) -> Mapping[str, slice]:
-        """Which features belong together, by name; they cover the width once, in order."""
+        """The range of each block of features, by name; they cover the width once, in order."""
         ...
 
     def encode(
         self, joints: Float[Any, "frames joints 3"]
     ) -> Float[Any, "frames_less_one features"]:
-        """Describes a clip whatever its place and direction on the floor; the last frame goes."""
+        """Returns the features of a clip, whatever its position and heading; one frame less."""
         ...
 
     def decode(
@@ -62,7 +62,7 @@ class Representation(Protocol):
         ...
 
     def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
-        """Puts the lowest point on the floor and the start at the origin, facing +z."""
+        """Moves the lowest point to the floor and the start to the origin, facing +z."""
         ...
 
     def restart(
@@ -87,7 +87,7 @@ def representation_named(name: str) -> Representation:
     from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
     from latentmotion.representation.smpl import SMPL_FEATURES
 
-    known = {part.name: part for part in (HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES)}
+    known = {each.name: each for each in (HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES)}
     if name in known:
         return known[name]
     raise InputError(f"unknown representation {name!r}; {hint(name, known)}")

@@ -1,4 +1,4 @@
-"""Normalizer: features to numbers around 0 of size 1 and back, one scale per block of features.
+"""Normalizer: features to zero mean and unit scale and back, one scale per block of features.
 
 x' = (x - mean) / std, with std constant inside a block, as in HumanML3D's published statistics.
 """
@@ -17,7 +17,7 @@ from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 
 _TYPICAL, _BLOCK = 3.0, 10.0
-"""How far from 1 the middle block's scale, and any block's, may be in a normalized data set."""
+"""Greatest factor by which the median scale, and any block's, may differ from 1 when normalized."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Normalizer:
 
         Args:
             features: One array per clip.
-            blocks: Which features share a scale (`Representation.blocks`). A block that never
+            blocks: Features that share a scale (`Representation.blocks`). A block that never
                 changes gets the scale 1.
 
         Raises:
@@ -91,11 +91,11 @@ class Normalizer:
         return Scale(*self._like(features)).denormalize(features)
 
     def check(self, features: Float[Any, "frames features"], blocks: Mapping[str, slice]) -> None:
-        """Refuses a data set that was not normalized, twice, or with other statistics.
+        """Raises if a data set was not normalized, or twice, or with other statistics.
 
         Args:
             features: Frames of many clips, as they go into training; padding left out.
-            blocks: Which features share a scale.
+            blocks: Features that share a scale.
 
         Raises:
             InputError: The deviation inside the blocks is far from 1, or a value is not finite.
@@ -110,25 +110,20 @@ class Normalizer:
         typical = median(scales.values()) if scales else 1.0
         wrong = [name for name, scale in scales.items() if not 1 / _BLOCK < scale < _BLOCK]
         if wrong or not 1 / _TYPICAL < typical < _TYPICAL:
+            stds = {name: float(np.mean(self.std[blocks[name]])) for name in scales}
+            if all(1 / 3 < scales[name] / stds[name] < 3 for name in scales):
+                diagnosis = "they were not normalized; call Normalizer.normalize first"
+            elif all(1 / 3 < scales[name] * stds[name] < 3 for name in scales):
+                diagnosis = "they were normalized twice"
+            else:
+                diagnosis = "they were normalized with the statistics of other data"
+            listed = ", ".join(f"{name} {scale:.3g}" for name, scale in scales.items())
             raise InputError(
-                f"features with deviations {_listed(scales)}; normalized ones are near 1: "
-                f"{self._diagnosis(scales, blocks)}"
+                f"features with deviations {listed}; normalized ones are near 1: {diagnosis}"
             )
-
-    def _diagnosis(self, scales: Mapping[str, float], blocks: Mapping[str, slice]) -> str:
-        own = {name: float(np.mean(self.std[blocks[name]])) for name in scales}
-        if all(1 / 3 < scales[name] / own[name] < 3 for name in scales):
-            return "they were not normalized; call Normalizer.normalize first"
-        if all(1 / 3 < scales[name] * own[name] < 3 for name in scales):
-            return "they were normalized twice"
-        return "they were normalized with the statistics of other data"
 
     def _like(self, features: Float[Any, "*batch features"]) -> tuple[Any, Any]:
         xp = array_namespace(features)
         kind = {"dtype": features.dtype, "device": device(features)}
         # Copies, because PyTorch warns of memory that cannot be written.
         return xp.asarray(self.mean.copy(), **kind), xp.asarray(self.std.copy(), **kind)
-
-
-def _listed(scales: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {scale:.3g}" for name, scale in scales.items())

@@ -1,12 +1,12 @@
 """SMPL's pose parameters as ACTOR feeds them to networks: 150 numbers a frame.
 
     25 tokens   24 joint rotations, 6D as the first two rows of the matrix, and
-                the root's way since the first frame: x, y, z, 0, 0, 0
+                the root trajectory since the first frame: x, y, z, 0, 0, 0
     150         number = 25 channel + token, channel 0 .. 5
 
 Rotations are relative to the parent, from a T-pose that faces +z, y up. The root's is in the axes
 of the camera that the data sets were filmed with: x to its right, y down, z away from it. Joints
-come out upright: (x, -y, -z), so that who faces the camera faces +z.
+come out upright: (x, -y, -z), so that a body that faces the camera faces +z.
 Petrovich et al., "Action-Conditioned 3D Human Motion Synthesis with Transformer VAE", ICCV 2021.
 """
 
@@ -32,13 +32,13 @@ from latentmotion.representation import canonical
 from latentmotion.representation.canonical import rotations_from
 
 TOKENS = 25
-"""Joints that turn, and the way of the root."""
+"""24 joint rotations, and the root trajectory."""
 
 UPRIGHT = (1.0, -1.0, -1.0)
-"""Signs that lead from the camera's axes to upright ones and back: half a turn about x."""
+"""Signs from the camera's axes to upright ones and back: half a turn about x."""
 
 _CHANNELS = ("xx", "xy", "xz", "yx", "yy", "yz")
-"""Entries of a rotation's first two rows; the way of the root shares the first three."""
+"""Entries of a rotation's first two rows; the root trajectory shares the first three."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +46,15 @@ class SmplRepresentation:
     """Joints to SMPL's pose features and back, by a skeleton of fixed bone lengths."""
 
     name: str
-    """What it is called in files."""
+    """Its name in files."""
     skeleton: Skeleton
-    """Whose joints it describes; any T-pose with SMPL's 24 joints."""
+    """The joints it describes; any T-pose with SMPL's 24 joints."""
     fps: float
     """Frames per second."""
     leg: tuple[int, ...] = (4, 7)
     """Joints whose bones make up the length of a leg."""
     body: str = ""
-    """Hash of the SMPL model file whose bones these are; empty for the skeleton that ships."""
+    """Hash of the SMPL model file with these bones; empty for the skeleton that ships."""
 
     @property
     def width(self) -> int:
@@ -73,7 +73,7 @@ class SmplRepresentation:
         return MappingProxyType(every)
 
     def retarget(self, joints: Float[Any, "frames _ 3"]) -> Float[Any, "frames joints 3"]:
-        """Lets the skeleton do what another body does; its path is scaled by the legs' lengths.
+        """Retargets another body to the skeleton; its path is scaled by the ratio of the legs.
 
         Limbs keep their directions; hips and shoulders sit where the skeleton has them. A body
         without hands gets them, in line with its forearms.
@@ -84,12 +84,12 @@ class SmplRepresentation:
             body = np.concatenate([body, (4 * body[:, 20:22] - body[:, 18:20]) / 3], axis=1)
         self._check(body)
         scale = self._leg_length(self.skeleton.rest_joints()) / self._leg_length(body[0])
-        turns = rotations_from(self.skeleton, solve(body, self.fps, self.skeleton))
-        found = self.skeleton.forward_kinematics(turns, scale * body[:, 0])
-        return xp.asarray(found, device=device(joints))
+        rotations = rotations_from(self.skeleton, solve(body, self.fps, self.skeleton))
+        retargeted = self.skeleton.forward_kinematics(rotations, scale * body[:, 0])
+        return xp.asarray(retargeted, device=device(joints))
 
     def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
-        """Puts the lowest point on the floor and the start at the origin, facing +z."""
+        """Moves the lowest point to the floor and the start to the origin, facing +z."""
         return canonical.canonicalize(joints, self.skeleton)
 
     def encode(
@@ -108,23 +108,22 @@ class SmplRepresentation:
             InputError: The joints do not fit the skeleton, are too few or not finite.
         """
         xp = array_namespace(joints)
-        places = np.asarray(joints, dtype=np.float64)
-        self._check(places)
-        places = self.canonicalize(places)
-        turns = rotations_from(self.skeleton, solve(places, self.fps, self.skeleton))
-        turns[:, 0] = np.array(UPRIGHT)[:, None] * turns[:, 0]
-        way = (places[:, 0] - places[0, 0]) * UPRIGHT
-        return xp.asarray(smpl_features(turns, way)[:-1], device=device(joints))
+        positions = np.asarray(joints, dtype=np.float64)
+        self._check(positions)
+        positions = self.canonicalize(positions)
+        rotations = rotations_from(self.skeleton, solve(positions, self.fps, self.skeleton))
+        rotations[:, 0] = np.array(UPRIGHT)[:, None] * rotations[:, 0]
+        trajectory = (positions[:, 0] - positions[0, 0]) * UPRIGHT
+        return xp.asarray(smpl_features(rotations, trajectory)[:-1], device=device(joints))
 
     def decode(
         self, features: Float[Any, "*batch frames features"]
     ) -> Float[Any, "*batch frames joints 3"]:
-        """Turns the skeleton; the clip starts above the origin at the height of who stands."""
+        """Poses the skeleton; the clip starts above the origin, at the height of standing."""
         xp = array_namespace(features)
         signs = xp.asarray(UPRIGHT, dtype=features.dtype, device=device(features))
-        start = xp.asarray(
-            [0.0, self._standing, 0.0], dtype=features.dtype, device=device(features)
-        )
+        height = -float(self.skeleton.rest_joints()[:, 1].min())  # of the pelvis above the soles
+        start = xp.asarray([0.0, height, 0.0], dtype=features.dtype, device=device(features))
         return self.camera_joints(features) * signs + start
 
     def camera_joints(
@@ -134,32 +133,34 @@ class SmplRepresentation:
 
         These are what HumanAct12's classifier looks at.
         """
-        rotations, way = self.pose(features)
-        return self.skeleton.forward_kinematics(rotations, way - way[..., :1, :])
+        rotations, root = self.pose(features)
+        return self.skeleton.forward_kinematics(rotations, root - root[..., :1, :])
 
     def pose(
         self, features: Float[Any, "*batch frames features"]
     ) -> tuple[Float[Any, "*batch frames 24 3 3"], Float[Any, "*batch frames 3"]]:
-        """Returns the rotations of the joints and the way of the root, in the axes of the data.
+        """Returns the rotations of the joints and the root trajectory, in the axes of the data.
 
         Features of zero, as on padding, are the identity.
         """
         xp = array_namespace(features)
         tokens = xp.reshape(features, (*features.shape[:-1], 6, TOKENS))
         tokens = xp.moveaxis(tokens, -2, -1)
-        sixd, way = tokens[..., :-1, :], tokens[..., -1, :3]
+        sixd, root = tokens[..., :-1, :], tokens[..., -1, :3]
         still = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
         identity = xp.asarray(still, dtype=features.dtype, device=device(features))
         blank = xp.sum(sixd * sixd, axis=-1, keepdims=True) < 1e-12
-        return matrix_from_sixd(xp.where(blank, identity, sixd), "rows"), way
+        return matrix_from_sixd(xp.where(blank, identity, sixd), "rows"), root
 
     def restart(
         self, features: Float[Any, "*batch frames features"]
     ) -> Float[Any, "*batch frames features"]:
-        """Lets the way of the root begin at zero."""
+        """Moves the start of the root trajectory to zero."""
         xp = array_namespace(features)
-        is_way = xp.asarray(self._is_way, device=device(features))
-        return xp.where(is_way, features - features[..., :1, :], features)
+        tokens = np.zeros((6, TOKENS), bool)
+        tokens[:3, -1] = True
+        of_root = xp.asarray(tokens.ravel(), device=device(features))
+        return xp.where(of_root, features - features[..., :1, :], features)
 
     def mirror(
         self, features: Float[Any, "*batch frames features"]
@@ -171,23 +172,12 @@ class SmplRepresentation:
         return features[..., order] * signs
 
     @cached_property
-    def _is_way(self) -> np.ndarray:
-        tokens = np.zeros((6, TOKENS), bool)
-        tokens[:3, -1] = True
-        return tokens.ravel()
-
-    @cached_property
     def _mirror_map(self) -> tuple[list[int], Float[np.ndarray, " features"]]:
-        """Which feature each comes from, and the sign it takes."""
+        """The feature that each one comes from, and its sign."""
         sources = np.arange(self.width).reshape(6, TOKENS)[:, [*self.skeleton.mirror, TOKENS - 1]]
         signs = np.repeat([[1, -1, -1, -1, 1, 1]], TOKENS, axis=0).T
         signs[:, -1] = [-1, 1, 1, 1, 1, 1]
         return sources.ravel().tolist(), signs.ravel().astype(np.float32)
-
-    @cached_property
-    def _standing(self) -> float:
-        """Height of the pelvis above the soles in rest pose."""
-        return -float(self.skeleton.rest_joints()[:, 1].min())
 
     def _leg_length(self, joints: Float[np.ndarray, "joints 3"]) -> float:
         above = [self.skeleton.parents[joint] for joint in self.leg]
@@ -208,7 +198,7 @@ class SmplRepresentation:
 def smpl_features(
     rotations: Float[np.ndarray, "frames 24 3 3"], way: Float[np.ndarray, "frames 3"]
 ) -> Float[np.ndarray, "frames 150"]:
-    """Lays rotations and the way of the root out as the networks see them, in float32."""
+    """Returns rotations and the root trajectory in the layout of the networks, float32."""
     tokens = np.zeros((len(rotations), TOKENS, 6), np.float32)
     tokens[:, :-1] = sixd_from_matrix(rotations, "rows")
     tokens[:, -1, :3] = way

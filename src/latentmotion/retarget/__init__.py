@@ -1,7 +1,7 @@
-"""Retargeting: a motion moves the skeleton that a user brings.
+"""Retargeting: a motion transferred to the skeleton that a user brings.
 
     file → rig  (names → humanoid, rest pose → size, axes, floor)
-    motion + rig → rotations of the rig's bones → feet on the floor → the user's file, animated
+    motion + rig → rotations of the rig's bones → feet on the floor → the user's file with animation
 
 NumPy only.
 """

@@ -1,7 +1,7 @@
-"""Drafts of joint maps: guesses from words in the names and from how the bones lie, each with why.
+"""Drafts of joint maps: guesses from joint names and from the lengths of bones, with reasons.
 
-Words first: a limb is taken whole where joints are named for its parts, in order. Else geometry:
-legs are the two branches that reach lowest, arms those that reach out farthest sideways; thigh and
+Names first: a limb is complete where joints are named for its parts, in order. Else geometry: legs
+are the two branches that reach lowest, arms those that reach out farthest sideways; thigh and
 shank, upper arm and forearm are the two longest bones of their branch.
 """
 
@@ -39,12 +39,12 @@ _SIDE_WORDS = {
 
 @dataclass(frozen=True)
 class Guess:
-    """What a joint may be."""
+    """A guess for one of our joints."""
 
     joint: int
-    """Which joint of the rig."""
+    """The rig's joint."""
     reason: str
-    """Why, for people to check."""
+    """The reason, for people to check."""
 
 
 def draft_map(skeleton: Skeleton) -> dict[str, Guess]:
@@ -57,18 +57,31 @@ def draft_map(skeleton: Skeleton) -> dict[str, Guess]:
     guesses = {name: guess for side in SIDES for name, guess in _by_words(tree, side).items()}
     legs, arms = tree.branches()
     for limb, pair in ((_LIMBS[0], legs), (_LIMBS[1], arms)):
-        for side, chain in zip(SIDES, pair, strict=True):
+        for side, branch in zip(SIDES, pair, strict=True):
             needed = [f"{side}_{joint}" for joint in limb if joint not in ("foot", "collar")]
-            if not all(name in guesses for name in needed):
-                guesses |= _by_shape(tree, side, limb, chain)
-    top = tree.head(arms)
-    if top is not None:
-        guesses["head"] = top
+            if all(name in guesses for name in needed):
+                continue
+            # The joints around the two longest bones of the branch.
+            lengths = np.linalg.norm(np.diff(tree.rest[branch], axis=0), axis=-1)
+            upper, lower = sorted(np.argsort(-lengths, kind="stable")[:2].tolist())
+            if limb[0] == "hip":
+                indices = {"hip": upper, "knee": lower, "ankle": lower + 1, "foot": lower + 2}
+                which = "reaches lowest"
+            else:
+                indices = {"collar": upper - 1, "shoulder": upper, "elbow": lower}
+                indices["wrist"], which = lower + 1, "reaches out farthest"
+            for joint, index in indices.items():
+                if 0 <= index < len(branch):
+                    reason = f"joint {index + 1} of the branch that {which}"
+                    guesses[f"{side}_{joint}"] = Guess(branch[index], reason)
+    head = tree.head(arms)
+    if head is not None:
+        guesses["head"] = head
     return guesses
 
 
 def write_draft(path: str | Path, skeleton: Skeleton, guesses: Mapping[str, Guess]) -> None:
-    """Writes guesses as a joint map; remarks, whose names begin with `_`, say why.
+    """Writes guesses as a joint map, with the reasons as remarks, whose names begin with `_`.
 
     Raises:
         InputError: The folder cannot be written.
@@ -82,7 +95,7 @@ def write_draft(path: str | Path, skeleton: Skeleton, guesses: Mapping[str, Gues
 
 
 class _Tree:
-    """A skeleton's branches, from joints to tips."""
+    """A skeleton's branches; `lines` holds the joints from the root to each joint."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self.skeleton, self.rest = skeleton, skeleton.rest_joints()
@@ -91,26 +104,33 @@ class _Tree:
             self.lines.append([*(self.lines[parent] if parent >= 0 else []), joint])
         self.tips = [joint for joint in range(len(skeleton)) if not skeleton.children(joint)]
         size = np.ptp(self.rest, axis=0)
-        tallest = int(np.argmax(size[1:])) + 1 if size[1:].max() > 0.8 * size[0] else 0
-        self.up = np.eye(3)[tallest]
+        vertical = int(np.argmax(size[1:])) + 1 if size[1:].max() > 0.8 * size[0] else 0
+        self.up = np.eye(3)[vertical]
         self.heights = self.rest @ self.up
 
     def branches(self) -> tuple[list[list[int]], list[list[int]]]:
         """Returns legs and arms, each left and right, from where they part to their tips."""
-        legs = self._pair(sorted(self.tips, key=lambda tip: self.heights[tip]), [])
+        legs = self._pair(sorted(self.tips, key=lambda tip: self.heights[tip]))
         across = self.rest[legs[0][-1]] - self.rest[legs[1][-1]]
         across = across - self.up * (across @ self.up)
         across /= max(float(np.linalg.norm(across)), 1e-9)
         taken = {joint for leg in legs for joint in leg}
-        out = sorted(
+        outward = sorted(
             self.tips, key=lambda tip: -abs(float((self.rest[tip] - self.rest[0]) @ across))
         )
-        arms = self._pair([tip for tip in out if not taken & set(self.lines[tip])], [])
-        left = across * self._handedness(legs, across)
+        arms = self._pair([tip for tip in outward if not taken & set(self.lines[tip])])
+        # Names say which leg is the left one, else the toes, which point ahead.
+        sides = [_named_side(self.skeleton.names[leg[-1]]) for leg in legs]
+        if sides in (["left", "right"], ["right", "left"]):
+            sign = 1.0 if sides[0] == "left" else -1.0
+        else:
+            toes = np.sum([self.rest[leg[-1]] - self.rest[leg[-2]] for leg in legs], axis=0)
+            sign = 1.0 if np.cross(across, self.up) @ toes >= 0 else -1.0
+        left = sign * across
         return self._sided(legs, left), self._sided(arms, left)
 
     def head(self, arms: list[list[int]]) -> Guess | None:
-        """Returns what may be the head: named so, or the joint below the highest tip."""
+        """Returns a guess for the head: by its name, else the highest tip between the arms."""
         named = [
             j for j, n in enumerate(self.skeleton.names) if re.search("(?i)head(?!.*(top|end))", n)
         ]
@@ -121,76 +141,48 @@ class _Tree:
         highest = max(free, key=lambda tip: self.heights[tip], default=None)
         return None if highest is None else Guess(highest, "the highest tip between the arms")
 
-    def _pair(self, tips: list[int], none: list[int]) -> list[list[int]]:
-        """Returns the first two long branches that part from each other."""
+    def _pair(self, tips: list[int]) -> list[list[int]]:
+        """Returns the first two branches that part from each other, are long and much alike."""
         for number, first in enumerate(tips):
             for second in tips[:number]:
                 shared = len([j for j in self.lines[first] if j in self.lines[second]])
                 pair = [self.lines[tip][shared:] for tip in (second, first)]
-                if min(map(len, pair)) >= 3 and self._alike(*pair):
+                if min(map(len, pair)) < 3:
+                    continue
+                bones = [np.diff(self.rest[branch], axis=0) for branch in pair]
+                lengths = [np.linalg.norm(branch, axis=-1).sum() for branch in bones]
+                apart = np.linalg.norm(self.rest[second] - self.rest[first])
+                ratio = lengths[0] / max(lengths[1], 1e-9)
+                if 0.8 < ratio < 1.25 and apart > 0.1 * lengths[0]:
                     return pair
         raise DataError(
             f"found no pair of legs and of arms in {self.skeleton.name!r}: expected branches of at "
             "least three joints on both sides; write the map of joints by hand"
         )
 
-    def _alike(self, a: list[int], b: list[int]) -> bool:
-        lengths = [
-            np.linalg.norm(np.diff(self.rest[chain], axis=0), axis=-1).sum() for chain in (a, b)
-        ]
-        apart = np.linalg.norm(self.rest[a[-1]] - self.rest[b[-1]])
-        return bool(0.8 < lengths[0] / max(lengths[1], 1e-9) < 1.25 and apart > 0.1 * lengths[0])
-
-    def _handedness(self, legs: list[list[int]], across: np.ndarray) -> float:
-        """Returns -1 where the first leg is the right one, by the toes, which point ahead."""
-        sides = [_named_side(self.skeleton.names[leg[-1]]) for leg in legs]
-        if sides in (["left", "right"], ["right", "left"]):
-            return 1.0 if sides[0] == "left" else -1.0
-        toes = np.sum([self.rest[leg[-1]] - self.rest[leg[-2]] for leg in legs], axis=0)
-        return 1.0 if np.cross(across, self.up) @ toes >= 0 else -1.0
-
     def _sided(self, pair: list[list[int]], left: np.ndarray) -> list[list[int]]:
         return sorted(pair, key=lambda chain: -float(self.rest[chain[-1]] @ left))
 
 
 def _by_words(tree: _Tree, side: str) -> dict[str, Guess]:
-    """Returns limbs whose parts are named, in order down the tree."""
+    """Returns limbs whose joints are named for their parts, in order down the tree."""
     names = tree.skeleton.names
-    mine = [j for j, name in enumerate(names) if _named_side(name) == side]
-    found: dict[str, Guess] = {}
+    candidates = [j for j, name in enumerate(names) if _named_side(name) == side]
+    candidates = [j for j in candidates if "twist" not in names[j].lower()]
+    guesses: dict[str, Guess] = {}
     for limb in _LIMBS:
         above: int | None = None
         for part in limb:
-            joint = next((j for j in mine if _fits(tree, j, part, above)), None)
-            if joint is not None:
+            for joint in candidates:
                 word = re.search(_WORDS[part], names[joint].lower())
-                assert word is not None
-                found[f"{side}_{part}"] = Guess(joint, f"its name says {side} and {word[0]}")
-                above = joint
-    if f"{side}_shoulder" not in found and f"{side}_collar" in found:
-        found[f"{side}_shoulder"] = found.pop(f"{side}_collar")
-    return found
-
-
-def _fits(tree: _Tree, joint: int, part: str, above: int | None) -> bool:
-    name = tree.skeleton.names[joint].lower()
-    below = above is None or (above != joint and above in tree.lines[joint])
-    return below and "twist" not in name and re.search(_WORDS[part], name) is not None
-
-
-def _by_shape(tree: _Tree, side: str, limb: tuple[str, ...], chain: list[int]) -> dict[str, Guess]:
-    """Returns the joints around the two longest bones of a branch."""
-    lengths = np.linalg.norm(np.diff(tree.rest[chain], axis=0), axis=-1)
-    upper, lower = sorted(np.argsort(-lengths, kind="stable")[:2].tolist())
-    places = {"hip": upper, "knee": lower, "ankle": lower + 1, "foot": lower + 2}
-    if limb[0] == "collar":
-        places = {"collar": upper - 1, "shoulder": upper, "elbow": lower, "wrist": lower + 1}
-    where = "reaches lowest" if limb[0] == "hip" else "reaches out farthest"
-    return {
-        f"{side}_{part}": Guess(chain[place], f"joint {place + 1} of the branch that {where}")
-        for part, place in places.items()
-        if 0 <= place < len(chain)
-    }
+                below = above is None or (above != joint and above in tree.lines[joint])
+                if word is not None and below:
+                    guesses[f"{side}_{part}"] = Guess(joint, f"its name says {side} and {word[0]}")
+                    above = joint
+                    break
+    if f"{side}_shoulder" not in guesses and f"{side}_collar" in guesses:
+        guesses[f"{side}_shoulder"] = guesses.pop(f"{side}_collar")
+    return guesses
 
 
 def _named_side(name: str) -> str | None:

@@ -1,4 +1,4 @@
-"""Humanoids: which joints of a foreign skeleton are ours, and the chains of joints between them."""
+"""Humanoids: the joints of a foreign skeleton by our names, and the chains between them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 
 from latentmotion.errors import DataError
 from latentmotion.kinematics.humanoid import (
@@ -21,6 +21,7 @@ from latentmotion.kinematics.humanoid import (
 from latentmotion.kinematics.skeleton import Skeleton
 
 SIDES = ("left", "right")
+_LIMBS = (("hip", "knee", "ankle", "foot"), ("shoulder", "elbow", "wrist"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,23 +33,38 @@ class Humanoid:
     """
 
     skeleton: Skeleton
-    """Whose joints they are."""
+    """The skeleton with these joints."""
     joints: Mapping[str, int]
-    """One of our names → the joint."""
+    """Our name → the joint's index."""
     names: str = "a map"
-    """Whose names they are, for people to read."""
+    """Naming convention, for messages."""
     lines: tuple[tuple[int, ...], ...] = field(init=False, repr=False)
-    """For each joint itself and those above it, upward."""
+    """For each joint itself and its ancestors, upward."""
 
     def __post_init__(self) -> None:
         lines: list[tuple[int, ...]] = []
         for joint, parent in enumerate(self.skeleton.parents):
             lines.append((joint, *(lines[parent] if parent >= 0 else ())))
         object.__setattr__(self, "lines", tuple(lines))
-        _check_complete(self.skeleton, self.joints)
-        for side in SIDES:
-            for chain in (("hip", "knee", "ankle", "foot"), ("shoulder", "elbow", "wrist")):
-                self._check_chain([f"{side}_{joint}" for joint in chain])
+        names = self.skeleton.names
+        missing = [name for name in REQUIRED if name not in self.joints]
+        if missing:
+            taken = set(self.joints.values())
+            free = [name for joint, name in enumerate(names) if joint not in taken]
+            raise DataError(
+                f"found no {', '.join(missing)} in the rig; its joints without a part are "
+                f"{', '.join(free[:60]) or 'none'}. Draft a map with --draft-map map.json, correct "
+                "it, pass it with --map map.json"
+            )
+        for side, limb in product(SIDES, _LIMBS):
+            chain = [f"{side}_{joint}" for joint in limb if f"{side}_{joint}" in self.joints]
+            for upper, lower in pairwise(chain):
+                a, b = self.joints[upper], self.joints[lower]
+                if a == b or a not in self.lines[b]:
+                    raise DataError(
+                        f"{lower} ({names[b]!r}) does not hang on {upper} ({names[a]!r}); "
+                        "correct the map of joints"
+                    )
 
     @cached_property
     def pelvis(self) -> int:
@@ -84,21 +100,21 @@ class Humanoid:
     def joint_map(self) -> JointMap:
         """Returns the map that reads positions of our 22 joints from this skeleton."""
         names = self.skeleton.names
-        found = {name: names[joint] for name, joint in self.joints.items()}
+        sources = {name: names[joint] for name, joint in self.joints.items()}
         spine = [self.pelvis, *self.spine]
         for number in (1, 2, 3):
-            place = round(number / 3 * (len(spine) - 1))
-            found.setdefault(f"spine{number}", names[spine[place]])
-        found.setdefault("pelvis", names[self.pelvis])
-        found.setdefault("neck", names[self.neck[0]] if self.neck else names[self.chest])
-        found.setdefault("head", found["neck"])
+            index = round(number / 3 * (len(spine) - 1))
+            sources.setdefault(f"spine{number}", names[spine[index]])
+        sources.setdefault("pelvis", names[self.pelvis])
+        sources.setdefault("neck", names[self.neck[0]] if self.neck else names[self.chest])
+        sources.setdefault("head", sources["neck"])
         for side in SIDES:
-            found.setdefault(f"{side}_collar", found["neck"])
-            found.setdefault(f"{side}_foot", found[f"{side}_ankle"])
-        return found
+            sources.setdefault(f"{side}_collar", sources["neck"])
+            sources.setdefault(f"{side}_foot", sources[f"{side}_ankle"])
+        return sources
 
     def _shared(self, joints: list[int]) -> int:
-        """Returns the lowest joint that all these are, or hang on."""
+        """Returns the lowest joint that all these equal or descend from."""
         shared = set(self.lines[joints[0]]).intersection(*(self.lines[joint] for joint in joints))
         return max(shared, key=lambda joint: len(self.lines[joint]))
 
@@ -106,45 +122,35 @@ class Humanoid:
         line = self.lines[joint]
         return line[: line.index(above)][::-1] if above in line else ()
 
-    def _check_chain(self, names: list[str]) -> None:
-        found = [name for name in names if name in self.joints]
-        for upper, lower in pairwise(found):
-            a, b = self.joints[upper], self.joints[lower]
-            if a == b or a not in self.lines[b]:
-                words = self.skeleton.names
-                raise DataError(
-                    f"{lower} ({words[b]!r}) does not hang on {upper} ({words[a]!r}); "
-                    "correct the map of joints"
-                )
-
 
 def find_humanoid(skeleton: Skeleton, declared: Mapping[str, int] | None = None) -> Humanoid:
-    """Finds the joints of ours in a skeleton by its names.
+    """Finds our joints in a skeleton by its names.
 
     Args:
         skeleton: Any skeleton.
-        declared: VRM's names of its joints, where the file itself says them.
+        declared: VRM's names of its joints, where the file itself has them.
 
     Raises:
         DataError: The names are unknown, or a joint is missing; the message says which.
     """
     if declared:
-        words = {plain(name): joint for name, joint in declared.items()}
-        found = {ours: words[name[0]] for ours, name in VRM.items() if name[0] in words}
-        return Humanoid(skeleton, found, "VRM humanoid")
-    finds = {name: match(skeleton.names, names) for name, names in NAME_MAPS.items()}
-    best = max(finds, key=lambda name: (len(set(REQUIRED) & set(finds[name])), len(finds[name])))
-    if len(set(REQUIRED) & set(finds[best])) < len(REQUIRED) // 2:
+        bones = {plain(name): joint for name, joint in declared.items()}
+        joints = {ours: bones[name[0]] for ours, name in VRM.items() if name[0] in bones}
+        return Humanoid(skeleton, joints, "VRM humanoid")
+    matches = {name: match(skeleton.names, names) for name, names in NAME_MAPS.items()}
+    required = {name: len(set(REQUIRED) & set(joints)) for name, joints in matches.items()}
+    best = max(matches, key=lambda name: (required[name], len(matches[name])))
+    if required[best] < len(REQUIRED) // 2:
         raise DataError(
             f"unknown names: found the joints {_listed(skeleton)}; known are the names of "
             f"{', '.join(NAME_MAPS)}. Draft a map with --draft-map map.json, correct it, pass it "
             "with --map map.json"
         )
-    return Humanoid(skeleton, finds[best], best)
+    return Humanoid(skeleton, matches[best], best)
 
 
 def humanoid_of_map(skeleton: Skeleton, joint_map: JointMap) -> Humanoid:
-    """Takes the joints that a map names; entries whose name begins with `_` are remarks.
+    """Returns the joints that a map names; entries whose name begins with `_` are remarks.
 
     Raises:
         DataError: The map names joints that are not there, or lacks one that is needed.
@@ -156,29 +162,17 @@ def humanoid_of_map(skeleton: Skeleton, joint_map: JointMap) -> Humanoid:
             raise DataError(
                 f"the map has {name!r}{_near(name, known)}; known are {', '.join(known)}"
             )
-    places = {name: place for place, name in reversed(list(enumerate(skeleton.names)))}
+    index = {name: joint for joint, name in reversed(list(enumerate(skeleton.names)))}
     joints = {}
     for name, source in entries.items():
         joint = source if isinstance(source, str) else max(source, key=source.__getitem__)
-        if joint not in places:
+        if joint not in index:
             raise DataError(
                 f"the map says {name!r} is {joint!r}, which is none of the rig's joints"
                 f"{_near(joint, skeleton.names)}; it has {_listed(skeleton)}"
             )
-        joints[name] = places[joint]
+        joints[name] = index[joint]
     return Humanoid(skeleton, joints)
-
-
-def _check_complete(skeleton: Skeleton, joints: Mapping[str, int]) -> None:
-    missing = [name for name in REQUIRED if name not in joints]
-    if missing:
-        taken = set(joints.values())
-        free = [name for n, name in enumerate(skeleton.names) if n not in taken]
-        raise DataError(
-            f"found no {', '.join(missing)} in the rig; its joints without a part are "
-            f"{', '.join(free[:60]) or 'none'}. Draft a map with --draft-map map.json, correct "
-            "it, pass it with --map map.json"
-        )
 
 
 def _near(name: str, names: tuple[str, ...]) -> str:

@@ -1,15 +1,16 @@
-"""Rig: a skeleton that the user brings, stood upright: meters, y up, facing +z, its floor known.
+"""Rig: a skeleton that the user brings, stood upright: meters, y up, facing +z, floor at 0.
 
-Files keep rigs in any unit and with any axis up. How a body stands is seen from itself:
+Files keep rigs in any unit and with any axis up. The joints themselves tell how a body stands:
 
     up       from ankles to head, the nearest axis          left   from the right hip to the left
-    ahead    left × up                                      unit   the one that makes it a person
+    ahead    left × up                                      unit   in which its legs are a person's
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -22,23 +23,25 @@ from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.retarget.humanoid import SIDES, Humanoid, find_humanoid, humanoid_of_map
 from latentmotion.retarget.rig_files import RigFile, open_rig
 
+Rotations = Float[np.ndarray, "frames 3 3"]
+
 _UNITS: Mapping[str, float] = {
     **{"meters": 1.0, "centimeters": 0.01, "inches": 0.0254, "decimeters": 0.1},
     **{"millimeters": 0.001, "feet": 0.3048},
 }
 _LEG = 0.8
-"""Meters that a leg is long, more or less."""
+"""Typical length of a leg, meters."""
 
 _SQUARE = np.radians(10)
-"""Rests that face an axis to within this angle are taken to face it."""
+"""A rest pose that faces an axis to within this angle is taken to face it."""
 
 _SOLE = 0.02
-"""Of a leg's length: how far the lowest joint is above the floor where the file does not say."""
+"""Of a leg's length: height of the lowest joint above the floor where the file does not say."""
 
 
 @dataclass(frozen=True, eq=False)
 class RestPose:
-    """How a body stands at rest in its own file."""
+    """The rest pose of a body in its own file."""
 
     axes: Float[np.ndarray, "3 3"]
     """Its left, up and ahead in the file's axes, in the columns."""
@@ -47,7 +50,7 @@ class RestPose:
 
     @classmethod
     def of(cls, body: Humanoid) -> RestPose:
-        """Finds how a body stands.
+        """Returns the rest pose of a body.
 
         Raises:
             DataError: It has no legs to stand on, or its toes point backward.
@@ -61,7 +64,17 @@ class RestPose:
         leg = float(np.linalg.norm(bones, axis=-1).sum(0).mean())
         if np.linalg.norm(bones, axis=-1).min() <= 1e-6 * max(leg, 1e-9):
             raise DataError("a leg of the rig has a bone of length 0; correct the map of joints")
-        axes = _axes(rest[body.chest] - ankles.mean(0), hips[0] - hips[1])
+        upward, left = rest[body.chest] - ankles.mean(0), hips[0] - hips[1]
+        axis = int(np.argmax(np.abs(upward)))
+        up = np.eye(3)[axis] * np.sign(upward[axis])
+        across = left - up * (left @ up)
+        if np.linalg.norm(across) < 1e-9:
+            raise DataError("both hips of the rig are at the same place; correct the map of joints")
+        across /= np.linalg.norm(across)
+        axis = int(np.argmax(np.abs(across)))
+        nearest = np.eye(3)[axis] * np.sign(across[axis])
+        across = nearest if across @ nearest > np.cos(_SQUARE) else across
+        axes = np.stack([across, up, np.cross(across, up)], axis=-1)
         toes = [
             rest[body.joints[f"{side}_foot"]] - ankle
             for side, ankle in zip(SIDES, ankles, strict=True)
@@ -74,18 +87,18 @@ class RestPose:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A skeleton to carry motions to."""
+    """A skeleton to retarget motions to."""
 
     file: RigFile
-    """Where it comes from and how it is written."""
+    """The file it comes from, which also writes it."""
     body: Humanoid
-    """Which joint is which; its skeleton is in meters, y up, facing +z."""
+    """Its joints by our names; the skeleton is in meters, y up, facing +z."""
     axes: Float[np.ndarray, "3 3"]
     """Its left, up and ahead in the file's axes."""
     meters: float
-    """Per unit of the file."""
+    """Meters per unit of the file."""
     root: Float[np.ndarray, " 3"]
-    """Where joint 0 rests, meters above the floor."""
+    """Rest position of joint 0, meters, the floor at height 0."""
     floor: float
     """Height of the floor in the file, meters."""
     leg: float
@@ -103,20 +116,20 @@ class Rig:
         return next((joint for joint in line if joint in self.file.movable), 0)
 
     def rest(self) -> Float[np.ndarray, "joints 3"]:
-        """Returns where all joints rest, the floor at height 0."""
+        """Returns the rest positions of all joints, the floor at height 0."""
         return self.skeleton.rest_joints() + self.root
 
     def in_file(self, animation: Animation) -> Animation:
         """Returns an animation of this rig in axes and unit of its file."""
         axes, scale = self.axes, 1 / self.meters
         up = np.array([0, self.floor, 0])
-        moves = animation.translations
+        translations = animation.translations
         return Animation(
             self.file.skeleton,
             axes @ animation.rotations @ axes.T,
             scale * (animation.root_positions + up) @ axes.T,
             animation.fps,
-            None if moves is None else scale * moves @ axes.T,
+            None if translations is None else scale * translations @ axes.T,
         )
 
     def unit(self) -> str:
@@ -125,12 +138,74 @@ class Rig:
         return next(known, f"{self.meters:g} m")
 
 
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A rig over time; joints without a rotation of their own rest in their parents."""
+
+    rig: Rig
+    """The rig."""
+    rotations: Mapping[int, Rotations]
+    """Rotations of some joints in the world, away from the rest pose."""
+    hips: Float[np.ndarray, "frames 3"]
+    """The middle of both hips, meters, the floor at height 0."""
+
+    def moved(
+        self, rotations: Mapping[int, Rotations], hips: Float[np.ndarray, "frames 3"] | None = None
+    ) -> Pose:
+        """Returns the pose with other rotations of some joints, and other hips."""
+        return replace(
+            self,
+            rotations={**self.rotations, **rotations},
+            hips=self.hips if hips is None else hips,
+        )
+
+    @cached_property
+    def world(self) -> Float[np.ndarray, "frames joints 3 3"]:
+        """Rotations of all joints in the world."""
+        skeleton = self.rig.skeleton
+        world = np.tile(np.eye(3), (len(self.hips), len(skeleton), 1, 1))
+        for joint, parent in enumerate(skeleton.parents):
+            if joint in self.rotations:
+                world[:, joint] = self.rotations[joint]
+            elif parent >= 0:
+                world[:, joint] = world[:, parent]
+        return world
+
+    @cached_property
+    def joints(self) -> Float[np.ndarray, "frames joints 3"]:
+        """Positions of all joints."""
+        return self.animation(1.0).joints()
+
+    def position(self, name: str) -> Float[np.ndarray, "frames 3"]:
+        """Returns the positions of one of our joints."""
+        return self.joints[:, self.rig.body.joints[name]]
+
+    def animation(self, fps: float) -> Animation:
+        """Returns its local rotations, and the trajectory of the root-motion bone."""
+        skeleton, bone, translations = self.rig.skeleton, self.rig.root_motion_bone, None
+        rotations = skeleton.local_rotations(self.world)
+        root = np.tile(self.rig.root, (len(self.world), 1))
+        if bone == 0:
+            root = self._root_motion()
+        else:
+            translations = np.repeat(skeleton.offsets[None], len(self.world), axis=0)
+            translations[:, bone] = self._root_motion() - self.rig.rest()[skeleton.parents[bone]]
+        return Animation(skeleton, rotations, root, fps, translations)
+
+    def _root_motion(self) -> Float[np.ndarray, "frames 3"]:
+        """Returns positions of the root-motion bone; between it and the pelvis nothing rotates."""
+        rig, rest = self.rig, self.rig.rest()
+        hips = np.mean([rest[rig.body.joints[f"{side}_hip"]] for side in SIDES], axis=0)
+        pelvis = self.hips - self.world[:, rig.body.pelvis] @ (hips - rest[rig.body.pelvis])
+        return pelvis - (rest[rig.body.pelvis] - rest[rig.root_motion_bone])
+
+
 def read_rig(path: str | Path, joint_map: JointMap | None = None) -> Rig:
     """Reads a rig from `.glb`, `.gltf`, `.bvh` or `.asf`.
 
     Args:
         path: The file.
-        joint_map: Ours → its joints; by default found by their names.
+        joint_map: Our joints → the rig's; by default found by their names.
 
     Raises:
         FileFormatError: The file is damaged.
@@ -150,9 +225,10 @@ def make_rig(file: RigFile, body: Humanoid) -> Rig:
         DataError: It cannot stand.
     """
     rest_pose = RestPose.of(body)
-    meters = file.unit or min(_UNITS.values(), key=lambda unit: _off(rest_pose.leg * unit))
-    if _off(rest_pose.leg * meters) > np.log(4):
-        meters = min(_UNITS.values(), key=lambda unit: _off(rest_pose.leg * unit))
+    likeliest = min(_UNITS.values(), key=lambda unit: _misfit(rest_pose.leg * unit))
+    meters = file.unit or likeliest
+    if _misfit(rest_pose.leg * meters) > np.log(4):
+        meters = likeliest
     skeleton = replace(body.skeleton, offsets=meters * body.skeleton.offsets @ rest_pose.axes)
     root = meters * file.root @ rest_pose.axes
     lowest = float(root[1] + skeleton.rest_joints()[:, 1].min())
@@ -169,19 +245,6 @@ def make_rig(file: RigFile, body: Humanoid) -> Rig:
     )
 
 
-def _off(leg: float) -> float:
+def _misfit(leg: float) -> float:
+    """Returns how far a leg of so many meters is from a person's, as a logarithm."""
     return abs(float(np.log(leg / _LEG)))
-
-
-def _axes(
-    upward: Float[np.ndarray, " 3"], left: Float[np.ndarray, " 3"]
-) -> Float[np.ndarray, "3 3"]:
-    axis = int(np.argmax(np.abs(upward)))
-    up = np.eye(3)[axis] * np.sign(upward[axis])
-    across = left - up * (left @ up)
-    if np.linalg.norm(across) < 1e-9:
-        raise DataError("both hips of the rig are at the same place; correct the map of joints")
-    across /= np.linalg.norm(across)
-    nearest = np.eye(3)[np.argmax(np.abs(across))] * np.sign(across[np.argmax(np.abs(across))])
-    across = nearest if across @ nearest > np.cos(_SQUARE) else across
-    return np.stack([across, up, np.cross(across, up)], axis=-1)

@@ -1,13 +1,13 @@
-"""Rig files: a skeleton as its file has it, and the same file written again with animations.
+"""Rig files: the skeleton of a file, and the same file written again with animations.
 
-    glTF   mesh, materials and skin stay as they are, the file only gains animations
-    BVH    the hierarchy is kept to the letter, only the motion below it is new
-    ASF    Acclaim's skeleton, whose motions are written as BVH of the same names
+    glTF   mesh, materials and skin stay as they are; animations are added
+    BVH    the hierarchy is kept to the letter; only the motion is new
+    ASF    Acclaim's skeleton; motions are written as BVH with the same joint names
 
-glTF's bones rest turned. With W₀ a bone's rotation in the world at rest, D its rotation from
-there, M the matrix of its parent:
+glTF's bones have rest rotations. With W₀ a bone's rotation in the world at rest, D its rotation
+away from it, M the matrix of its parent:
 
-    its rotation    (D_p W₀_p)ᵀ D W₀            its translation    M_p⁻¹ (p − p_parent)
+    rotation    (D_p W₀_p)ᵀ D W₀            translation    M_p⁻¹ (p − p_parent)
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -35,26 +35,26 @@ from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.storage.files import atomic_file
 
 _STILL = 1e-6
-"""Changes of a rotation or a place below which a bone rests."""
+"""Changes of a rotation or a position up to which a bone counts as resting."""
 
 
 @dataclass(frozen=True, eq=False)
 class Take:
-    """One animation, in axes and unit of the file that it goes into."""
+    """One animation, in the axes and unit of the file that it is written to."""
 
     name: str
-    """What it is called there."""
+    """Its name in the file."""
     animation: Animation
     """Of the file's own skeleton."""
 
 
 @runtime_checkable
 class RigFile(Protocol):
-    """A file with a skeleton, unchanged since it was read."""
+    """A file with a skeleton."""
 
     @property
     def path(self) -> Path:
-        """Where it was read."""
+        """The file."""
         ...
 
     @property
@@ -64,7 +64,7 @@ class RigFile(Protocol):
 
     @property
     def root(self) -> Float[np.ndarray, " 3"]:
-        """Where joint 0 rests."""
+        """Rest position of joint 0."""
         ...
 
     @property
@@ -74,17 +74,17 @@ class RigFile(Protocol):
 
     @property
     def movable(self) -> frozenset[int]:
-        """Joints that may move besides turning."""
+        """Joints that the file can translate as well as rotate."""
         ...
 
     @property
     def declared(self) -> Mapping[str, int]:
-        """Joints by their names in VRM's humanoid, where the file says them."""
+        """Joints by their names in VRM's humanoid, where the file has them."""
         ...
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """Endings that `write` can write."""
+        """File endings that `write` supports."""
         ...
 
     def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
@@ -130,7 +130,14 @@ class GltfFile:
         self.document = Document.read(path)
         try:
             self.scene = Scene(self.document, path)
-            self.declared = _vrm_bones(self.document.json, self.scene)
+            # The bones that VRM's extension names, 1.0 or 0.x.
+            extensions = self.document.json.get("extensions", {})
+            bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
+            nodes = {name: bone["node"] for name, bone in bones.items()}
+            older = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+            nodes |= {bone["bone"]: bone["node"] for bone in older}
+            index = {node: joint for joint, node in enumerate(self.scene.bones)}
+            self.declared = {name: index[node] for name, node in nodes.items() if node in index}
         except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
             raise FileFormatError(path, f"damaged glTF: {error!r}") from error
         self.skeleton = self.scene.skeleton
@@ -138,69 +145,50 @@ class GltfFile:
         self.movable = frozenset(range(len(self.skeleton)))
 
     def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
-        """Writes the document with these animations; those that it has of the same name go."""
+        """Writes the document with these animations, which replace others of the same name."""
         document = Document.read(self.path)
-        fresh = {take.name for take in takes}
-        kept = [a for a in document.json.get("animations", []) if a.get("name") not in fresh]
-        document.json["animations"] = kept + [self._animation(document, take) for take in takes]
+        names = {take.name for take in takes}
+        animations = document.json.get("animations", [])
+        animations = [entry for entry in animations if entry.get("name") not in names]
+        for take in takes:
+            times = (np.arange(len(take.animation)) / take.animation.fps).astype("f4")
+            clock = document.add_array(times, bounds=True)
+            channels, samplers = [], []
+            for number, (node, channel, values) in enumerate(self._tracks(take.animation)):
+                entry = document.json["nodes"][node]
+                if "matrix" in entry:  # animated nodes must have its parts instead
+                    matrix = np.array(entry.pop("matrix"), dtype=np.float64).reshape(4, 4).T
+                    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+                    scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
+                    rotation = quaternion_from_matrix(matrix[:3, :3] / scale)[[1, 2, 3, 0]]
+                    entry["translation"] = matrix[:3, 3].tolist()
+                    entry |= {"rotation": rotation.tolist(), "scale": scale.tolist()}
+                output = document.add_array(values.astype("f4"))
+                samplers.append({"input": clock, "output": output})
+                channels.append({"sampler": number, "target": {"node": node, "path": channel}})
+            animations.append({"name": take.name, "channels": channels, "samplers": samplers})
+        document.json["animations"] = animations
         document.write(path)
         return [path]
 
-    def _animation(self, document: Document, take: Take) -> dict[str, Any]:
-        animation = take.animation
-        times = (np.arange(len(animation)) / animation.fps).astype("f4")
-        clock = document.add_array(times, bounds=True)
-        channels, samplers = [], []
-        for node, path, values in self._tracks(animation):
-            _split_matrix(document.json["nodes"][node])
-            samplers.append({"input": clock, "output": document.add_array(values.astype("f4"))})
-            channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
-        return {"name": take.name, "channels": channels, "samplers": samplers}
-
     def _tracks(self, animation: Animation) -> list[tuple[int, str, np.ndarray]]:
-        """Returns node, property and values of everything that moves."""
+        """Returns node, property and values of every bone that moves."""
         tracks = []
         for joint, node in enumerate(self.scene.bones):
             start, above, linear = self.scene.rest_frame(self.scene.parents[node])
             if np.abs(animation.rotations[:, joint] - np.eye(3)).max() > _STILL:
-                turns = above.T @ animation.rotations[:, joint] @ self.scene.rest.turns[joint]
-                quaternions = continuous_quaternions(quaternion_from_matrix(turns))
+                local = above.T @ animation.rotations[:, joint] @ self.scene.rest.rotations[joint]
+                quaternions = continuous_quaternions(quaternion_from_matrix(local))
                 tracks.append((node, "rotation", quaternions[:, [1, 2, 3, 0]]))
             if joint == 0:
-                steps, rest = animation.root_positions - start, self.root - start
+                offsets, rest = animation.root_positions - start, self.root - start
             elif animation.translations is not None:
-                steps, rest = animation.translations[:, joint], self.skeleton.offsets[joint]
+                offsets, rest = animation.translations[:, joint], self.skeleton.offsets[joint]
             else:
                 continue
-            if np.abs(steps - rest).max() > _STILL:
-                tracks.append((node, "translation", steps @ np.linalg.inv(linear).T))
+            if np.abs(offsets - rest).max() > _STILL:
+                tracks.append((node, "translation", offsets @ np.linalg.inv(linear).T))
         return tracks
-
-
-def _vrm_bones(json: Mapping[str, Any], scene: Scene) -> dict[str, int]:
-    """Returns the bones that VRM's extension names, 0.x or 1.0."""
-    extensions = json.get("extensions", {})
-    bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
-    nodes = {name: bone["node"] for name, bone in bones.items()}
-    older = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
-    nodes |= {bone["bone"]: bone["node"] for bone in older}
-    rank = {node: joint for joint, node in enumerate(scene.bones)}
-    return {name: rank[node] for name, node in nodes.items() if node in rank}
-
-
-def _split_matrix(node: dict[str, Any]) -> None:
-    """Gives a node that rests as a matrix its parts, as animated nodes must have them."""
-    if "matrix" not in node:
-        return
-    matrix = np.array(node.pop("matrix"), dtype=np.float64).reshape(4, 4).T
-    scale = np.linalg.norm(matrix[:3, :3], axis=0)
-    scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
-    turn = quaternion_from_matrix(matrix[:3, :3] / scale)
-    node |= {
-        "translation": matrix[:3, 3].tolist(),
-        "rotation": turn[[1, 2, 3, 0]].tolist(),
-        "scale": scale.tolist(),
-    }
 
 
 class BvhFile:
@@ -242,32 +230,27 @@ class BvhFile:
         """Writes one file for each take: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on."""
         paths = numbered(path, len(takes))
         for target, take in zip(paths, takes, strict=True):
-            rows = self._rows(take.animation)
+            animation, columns = take.animation, []
+            for joint, node in enumerate(self.nodes):
+                # Angles about axes that a joint does not have are left out.
+                order = node.order + "".join(axis for axis in "ZXY" if axis not in node.order)
+                degrees = np.rad2deg(continuous_euler(animation.rotations[:, joint, None], order))
+                angles = dict(zip(order, degrees[:, 0].T, strict=True))
+                positions = animation.root_positions
+                if joint and animation.translations is not None:
+                    positions = animation.translations[:, joint]
+                elif joint:
+                    positions = np.tile(animation.skeleton.offsets[joint], (len(animation), 1))
+                for axis, kind in node.channels:
+                    position = positions[:, "XYZ".index(axis)]
+                    columns.append(position if kind == "position" else angles[axis])
+            rows = np.round(np.stack(columns, axis=1), 6) + 0.0
             template = " ".join(["%.6f"] * rows.shape[1])
-            timing = [f"Frames: {len(rows)}", f"Frame Time: {1 / take.animation.fps:.8f}"]
+            timing = [f"Frames: {len(rows)}", f"Frame Time: {1 / animation.fps:.8f}"]
             lines = [*self.head, *timing, *(template % tuple(row) for row in rows.tolist())]
             with atomic_file(target) as temporary:
                 temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
         return paths
-
-    def _rows(self, animation: Animation) -> Float[np.ndarray, "frames columns"]:
-        """Returns positions and angles, degrees, in the order of the file's channels."""
-        columns = []
-        for joint, node in enumerate(self.nodes):
-            # Angles about axes that a joint does not have are left out.
-            order = node.order + "".join(axis for axis in "ZXY" if axis not in node.order)
-            turns = continuous_euler(animation.rotations[:, joint, None], order)[:, 0]
-            angles = dict(zip(order, np.rad2deg(turns).T, strict=True))
-            if joint == 0:
-                positions = animation.root_positions
-            elif animation.translations is not None:
-                positions = animation.translations[:, joint]
-            else:
-                positions = np.tile(animation.skeleton.offsets[joint], (len(animation), 1))
-            for axis, kind in node.channels:
-                moved = positions[:, "XYZ".index(axis)] if kind == "position" else angles[axis]
-                columns.append(moved)
-        return np.round(np.stack(columns, axis=1), 6) + 0.0
 
 
 class AsfFile:

@@ -1,4 +1,4 @@
-"""The source character: whose motion is carried over, and its joints' rotations in the world."""
+"""The source character: the body whose motion is retargeted, with its rotations in the world."""
 
 from __future__ import annotations
 
@@ -11,17 +11,15 @@ from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.kinematics.animation import Animation
 from latentmotion.motion import Motion
 from latentmotion.retarget.humanoid import SIDES, Humanoid, find_humanoid
-from latentmotion.retarget.rig import RestPose
-
-Rotations = Float[np.ndarray, "frames 3 3"]
+from latentmotion.retarget.rig import RestPose, Rotations
 
 _HIGHEST = {"foot": 0.08, "ankle": 0.2}
-"""Of a leg's length: how high a joint that stands is at most."""
+"""Of a leg's length: greatest height of a joint that stands."""
 
 
 @dataclass(frozen=True, eq=False)
 class SourceCharacter:
-    """A body that moves, seen as if its rest pose stood upright facing +z."""
+    """A moving body, described as if its rest pose stood upright facing +z."""
 
     body: Humanoid
     """Its joints; its skeleton's rest pose is turned to face +z."""
@@ -36,7 +34,7 @@ class SourceCharacter:
 
     @classmethod
     def of(cls, source: Motion | Animation, body: Humanoid | None = None) -> SourceCharacter:
-        """Finds the character that moves in a motion; by default its joints by their names."""
+        """Returns the character of a motion; by default its joints are found by their names."""
         animation = source.animation() if isinstance(source, Motion) else source
         body = body or find_humanoid(animation.skeleton)
         rest_pose = RestPose.of(body)
@@ -44,15 +42,15 @@ class SourceCharacter:
         return cls(body, animation.joints(), world, animation.fps, rest_pose.leg)
 
     def rotation(self, name: str) -> Rotations:
-        """Returns how a joint of ours is turned in the world."""
+        """Returns the rotations of one of our joints in the world."""
         return self.world[:, self.body.joints[name]]
 
     def position(self, name: str) -> Float[np.ndarray, "frames 3"]:
-        """Returns where a joint of ours is."""
+        """Returns the positions of one of our joints, meters."""
         return self.joints[:, self.body.joints[name]]
 
     def standing_height(self, joint: str) -> float:
-        """Returns how high `ankle` or `foot` are above the floor while they stand, meters."""
+        """Returns the height of `ankle` or `foot` above the floor while they stand, meters."""
         tip = "foot" if f"{SIDES[0]}_foot" in self.body.joints else "ankle"
         heights = np.stack([self.position(f"{side}_{tip}")[:, 1] for side in SIDES])
         low = float(np.percentile(heights.min(0), 5))

@@ -1,15 +1,15 @@
-"""Transfer: how a body moves, carried to bones of other lengths, rest directions and numbers.
+"""Transfer: a motion retargeted to bones of other lengths, rest directions and numbers.
 
 D is a joint's rotation in the world away from its rest pose, d its bone's direction at rest.
 
     limbs          D_rig = D A,      A the shortest rotation, joint by joint down the limb, with
-                                     A d_rig = d:  bones point where the source's point, and A-poses
-                                     lie down into T-poses without a twist
-    feet           D_rig = D A,      A about the vertical: a sole that is level stays level
+                                     A d_rig = d:  bones point where the source's point, and
+                                     A-poses become T-poses without a twist
+    feet           D_rig = D A,      A about the vertical: a level sole stays level
     pelvis, head,
     collars        D_rig = D
-    spine, neck    D_rig at the share k/n of the way from pelvis to chest, from chest to head
-    all others     at rest in their parent
+    spine, neck    D_rig interpolated at k/n from pelvis to chest, from chest to head
+    all others     at rest relative to their parent
 
 Hips move as the source's do, times the ratio of the legs. `feet.py` puts the feet on the floor.
 """
@@ -36,28 +36,25 @@ from latentmotion.kinematics.rotations import (
 from latentmotion.motion import Motion
 from latentmotion.retarget.feet import align_foot, ground_feet
 from latentmotion.retarget.humanoid import SIDES, Humanoid
-from latentmotion.retarget.pose import Pose
-from latentmotion.retarget.rig import Rig
+from latentmotion.retarget.rig import Pose, Rig, Rotations
 from latentmotion.retarget.rig_files import Take
 from latentmotion.retarget.source import SourceCharacter
-
-Rotations = Float[np.ndarray, "frames 3 3"]
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 
 
 def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None) -> Animation:
-    """Carries a motion to a rig.
+    """Retargets a motion to a rig.
 
     Args:
-        source: The motion, its floor at height 0. Of an animation, bones whose joints are known
-            by their names are carried over with their twist.
+        source: The motion, its floor at height 0. An animation's bones whose joints are known by
+            their names keep their twist.
         rig: The skeleton to move.
-        body: Which joint of the source is which; by default found by their names.
+        body: The source's joints by our names; by default found by their names.
 
     Returns:
-        The animation of the rig's skeleton, meters, y up. `Rig.in_file` turns it into what the
-        rig's file has.
+        The animation of the rig's skeleton, meters, y up. `Rig.in_file` converts it to the axes and
+        unit of the rig's file.
 
     Raises:
         DataError: The joints of the source are unknown.
@@ -69,7 +66,12 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
         for name in (f"{side}_ankle", f"{side}_foot"):
             if name in character.body.joints and name in rig.body.joints:
                 rotations[rig.body.joints[name]] = character.rotation(name) @ align
-    pose = Pose(rig, rotations, _hips(character, rig))
+    # The middle of the hips moves as the source's, at the scale of the legs.
+    hips = np.mean([character.position(f"{side}_hip") for side in SIDES], axis=0)
+    scale = rig.leg / character.leg
+    standing = scale * character.standing_height("ankle")
+    rest = np.mean([rig.rest()[rig.body.joints[f"{side}_ankle"], 1] for side in SIDES])
+    pose = Pose(rig, rotations, scale * hips + (0, rest - standing, 0))
     return ground_feet(pose, character).animation(character.fps)
 
 
@@ -80,7 +82,7 @@ def write(
     fps: float | None = None,
     names: Sequence[str] | None = None,
 ) -> list[Path]:
-    """Carries motions to a rig and writes it.
+    """Retargets motions to a rig and writes it.
 
     Args:
         path: `.glb` or `.gltf`: the rig's file with the animations added; those of the same name
@@ -88,7 +90,7 @@ def write(
         rig: The rig.
         motions: At least one.
         fps: Frames per second of the animations; by default each motion's own.
-        names: What the animations are called; by default by the captions.
+        names: Names of the animations; by default their captions.
 
     Returns:
         The files written.
@@ -107,8 +109,8 @@ def write(
         takes = [Take(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)]
         return rig.file.write(target, takes)
     paths = numbered(target, len(animations))
-    for place, animation in zip(paths, animations, strict=True):
-        write_bvh(place, animation)
+    for output, animation in zip(paths, animations, strict=True):
+        write_bvh(output, animation)
     return paths
 
 
@@ -127,56 +129,48 @@ def check_output(rig: Rig, path: Path) -> None:
 
 
 def _torso(source: SourceCharacter, body: Humanoid) -> dict[int, Rotations]:
-    seen = source.body
-    spine = [seen.pelvis, *seen.spine]
-    rotations = {body.pelvis: source.world[:, seen.pelvis]}
+    theirs = source.body
+    spine = [theirs.pelvis, *theirs.spine]
+    rotations = {body.pelvis: source.world[:, theirs.pelvis]}
     rotations |= _chain([source.world[:, joint] for joint in spine], body.spine)
-    if "head" in seen.joints:
-        neck = [seen.chest, *seen.neck]
+    if "head" in theirs.joints:
+        neck = [theirs.chest, *theirs.neck]
         rotations |= _chain([source.world[:, joint] for joint in neck], body.neck)
         if "head" in body.joints:
-            rotations[body.joints["head"]] = source.world[:, seen.joints["head"]]
+            rotations[body.joints["head"]] = source.world[:, theirs.joints["head"]]
     for side in SIDES:
         collar = f"{side}_collar"
-        if collar in seen.joints and collar in body.joints:
+        if collar in theirs.joints and collar in body.joints:
             rotations[body.joints[collar]] = source.rotation(collar)
     return rotations
 
 
-def _chain(seen: Sequence[Rotations], joints: Sequence[int]) -> dict[int, Rotations]:
-    """Spreads the rotations of one chain evenly over another with any number of joints."""
-    quaternions = [quaternion_from_matrix(rotation) for rotation in seen]
+def _chain(source: Sequence[Rotations], joints: Sequence[int]) -> dict[int, Rotations]:
+    """Distributes the rotations of one chain evenly over another with any number of joints."""
+    quaternions = [quaternion_from_matrix(rotation) for rotation in source]
     rotations = {}
     for number, joint in enumerate(joints, 1):
-        along = number / len(joints) * (len(seen) - 1)
-        before = min(int(along), max(len(seen) - 2, 0))
-        after = min(before + 1, len(seen) - 1)
+        along = number / len(joints) * (len(source) - 1)
+        before = min(int(along), max(len(source) - 2, 0))
+        after = min(before + 1, len(source) - 1)
         between = slerp(quaternions[before], quaternions[after], along - before)
         rotations[joint] = matrix_from_quaternion(between)
     return rotations
 
 
 def _limbs(source: SourceCharacter, rig: Rig) -> dict[int, Rotations]:
-    rotations, rest, seen = {}, rig.rest(), source.rest()
+    rotations, rest, source_rest = {}, rig.rest(), source.rest()
     for side in SIDES:
         for limb in _LIMBS:
             names = [f"{side}_{joint}" for joint in limb]
             align = np.eye(3)
             for upper, lower in pairwise(names):
-                bone = _bone(rest, rig.body, upper, lower)
-                align = matrix_between(align @ bone, _bone(seen, source.body, upper, lower)) @ align
+                bone = align @ _bone(rest, rig.body, upper, lower)
+                target = _bone(source_rest, source.body, upper, lower)
+                align = matrix_between(bone, target) @ align
                 rotations[rig.body.joints[upper]] = source.rotation(upper) @ align
             rotations[rig.body.joints[names[-1]]] = source.rotation(names[-1]) @ align
     return rotations
-
-
-def _hips(source: SourceCharacter, rig: Rig) -> Float[np.ndarray, "frames 3"]:
-    """Returns where the middle of the rig's hips goes."""
-    hips = np.mean([source.position(f"{side}_hip") for side in SIDES], axis=0)
-    scale = rig.leg / source.leg
-    up = scale * source.standing_height("ankle")
-    rest = np.mean([rig.rest()[rig.body.joints[f"{side}_ankle"], 1] for side in SIDES])
-    return scale * hips + (0, rest - up, 0)
 
 
 def _bone(

@@ -1,1 +1,1 @@
-"""What is kept on disk: whole files, JSON, caches, pickles of plain values, provenance."""
+"""Storage on disk: atomic files, JSON, caches, pickles of plain values, provenance."""

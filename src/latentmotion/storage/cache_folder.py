@@ -1,4 +1,4 @@
-"""Where this user's caches are: as the platform has it, or as LATENTMOTION_CACHE says."""
+"""The folder of this user's caches: the platform's, or that in LATENTMOTION_CACHE."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ VARIABLE = "LATENTMOTION_CACHE"
 
 
 def cache_folder() -> Path | None:
-    """Returns the folder, which need not exist; None where there shall be no cache."""
-    said = os.environ.get(VARIABLE)
-    if said:
-        return None if said == "off" else Path(said)
+    """Returns the folder, which need not exist; None if caching is off."""
+    chosen = os.environ.get(VARIABLE)
+    if chosen:
+        return None if chosen == "off" else Path(chosen)
     variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
     named = os.environ.get(variable) if sys.platform != "darwin" else None
     if named:

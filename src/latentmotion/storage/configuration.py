@@ -92,7 +92,12 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if dataclasses.is_dataclass(hint):
         return from_json(typing.cast(type, hint), value, where)
     if origin is tuple:
-        return _convert_tuple(arguments, value, where)
+        items = _check(isinstance(value, (list, tuple)), value, "a list", where)
+        if len(arguments) == 2 and arguments[1] is Ellipsis:
+            return tuple(_convert(arguments[0], item, where) for item in items)
+        _check(len(items) == len(arguments), value, f"{len(arguments)} values", where)
+        pairs = zip(arguments, items, strict=True)
+        return tuple(_convert(member, item, where) for member, item in pairs)
     if origin is typing.Literal:
         return _check(value in arguments, value, f"one of {', '.join(map(str, arguments))}", where)
     if hint is float:
@@ -118,14 +123,6 @@ def _convert_union(members: tuple[Any, ...], value: Any, where: str) -> Any:
     plain = [m for m in members if m is not type(None) and not dataclasses.is_dataclass(m)]
     _check(bool(plain), value, " or ".join(classes) or "null", where)
     return _convert(plain[0], value, where)
-
-
-def _convert_tuple(arguments: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
-    items = _check(isinstance(value, (list, tuple)), value, "a list", where)
-    if len(arguments) == 2 and arguments[1] is Ellipsis:
-        return tuple(_convert(arguments[0], item, where) for item in items)
-    _check(len(items) == len(arguments), value, f"{len(arguments)} values", where)
-    return tuple(_convert(hint, item, where) for hint, item in zip(arguments, items, strict=True))
 
 
 def _check(fits: bool, value: Any, expected: str, where: str) -> Any:

@@ -1,6 +1,6 @@
-"""Writing files so that a failure leaves the old one, or none, but never half of one.
+"""Atomic writes: a failure leaves the old file, or none, but never half of one.
 
-Whoever may read what a user writes by default may read these; safetensors would hide its own.
+Files get the user's default permissions; safetensors alone would make its own unreadable to others.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from safetensors import SafetensorError
 from latentmotion.errors import InputError
 
 _FAILURES = (OSError, SafetensorError)
-"""How writing fails, as on a full disk; safetensors has its own name for it."""
+"""Errors of writing, as on a full disk; safetensors has its own."""
 
 
 @contextmanager
@@ -105,7 +105,7 @@ def read_lines(path: str | Path, what: str) -> list[str]:
 
     Args:
         path: The file.
-        what: What a line is, for errors.
+        what: What a line holds, for errors.
 
     Raises:
         InputError: It cannot be read as text, or has no line.

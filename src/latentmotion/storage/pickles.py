@@ -1,9 +1,9 @@
-"""Pickles, read without running what they say: arrays, lists, dictionaries, text and numbers.
+"""Pickles, read without running code: arrays, lists, dictionaries, text and numbers.
 
 A pickle is a program that may call any function by name. A `RestrictedUnpickler` looks each name up
-in a list of its own and imports nothing; the first other name ends the reading. `load` allows what
-rebuilds plain values (`ALLOWED`); SciPy's sparse matrices, as SMPL's joint regressor, come out as
-dense arrays.
+in its own list and imports nothing; any other name is an error. `load` allows only what rebuilds
+plain values (`ALLOWED`); SciPy's sparse matrices, such as SMPL's joint regressor, become dense
+arrays.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _REBUILDERS = {
     "multiarray.scalar": np.float64(1).__reduce__()[0],
     "numeric._frombuffer": np.zeros(1).__reduce_ex__(5)[0],
 }
-"""What NumPy's own pickles call, by the names that they have in all its versions."""
+"""Functions that NumPy's own pickles call, by their names in all its versions."""
 
 ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): np.ndarray,
@@ -82,7 +82,7 @@ ALLOWED: dict[tuple[str, str], Any] = {
         for module in ("scipy.sparse.csc", "scipy.sparse._csc", "scipy.sparse")
     },
 }
-"""What a pickle may name, and what it gets for it."""
+"""Names that a pickle may use, and what it gets for each."""
 
 
 class ForbiddenName(pickle.UnpicklingError):
@@ -98,7 +98,7 @@ class ForbiddenName(pickle.UnpicklingError):
 
 
 class RestrictedUnpickler(pickle.Unpickler):
-    """Gives a pickle what a list says for each name, and imports nothing.
+    """Looks up each name of a pickle in a list, and imports nothing.
 
     Args:
         file: The open pickle.
@@ -123,7 +123,7 @@ class RestrictedUnpickler(pickle.Unpickler):
             raise ForbiddenName(f"{module}.{name}") from error
 
     def persistent_load(self, pid: Any) -> Any:
-        """Refuses what is kept outside of the pickle.
+        """Refuses objects outside of the pickle.
 
         Raises:
             ForbiddenName: Always.

@@ -1,4 +1,4 @@
-"""What a rater's browser downloads, read strictly and checked against the key."""
+"""Raters' answers, as their browsers download them, read strictly and checked against the key."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ class Answers:
     """One rater's answers."""
 
     format: str
-    """Which version of the format this is."""
+    """Version of the format."""
     study: str
     """Name of the study."""
     rater: str
     """Random name of the rater's browser."""
     name: str
-    """What the rater is called, if told."""
+    """Name of the rater, if given."""
     saved: str
     """When they were downloaded."""
     answers: tuple[Answer, ...]
-    """All that were given."""
+    """All answers."""
 
 
 @dataclass(frozen=True)
@@ -51,15 +51,15 @@ class Vote:
     """An answer, once the key has been applied."""
 
     rater: str
-    """Who."""
+    """Random name of the rater's browser."""
     pair: str
-    """On which pair."""
+    """The pair's opaque name."""
     question: str
-    """To which question."""
+    """The question's name."""
     model: Model
-    """For which model."""
+    """The model that was chosen."""
     side: Literal["left", "right"]
-    """On which side it stood."""
+    """The side that it stood on."""
 
 
 def read_key(path: Path) -> StudyKey:
@@ -82,8 +82,27 @@ def read_answers(paths: Sequence[Path], key: StudyKey) -> list[Answers]:
         DataError: It holds answers to another study.
     """
     latest: dict[str, Answers] = {}
+    pairs = {pair.id for pair in key.pairs}
     for path in paths:
-        answers = _checked(path, key)
+        answers = read_json(Answers, path)
+        if answers.format != ANSWERS_FORMAT:
+            raise InputError(
+                f"{path}: expected format {ANSWERS_FORMAT!r}, found {answers.format!r}"
+            )
+        if answers.study != key.study:
+            raise DataError(
+                f"{path} holds answers to study {answers.study}, the key is of {key.study}; pass "
+                "the key that was written with the page these were given on"
+            )
+        given = set()
+        for answer in answers.answers:
+            both = (answer.pair, answer.question)
+            if answer.pair not in pairs or answer.question not in key.questions or both in given:
+                raise DataError(
+                    f"{path}: pair {answer.pair!r}, question {answer.question!r} is unknown or "
+                    "answered twice; the file was changed by hand, download it again"
+                )
+            given.add(both)
         before = latest.get(answers.rater)
         if before is None or before.saved < answers.saved:
             latest[answers.rater] = answers
@@ -91,38 +110,17 @@ def read_answers(paths: Sequence[Path], key: StudyKey) -> list[Answers]:
 
 
 def votes_of(answers: Sequence[Answers], key: StudyKey) -> list[Vote]:
-    """Returns all answers with the model that each was for."""
+    """Returns all answers with the model that each chose."""
     left: dict[str, Model] = {pair.id: pair.left for pair in key.pairs}
     other: dict[Model, Model] = {"A": "B", "B": "A"}
     return [
         Vote(
-            rater=one.rater,
+            rater=rater.rater,
             pair=answer.pair,
             question=answer.question,
             model=left[answer.pair] if answer.choice == "left" else other[left[answer.pair]],
             side=answer.choice,
         )
-        for one in answers
-        for answer in one.answers
+        for rater in answers
+        for answer in rater.answers
     ]
-
-
-def _checked(path: Path, key: StudyKey) -> Answers:
-    answers = read_json(Answers, path)
-    if answers.format != ANSWERS_FORMAT:
-        raise InputError(f"{path}: expected format {ANSWERS_FORMAT!r}, found {answers.format!r}")
-    if answers.study != key.study:
-        raise DataError(
-            f"{path} holds answers to study {answers.study}, the key is of {key.study}; pass the "
-            "key that was written with the page these were given on"
-        )
-    known, seen = {pair.id for pair in key.pairs}, set()
-    for answer in answers.answers:
-        place = (answer.pair, answer.question)
-        if answer.pair not in known or answer.question not in key.questions or place in seen:
-            raise DataError(
-                f"{path}: pair {answer.pair!r}, question {answer.question!r} is unknown or "
-                "answered twice; the file was changed by hand, download it again"
-            )
-        seen.add(place)
-    return answers

@@ -1,20 +1,27 @@
-"""A study: which motion stands on which side, in which order; and the key that says so.
+"""A study: order and sides of its pairs of motions, the secret key, and the page for raters.
 
 Sides are balanced (each model is on the left in half of the pairs, or one more) and shuffled, and
-so is the order. The page knows pairs by opaque names alone; the key is a file of its own.
+so is the order. The page knows pairs by opaque names only; the key is a file of its own. The page
+is one self-contained HTML file, without server, request or name of a model. Its script is the
+viewer's.
 """
 
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
+from latentmotion.storage.files import atomic_file
+from latentmotion.viewer.page import json_in_html, payload, script
 
 Model = Literal["A", "B"]
 
@@ -22,12 +29,12 @@ QUESTIONS = {
     "realism": "Which motion is more realistic?",
     "text": "Which motion fits the text better?",
 }
-"""What raters are asked, by name; the second only where there is a text."""
+"""Questions to raters, by name; the second only for pairs with a text."""
 
 
 @dataclass(frozen=True)
 class KeyPair:
-    """One pair, as the key knows it."""
+    """One pair in the key."""
 
     id: str
     """Its opaque name."""
@@ -36,25 +43,25 @@ class KeyPair:
     seed: int
     """Seed of both motions, or the number of the take."""
     left: Model
-    """Whose motion stands on the left."""
+    """The model whose motion is on the left."""
 
 
 @dataclass(frozen=True)
 class StudyKey:
-    """What raters must not know: `study.key.json`."""
+    """The secret key of a study: `study.key.json`."""
 
     format: str
-    """Which version of the format this is."""
+    """Version of the format."""
     study: str
     """Name of the study, which its answers carry."""
     a: str
-    """What A is."""
+    """Description of A."""
     b: str
-    """What B is."""
+    """Description of B."""
     seed: int
     """Seed of order and sides."""
     questions: dict[str, str]
-    """What is asked."""
+    """The questions, by name."""
     pairs: tuple[KeyPair, ...]
     """All pairs, in the order of the page."""
 
@@ -71,9 +78,9 @@ class Pair:
     seed: int
     """Seed of both, or the number of the take."""
     a: Motion
-    """What A made of it."""
+    """A's motion."""
     b: Motion
-    """What B made of it."""
+    """B's motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +88,7 @@ class Study:
     """A study, ready to be written."""
 
     key: StudyKey
-    """What raters must not know."""
+    """The secret key."""
     motions: tuple[tuple[Motion, Motion], ...]
     """Left and right of each pair, in the order of the key."""
 
@@ -90,9 +97,9 @@ def design(pairs: Sequence[Pair], a: str, b: str, seed: int) -> Study:
     """Shuffles pairs and sides.
 
     Args:
-        pairs: What is compared.
-        a: What A is, for the key.
-        b: What B is, for the key.
+        pairs: The pairs of motions to compare.
+        a: Description of A, for the key.
+        b: Description of B, for the key.
         seed: Seed of order, sides and names.
 
     Raises:
@@ -110,7 +117,13 @@ def design(pairs: Sequence[Pair], a: str, b: str, seed: int) -> Study:
         for name, pair, left in zip(names, shown, a_left, strict=True)
     ]
     questions = {k: v for k, v in QUESTIONS.items() if k != "text" or any(p.prompt for p in pairs)}
-    key = StudyKey(KEY_FORMAT, _name(rows, shown), a, b, seed, questions, tuple(rows))
+    # The study's name is a hash of all that is shown, so that answers to anything else are noticed.
+    digest = hashlib.sha256()
+    for row, pair in zip(rows, shown, strict=True):
+        digest.update(f"{row.id} {row.prompt} {row.left}".encode())
+        digest.update(pair.a.joints.tobytes() + pair.b.joints.tobytes())
+    study = digest.hexdigest()[:16]
+    key = StudyKey(KEY_FORMAT, study, a, b, seed, questions, tuple(rows))
     sides = [
         (p.a, p.b) if row.left == "A" else (p.b, p.a) for p, row in zip(shown, rows, strict=True)
     ]
@@ -122,10 +135,27 @@ def asked(prompt: str, questions: Sequence[str]) -> list[str]:
     return [name for name in questions if name != "text" or prompt]
 
 
-def _name(rows: Sequence[KeyPair], pairs: Sequence[Pair]) -> str:
-    """A hash of all that is shown, so that answers to anything else can be told."""
-    digest = hashlib.sha256()
-    for row, pair in zip(rows, pairs, strict=True):
-        digest.update(f"{row.id} {row.prompt} {row.left}".encode())
-        digest.update(pair.a.joints.tobytes() + pair.b.joints.tobytes())
-    return digest.hexdigest()[:16]
+def study_html(study: Study) -> str:
+    """Returns the page."""
+    key = study.key
+    motions = [
+        replace(motion, caption=row.prompt, metadata={})
+        for row, sides in zip(key.pairs, study.motions, strict=True)
+        for motion in sides
+    ]
+    pairs = [
+        {"id": row.id, "prompt": row.prompt, "questions": asked(row.prompt, list(key.questions))}
+        for row in key.pairs
+    ]
+    content = {"study": key.study, "questions": key.questions, "pairs": pairs, **payload(motions)}
+    fields = {"study": json_in_html(content), "script": script()}
+    template = resources.files("latentmotion.study").joinpath("template.html")
+    text = template.read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], text)
+
+
+def write_study_page(path: str | Path, study: Study) -> None:
+    """Writes `study_html` to a file, whole or not at all."""
+    page = study_html(study)
+    with atomic_file(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")

@@ -13,16 +13,16 @@ from latentmotion.study.statistics import krippendorff, observed_agreement, sign
 
 @dataclass(frozen=True)
 class Preference:
-    """What raters say to one question."""
+    """Answers of all raters to one question."""
 
     question: str
-    """As it was asked."""
+    """Text of the question."""
     answers: int
-    """How many answers there are."""
+    """Number of answers."""
     for_a: int
-    """How many of them are for A."""
+    """Number of answers for A."""
     share_of_a: float | None
-    """Part of the answers for A."""
+    """Share of the answers for A."""
     interval: tuple[float, float]
     """Its 95 % confidence interval (Wilson)."""
     p_answers: float
@@ -32,35 +32,35 @@ class Preference:
     p_pairs: float
     """Exact sign test over pairs, ties left out."""
     agreement: float | None
-    """Part of two raters' answers to one pair that agree; none where nobody shares a pair."""
+    """Share of two raters' answers to one pair that agree; None if no two raters share a pair."""
     alpha: float | None
-    """Krippendorff's alpha of the same."""
+    """Krippendorff's alpha of these answers."""
     left: float | None
-    """Part of the answers for the left side; far from 0.5, raters do not look."""
+    """Share of the answers for the left side; far from 0.5, raters do not look."""
 
 
 @dataclass(frozen=True)
 class RaterPreference:
-    """What one rater says."""
+    """Answers of one rater."""
 
     rater: str
     """Random name of the rater's browser."""
     answers: int
-    """How many answers there are."""
+    """Number of answers."""
     for_a: int
-    """How many of them are for A."""
+    """Number of answers for A."""
 
 
 @dataclass(frozen=True)
 class StudyReport:
-    """All that is known of a study."""
+    """Results of a study."""
 
     study: str
     """Name of the study."""
     a: str
-    """What A is."""
+    """Description of A."""
     b: str
-    """What B is."""
+    """Description of B."""
     pairs: int
     """Pairs of motions on the page."""
     preferences: tuple[Preference, ...]
@@ -72,7 +72,21 @@ class StudyReport:
         """Returns the report as text."""
         head = [f"A is {self.a}", f"B is {self.b}", ""]
         counts = f"{len(self.raters)} raters, {self.pairs} pairs of motions, study {self.study}"
-        tables = [line for one in self.preferences for line in _lines(one)]
+        tables: list[str] = []
+        for preference in self.preferences:
+            (low, high), (a, b, ties) = preference.interval, preference.pairs
+            alpha = "unknown" if preference.alpha is None else f"{preference.alpha:.2f}"
+            tables += [
+                f"{preference.question}",
+                f"- A preferred in {_percent(preference.share_of_a)} of {preference.answers} "
+                f"answers, 95 % interval {_percent(low)} to {_percent(high)} (Wilson), exact p "
+                f"{preference.p_answers:.3g}",
+                f"- pairs: A won {a}, B won {b}, {ties} tied; sign test over pairs p "
+                f"{preference.p_pairs:.3g}",
+                f"- agreement of raters {_percent(preference.agreement)} (Krippendorff's alpha "
+                f"{alpha}); left side chosen in {_percent(preference.left)}",
+                "",
+            ]
         raters = [f"- {r.rater}: A in {r.for_a} of {r.answers} answers" for r in self.raters]
         return "\n".join([*head, counts, "", *tables, "By rater:", *raters])
 
@@ -103,7 +117,10 @@ def _preference(question: str, votes: Sequence[Vote]) -> Preference:
     by_pair: dict[str, list[str]] = defaultdict(list)
     for vote in votes:
         by_pair[vote.pair].append(vote.model)
-    won = Counter(_majority(models) for models in by_pair.values())
+    won = Counter()
+    for models in by_pair.values():
+        margin = 2 * sum(model == "A" for model in models) - len(models)
+        won["A" if margin > 0 else "B" if margin < 0 else "tie"] += 1
     return Preference(
         question=question,
         answers=n,
@@ -117,26 +134,6 @@ def _preference(question: str, votes: Sequence[Vote]) -> Preference:
         alpha=krippendorff(by_pair.values()),
         left=sum(vote.side == "left" for vote in votes) / n if n else None,
     )
-
-
-def _majority(models: Sequence[str]) -> str:
-    ahead = 2 * sum(model == "A" for model in models) - len(models)
-    return "A" if ahead > 0 else "B" if ahead < 0 else "tie"
-
-
-def _lines(one: Preference) -> list[str]:
-    low, high = one.interval
-    a, b, ties = one.pairs
-    return [
-        f"{one.question}",
-        f"- A preferred in {_percent(one.share_of_a)} of {one.answers} answers, "
-        f"95 % interval {_percent(low)} to {_percent(high)} (Wilson), exact p {one.p_answers:.3g}",
-        f"- pairs: A won {a}, B won {b}, {ties} tied; sign test over pairs p {one.p_pairs:.3g}",
-        f"- agreement of raters {_percent(one.agreement)} (Krippendorff's alpha "
-        f"{'unknown' if one.alpha is None else f'{one.alpha:.2f}'}); left side chosen in "
-        f"{_percent(one.left)}",
-        "",
-    ]
 
 
 def _percent(share: float | None) -> str:

@@ -1,4 +1,4 @@
-"""Where a study's motions come from: a model that generates them, or a folder of saved ones."""
+"""Sources of a study's motions: a model that generates them, or a folder of saved ones."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from latentmotion.errors import InputError
-from latentmotion.model.card import CARD_FILE
-from latentmotion.model.folder import shipped_models
+from latentmotion.model.card import CARD_FILE, shipped_models
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import read_lines, sha256
@@ -16,7 +15,7 @@ from latentmotion.storage.files import read_lines, sha256
 
 @dataclass(frozen=True)
 class Wanted:
-    """What both sides of a study have to show."""
+    """Prompts, seeds and length that both sides of a study show."""
 
     prompts: tuple[str, ...]
     """The sentences."""
@@ -39,7 +38,7 @@ def motions_of(
 
     Args:
         source: Name or folder of a model; or a folder of .npz files, found by their captions.
-        wanted: What is to be shown.
+        wanted: Prompts, seeds and length.
         load: Loads a model by name or folder.
 
     Raises:
@@ -48,12 +47,34 @@ def motions_of(
     """
     folder = Path(source)
     if source in shipped_models() or not folder.is_dir() or (folder / CARD_FILE).is_file():
-        return _generated(load(source), wanted)
-    return _saved(folder, wanted)
+        prompts, seeds = zip(*wanted.rows(), strict=True)
+        return load(source).batch(prompts, wanted.seconds, seeds)
+    from latentmotion.formats import load as load_motions
+
+    takes: dict[str, list[Motion]] = {}
+    for path in sorted(folder.glob("*.npz")):
+        for motion in load_motions(path):
+            takes.setdefault(_plain(motion.caption), []).append(motion)
+    if not takes:
+        raise InputError(
+            f"{folder} is neither a model folder nor one of motions: it has no {CARD_FILE} and no "
+            ".npz file; save motions with latentmotion generate ... -o NAME.npz"
+        )
+    motions = []
+    for prompt in wanted.prompts:
+        same = takes.get(_plain(prompt), [])[: len(wanted.seeds)]
+        if len(same) < len(wanted.seeds):
+            raise InputError(
+                f"{folder} has {len(same)} motions for {prompt!r}, the study needs "
+                f"{len(same) + 1}; captions there are e.g. "
+                f"{', '.join(map(repr, sorted(takes)[:3]))}"
+            )
+        motions += same
+    return motions
 
 
 def describe(source: str) -> str:
-    """Returns what the key says of a source: its name, and a hash of a model's weights or card."""
+    """Returns the description of a source for the key: its name, and a hash of a model's card."""
     folder = Path(source)
     if (folder / CARD_FILE).is_file():
         return f"{source} ({CARD_FILE} {sha256(folder / CARD_FILE)[:12]})"
@@ -61,7 +82,7 @@ def describe(source: str) -> str:
 
 
 def read_prompts(path: Path) -> tuple[str, ...]:
-    """Reads sentences, one a line; empty lines and repetitions are left out.
+    """Reads sentences, one per line, without empty lines and repetitions.
 
     Raises:
         InputError: The file cannot be read, or holds none.
@@ -69,52 +90,13 @@ def read_prompts(path: Path) -> tuple[str, ...]:
     return tuple(dict.fromkeys(read_lines(path, "sentence")))
 
 
-def _generated(generator: MotionPipeline, wanted: Wanted) -> list[Motion]:
-    prompts, seeds = zip(*wanted.rows(), strict=True)
-    return generator.batch(prompts, wanted.seconds, seeds)
-
-
-def _saved(folder: Path, wanted: Wanted) -> list[Motion]:
-    takes = _by_prompt(folder)
-    return [
-        _take(takes, prompt, number, folder)
-        for prompt in wanted.prompts
-        for number in range(len(wanted.seeds))
-    ]
-
-
-def _by_prompt(folder: Path) -> dict[str, list[Motion]]:
-    from latentmotion.formats import load
-
-    found: dict[str, list[Motion]] = {}
-    for path in sorted(folder.glob("*.npz")):
-        for motion in load(path):
-            found.setdefault(_plain(motion.caption), []).append(motion)
-    if not found:
-        raise InputError(
-            f"{folder} is neither a model folder nor one of motions: it has no {CARD_FILE} and no "
-            ".npz file; save motions with latentmotion generate ... -o NAME.npz"
-        )
-    return found
-
-
-def _take(takes: dict[str, list[Motion]], prompt: str, number: int, folder: Path) -> Motion:
-    same = takes.get(_plain(prompt), [])
-    if number >= len(same):
-        raise InputError(
-            f"{folder} has {len(same)} motions for {prompt!r}, the study needs {number + 1}; "
-            f"captions there are e.g. {', '.join(map(repr, sorted(takes)[:3]))}"
-        )
-    return same[number]
-
-
 def _plain(sentence: str) -> str:
-    """Case, spaces and a last full stop do not matter."""
+    """Returns a sentence without case, extra spaces and final period, for comparison."""
     return " ".join(sentence.split()).rstrip(".").casefold()
 
 
 def check_lengths(pairs: Sequence[tuple[Motion, Motion]]) -> list[str]:
-    """Returns a warning where lengths or frame rates tell the sides apart."""
+    """Returns a warning if the lengths of motions give the sides away."""
     lengths = [abs(a.seconds - b.seconds) for a, b in pairs]
     if max(lengths) > 0.25:
         return [

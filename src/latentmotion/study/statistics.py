@@ -1,4 +1,4 @@
-"""What can be said of wins and losses, in closed form.
+"""Statistics of wins and losses, in closed form.
 
 Wilson's interval (1927) of a proportion p = k/n at z = 1.96:
 
@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
 
 Z = 1.959963984540054
-"""Of a 95 % interval."""
+"""Normal quantile of a 95 % interval."""
 
 
 def wilson(wins: int, n: int, z: float = Z) -> tuple[float, float]:
@@ -37,10 +37,10 @@ def sign_test(wins: int, n: int) -> float:
 
 
 def observed_agreement(ratings: Iterable[Sequence[Hashable]]) -> float | None:
-    """Returns the part of pairs of ratings of one item that agree; None where none can be paired.
+    """Returns the share of pairs of ratings of one item that agree; None if there is no pair.
 
     Args:
-        ratings: For each item what its raters said.
+        ratings: For each item the ratings of its raters.
     """
     agreeing = possible = 0
     for item in ratings:
@@ -50,7 +50,7 @@ def observed_agreement(ratings: Iterable[Sequence[Hashable]]) -> float | None:
 
 
 def krippendorff(ratings: Iterable[Sequence[Hashable]]) -> float | None:
-    """Returns α for labels; items with one rating say nothing, None where nothing can be said."""
+    """Returns α for labels, without items that have a single rating; None if undefined."""
     items = [Counter(item) for item in ratings if len(item) > 1]
     total = sum(sum(item.values()) for item in items)
     disagreeing = sum(_unlike(item) / (sum(item.values()) - 1) for item in items)
@@ -59,6 +59,6 @@ def krippendorff(ratings: Iterable[Sequence[Hashable]]) -> float | None:
 
 
 def _unlike(counts: Counter[Hashable]) -> int:
-    """Ordered pairs of unlike labels."""
+    """Counts ordered pairs of unlike labels."""
     total = sum(counts.values())
     return total * total - sum(count * count for count in counts.values())

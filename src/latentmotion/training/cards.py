@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from latentmotion.condition.task import TASKS
 from latentmotion.data.dataset import Dataset
-from latentmotion.experiment import Experiment
 from latentmotion.model.card import ModelCard
-from latentmotion.training.provenance import provenance_of
-from latentmotion.training.steering import Steering
+from latentmotion.training.experiment import Experiment
+from latentmotion.training.run_folder import provenance_of
+from latentmotion.training.task_conditions import TaskConditioning
 
 
 def first_stage_card(
@@ -25,7 +25,7 @@ def first_stage_card(
         normalizer_std=tuple(dataset.normalizer.std.tolist()),
         latents=experiment.vae.latent_space(),
         schedule=objective.schedule,
-        prediction=objective.prediction,
+        parametrization=objective.parametrization,
         vae=experiment.vae,
         denoiser=None,
         condition=TASKS[experiment.task](),
@@ -39,7 +39,7 @@ def second_stage_card(
     experiment: Experiment,
     dataset: Dataset,
     first: ModelCard,
-    steering: Steering,
+    conditioning: TaskConditioning,
     seconds: float,
     figures: Mapping[str, float],
 ) -> ModelCard:
@@ -50,12 +50,10 @@ def second_stage_card(
         first,
         name=experiment.name,
         schedule=objective.schedule,
-        prediction=objective.prediction,
+        parametrization=objective.parametrization,
         denoiser=experiment.denoiser,
-        condition=steering.task,
-        steps=experiment.sampling.steps,
-        guidance=experiment.sampling.guidance if steering.task.prompted else 1.0,
-        sampler=experiment.sampling.sampler,
+        condition=conditioning.task,
+        sampling=experiment.sampling.but(guidance=None if conditioning.task.prompted else 1.0),
         frames=(cropping.min_frames, cropping.max_frames),
         provenance=provenance_of(dataset, seconds, first.provenance),
         figures={**first.figures, **rounded},

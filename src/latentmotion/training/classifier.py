@@ -1,36 +1,179 @@
-"""Trains an action classifier on a labelled data set into an evaluator folder, resumable."""
+"""Training of an action classifier: crops → cross entropy, into an evaluator folder; resumable.
+
+The weights with the best accuracy on the val split are kept. Mirrored copies are trained on where
+their labels are among those of the data: a kick to the left mirrored is a kick to the right, a
+squat stays a squat.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
-from safetensors.torch import load_file
+import torch.nn.functional as F
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
 
-from latentmotion.data.clip import SPLITS
+from latentmotion.data.clip import SPLITS, Clip
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.sampling import Crop, Cropping, Item
 from latentmotion.errors import DataError
-from latentmotion.evaluation.extractors.action_classifier import (
+from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,
+    Recognizer,
     recognizer_of,
     save_action_classifier,
 )
-from latentmotion.evaluation.extractors.action_network import Recognizer
-from latentmotion.evaluation.extractors.temporal import TemporalClassifier
-from latentmotion.representation.normalizer import Normalizer
-from latentmotion.storage.provenance import command_line
-from latentmotion.training.classifier_stage import (
-    ClassifierExperiment,
-    ClassifierStage,
-    LabelledData,
-    labelled,
-    labels_of,
+from latentmotion.evaluation.evaluators.action_network import (
+    TemporalClassifier,
+    TemporalClassifierConfig,
 )
-from latentmotion.training.crops import FeatureMemory
-from latentmotion.training.devices import Place
-from latentmotion.training.loop import train
+from latentmotion.motion import Motion
+from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.files import atomic_file
+from latentmotion.storage.provenance import command_line
+from latentmotion.training.crops import BatchSampler, FeatureCache
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.loop import Stage, train
+from latentmotion.training.rng import StepRandomness
 from latentmotion.training.run_folder import MODEL, open_run
+
+
+@dataclass(frozen=True)
+class ClassifierExperiment:
+    """Everything that decides what training a classifier yields, but the data."""
+
+    network: TemporalClassifierConfig = field(default_factory=TemporalClassifierConfig)
+    """The network; its features and labels are taken from the data."""
+    mirrored_classes: bool = False
+    """Whether labels that only mirrored copies have are classes too."""
+    cropping: Cropping = field(default_factory=lambda: Cropping(max_frames=64))
+    """Which parts of clips are shown."""
+    noise: float = 0.2
+    """Deviation of the noise that is added to normalized features in training."""
+    smoothing: float = 0.1
+    """Part of the target that is spread over all labels."""
+    training: TrainingSettings = field(
+        default_factory=lambda: TrainingSettings(
+            steps=1000, weight_decay=0.05, ema_decay=0.99, validate_every=50, sample_every=0
+        )
+    )
+    """How it is optimized."""
+
+
+@dataclass(frozen=True)
+class LabelledData:
+    """What a classifier learns from."""
+
+    labels: tuple[str, ...]
+    """The labels, in the order of the logits."""
+    train: tuple[Clip, ...]
+    """Clips that are shown, mirrored copies included."""
+    val: tuple[Clip, ...]
+    """Clips by which the weights are chosen."""
+    memory: FeatureCache
+    """Normalized features of both."""
+
+    def targets(self, crops: Sequence[Crop]) -> torch.Tensor:
+        """Returns the label number of each crop."""
+        return torch.tensor([self.labels.index(crop.clip.action or "") for crop in crops])
+
+
+def labels_of(dataset: Dataset, mirrored_classes: bool) -> tuple[str, ...]:
+    """Returns the labels of a data set, sorted."""
+    every = [c for split in ("train", "val", "test") for c in dataset.clips(split, mirrored=True)]
+    seen = {c.action for c in every if c.action and (mirrored_classes or not c.mirrored)}
+    return tuple(sorted(seen))
+
+
+def labelled(dataset: Dataset, split: str, labels: Sequence[str], mirrored: bool) -> list[Clip]:
+    """Returns the clips of a split that have one of the labels."""
+    return [clip for clip in dataset.clips(split, mirrored) if clip.action in labels]
+
+
+class ClassifierStage(Stage[TemporalClassifier]):
+    """The classifier, the crops it is shown, and the clips by which it is chosen.
+
+    Args:
+        network: The network to train.
+        data: Labelled clips.
+        experiment: Which crops, which objective.
+        best: File of the best weights so far.
+        context: The device and rank.
+    """
+
+    def __init__(
+        self,
+        network: TemporalClassifier,
+        data: LabelledData,
+        experiment: ClassifierExperiment,
+        best: Path,
+        context: DistributedContext,
+    ) -> None:
+        super().__init__()
+        self.network = network
+        self._data, self._experiment, self._best, self._context = data, experiment, best, context
+        items = [Item(clip, 0, clip.frames, ()) for clip in data.train]
+        training = experiment.training
+        self._batches = BatchSampler(items, training.batch_size, experiment.cropping, training.seed)
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`."""
+        crops, ranks, device = self._batches(step), self._context.ranks, self._context.device
+        own = crops[ranks.shard(len(crops))]
+        features, mask = self._data.memory.batch(own, max(crop.frames for crop in crops))
+        seed = self._experiment.training.seed
+        noise = StepRandomness(seed, step, len(crops), ranks, device).normal(*features.shape[1:])
+        features = features.to(device) + self._experiment.noise * noise
+        logits = self._logits(self.network, features, mask.to(device))
+        targets = self._data.targets(own).to(device)
+        smoothing = self._experiment.smoothing
+        loss = F.cross_entropy(logits, targets, label_smoothing=smoothing)
+        return {"total": loss, "accuracy": (logits.argmax(1) == targets).float().mean()}
+
+    @torch.no_grad()
+    def validate(self, network: TemporalClassifier) -> dict[str, float]:
+        """Accuracy and loss on whole held-out clips; keeps the weights if the loss is the least."""
+        crops = [Crop(clip, 0, clip.frames, "") for clip in self._data.val]
+        if not crops:
+            return {}
+        features, mask = self._data.memory.batch(crops, max(crop.frames for crop in crops))
+        device = self._context.device
+        logits = self._logits(network, features.to(device), mask.to(device)).cpu()
+        targets = self._data.targets(crops)
+        loss = float(F.cross_entropy(logits, targets))
+        if loss < best_loss(self._best):
+            _keep(self._best, network, loss)
+        accuracy = float((logits.argmax(1) == targets).float().mean())
+        return {"loss": loss, "accuracy": accuracy}
+
+    def sample(self, network: TemporalClassifier) -> list[Motion]:
+        """A classifier makes no motions."""
+        return []
+
+    def _logits(
+        self, network: TemporalClassifier, features: torch.Tensor, mask: torch.Tensor
+    ) -> torch.Tensor:
+        return network.classify(network.features(features, mask))
+
+
+def best_loss(path: Path) -> float:
+    """Returns the validation loss of the kept weights; infinity where there are none."""
+    if not path.exists():
+        return math.inf
+    with safe_open(path, "pt") as file:
+        return float(file.metadata()["loss"])
+
+
+def _keep(path: Path, network: TemporalClassifier, loss: float) -> None:
+    with atomic_file(path) as temporary:
+        weights = {key: tensor.cpu().contiguous() for key, tensor in network.state_dict().items()}
+        save_file(weights, temporary, {"loss": repr(loss)})
+
 
 BEST = "best.safetensors"
 """Where in a run folder the weights are kept that did best on the val split."""
@@ -49,7 +192,7 @@ class ClassifierRun:
 
 
 def train_classifier(
-    experiment: ClassifierExperiment, data: Path, folder: Path, place: Place
+    experiment: ClassifierExperiment, data: Path, folder: Path, context: DistributedContext
 ) -> Path:
     """Trains a classifier, or goes on with it; returns the evaluator folder.
 
@@ -61,13 +204,13 @@ def train_classifier(
     labels, normalizer = _labels(dataset, experiment), _normalizer(dataset)
     sizes = {"features": dataset.representation.width, "labels": len(labels)}
     experiment = replace(experiment, network=replace(experiment.network, **sizes))
-    open_run(folder, ClassifierRun("classifier", dataset.fingerprint, experiment), place)
+    open_run(folder, ClassifierRun("classifier", dataset.fingerprint, experiment), context)
     torch.manual_seed(experiment.training.seed)
     seen = _labelled_data(dataset, labels, normalizer)
     network = experiment.network.build()
-    stage = ClassifierStage(network, seen, experiment, folder / BEST, place)
-    network, _ = train(stage, experiment.training, folder, place)
-    if place.leads:
+    stage = ClassifierStage(network, seen, experiment, folder / BEST, context)
+    network, _ = train(stage, experiment.training, folder, context)
+    if context.is_main:
         network = _chosen(network.cpu(), folder / BEST)
         about = _describe(experiment, dataset, labels, normalizer)
         figures = _accuracies(recognizer_of(about, network, ""), dataset, experiment)
@@ -121,7 +264,7 @@ def _labelled_data(
     dataset: Dataset, labels: tuple[str, ...], normalizer: Normalizer
 ) -> LabelledData:
     clips = [labelled(dataset, split, labels, mirrored=True) for split in ("train", "val")]
-    memory = FeatureMemory(dataset, [*clips[0], *clips[1]], normalizer)
+    memory = FeatureCache(dataset, [*clips[0], *clips[1]], normalizer)
     return LabelledData(labels, tuple(clips[0]), tuple(clips[1]), memory)
 
 

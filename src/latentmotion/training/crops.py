@@ -18,7 +18,7 @@ from latentmotion.errors import DataError
 from latentmotion.representation.normalizer import Normalizer
 
 
-class Plan:
+class BatchSampler:
     """Which crops each step shows: epochs of items in random order, batches of similar length.
 
     Args:
@@ -46,7 +46,7 @@ class Plan:
         return plan_epoch(self._items, *self._arguments, epoch)
 
 
-class FeatureMemory:
+class FeatureCache:
     """Features of clips, read once and given out normalized, each crop as a clip of its own.
 
     Args:

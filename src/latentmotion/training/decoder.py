@@ -1,33 +1,146 @@
-"""Another decoder for the latents of a trained model: cheaper, or learned again.
+"""Another decoder for the latents of a trained model: cheaper, or trained anew.
 
-The encoder stays as it is to the bit, so that the model's denoiser fits as before.
+The encoder stays bit-identical, so that the model's denoiser fits as before. A decoder that has
+seen only latents of real motions is worse on a denoiser's latents. The ends of a teacher's
+trajectories, which distillation keeps, are such latents; what the decoder that they were generated
+for makes of them can be the target of the new one (knowledge distillation).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import torch
+from jaxtyping import Bool, Float
 
-from latentmotion.checkpoint import WEIGHTS_FILE, FirstStageModel, load_stages, save_model
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
-from latentmotion.exchange import check_latents, other_figures, scale_of
-from latentmotion.experiment import Experiment, differing_keys
+from latentmotion.export.swap_decoder import check_latents, other_figures, scale_of
+from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.vae_config import VAEConfig
+from latentmotion.model.vae_config import LatentSpace, VAEConfig
 from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import WEIGHTS_FILE, FirstStageModel, load_stages, save_model
+from latentmotion.networks.vae.interface import MotionVAE, copy_encoder, encoder_state
+from latentmotion.networks.vae.loss import feature_losses, weighted_sum
+from latentmotion.representation.normalizer import Scale
 from latentmotion.storage.files import sha256
-from latentmotion.training.devices import Place
-from latentmotion.training.imitation import ImitatingStage, load_imitation
+from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE, ends_of
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, differing_keys
 from latentmotion.training.loop import train
-from latentmotion.training.provenance import provenance_of
-from latentmotion.training.run_folder import MODEL, Run, open_run
-from latentmotion.training.vae_stage import VAEStage
-from latentmotion.vae.halves import first_half, keep_latents
-from latentmotion.vae.interface import MotionVAE
+from latentmotion.training.run_folder import MODEL, Run, open_run, provenance_of
+from latentmotion.training.vae import VAEStage
+
+
+@dataclass(frozen=True)
+class Imitation:
+    """Latents, the shortest first, and the decoder that answers to them."""
+
+    latents: Float[torch.Tensor, "motions tokens width"]
+    """Latents in the VAE's own scale."""
+    mask: Bool[torch.Tensor, "motions tokens"]
+    """True on real tokens."""
+    frames_per_token: int
+    """Frames that each stands for."""
+    vae: MotionVAE
+    """Whose answers are learned; it trains no more."""
+    fingerprint: str
+    """Hash of the latents and of its weights."""
+
+    def rows(self, step: int, batch: int, seed: int) -> range:
+        """Returns the rows of step number `step`: neighbors, so of similar length."""
+        last = max(len(self.mask) - batch, 0)
+        first = int(np.random.default_rng([seed, step]).integers(last + 1))
+        return range(first, min(first + batch, len(self.mask)))
+
+    def batch(
+        self, rows: range, frames: int
+    ) -> tuple[Float[torch.Tensor, "batch tokens width"], Bool[torch.Tensor, "batch frames"]]:
+        """Returns latents for at most so many frames, and the mask of the frames."""
+        mask = self.mask[list(rows)]
+        tokens = min(int(mask.sum(dim=1).max()), frames // self.frames_per_token)
+        frame_mask = mask[:, :tokens].repeat_interleave(self.frames_per_token, dim=1)
+        return self.latents[list(rows), :tokens], frame_mask
+
+
+class ImitatingStage(VAEStage):
+    """A VAE that learns from motions and, as much, from another decoder on generated latents.
+
+    Args:
+        vae: The network to train.
+        dataset: Motions.
+        experiment: Which crops, which objective.
+        context: The device and rank.
+        imitation: Generated latents and who decodes them.
+    """
+
+    def __init__(
+        self,
+        vae: MotionVAE,
+        dataset: Dataset,
+        experiment: Experiment,
+        context: DistributedContext,
+        imitation: Imitation,
+    ) -> None:
+        super().__init__(vae, dataset, experiment, context)
+        self._imitation = imitation
+        imitation.vae.to(context.device)
+        self._most = experiment.vae_cropping.max_frames
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`; "imitated" is that on generated latents."""
+        losses = super().forward(step)
+        imitated = self._imitated(step)
+        return {**losses, "total": losses["total"] + imitated, "imitated": imitated}
+
+    def _imitated(self, step: int) -> torch.Tensor:
+        settings, context = self._settings, self._context
+        rows = self._imitation.rows(step, settings.batch_size, settings.seed)
+        batch = self._imitation.batch(rows[context.ranks.shard(len(rows))], self._most)
+        latents, mask = (part.to(context.device) for part in batch)
+        with torch.no_grad(), torch.autocast(context.device.type, enabled=False):
+            true = self._imitation.vae.decode(latents, mask)
+        found = self.network.decode(latents, mask).float()
+        fps, objective = self._dataset.representation.fps, self._objective
+        losses = feature_losses(found, true, mask, self._joints, fps, objective, self.skeleton)
+        return weighted_sum(losses, objective)
+
+
+def load_imitation(run: Path, model: FirstStageModel) -> Imitation:
+    """Reads what a distillation generated, and the decoder that its model has.
+
+    Args:
+        run: Run folder of a distillation that ended.
+        model: The model for whose latents a decoder is trained.
+
+    Raises:
+        ModelError: The run has made no model.
+        InputError: It keeps no trajectories, or its latents are others, or have no time axis.
+    """
+    student = load_stages(run / MODEL)
+    check_latents(model, student)
+    trajectories, space = version_1.existing(run / TRAJECTORIES_FILE), student.card.latents
+    if not trajectories.is_file() or space.frames_per_token is None:
+        raise InputError(
+            f"{run}: expected latents over time in {TRAJECTORIES_FILE}; pass the run folder of a "
+            "distillation by TrajectoryRegression of a model that has such"
+        )
+    latents, mask = _sorted(*ends_of(trajectories), space)
+    vae = student.vae.eval().requires_grad_(False)
+    fingerprint = sha256(trajectories) + sha256(run / MODEL / WEIGHTS_FILE)
+    return Imitation(latents, mask, space.frames_per_token, vae, fingerprint)
+
+
+def _sorted(
+    ends: torch.Tensor, mask: torch.Tensor, space: LatentSpace
+) -> tuple[torch.Tensor, torch.Tensor]:
+    order = mask.sum(dim=1).argsort(stable=True)
+    scale = Scale(torch.tensor(space.mean), torch.tensor(space.std))
+    return scale.denormalize(ends)[order], mask[order]
 
 
 def train_decoder(
@@ -35,7 +148,7 @@ def train_decoder(
     data: Path,
     model: Path,
     folder: Path,
-    place: Place,
+    context: DistributedContext,
     imitated: Path | None = None,
 ) -> Path:
     """Trains a decoder for a model's latents, or goes on with it; returns the whole model's folder.
@@ -45,7 +158,7 @@ def train_decoder(
         data: Prepared folder.
         model: Model folder, with or without a denoiser.
         folder: Run folder.
-        place: The device and rank.
+        context: The device and rank.
         imitated: Run folder of a distillation, to learn from its decoder on what it generated.
 
     Raises:
@@ -62,11 +175,11 @@ def train_decoder(
     parents = {"model": sha256(model / WEIGHTS_FILE)}
     if imitation:
         parents["imitated"] = imitation.fingerprint
-    open_run(folder, Run("decoder", dataset.fingerprint, parents, experiment), place)
-    parts = vae, dataset, experiment, place
+    open_run(folder, Run("decoder", dataset.fingerprint, parents, experiment), context)
+    parts = vae, dataset, experiment, context
     stage = ImitatingStage(*parts, imitation) if imitation else VAEStage(*parts)
-    vae, seconds = train(stage, training, folder, place)
-    if place.leads:
+    vae, seconds = train(stage, training, folder, context)
+    if context.is_main:
         card = decoder_card(trained.card, experiment, dataset, seconds, stage.validate(vae))
         made = replace(trained, card=card, vae=vae)
         check_latents(trained, made)
@@ -74,7 +187,7 @@ def train_decoder(
     return folder / MODEL
 
 
-def cheaper_vae(model: Path) -> VAEConfig:
+def light_decoder_config(model: Path) -> VAEConfig:
     """Returns the configuration of a model's VAE, with the decoder that costs least.
 
     Raises:
@@ -103,7 +216,7 @@ def vae_with_latents_of(trained: FirstStageModel, config: VAEConfig) -> MotionVA
     found, wanted = _sizes(vae), _sizes(trained.vae)
     if found != wanted:
         raise _another_encoder(trained.card, *islice(differing_keys(wanted, found), 3))
-    keep_latents(vae, trained.vae)
+    copy_encoder(vae, trained.vae)
     if not _encode_alike(vae, trained.vae, trained.card):
         raise _another_encoder(trained.card, "of weights of the same shapes")
     return vae
@@ -143,7 +256,7 @@ def decoder_card(
 
 
 def _sizes(vae: MotionVAE) -> dict[str, list[int]]:
-    return {name: list(value.shape) for name, value in first_half(vae).items()}
+    return {name: list(value.shape) for name, value in encoder_state(vae).items()}
 
 
 def _encode_alike(vae: MotionVAE, other: MotionVAE, card: ModelCard) -> bool:

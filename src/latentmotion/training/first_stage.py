@@ -7,30 +7,31 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from latentmotion.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Item
+from latentmotion.engine.feature_decoder import normalizer_of
 from latentmotion.errors import InputError, ModelError
-from latentmotion.experiment import Experiment, LatentSettings
-from latentmotion.feature_decoder import normalizer_of
 from latentmotion.model.card import CARD_FILE, ModelCard
 from latentmotion.model.vae_config import LatentSpace
 from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
+from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
-from latentmotion.training.crops import FeatureMemory, Plan
-from latentmotion.training.denoiser_stage import LatentData
-from latentmotion.training.devices import Place
+from latentmotion.training.crops import BatchSampler, FeatureCache
+from latentmotion.training.denoiser import LatentData
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, LatentSettings
 from latentmotion.training.latents import (
-    LatentMemory,
+    FrameCache,
+    LatentCache,
     Posteriors,
+    cached_posteriors,
     encode_crops,
+    frames_card,
     keep_crops,
-    remembered_posteriors,
 )
-from latentmotion.training.raw_frames import FrameMemory, frames_card
 from latentmotion.training.run_folder import MODEL, NAME
-from latentmotion.training.steering import PromptTable, Steering, items_to_learn
-from latentmotion.vae.interface import MotionVAE
+from latentmotion.training.task_conditions import ConditionTable, TaskConditioning, items_to_learn
 
 HELD_OUT = 128
 """Most held-out crops that a validation looks at."""
@@ -77,7 +78,7 @@ def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStag
 
 
 def check_fit(
-    experiment: Experiment, dataset: Dataset, first: FirstStage, steering: Steering
+    experiment: Experiment, dataset: Dataset, first: FirstStage, conditioning: TaskConditioning
 ) -> None:
     """Compares the parts of stage 2.
 
@@ -92,7 +93,7 @@ def check_fit(
         ),
         "denoiser.condition_width and the text encoder's": (
             experiment.denoiser.condition_width,
-            steering.width,
+            conditioning.width,
         ),
     }
     for name, (one, other) in pairs.items():
@@ -104,9 +105,9 @@ def prepare_latents(
     experiment: Experiment,
     dataset: Dataset,
     first: FirstStage,
-    steering: Steering,
+    conditioning: TaskConditioning,
     folder: Path,
-    place: Place,
+    context: DistributedContext,
     space: LatentSpace | None = None,
 ) -> tuple[LatentData, LatentSpace]:
     """Encodes crops and prompts, or reads them from the run folder.
@@ -115,32 +116,34 @@ def prepare_latents(
     """
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
-    seen, held_out = (items_to_learn(steering.task, part) for part in clips)
+    seen, held_out = (items_to_learn(conditioning.task, part) for part in clips)
     held_out = held_out[:HELD_OUT]
     unseen = keep_crops(held_out, settings.cropping, 1, training.seed).every()
-    features = partial(FeatureMemory, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
+    features = partial(FeatureCache, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
     if not first.card.vae.has_weights:
         cropping, space = settings.cropping, space or first.card.latents
-        latents = FrameMemory(features(), place.device)
+        latents = FrameCache(features(), context.device)
     else:
         cropping = keep_crops(seen, settings.cropping, settings.per_item, training.seed)
         latents, space = _encode(
-            settings, first, features, (cropping.every(), unseen), folder, place, space
+            settings, first, features, (cropping.every(), unseen), folder, context, space
         )
-    prompts = PromptTable(steering.condition, captions_of([*seen, *held_out]), place.device)
-    plan = Plan(seen, training.batch_size, cropping, training.seed)
-    return LatentData(plan, tuple(unseen), latents, prompts), space
+    prompts = ConditionTable(
+        conditioning.condition, captions_of([*seen, *held_out]), context.device
+    )
+    batches = BatchSampler(seen, training.batch_size, cropping, training.seed)
+    return LatentData(batches, tuple(unseen), latents, prompts), space
 
 
 def _encode(
     settings: LatentSettings,
     first: FirstStage,
-    features: Callable[[], FeatureMemory],
+    features: Callable[[], FeatureCache],
     crops: tuple[list[Crop], list[Crop]],
     folder: Path,
-    place: Place,
+    context: DistributedContext,
     space: LatentSpace | None,
-) -> tuple[LatentMemory, LatentSpace]:
+) -> tuple[LatentCache, LatentSpace]:
     """Encodes seen and unseen crops, or reads their posteriors.
 
     The seen ones give the scale where no space is given.
@@ -148,15 +151,15 @@ def _encode(
     every = [*crops[0], *crops[1]]
 
     def encode() -> Posteriors:
-        return encode_crops(first.vae.to(place.device), features(), every, place)
+        return encode_crops(first.vae.to(context.device), features(), every, context)
 
-    posteriors = remembered_posteriors(folder / "latents.safetensors", encode, place)
+    posteriors = cached_posteriors(folder / "latents.safetensors", encode, context)
     if space is None:
         space = first.card.latents
         if settings.normalized:
             space = measured(space, posteriors.take(range(len(crops[0]))))
-    posteriors = posteriors.normalized(space.mean, space.std).to(place.device)
-    return LatentMemory(every, posteriors), space
+    posteriors = posteriors.normalized(space.mean, space.std).to(context.device)
+    return LatentCache(every, posteriors), space
 
 
 def measured(space: LatentSpace, posteriors: Posteriors) -> LatentSpace:

@@ -1,13 +1,12 @@
-"""Stage 2's memory: posteriors of several crops of every motion.
+"""The latents that the second stage learns from, encoded once and kept in memory.
 
-They are computed once and kept in the run folder, as mean and standard deviation, so that a fresh
-latent can be drawn at every step.
+For diffusion on raw frames (`--vae none`) the normalized frames themselves are the latents.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +15,17 @@ from jaxtyping import Bool, Float
 from safetensors.torch import load_file, save_file
 
 from latentmotion.arrays import prefix_mask
+from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Crop, Cropping, Item
+from latentmotion.errors import InputError
+from latentmotion.model.card import ModelCard, Provenance
+from latentmotion.model.vae_config import IdentityVAEConfig
+from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import atomic_file
-from latentmotion.training.crops import FeatureMemory
-from latentmotion.training.devices import Place
-from latentmotion.vae.interface import MotionVAE
+from latentmotion.training.cards import first_stage_card
+from latentmotion.training.crops import FeatureCache
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment
 
 AT_ONCE = 64
 """Crops that go through a network together."""
@@ -88,7 +93,7 @@ class Posteriors:
         return Posteriors(self.mean.to(device), self.std.to(device), self.mask.to(device))
 
 
-class LatentMemory:
+class LatentCache:
     """Posteriors by the crop that they are of.
 
     Args:
@@ -109,7 +114,7 @@ class LatentMemory:
 
 @torch.no_grad()
 def encode_crops(
-    vae: MotionVAE, memory: FeatureMemory, crops: Sequence[Crop], place: Place
+    vae: MotionVAE, memory: FeatureCache, crops: Sequence[Crop], context: DistributedContext
 ) -> Posteriors:
     """Encodes crops, those of similar length together."""
     order = sorted(range(len(crops)), key=lambda index: crops[index].frames)
@@ -118,7 +123,7 @@ def encode_crops(
         part = order[start : start + AT_ONCE]
         frames = crops[part[-1]].frames
         features, mask = memory.batch([crops[index] for index in part], frames)
-        features, mask = features.to(place.device), mask.to(place.device)
+        features, mask = features.to(context.device), mask.to(context.device)
         posterior = vae.encode(features, mask)
         real = vae.latent_mask(mask)
         for row, index in enumerate(part):
@@ -126,16 +131,16 @@ def encode_crops(
     return _padded([rows[index] for index in range(len(crops))])
 
 
-def remembered_posteriors(
-    path: Path, compute: Callable[[], Posteriors], place: Place
+def cached_posteriors(
+    path: Path, compute: Callable[[], Posteriors], context: DistributedContext
 ) -> Posteriors:
     """Reads posteriors from `path`, which the leading rank computes first where it is missing."""
-    if place.leads and not path.exists():
+    if context.is_main and not path.exists():
         found = compute()
         tensors = {"mean": found.mean, "std": found.std, "mask": found.mask}
         with atomic_file(path) as temporary:
             save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary)
-    place.wait()
+    context.wait()
     return Posteriors(**load_file(path))
 
 
@@ -151,3 +156,38 @@ def _padded(rows: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> Posteriors:
         pad([std for _, std in rows], batch_first=True),
         prefix_mask(lengths),
     )
+
+
+class FrameCache:
+    """Answers like a `LatentCache`: the latents of a crop are its frames.
+
+    They are cut when they are asked for, so there is no limit to the crops of a motion.
+
+    Args:
+        memory: Normalized features.
+        device: Where they are wanted.
+    """
+
+    def __init__(self, memory: FeatureCache, device: torch.device) -> None:
+        self._memory, self._device = memory, device
+
+    def batch(self, crops: Sequence[Crop], among: Sequence[Crop]) -> Posteriors:
+        """Returns the frames of `crops`, padded to the longest of `among`."""
+        features, mask = self._memory.batch(crops, max(crop.frames for crop in among))
+        return Posteriors(features, torch.zeros_like(features), mask).to(self._device)
+
+
+def frames_card(experiment: Experiment, dataset: Dataset) -> tuple[IdentityVAEConfig, ModelCard]:
+    """Describes the data's frames as if a VAE had made them.
+
+    Raises:
+        InputError: They should be normalized as latents, but are already as features.
+    """
+    if experiment.latents.normalized:
+        raise InputError(
+            "the frames are normalized as features, by the data set's statistics; without a VAE "
+            "use --set latents.normalized=false"
+        )
+    config = IdentityVAEConfig(dataset.representation.width)
+    card = first_stage_card(replace(experiment, vae=config), dataset, 0.0, {})
+    return config, replace(card, provenance=Provenance())

@@ -15,9 +15,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.text.lengths import QUANTILES, LengthModel
 from latentmotion.data.captions import TAG_RATE
 from latentmotion.data.lengths import CaptionLengths
+from latentmotion.text.lengths import QUANTILES, LengthModel
 
 _AT_ONCE = 256
 """Sentences that are encoded together."""
@@ -111,8 +111,8 @@ def pooled_embeddings(
     each = list(dict.fromkeys(sentences))
     starts = range(0, len(each), _AT_ONCE)
     rows = np.concatenate([encoder(each[start : start + _AT_ONCE]).pooled for start in starts])
-    place = {sentence: number for number, sentence in enumerate(each)}
-    return rows[[place[sentence] for sentence in sentences]]
+    rows_of = {sentence: number for number, sentence in enumerate(each)}
+    return rows[[rows_of[sentence] for sentence in sentences]]
 
 
 def _network(

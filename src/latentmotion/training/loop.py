@@ -18,13 +18,17 @@ from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
 from latentmotion.errors import LatentMotionError
-from latentmotion.experiment import TrainingSettings
 from latentmotion.motion import Motion
-from latentmotion.training.devices import Place
-from latentmotion.training.ema import ExponentialMovingAverage, Network
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.journal import Journal
-from latentmotion.training.snapshot import load_snapshot, save_snapshot
-from latentmotion.training.strips import write_strip
+from latentmotion.training.previews import write_strip
+from latentmotion.training.state import (
+    ExponentialMovingAverage,
+    Network,
+    load_snapshot,
+    save_snapshot,
+)
 
 
 class Stage(nn.Module, ABC, Generic[Network]):
@@ -50,7 +54,7 @@ class Stage(nn.Module, ABC, Generic[Network]):
 
 
 def train(
-    stage: Stage[Network], settings: TrainingSettings, folder: Path, place: Place
+    stage: Stage[Network], settings: TrainingSettings, folder: Path, context: DistributedContext
 ) -> tuple[Network, float]:
     """Trains `stage.network` from its last snapshot in `folder`, or from the start.
 
@@ -60,22 +64,22 @@ def train(
     Raises:
         LatentMotionError: The loss is no longer finite.
     """
-    stage.to(place.device)
+    stage.to(context.device)
     average = ExponentialMovingAverage(stage.network, settings.ema_decay)
     stage.follow(average.network)
     optimizer = torch.optim.AdamW(
         stage.network.parameters(), settings.learning_rate, weight_decay=settings.weight_decay
     )
     done, before = load_snapshot(folder, stage.network, average, optimizer)
-    place.check_same(done, "snapshot's step")
-    losses_of = DistributedDataParallel(stage) if place.ranks.world > 1 else stage
+    context.check_same(done, "snapshot's step")
+    losses_of = DistributedDataParallel(stage) if context.ranks.world > 1 else stage
     start = time.perf_counter() - before
-    with Reporter(stage, average, settings, folder, place, done) as reporter:
+    with Reporter(stage, average, settings, folder, context, done) as reporter:
         for step in range(done, settings.steps):
-            losses = optimize(losses_of, optimizer, settings, step, place)
+            losses = optimize(losses_of, optimizer, settings, step, context)
             average.update(stage.network, step)
             reporter.report(step + 1, losses)
-            if place.leads and is_due(step + 1, settings.snapshot_every, settings.steps):
+            if context.is_main and is_due(step + 1, settings.snapshot_every, settings.steps):
                 seconds = time.perf_counter() - start
                 save_snapshot(folder, step + 1, stage.network, average, optimizer, seconds)
     return average.network, time.perf_counter() - start
@@ -86,11 +90,11 @@ def optimize(
     optimizer: torch.optim.Optimizer,
     settings: TrainingSettings,
     step: int,
-    place: Place,
+    context: DistributedContext,
 ) -> dict[str, torch.Tensor]:
     """Takes one step; returns its losses, "gradient" (norm) and "rate" with them."""
     losses_of.train()
-    with torch.autocast(place.device.type, torch.bfloat16, settings.precision == "bfloat16"):
+    with torch.autocast(context.device.type, torch.bfloat16, settings.precision == "bfloat16"):
         losses = losses_of(step)
     optimizer.zero_grad(set_to_none=True)
     losses["total"].backward()
@@ -111,7 +115,7 @@ class Reporter(Generic[Network]):
         average: The averaged network, which is validated and sampled.
         settings: When each is due.
         folder: The run folder.
-        place: Only the leading rank writes.
+        context: Only the leading rank writes.
         done: Steps that the snapshot holds.
     """
 
@@ -121,13 +125,13 @@ class Reporter(Generic[Network]):
         average: ExponentialMovingAverage[Network],
         settings: TrainingSettings,
         folder: Path,
-        place: Place,
+        context: DistributedContext,
         done: int,
     ) -> None:
         self._stage, self._network, self._settings = stage, average.network, settings
-        self._folder, self._place, self._done = folder, place, done
+        self._folder, self._context, self._done = folder, context, done
         self._start = time.perf_counter()
-        self._journal = Journal(folder, settings.steps, done) if place.leads else None
+        self._journal = Journal(folder, settings.steps, done) if context.is_main else None
 
     def __enter__(self) -> Reporter:
         return self
@@ -140,7 +144,7 @@ class Reporter(Generic[Network]):
         """Writes what is due after `step` steps."""
         settings = self._settings
         if is_due(step, settings.report_every, settings.steps):
-            self._write(step, "train", self._place.mean(losses))
+            self._write(step, "train", self._context.mean(losses))
         if self._journal and is_due(step, settings.validate_every, settings.steps):
             self._write(step, "validation", self._stage.validate(self._network))
         if self._journal and is_due(step, settings.sample_every, settings.steps):

@@ -1,9 +1,10 @@
-"""Motions of a fixed length made in training: samples of a denoiser, decoded latents."""
+"""Samples during training: motions of a fixed length, as picture strips if Pillow is installed."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 import torch
 from jaxtyping import Float
@@ -11,14 +12,25 @@ from jaxtyping import Float
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.sampler import Sampler
-from latentmotion.feature_decoder import FeatureDecoder
+from latentmotion.diffusion.samplers import Sampler
+from latentmotion.engine.backend import Batch
+from latentmotion.engine.feature_decoder import FeatureDecoder
+from latentmotion.errors import MissingExtraError
 from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
+from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise
 from latentmotion.representation.interface import representation_named
-from latentmotion.runtime.backend import Batch
-from latentmotion.vae.interface import MotionVAE
+
+
+def write_strip(path: Path, motions: Sequence[Motion]) -> None:
+    """Writes `motions` as a picture, a row each; does nothing without Pillow or motions."""
+    try:
+        from latentmotion.render.strip import write
+    except MissingExtraError:
+        return
+    if motions:
+        write(path, motions)
 
 
 class Previews:

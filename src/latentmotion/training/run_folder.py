@@ -1,19 +1,51 @@
-"""A run folder keeps what it was made with; going on with anything else is an error."""
+"""Run folders: the settings of a run, checked when it is resumed, and its provenance."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
-from latentmotion.experiment import Experiment, differing_keys
-from latentmotion.model.card import CARD_FILE
-from latentmotion.storage.configuration import read_json, to_json, write_json
-from latentmotion.training.devices import Place
+from latentmotion.gpu.device import describe_machine
+from latentmotion.model.card import CARD_FILE, Provenance
+from latentmotion.model.version_1 import upgraded
+from latentmotion.storage.configuration import from_json, read_plain, to_json, write_json
+from latentmotion.storage.provenance import command_line, commit
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, differing_keys
+
+
+def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = None) -> Provenance:
+    """Says what the running command makes a model from.
+
+    Args:
+        dataset: What it was trained on.
+        seconds: How long that took.
+        before: Provenance of the model that it builds on.
+    """
+    sources, before = dataset.sources, before or Provenance()
+    hashes = {f"{dataset.folder.name}/manifest.json": dataset.fingerprint}
+    return replace(
+        before,
+        data=tuple(f"{source.name}: {source.credit}" for source in sources),
+        data_hashes={**before.data_hashes, **hashes},
+        license="; ".join(dict.fromkeys(source.license for source in sources)) or "unknown",
+        commands=(*before.commands, command_line()),
+        commit=commit(),
+        machine=describe_machine(),
+        hours=round(before.hours + seconds / 3600, 3),
+    )
+
 
 NAME = "experiment.json"
+
+FORMAT = 2
+"""Version of experiment.json that this code writes; it reads version 1 too."""
+
+AnyRun = TypeVar("AnyRun")
 
 _OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json")
 """What other folders of this package have."""
@@ -36,13 +68,13 @@ class Run:
     """Everything else that decides what the run yields."""
 
 
-def open_run(folder: Path, run: Any, place: Place) -> None:
+def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     """Makes the folder, or checks that it was made with the same.
 
     Args:
         folder: The run folder.
         run: A `Run`, or another frozen dataclass that says all that decides what the run yields.
-        place: The leading rank makes it.
+        context: The leading rank makes it.
 
     Raises:
         InputError: It was made with something else (the differing keys are named), or it cannot be
@@ -51,14 +83,31 @@ def open_run(folder: Path, run: Any, place: Place) -> None:
     path = folder / NAME
     if path.exists():
         _check_same(path, run)
-    elif place.leads:
+    elif context.is_main:
         _check_free(folder)
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"cannot make the run folder {folder}: {error.strerror}") from error
-        write_json(path, run)
-    place.wait()
+        write_json(path, {"format": FORMAT, **to_json(run)})
+    context.wait()
+
+
+def read_run(cls: type[AnyRun], folder: Path) -> AnyRun:
+    """Reads what a run folder was made with, of this version or of version 1.
+
+    Raises:
+        InputError: There is none, it is damaged, or it is of a later version.
+    """
+    path = folder / NAME
+    data = read_plain(path)
+    version = data.pop("format", 1) if isinstance(data, dict) else FORMAT
+    if version not in (1, FORMAT):
+        raise InputError(f"{path}: format {version}, expected {FORMAT}; update latentmotion")
+    try:
+        return from_json(cls, upgraded(data) if version == 1 else data)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def _check_free(folder: Path) -> None:
@@ -71,7 +120,7 @@ def _check_free(folder: Path) -> None:
 
 def _check_same(path: Path, run: Any) -> None:
     # Through text, as the file went: tuples become lists.
-    found = json.loads(json.dumps(to_json(read_json(type(run), path))))
+    found = json.loads(json.dumps(to_json(read_run(type(run), path.parent))))
     wanted = json.loads(json.dumps(to_json(run)))
     differing = list(differing_keys(found, wanted))
     if differing:

@@ -7,23 +7,25 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.checkpoint import (
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.data.dataset import Dataset
+from latentmotion.errors import InputError
+from latentmotion.kinematics.smpl import SmplModel, load_smpl
+from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import (
     WEIGHTS_FILE,
     FirstStageModel,
     LatentModel,
     load_model,
+    load_stages,
     save_model,
 )
-from latentmotion.condition.interface import TextEncoder
-from latentmotion.data.dataset import Dataset
-from latentmotion.errors import InputError
-from latentmotion.experiment import Experiment
-from latentmotion.kinematics.smpl import SmplModel, load_smpl
-from latentmotion.networks.build import build
+from latentmotion.networks.widening import start_from
 from latentmotion.storage.files import sha256
 from latentmotion.training.cards import first_stage_card, second_stage_card
-from latentmotion.training.denoiser_stage import DenoiserStage
-from latentmotion.training.devices import Place
+from latentmotion.training.denoiser import DenoiserStage
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment
 from latentmotion.training.first_stage import (
     FirstStage,
     check_fit,
@@ -34,21 +36,39 @@ from latentmotion.training.first_stage import (
 from latentmotion.training.loop import train
 from latentmotion.training.previews import Previews
 from latentmotion.training.run_folder import MODEL, Run, open_run
-from latentmotion.training.steering import fitted, steering_of
-from latentmotion.training.vae_stage import VAEStage
+from latentmotion.training.task_conditions import task_conditioning, with_condition_width
+from latentmotion.training.vae import VAEStage
+
+RELATED = 0.9
+"""Largest distance of a VAE's weights from those that its training started from, as a share of
+their norm; those of unrelated ones are 1.4 apart."""
 
 
 def train_vae(
-    experiment: Experiment, data: Path, folder: Path, place: Place, body: Path | None = None
+    experiment: Experiment,
+    data: Path,
+    folder: Path,
+    context: DistributedContext,
+    body: Path | None = None,
+    start: Path | None = None,
 ) -> Path:
-    """Trains stage 1, or goes on with it; returns the model folder.
+    """Trains stage 1, or resumes it; returns the model folder.
 
-    `body` is a SMPL model file, which an objective on vertices needs.
+    Args:
+        experiment: What to train, and how.
+        data: Prepared folder.
+        folder: Run folder to write.
+        context: Device and rank.
+        body: SMPL model file, which an objective on vertices needs.
+        start: Model folder whose VAE the first step starts from; the experiment's may have more
+            latent channels.
 
     Raises:
         DataError: The data cannot be used.
         FileFormatError: The body's file cannot be used.
-        InputError: The run folder holds another run, or features, network and body do not fit.
+        InputError: The run folder holds another run, or features, network, body and start do not
+            fit.
+        ModelError: There is no model to start from.
     """
     dataset, training = Dataset.load(data), experiment.vae_training
     check_trainable(experiment)
@@ -56,12 +76,18 @@ def train_vae(
     check_length(experiment)
     smpl = check_body(experiment, dataset, body)
     parents = {"body": smpl.fingerprint} if smpl else {}
-    open_run(folder, Run("vae", dataset.fingerprint, parents, experiment), place)
+    if start:
+        parents["start"] = sha256(start / WEIGHTS_FILE)
+    open_run(folder, Run("vae", dataset.fingerprint, parents, experiment), context)
     torch.manual_seed(training.seed)
+    network = build(experiment.vae)
+    if start:
+        before = load_stages(start).vae
+        start_from(network, before, network.latent_width, before.latent_width)
     skin = smpl.body if smpl else None
-    stage = VAEStage(build(experiment.vae), dataset, experiment, place, skin)
-    vae, seconds = train(stage, training, folder, place)
-    if place.leads:
+    stage = VAEStage(network, dataset, experiment, context, skin)
+    vae, seconds = train(stage, training, folder, context)
+    if context.is_main:
         card = first_stage_card(experiment, dataset, seconds, stage.validate(vae))
         save_model(folder / MODEL, FirstStageModel(card, vae))
     return folder / MODEL
@@ -73,7 +99,7 @@ def train_denoiser(
     vae: Path | None,
     encoder: TextEncoder | None,
     folder: Path,
-    place: Place,
+    context: DistributedContext,
     start: Path | None = None,
 ) -> Path:
     """Trains stage 2, or resumes it; returns the model folder, which holds both stages.
@@ -84,8 +110,9 @@ def train_denoiser(
         vae: Run or model folder of stage 1; without it the diffusion is on raw frames.
         encoder: Text encoder, where the task is text.
         folder: Run folder to write.
-        place: Device and rank.
-        start: Model folder whose denoiser the first step starts from; its VAE must be `vae`.
+        context: Device and rank.
+        start: Model folder whose denoiser the first step starts from; `vae` must be its VAE, or
+            one that was trained on from it, maybe with more latent channels.
 
     Raises:
         DataError: The data cannot be used.
@@ -95,25 +122,31 @@ def train_denoiser(
     """
     dataset = Dataset.load(data)
     first = load_first_stage(vae) if vae else frames_as_first_stage(experiment, dataset)
-    steering = steering_of(experiment, dataset, encoder)
-    experiment, training = fitted(experiment, steering), experiment.denoiser_training
-    check_fit(experiment, dataset, first, steering)
-    parents = {"vae": first.fingerprint, **steering.task.parents}
+    conditioning = task_conditioning(experiment, dataset, encoder)
+    experiment, training = (
+        with_condition_width(experiment, conditioning),
+        experiment.denoiser_training,
+    )
+    check_fit(experiment, dataset, first, conditioning)
+    parents = {"vae": first.fingerprint, **conditioning.task.parents}
     before = load_start(start, experiment, first) if start else None
     if start:
         parents["start"] = sha256(start / WEIGHTS_FILE)
-    open_run(folder, Run("denoiser", dataset.fingerprint, parents, experiment), place)
-    scale = before.card.latents if before else None
-    seen, space = prepare_latents(experiment, dataset, first, steering, folder, place, scale)
+    open_run(folder, Run("denoiser", dataset.fingerprint, parents, experiment), context)
+    scale = before.card.latents if before and same_vae(before, first) else None
+    seen, space = prepare_latents(experiment, dataset, first, conditioning, folder, context, scale)
     card = replace(first.card, latents=space)
     torch.manual_seed(training.seed)
     previews = Previews(first.vae, card, experiment.latents.cropping.max_frames // 2)
-    network = before.denoiser if before else build(experiment.denoiser)
-    stage = DenoiserStage(network, seen, previews, experiment, place)
-    denoiser, seconds = train(stage, training, folder, place)
-    if place.leads:
+    network = build(experiment.denoiser)
+    if before:
+        widths = experiment.denoiser.latent_width, before.card.trained_denoiser.latent_width
+        start_from(network, before.denoiser, *widths)
+    stage = DenoiserStage(network, seen, previews, experiment, context)
+    denoiser, seconds = train(stage, training, folder, context)
+    if context.is_main:
         figures = stage.validate(denoiser)
-        card = second_stage_card(experiment, dataset, card, steering, seconds, figures)
+        card = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
         save_model(folder / MODEL, LatentModel(card, first.vae.cpu(), denoiser))
     return folder / MODEL
 
@@ -126,16 +159,34 @@ def load_start(folder: Path, experiment: Experiment, first: FirstStage) -> Laten
         ModelError: There is none in the folder.
     """
     before = load_model(folder)
-    if before.card.denoiser != experiment.denoiser:
+    width = experiment.denoiser.latent_width
+    if replace(before.card.trained_denoiser, latent_width=width) != experiment.denoiser:
         raise InputError(
             f"--start {folder}: its denoiser is not that of experiment {experiment.name!r}; use "
             "the preset that it was trained with"
         )
-    weights, others = (model.state_dict() for model in (before.vae, first.vae))
-    same = weights.keys() == others.keys()
-    if not same or not all(weights[name].allclose(others[name], atol=1e-2) for name in weights):
-        raise InputError(f"--start {folder}: its VAE is another one than --vae; name the same")
+    if not same_vae(before, first, tolerance=RELATED):
+        raise InputError(
+            f"--start {folder}: --vae is neither its VAE nor one that was trained on from it"
+        )
     return before
+
+
+def same_vae(before: LatentModel, first: FirstStage, tolerance: float = 1e-2) -> bool:
+    """Returns whether two VAEs are the same but for rounding, or for more latent channels.
+
+    Args:
+        before: A model.
+        first: Another VAE.
+        tolerance: Largest distance of their weights, as a share of the weights' norm.
+    """
+    weights, others = (model.state_dict() for model in (before.vae, first.vae))
+    if weights.keys() != others.keys():
+        return False
+    alike = [name for name in weights if weights[name].shape == others[name].shape]
+    one, other = (torch.cat([w[name].flatten() for name in alike]) for w in (weights, others))
+    wide = tolerance >= RELATED or len(alike) == len(weights)
+    return wide and bool((one - other).norm() <= tolerance * one.norm())
 
 
 def check_trainable(experiment: Experiment) -> None:

@@ -2,7 +2,7 @@
 
 The page carries each motion as root positions (float32) and joints relative to the root (int16
 steps of 0.1 mm, or more where a motion is wider than 3.2 m), in base64. `viewer.js` beside this
-file is a build product; `source/README.md` says of what.
+file is a build product of `source/`; see `source/README.md`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from latentmotion.errors import InputError
-from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file
 
@@ -58,7 +57,7 @@ def notebook_html(motions: Motion | Sequence[Motion], height: int = 520) -> str:
     """Returns the page as a frame that a notebook shows beneath a cell.
 
     Args:
-        motions: What to show.
+        motions: The motions to show.
         height: Height of the frame, pixels.
     """
     page = page_html([motions] if isinstance(motions, Motion) else motions)
@@ -70,37 +69,32 @@ def notebook_html(motions: Motion | Sequence[Motion], height: int = 520) -> str:
 
 def payload(motions: Sequence[Motion]) -> dict[str, Any]:
     """Returns motions as the page's script reads them; those of one skeleton share a body."""
-    first = {motion.skeleton.name: motion for motion in reversed(motions)}
-    return {
-        "skeletons": {name: _skeleton_entry(motion) for name, motion in first.items()},
-        "motions": [_motion_entry(motion) for motion in motions],
-    }
-
-
-def _skeleton_entry(motion: Motion) -> dict[str, Any]:
-    skeleton: Skeleton = motion.skeleton
-    parents = [max(parent, 0) for parent in skeleton.parents]
-    bones = motion.joints - motion.joints[:, parents]
-    return {
-        "names": skeleton.names,
-        "parents": skeleton.parents,
-        "directions": np.round(skeleton.offsets, 4).tolist(),
-        "lengths": np.round(np.median(np.linalg.norm(bones, axis=-1), axis=0), 4).tolist(),
-    }
-
-
-def _motion_entry(motion: Motion) -> dict[str, Any]:
-    root = motion.joints[:, 0]
-    relative = motion.joints - root[:, None]
-    step = max(FINEST_STEP, float(np.abs(relative).max()) / np.iinfo(np.int16).max)
-    return {
-        "caption": motion.caption,
-        "fps": float(motion.fps),
-        "skeleton": motion.skeleton.name,
-        "step": step,
-        "root": _base64(root.astype("<f4")),
-        "relative": _base64(np.round(relative / step).astype("<i2")),
-    }
+    skeletons: dict[str, Any] = {}
+    entries: list[dict[str, Any]] = []
+    for name, motion in {motion.skeleton.name: motion for motion in reversed(motions)}.items():
+        skeleton = motion.skeleton
+        bones = motion.joints - motion.joints[:, [max(parent, 0) for parent in skeleton.parents]]
+        skeletons[name] = {
+            "names": skeleton.names,
+            "parents": skeleton.parents,
+            "directions": np.round(skeleton.offsets, 4).tolist(),
+            "lengths": np.round(np.median(np.linalg.norm(bones, axis=-1), axis=0), 4).tolist(),
+        }
+    for motion in motions:
+        root = motion.joints[:, 0]
+        relative = motion.joints - root[:, None]
+        step = max(FINEST_STEP, float(np.abs(relative).max()) / np.iinfo(np.int16).max)
+        entries.append(
+            {
+                "caption": motion.caption,
+                "fps": float(motion.fps),
+                "skeleton": motion.skeleton.name,
+                "step": step,
+                "root": _base64(root.astype("<f4")),
+                "relative": _base64(np.round(relative / step).astype("<i2")),
+            }
+        )
+    return {"skeletons": skeletons, "motions": entries}
 
 
 def _base64(array: np.ndarray) -> str:
@@ -114,7 +108,7 @@ def json_in_html(payload: dict[str, Any]) -> str:
 
 
 def script() -> str:
-    """Returns what makes a page move: this one, or a user study's."""
+    """Returns the script of this page and of a user study's."""
     return _resource("viewer.js")
 
 

@@ -1,11 +1,11 @@
 """Latent Motion in Blender: a sentence becomes an Action, made by the `latentmotion` command.
 
-command.py     finds the command, runs it beside Blender
-bvh.py         the motion files that go to and fro
-bones.py       a motion's turns of joints -> turns of an armature's bones
-actions.py     those as an Action's curves
-settings.py    what the panel asks for; the add-on's preferences
-generate.py    the operator that joins them
+command.py     finds the command and runs it in the background
+bvh.py         reads takes and writes rest poses
+bones.py       rotations of a motion's joints -> rotations of an armature's bones
+actions.py     these rotations as an Action's curves
+settings.py    the panel's fields and the add-on's preferences
+generate.py    the operator
 panel.py       the sidebar
 """
 
@@ -28,14 +28,14 @@ _CLASSES = (settings.Settings, settings.Preferences, *generate.CLASSES, panel.Pa
 
 def register() -> None:
     """Adds the panel, its operators and its settings to Blender."""
-    for each in _CLASSES:
-        bpy.utils.register_class(each)
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
     bpy.types.Scene.latentmotion = bpy.props.PointerProperty(type=settings.Settings)
 
 
 def unregister() -> None:
-    """Takes all of it away again."""
+    """Removes all of it."""
     generate.stop()
     del bpy.types.Scene.latentmotion
-    for each in reversed(_CLASSES):
-        bpy.utils.unregister_class(each)
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

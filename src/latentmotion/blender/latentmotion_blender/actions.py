@@ -1,8 +1,8 @@
-"""Keys as an Action of an armature, in whatever way each bone counts its turns."""
+"""Keys as an Action of an armature, in each bone's own rotation mode."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 import bpy
 import numpy as np
@@ -11,7 +11,7 @@ from mathutils import Euler, Matrix
 from .bones import Keys
 
 _LINEAR = 1
-"""Blender's number for straight lines between keys."""
+"""Blender's number for linear interpolation."""
 
 
 def make_action(
@@ -22,66 +22,45 @@ def make_action(
     action.use_fake_user = True
     animation = armature.animation_data_create()
     animation.action = action
-    add_curve = _curve_maker(action, armature)
     for key in keys:
         bone = armature.pose.bones[key.bone]
-        for path, columns in _channels(bone, key):
-            whole = bone.path_from_id(path)
+        channels = [rotation_channel(key.rotations, bone.rotation_mode)]
+        if key.translations is not None:
+            channels.insert(0, ("location", key.translations))
+        for channel, columns in channels:
+            path = bone.path_from_id(channel)
             for index, values in enumerate(columns.T):
-                _fill(add_curve(whole, index, key.bone), values, start)
+                if hasattr(action, "fcurve_ensure_for_datablock"):  # with slots, since 4.4
+                    curve = action.fcurve_ensure_for_datablock(
+                        armature, path, index=index, group_name=key.bone
+                    )
+                else:
+                    curve = action.fcurves.new(path, index=index, action_group=key.bone)
+                points = np.stack([start + np.arange(len(values)), values], axis=-1)
+                curve.keyframe_points.add(len(values))
+                curve.keyframe_points.foreach_set("co", points.ravel())
+                curve.keyframe_points.foreach_set("interpolation", [_LINEAR] * len(values))
+                curve.update()
     if getattr(animation, "action_slot", True) is None:
         animation.action_slot = action.slots[0]
     return action
 
 
-def _curve_maker(
-    action: bpy.types.Action, armature: bpy.types.Object
-) -> Callable[[str, int, str], bpy.types.FCurve]:
-    """Returns how curves are made in this Blender: Actions have slots since 4.4."""
-    if hasattr(action, "fcurve_ensure_for_datablock"):
-        return lambda path, index, group: action.fcurve_ensure_for_datablock(
-            armature, path, index=index, group_name=group
-        )
-    return lambda path, index, group: action.fcurves.new(path, index=index, action_group=group)
+def rotation_channel(rotations: np.ndarray, mode: str) -> tuple[str, np.ndarray]:
+    """Returns the channel of a rotation mode and its values, (frames, 3 or 4).
 
-
-def _channels(bone: bpy.types.PoseBone, key: Keys) -> Iterator[tuple[str, np.ndarray]]:
-    if key.places is not None:
-        yield "location", key.places
-    mode = bone.rotation_mode
+    Quaternions and Euler angles are each the nearest to the one before, so that curves never jump.
+    """
+    matrices = [Matrix(rotation) for rotation in rotations]
     if mode == "QUATERNION":
-        yield "rotation_quaternion", _quaternions(key.turns)
-    elif mode == "AXIS_ANGLE":
-        yield "rotation_axis_angle", _axis_angles(key.turns)
-    else:
-        yield "rotation_euler", _eulers(key.turns, mode)
-
-
-def _quaternions(turns: np.ndarray) -> np.ndarray:
-    """Returns (frames, 4), each on the side of the one before, so that curves never jump."""
-    values = np.array([Matrix(turn).to_quaternion() for turn in turns])
-    flips = np.sum(values[1:] * values[:-1], axis=-1) < 0
-    values[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
-    return values
-
-
-def _axis_angles(turns: np.ndarray) -> np.ndarray:
-    pairs = [Matrix(turn).to_quaternion().to_axis_angle() for turn in turns]
-    return np.array([(angle, *axis) for axis, angle in pairs])
-
-
-def _eulers(turns: np.ndarray, order: str) -> np.ndarray:
-    """Returns (frames, 3), each the nearest to the one before."""
-    values: list[Euler] = []
-    for turn in turns:
-        matrix = Matrix(turn)
-        values.append(matrix.to_euler(order, values[-1]) if values else matrix.to_euler(order))
-    return np.array(values)
-
-
-def _fill(curve: bpy.types.FCurve, values: np.ndarray, start: int) -> None:
-    points = np.stack([start + np.arange(len(values)), values], axis=-1)
-    curve.keyframe_points.add(len(values))
-    curve.keyframe_points.foreach_set("co", points.ravel())
-    curve.keyframe_points.foreach_set("interpolation", [_LINEAR] * len(values))
-    curve.update()
+        values = np.array([matrix.to_quaternion() for matrix in matrices])
+        flips = np.sum(values[1:] * values[:-1], axis=-1) < 0
+        values[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+        return "rotation_quaternion", values
+    if mode == "AXIS_ANGLE":
+        pairs = [matrix.to_quaternion().to_axis_angle() for matrix in matrices]
+        return "rotation_axis_angle", np.array([(angle, *axis) for axis, angle in pairs])
+    eulers: list[Euler] = []
+    for matrix in matrices:
+        eulers.append(matrix.to_euler(mode, eulers[-1]) if eulers else matrix.to_euler(mode))
+    return "rotation_euler", np.array(eulers)

@@ -1,6 +1,6 @@
-"""BVH, as `latentmotion` writes it: how a take turns its joints; and the rest pose of an armature.
+"""BVH: reads takes as `latentmotion` writes them, and writes the rest pose of an armature.
 
-Lengths are meters here and centimeters in the files; y is up and the figure looks along z.
+Lengths are meters here and centimeters in the files; y is up and the figure faces z.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 _CENTIMETERS = 100.0
 _POSITIONS = "Xposition Yposition Zposition"
-_TURNS = "Zrotation Xrotation Yrotation"
+_ROTATIONS = "Zrotation Xrotation Yrotation"
 
 
 @dataclass(frozen=True)
@@ -21,22 +21,22 @@ class Take:
     """One motion."""
 
     names: list[str]
-    """Of the joints, parents before children; tips that do not turn are left out."""
+    """Of the joints, parents before children; end sites are left out."""
     parents: list[int]
     """Index of each joint's parent; -1 for the root."""
     offsets: np.ndarray
     """(joints, 3) each joint from its parent at rest."""
-    places: np.ndarray
-    """(frames, joints, 3) the same while it moves; of the root: its place."""
-    turns: np.ndarray
-    """(frames, joints, 3, 3) how each joint is turned from its rest, in the world's axes."""
+    positions: np.ndarray
+    """(frames, joints, 3) each joint from its parent over time; the root from the origin."""
+    rotations: np.ndarray
+    """(frames, joints, 3, 3) of each joint from its rest, in the world's axes."""
 
     def rest(self) -> np.ndarray:
-        """Returns (joints, 3) where the joints are at rest."""
-        places = np.zeros_like(self.offsets)
+        """Returns (joints, 3) the rest positions of the joints."""
+        positions = np.zeros_like(self.offsets)
         for joint, parent in enumerate(self.parents):
-            places[joint] = self.offsets[joint] + (places[parent] if parent >= 0 else 0)
-        return places
+            positions[joint] = self.offsets[joint] + (positions[parent] if parent >= 0 else 0)
+        return positions
 
 
 def read_take(path: Path) -> Take:
@@ -51,18 +51,23 @@ def read_take(path: Path) -> Take:
     names, parents, offsets, channels = _hierarchy(head)
     rows = [line.split() for line in tail.split("\n") if line.strip()][2:]
     values = np.array([[float(word) for word in row] for row in rows])
-    places = np.repeat(offsets[None], len(values), axis=0)
-    turns = np.tile(np.eye(3), (len(values), len(names), 1, 1))
+    positions = np.repeat(offsets[None], len(values), axis=0)
+    rotations = np.tile(np.eye(3), (len(values), len(names), 1, 1))
     for column, (joint, channel) in enumerate(channels):
         axis = "XYZ".index(channel[0].upper())
         if channel[1:].lower() == "position":
-            places[:, joint, axis] = values[:, column] / _CENTIMETERS
+            positions[:, joint, axis] = values[:, column] / _CENTIMETERS
         else:
-            turns[:, joint] = turns[:, joint] @ _turn(axis, np.radians(values[:, column]))
+            angles, (y, z) = np.radians(values[:, column]), ((axis + 1) % 3, (axis + 2) % 3)
+            matrices = np.tile(np.eye(3), (len(angles), 1, 1))
+            matrices[:, y, y] = matrices[:, z, z] = np.cos(angles)
+            matrices[:, z, y] = np.sin(angles)
+            matrices[:, y, z] = -np.sin(angles)
+            rotations[:, joint] = rotations[:, joint] @ matrices
     for joint, parent in enumerate(parents):
         if parent >= 0:
-            turns[:, joint] = turns[:, parent] @ turns[:, joint]
-    return Take(names, parents, offsets, places, turns)
+            rotations[:, joint] = rotations[:, parent] @ rotations[:, joint]
+    return Take(names, parents, offsets, positions, rotations)
 
 
 def _hierarchy(
@@ -91,43 +96,34 @@ def _hierarchy(
     return names, parents, np.array(offsets, dtype=np.float64), channels
 
 
-def _turn(axis: int, angles: np.ndarray) -> np.ndarray:
-    """Returns (frames, 3, 3) turns about an axis."""
-    matrices = np.tile(np.eye(3), (len(angles), 1, 1))
-    one, two = (axis + 1) % 3, (axis + 2) % 3
-    matrices[:, one, one] = matrices[:, two, two] = np.cos(angles)
-    matrices[:, two, one] = np.sin(angles)
-    matrices[:, one, two] = -np.sin(angles)
-    return matrices
-
-
 def write_rest(
     path: Path,
     names: Sequence[str],
     parents: Sequence[int],
-    places: np.ndarray,
+    positions: np.ndarray,
     tips: np.ndarray,
     movable: Sequence[bool],
 ) -> None:
-    """Writes a rest pose as a file of one frame, all turns zero.
+    """Writes a rest pose as a file of one frame, all rotations zero.
 
     Args:
-        path: Where to.
-        names: Of the joints, parents before children, without blanks.
+        path: The file.
+        names: Of the joints, parents before children, without spaces.
         parents: Index of each joint's parent; -1 for the root.
-        places: (joints, 3) where they are.
-        tips: (joints, 3) where the bones of joints without children end.
-        movable: Which joints may move from their parent; the root may.
+        positions: (joints, 3) of the joints.
+        tips: (joints, 3) ends of the bones of joints without children.
+        movable: Whether each joint may move from its parent; the root may.
     """
     above = np.array(parents)
-    offsets = places - np.where(above[:, None] < 0, 0, places[above])
+    offsets = positions - np.where(above[:, None] < 0, 0, positions[above])
     joints = [
-        f"CHANNELS 6 {_POSITIONS} {_TURNS}" if moves else f"CHANNELS 3 {_TURNS}"
+        f"CHANNELS 6 {_POSITIONS} {_ROTATIONS}" if moves else f"CHANNELS 3 {_ROTATIONS}"
         for moves in movable
     ]
     heads = [[f"OFFSET {_triple(o)}", c] for o, c in zip(offsets, joints, strict=True)]
     order: list[int] = []
-    ends = [f"OFFSET {_triple(tip - place)}" for tip, place in zip(tips, places, strict=True)]
+    bones = zip(tips, positions, strict=True)
+    ends = [f"OFFSET {_triple(tip - position)}" for tip, position in bones]
     blocks = _block(0, names, parents, heads, ends, order)
     rows = [(f"{_triple(offsets[j])} " if movable[j] else "") + "0 0 0" for j in order]
     timing = ["Frames: 1", "Frame Time: 0.033333", " ".join(rows)]
@@ -143,7 +139,7 @@ def _block(
     ends: Sequence[str],
     order: list[int],
 ) -> list[str]:
-    """Returns the lines of a joint and of all below it; notes the order of the joints."""
+    """Returns the lines of a joint and all its descendants; appends their order to `order`."""
     order.append(joint)
     below = [child for child, parent in enumerate(parents) if parent == joint]
     inside = list(heads[joint])

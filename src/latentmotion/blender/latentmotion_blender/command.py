@@ -1,16 +1,16 @@
-"""The `latentmotion` command: where it is, and a few calls of it that run beside Blender."""
+"""The `latentmotion` command: finding it, and running it in the background."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import subprocess
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 NAME = "latentmotion"
 REMEMBERED = Path(__file__).parent / "command.txt"
-"""Holds the path of the command that wrote this add-on, where it was told to."""
+"""File with the path of the command that wrote this add-on, if it was told to."""
 
 _BINARIES = ("bin", "Scripts")
 _ENVIRONMENTS = (".venv", "venv", "latentmotion/.venv", "latentmotion", ".local")
@@ -24,7 +24,7 @@ def find_command(wanted: str = "", project: Path | None = None) -> str | None:
     """Returns the path of the command, or None.
 
     Args:
-        wanted: What the user has set; nothing else is tried then. A folder is looked into.
+        wanted: Path that the user has set, a command or its folder; nothing else is tried then.
         project: Folder of the open file, whose environment is tried too.
     """
     if wanted.strip():
@@ -34,17 +34,16 @@ def find_command(wanted: str = "", project: Path | None = None) -> str | None:
         remembered = _runnable(Path(REMEMBERED.read_text(encoding="utf-8").strip()))
         if remembered:
             return remembered
-    return shutil.which(NAME) or next(filter(None, map(_runnable, _usual_places(project))), None)
-
-
-def _usual_places(project: Path | None) -> Iterator[Path]:
+    installed = shutil.which(NAME)
+    if installed:
+        return installed
     active = [os.environ.get(name) for name in ("VIRTUAL_ENV", "CONDA_PREFIX")]
     environments = [Path(folder) for folder in active if folder]
     if project is not None:
         environments += [project / ".venv", project / "venv"]
     environments += [Path.home() / name for name in (*_ENVIRONMENTS, *_TOOLS, *_CONDAS)]
-    for environment in environments:
-        yield from _inside(environment)
+    candidates = [path for environment in environments for path in _inside(environment)]
+    return next(filter(None, map(_runnable, candidates)), None)
 
 
 def _inside(environment: Path) -> list[Path]:
@@ -62,71 +61,61 @@ class Job:
     """Calls of the command, one after another, in processes of their own.
 
     Args:
-        calls: The words of each call, the command first; the next is asked for when one is over.
-        folder: Where their output is kept.
+        calls: The words of each call, the command first; drawn one by one as calls end.
+        folder: Folder for their output.
     """
 
     def __init__(self, calls: Iterable[Sequence[str]], folder: Path) -> None:
         self.folder = folder
         self.error = ""
-        self._left = iter(calls)
+        self._calls = iter(calls)
         self._process: subprocess.Popen | None = None
 
     def is_done(self) -> bool:
-        """Looks after the job: starts the next call, notes an error; says whether all is over."""
+        """Polls the job: starts the next call, keeps an error; returns whether all is over."""
+        errors = self.folder / "errors.txt"
         if self._process is not None:
             code = self._process.poll()
             if code is None:
                 return False
             self._process = None
             if code:
-                self._give_up(self._complaint(code))
-        call = next(self._left, None)
-        if call is not None:
-            self._start(call)
-        return self._process is None
-
-    def wait(self) -> None:
-        """Runs all calls and comes back when they are over."""
-        while not self.is_done():
-            if self._process is not None:
-                self._process.wait()
-
-    def cancel(self) -> None:
-        """Ends the call that runs and forgets the others."""
-        self._left = iter(())
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            self._process = None
-
-    def _start(self, call: Sequence[str]) -> None:
+                text = errors.read_text(encoding="utf-8", errors="replace")
+                lines = [line.strip() for line in text.splitlines() if line.strip(" │╭╮╰╯─")]
+                problem = lines[-1].strip("│ ") if lines else f"the command ended with code {code}"
+                marked = [line for line in lines if line.startswith("error: ")]
+                self._give_up(marked[-1].removeprefix("error: ") if marked else problem)
+        call = next(self._calls, None)
+        if call is None:
+            return True
         environment = {k: v for k, v in os.environ.items() if k not in _BLENDERS_OWN}
-        window = getattr(subprocess, "CREATE_NO_WINDOW", 0)
         try:
-            with (self.folder / "out.txt").open("wb") as out, self._errors().open("wb") as err:
+            with (self.folder / "out.txt").open("wb") as out, errors.open("wb") as err:
                 self._process = subprocess.Popen(
                     list(call),
                     stdin=subprocess.DEVNULL,
                     stdout=out,
                     stderr=err,
                     env=environment | {"PYTHONIOENCODING": "utf-8"},
-                    creationflags=window,
+                    creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
                 )
         except OSError as error:
             self._give_up(f"cannot run {call[0]}: {error.strerror}")
+        return self._process is None
+
+    def wait(self) -> None:
+        """Runs all calls and returns when they are over."""
+        while not self.is_done():
+            if self._process is not None:
+                self._process.wait()
+
+    def cancel(self) -> None:
+        """Ends the running call and drops the others."""
+        self._calls = iter(())
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
 
     def _give_up(self, problem: str) -> None:
-        self.error, self._left = problem, iter(())
-
-    def _errors(self) -> Path:
-        return self.folder / "errors.txt"
-
-    def _complaint(self, code: int) -> str:
-        """Returns the line with which the command says what is wrong."""
-        text = self._errors().read_text(encoding="utf-8", errors="replace")
-        lines = [line.strip() for line in text.splitlines() if line.strip(" │╭╮╰╯─")]
-        said = [line for line in lines if line.startswith("error: ")]
-        if said:
-            return said[-1].removeprefix("error: ")
-        return lines[-1].strip("│ ") if lines else f"the command ended with code {code}"
+        self.error, self._calls = problem, iter(())

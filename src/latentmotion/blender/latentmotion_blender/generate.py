@@ -1,7 +1,7 @@
-"""Generate: the command runs beside Blender; what it makes becomes Actions.
+"""Generate: runs the command in the background and makes Actions of the motions.
 
-On a selected armature that has the motion's joints by name it is put by name; on any other through
-`latentmotion retarget`. With no armature selected, our mannequin is imported to carry it.
+A selected armature whose bones have the motion's joint names gets the motion by name, any other
+through `latentmotion retarget`. With no armature selected, our mannequin is imported.
 """
 
 import shutil
@@ -14,7 +14,7 @@ import bpy
 
 from .actions import make_action
 from .bones import Body
-from .bvh import Take, read_take
+from .bvh import read_take
 from .command import Job
 from .settings import MISSING, command_of
 
@@ -24,7 +24,7 @@ _LINE = 44
 
 
 class Task:
-    """One press of the button: what was asked for, and the job that makes it.
+    """One press of the button: the settings, and the job that makes the motions.
 
     Raises:
         ValueError: The command was not found.
@@ -32,14 +32,14 @@ class Task:
 
     running: "Task | None" = None
     error = ""
-    """What went wrong last, if it did."""
+    """The last error, if any."""
 
     def __init__(self, context: bpy.types.Context) -> None:
         self.command = command_of(context)
         if self.command is None:
             raise ValueError(MISSING)
         scene = context.scene
-        self.settings = {name: getattr(scene.latentmotion, name) for name in _ASKED}
+        self.settings = {name: getattr(scene.latentmotion, name) for name in _SETTINGS}
         self.fps = scene.render.fps / scene.render.fps_base
         target = target_of(context)
         self.target = target.name if target else None
@@ -49,13 +49,13 @@ class Task:
         self.job = Job(self._calls(), self.folder)
 
     def _calls(self) -> Iterator[list[str]]:
-        """Yields the calls of the command; the later ones depend on what the first has made."""
-        asked, prompts = self.settings, self.folder / "prompt.txt"
-        prompts.write_text(asked["prompt"] + "\n", encoding="utf-8")
-        call = [self.command, "generate", "--json", "--model", asked["model"]]
-        call += ["--file", str(prompts)] if asked["prompt"].strip() else []
-        call += ["--seconds", f"{asked['seconds']:.6g}", "--fps", f"{self.fps:.9g}"]
-        call += ["--count", str(asked["takes"]), "--seed", str(asked["seed"])]
+        """Yields the calls of the command; the later ones depend on the files of the first."""
+        settings, prompts = self.settings, self.folder / "prompt.txt"
+        prompts.write_text(settings["prompt"] + "\n", encoding="utf-8")
+        call = [self.command, "generate", "--json", "--model", settings["model"]]
+        call += ["--file", str(prompts)] if settings["prompt"].strip() else []
+        call += ["--seconds", f"{settings['seconds']:.6g}", "--fps", f"{self.fps:.9g}"]
+        call += ["--count", str(settings["takes"]), "--seed", str(settings["seed"])]
         yield [*call, "-o", str(self.folder / "made.bvh"), str(self.folder / "made.glb")]
         armature = self._armature()
         if armature is None:
@@ -70,7 +70,7 @@ class Task:
         yield [self.command, "retarget", *made, "--to", str(rest), "-o", fitted]
 
     def finish(self, context: bpy.types.Context) -> list[bpy.types.Action]:
-        """Puts what was made on the armature, or on a new mannequin; returns the Actions.
+        """Makes Actions of the motions for the armature, or for a new mannequin, and returns them.
 
         Raises:
             ValueError: The armature is gone, or has no bones.
@@ -80,26 +80,21 @@ class Task:
         takes = [read_take(file) for file in files]
         start = context.scene.frame_start
         name = self.settings["prompt"].strip() or self.settings["model"]
-        actions = [
-            self._action(armature, take, f"{name} {number}" if number > 1 else name, start)
-            for number, take in enumerate(takes, 1)
-        ]
+        actions = []
+        for number, take in enumerate(takes, 1):
+            body = Body(armature)
+            bones = {bone: bone for bone in body.names} if self.bones is None else self.bones
+            label = f"{name} {number}" if number > 1 else name
+            actions.append(make_action(armature, label, body.carry(take, bones), start))
         armature.animation_data.action = actions[0]
-        longest = max(len(take.turns) for take in takes)
+        longest = max(len(take.rotations) for take in takes)
         context.scene.frame_end = max(context.scene.frame_end, start + longest - 1)
         return actions
 
     def clear(self) -> None:
-        """Ends whatever runs and deletes the files."""
+        """Ends the job and deletes its files."""
         self.job.cancel()
         shutil.rmtree(self.folder, ignore_errors=True)
-
-    def _action(
-        self, armature: bpy.types.Object, take: Take, name: str, start: int
-    ) -> bpy.types.Action:
-        body = Body(armature)
-        bones = {joint: joint for joint in body.names} if self.bones is None else self.bones
-        return make_action(armature, name, body.carry(take, bones), start)
 
     def _armature(self) -> bpy.types.Object | None:
         """Returns the armature that was selected when the button was pressed."""
@@ -111,13 +106,15 @@ class Task:
         return armature
 
     def _mannequin(self, context: bpy.types.Context) -> bpy.types.Object:
-        """Imports the figure alone: its Actions are made as for any armature."""
+        """Imports the figure without its animation: its Actions are made as for any armature."""
         objects, actions = {*bpy.data.objects}, {*bpy.data.actions}
-        bpy.ops.import_scene.gltf(filepath=str(self.folder / "made.glb"), **_importing())
-        new = [each for each in bpy.data.objects if each not in objects]
-        armature = next(each for each in new if each.type == "ARMATURE")
+        known = bpy.ops.import_scene.gltf.get_rna_type().properties.keys()
+        options = {"disable_bone_shape": True} if "disable_bone_shape" in known else {}
+        bpy.ops.import_scene.gltf(filepath=str(self.folder / "made.glb"), **options)
+        new = [thing for thing in bpy.data.objects if thing not in objects]
+        armature = next(thing for thing in new if thing.type == "ARMATURE")
         armature.animation_data_clear()
-        for action in [each for each in bpy.data.actions if each not in actions]:
+        for action in [action for action in bpy.data.actions if action not in actions]:
             bpy.data.actions.remove(action)
         for bone in armature.pose.bones:
             bone.matrix_basis.identity()
@@ -131,17 +128,11 @@ class Task:
         return sorted(numbered, key=lambda path: (len(path.name), path.name))
 
 
-_ASKED = ("prompt", "seconds", "seed", "takes", "model")
-
-
-def _importing() -> dict[str, bool]:
-    """Returns the importer's options that this Blender knows and that we want."""
-    known = bpy.ops.import_scene.gltf.get_rna_type().properties.keys()
-    return {name: True for name in ("disable_bone_shape",) if name in known}
+_SETTINGS = ("prompt", "seconds", "seed", "takes", "model")
 
 
 def target_of(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Returns the selected armature, or the one that the selected mesh hangs on."""
+    """Returns the selected armature, or the armature of the selected mesh."""
     active = context.view_layer.objects.active
     if active is None or not active.select_get():
         return None
@@ -150,17 +141,17 @@ def target_of(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 def last_error() -> list[str]:
-    """Returns the lines of what went wrong last."""
+    """Returns the lines of the last error."""
     return textwrap.wrap(Task.error, _LINE)
 
 
 def is_running() -> bool:
-    """Says whether a job is on its way."""
+    """Returns whether a job is running."""
     return Task.running is not None
 
 
 def stop() -> None:
-    """Ends the job that runs, if any."""
+    """Ends the running job, if any."""
     if Task.running is not None:
         Task.running.clear()
         Task.running = None
@@ -175,11 +166,11 @@ class Generate(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Says whether the button can be pressed: one job at a time."""
+        """Returns whether the button can be pressed: one job at a time."""
         return not is_running() and context.mode in {"OBJECT", "POSE"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Starts the job; without a window, as in scripts, comes back when it is done."""
+        """Starts the job; without a window, as in scripts, returns when it is done."""
         Task.error = ""
         try:
             Task.running = Task(context)
@@ -194,7 +185,7 @@ class Generate(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Looks after the job; all other events go to Blender."""
+        """Polls the job on timer events; all other events go to Blender."""
         if Task.running is None:
             return self._over(context, {"CANCELLED"})
         if event.type == "ESC":

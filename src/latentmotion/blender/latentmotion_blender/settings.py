@@ -1,4 +1,4 @@
-"""What the panel asks for, and where the `latentmotion` command is."""
+"""The panel's fields, and the preference for the `latentmotion` command."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ MISSING = (
 
 
 class Settings(bpy.types.PropertyGroup):
-    """What to generate."""
+    """The panel's fields."""
 
     prompt: bpy.props.StringProperty(
         name="Prompt",
@@ -39,7 +39,7 @@ class Settings(bpy.types.PropertyGroup):
 
 
 class Preferences(bpy.types.AddonPreferences):
-    """Where the command is."""
+    """The path of the command."""
 
     bl_idname = __package__
 
@@ -50,7 +50,7 @@ class Preferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draws the path, and what is found there."""
+        """Draws the path and the command found there."""
         self.layout.prop(self, "command", text="latentmotion command")
         found = command_of(context)
         icon = "CHECKMARK" if found else "ERROR"

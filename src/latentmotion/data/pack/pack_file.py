@@ -5,7 +5,7 @@
     8   bytes of the header as it lies here, and unpacked (two unsigned 32-bit, little-endian)
     ..  header, then the blocks; each is an xz stream
 
-Nothing is unpacked before its size is known and allowed, nor further than to that size.
+Nothing is unpacked before its size is known and within limits, nor beyond that size.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from latentmotion.data.manifest import FORMAT as DATASET_FORMAT
-from latentmotion.data.manifest import Manifest
-from latentmotion.data.report import Report
+from latentmotion.data.prepare import Report
+from latentmotion.data.store import FORMAT as DATASET_FORMAT
+from latentmotion.data.store import Manifest
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.storage.files import atomic_file
@@ -38,10 +38,10 @@ _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9, "dict_size": 1 << 23, "lc": 0
 
 @dataclass(frozen=True)
 class PackHeader:
-    """Everything about a pack but the motions themselves."""
+    """All of a pack but the motions themselves."""
 
     format: str
-    """Which version of the format this is."""
+    """Name and version of the format."""
     quantum: float
     """Step of positions, meters."""
     turn_quantum: float
@@ -49,7 +49,7 @@ class PackHeader:
     manifest: Manifest
     """That of the prepared folder: sources and their terms, normalizer, clips, captions."""
     report: Report | None
-    """What came of preparing it."""
+    """The report of its preparation."""
     blocks: tuple[int, ...]
     """Bytes of each shard's motions in this file."""
 
@@ -61,7 +61,7 @@ class PackFile:
     path: Path
     """Where it was read."""
     header: PackHeader
-    """What it says about itself."""
+    """Its header."""
     blocks: tuple[bytes, ...]
     """One per shard, compressed."""
 
@@ -83,7 +83,7 @@ def write_pack(path: Path, header: PackHeader, blocks: Sequence[bytes]) -> None:
 
     Args:
         path: The file.
-        header: What it says about itself; `blocks` of it is filled in here.
+        header: Its header; `blocks` of it is filled in here.
         blocks: The motions of each shard as `compressed` returns them.
 
     Raises:
@@ -110,7 +110,14 @@ def read_pack(path: Path) -> PackFile:
         InputError: The file cannot be read.
         FileFormatError: It is no pack, of another version or damaged.
     """
-    content = _content(path)
+    try:
+        if (size := path.stat().st_size) > _MOST_FILE:
+            raise FileFormatError(path, f"{size} bytes; a pack has at most {_MOST_FILE}")
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"{path}: expected a data pack, cannot read it: {error.strerror}"
+        ) from error
     if len(content) < _HEAD.size or not content.startswith(_MAGIC):
         raise FileFormatError(path, "no data pack; make one with `latentmotion data pack`")
     _, digest, packed, plain = _HEAD.unpack_from(content)
@@ -127,17 +134,6 @@ def read_pack(path: Path) -> PackFile:
         blocks.append(content[end : end + size])
         end += size
     return PackFile(path, header, tuple(blocks))
-
-
-def _content(path: Path) -> bytes:
-    try:
-        if (size := path.stat().st_size) > _MOST_FILE:
-            raise FileFormatError(path, f"{size} bytes; a pack has at most {_MOST_FILE}")
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"{path}: expected a data pack, cannot read it: {error.strerror}"
-        ) from error
 
 
 def _header(path: Path, plain: bytes) -> PackHeader:

@@ -1,4 +1,4 @@
-"""Prepared folder → pack, compared with what it will give back; pack → prepared folder."""
+"""Prepared folder → pack, verified by decoding it; pack → prepared folder."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.manifest import MANIFEST, Manifest, StoredClip
-from latentmotion.data.pack.motion_coding import MotionCoder, posed
+from latentmotion.data.pack.coding import MotionCoder, posed
 from latentmotion.data.pack.pack_file import (
     FORMAT,
     PackFile,
@@ -22,14 +21,14 @@ from latentmotion.data.pack.pack_file import (
     read_pack,
     write_pack,
 )
-from latentmotion.data.report import REPORT, Report
-from latentmotion.data.store import StoredMotion, write_dataset
+from latentmotion.data.prepare import REPORT, read_report
+from latentmotion.data.store import MANIFEST, Manifest, StoredClip, StoredMotion, write_dataset
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import representation_named
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.storage.cache_folder import VARIABLE, cache_folder
-from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import check_replaceable, check_writable, sha256
 
 QUANTUM = 0.00025
@@ -46,7 +45,7 @@ _QUANTA = 1e-6, 0.01
 
 @dataclass
 class Differences:
-    """How far motions that were packed are from what they were."""
+    """Differences between motions before and after packing."""
 
     joints_mm: float = 0.0
     """Largest distance of any joint in any frame, the heading and path included."""
@@ -62,7 +61,7 @@ def pack(folder: Path, path: Path, quantum: float = QUANTUM) -> Differences:
     """Writes a prepared folder as one file.
 
     Args:
-        folder: What `latentmotion data prepare` made.
+        folder: A prepared folder.
         path: File to write, replaced if it is there.
         quantum: Step of positions, meters.
 
@@ -77,14 +76,13 @@ def pack(folder: Path, path: Path, quantum: float = QUANTUM) -> Differences:
     coder = MotionCoder(_packable(dataset.manifest.representation), quantum, TURN_QUANTUM)
     blocks, differences = [], Differences()
     for clips in _by_shard(dataset.manifest):
-        given = [dataset.features(clip.clip()) for clip in clips]
-        block = coder.encode(given)
-        made = coder.decode(block, [clip.frames for clip in clips])
-        for clip, before, after in zip(clips, given, made, strict=True):
+        features = [dataset.features(clip.clip()) for clip in clips]
+        block = coder.encode(features)
+        decoded = coder.decode(block, [clip.frames for clip in clips])
+        for clip, before, after in zip(clips, features, decoded, strict=True):
             _compare(dataset, clip, before, after, differences)
         blocks.append(compressed(block))
-    report = read_json(Report, folder / REPORT) if (folder / REPORT).is_file() else None
-    header = PackHeader(FORMAT, quantum, TURN_QUANTUM, dataset.manifest, report, ())
+    header = PackHeader(FORMAT, quantum, TURN_QUANTUM, dataset.manifest, read_report(folder), ())
     write_pack(path, header, blocks)
     return differences
 
@@ -101,7 +99,14 @@ def unpack(path: Path, folder: Path) -> Manifest:
     opened = read_pack(path)
     coder = _checked(opened)
     manifest = opened.header.manifest
-    motions = _motions(opened, coder)
+    motions = []
+    for number, clips in enumerate(_by_shard(manifest)):
+        frames = [clip.frames for clip in clips]
+        block = opened.motions(number, coder.size(frames))
+        for clip, features in zip(clips, coder.decode(block, frames), strict=True):
+            if not np.isfinite(features).all():
+                raise FileFormatError(path, f"clip {clip.id} is not finite; pack it again")
+            motions.append(StoredMotion(replace(clip, shard=0, offset=0), features))
     written = write_dataset(
         folder, motions, manifest.sources, coder.representation, manifest.normalizer
     )
@@ -126,15 +131,15 @@ def unpacked(path: Path) -> Path:
     folder = cache / "data" / f"{path.stem}-{sha256(path)[:12]}"
     if not folder.is_dir():
         folder.parent.mkdir(parents=True, exist_ok=True)
-        own = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
+        temporary = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
         try:
-            unpack(path, own)
-            own.rename(folder)
+            unpack(path, temporary)
+            temporary.rename(folder)
         except OSError as error:  # another process was faster
             if not folder.is_dir():
                 raise InputError(f"cannot write {folder}: {error.strerror}") from error
         finally:
-            shutil.rmtree(own, ignore_errors=True)
+            shutil.rmtree(temporary, ignore_errors=True)
     return folder
 
 
@@ -153,13 +158,14 @@ def _by_shard(manifest: Manifest) -> Iterator[list[StoredClip]]:
 def _compare(
     dataset: Dataset,
     clip: StoredClip,
-    given: Float[np.ndarray, "frames features"],
-    made: Float[np.ndarray, "frames features"],
+    before: Float[np.ndarray, "frames features"],
+    after: Float[np.ndarray, "frames features"],
     differences: Differences,
 ) -> None:
+    """Adds the differences of a clip; raises DataError if any joint is too far off."""
     representation = dataset.representation
     assert isinstance(representation, HumanML3DRepresentation)
-    pair = (posed(features, representation)[0] for features in (given, made))
+    pair = (posed(features, representation)[0] for features in (before, after))
     furthest = float(np.linalg.norm(next(pair) - next(pair), axis=-1).max())
     if not furthest <= _FURTHEST:
         raise DataError(
@@ -167,17 +173,17 @@ def _compare(
             f"those of {representation.name}, or the quantum is too large"
         )
     differences.joints_mm = max(differences.joints_mm, 1000 * furthest)
-    differences.frames += len(given)
+    differences.frames += len(before)
     for name, block in representation.blocks.items():
-        scaled = (given[:, block] - made[:, block]) / dataset.normalizer.std[block]
+        scaled = (before[:, block] - after[:, block]) / dataset.normalizer.std[block]
         square = float((scaled**2).sum()) / (block.stop - block.start)
         differences.squares[name] = differences.squares.get(name, 0.0) + square
     contacts = representation.blocks["contacts"]
-    differences.contacts += int((given[:, contacts] != made[:, contacts]).sum())
+    differences.contacts += int((before[:, contacts] != after[:, contacts]).sum())
 
 
 def _checked(opened: PackFile) -> MotionCoder:
-    """Returns what reads a pack whose figures agree with each other."""
+    """Returns the coder of a pack, whose header must not contradict itself."""
     header, manifest = opened.header, opened.header.manifest
     mean, std = (np.array(v) for v in (manifest.normalizer.mean, manifest.normalizer.std))
     try:
@@ -188,7 +194,7 @@ def _checked(opened: PackFile) -> MotionCoder:
     except (DataError, InputError) as error:
         raise FileFormatError(opened.path, f"{error}; update latentmotion or pack again") from error
     quanta = header.quantum, header.turn_quantum
-    right = [
+    consistent = [
         all(_QUANTA[0] <= value <= _QUANTA[1] for value in quanta),
         len(header.blocks) == len(manifest.shards) > 0,
         all(0 <= clip.shard < len(manifest.shards) for clip in manifest.clips),
@@ -196,16 +202,6 @@ def _checked(opened: PackFile) -> MotionCoder:
         sum(clip.frames for clip in manifest.clips) <= _MOST_FRAMES,
         all(_by_shard(manifest)),
     ]
-    if not all(right):
+    if not all(consistent):
         raise FileFormatError(opened.path, "its header contradicts itself; pack it again")
     return MotionCoder(representation, *quanta)
-
-
-def _motions(opened: PackFile, coder: MotionCoder) -> Iterator[StoredMotion]:
-    for number, clips in enumerate(_by_shard(opened.header.manifest)):
-        frames = [clip.frames for clip in clips]
-        block = opened.motions(number, coder.size(frames))
-        for clip, features in zip(clips, coder.decode(block, frames), strict=True):
-            if not np.isfinite(features).all():
-                raise FileFormatError(opened.path, f"clip {clip.id} is not finite; pack it again")
-            yield StoredMotion(replace(clip, shard=0, offset=0), features)

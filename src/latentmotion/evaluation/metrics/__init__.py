@@ -1,1 +1,1 @@
-"""Metrics: one file for each thing that is measured."""
+"""Metrics of evaluations, one file per subject."""

@@ -14,13 +14,10 @@ has them. `thop_macs` counts as the paper does, by THOP (mld.md §11): linear la
 convolutions outside attention, nothing inside; "FLOPs" of the paper are twice these, for a motion
 of 40 frames, CLIP on two prompts included.
 
-How many numbers a network has learned.
-
 Traffic: the bytes that matrix products and convolutions must move, for a roofline.
 
 Every product reads its operands once and writes its result once; what stands between products is
-taken to be fused into them. A floor: caches that are too small, and operations of their own, only
-add to it.
+taken to be fused into them. This is a lower bound: small caches and separate operations add to it.
 """
 
 from __future__ import annotations
@@ -38,30 +35,29 @@ from torch.nn.attention import SDPBackend, sdpa_kernel
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import FlopCounterMode, flop_registry
 
-from latentmotion.nn.attention import CrossAttention, SelfAttention
+from latentmotion.networks.attention import CrossAttention, SelfAttention
 
 WARM_UP = 3
-"""Motions that are made before the clock starts."""
+"""Motions that are made before the timing."""
 
 
 def aits(actions: Sequence[Callable[[], object]], warm_up: int = WARM_UP) -> float:
     """Returns the mean time of actions, each of which makes one motion.
 
     Args:
-        actions: What is timed.
-        warm_up: How many of them, from the first, are run once before.
+        actions: Each makes one motion.
+        warm_up: Number of first actions that are run once before.
     """
     for action in actions[:warm_up]:
         action()
-    return fmean([_seconds(action) for action in actions])
-
-
-def _seconds(action: Callable[[], object]) -> float:
-    _wait()
-    start = time.perf_counter()
-    action()
-    _wait()
-    return time.perf_counter() - start
+    seconds = []
+    for action in actions:
+        _wait()
+        start = time.perf_counter()
+        action()
+        _wait()
+        seconds.append(time.perf_counter() - start)
+    return fmean(seconds)
 
 
 def _wait() -> None:
@@ -72,8 +68,8 @@ def _wait() -> None:
 THOP_NORM = 4
 """Operations that THOP counts for a number that a norm with weights returns."""
 
-_UNSEEN = (SelfAttention, CrossAttention)
-"""What stands where the authors have `nn.MultiheadAttention`, which THOP does not know."""
+_UNKNOWN_TO_THOP = (SelfAttention, CrossAttention)
+"""Modules in place of the authors' `nn.MultiheadAttention`, which THOP does not know."""
 
 
 def flops(action: Callable[[], object]) -> int:
@@ -89,30 +85,29 @@ def thop_macs(network: nn.Module, action: Callable[[], object]) -> int:
 
     def count(module: nn.Module, _: object, output: Tensor) -> None:
         nonlocal total
-        total += _thop_of(module, output)
+        if isinstance(module, nn.Linear):
+            total += output.numel() * module.in_features
+        elif isinstance(module, nn.Conv1d):
+            inputs = module.in_channels // module.groups
+            total += output.numel() * inputs * module.kernel_size[0]
+        else:
+            total += output.numel() * THOP_NORM
 
     with ExitStack() as stack:
-        for module in _seen(network):
+        for module in _counted(network):
             stack.callback(module.register_forward_hook(count).remove)
         with torch.no_grad():
             action()
     return total
 
 
-def _thop_of(module: nn.Module, output: Tensor) -> int:
-    if isinstance(module, nn.Linear):
-        return output.numel() * module.in_features
-    if isinstance(module, nn.Conv1d):
-        return output.numel() * module.in_channels // module.groups * module.kernel_size[0]
-    return output.numel() * THOP_NORM
-
-
-def _seen(network: nn.Module) -> Iterator[nn.Module]:
+def _counted(network: nn.Module) -> Iterator[nn.Module]:
+    """Yields the modules that THOP counts."""
     if isinstance(network, (nn.Linear, nn.LayerNorm, nn.Conv1d)):
         yield network
     for child in network.children():
-        if not isinstance(child, _UNSEEN):
-            yield from _seen(child)
+        if not isinstance(child, _UNKNOWN_TO_THOP):
+            yield from _counted(child)
 
 
 def parameters(network: nn.Module) -> int:
@@ -121,7 +116,7 @@ def parameters(network: nn.Module) -> int:
 
 
 _ATTENTION = torch.ops.aten._scaled_dot_product_flash_attention_for_cpu
-"""The one product of ours that PyTorch's counter of FLOPs does not know."""
+"""The only product here that PyTorch's counter of FLOPs does not know."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +124,9 @@ class Traffic:
     """Bytes that are read or written."""
 
     weights: int
-    """Of learned numbers."""
+    """Bytes of parameters."""
     activations: int
-    """Of all else."""
+    """Bytes of everything else."""
 
     @property
     def total(self) -> int:
@@ -147,12 +142,12 @@ def traffic(network: nn.Module, action: Callable[[], object]) -> Traffic:
 
 
 class _Counter(TorchDispatchMode):
-    """Looks at every operation, and counts the products' operands and results."""
+    """Counts the operands and results of the products among all operations."""
 
     def __init__(self, network: nn.Module) -> None:
         super().__init__()
         self.weights = self.activations = 0
-        self._learned = {_place(parameter) for parameter in network.parameters()}
+        self._learned = {_storage(parameter) for parameter in network.parameters()}
 
     def __torch_dispatch__(
         self,
@@ -166,20 +161,17 @@ class _Counter(TorchDispatchMode):
         if operation.overloadpacket in flop_registry or operation.overloadpacket is _ATTENTION:
             first = output[:1] if isinstance(output, tuple) else [output]
             for tensor in [*_tensors(args), *_tensors((kwargs or {}).values()), *first]:
-                self._count(tensor)
+                size = tensor.numel() * tensor.element_size()
+                if _storage(tensor) in self._learned:
+                    self.weights += size
+                else:
+                    self.activations += size
         return output
-
-    def _count(self, tensor: Tensor) -> None:
-        size = tensor.numel() * tensor.element_size()
-        if _place(tensor) in self._learned:
-            self.weights += size
-        else:
-            self.activations += size
 
 
 def _tensors(values: Iterable[Any]) -> list[Tensor]:
     return [value for value in values if isinstance(value, Tensor)]
 
 
-def _place(tensor: Tensor) -> int:
+def _storage(tensor: Tensor) -> int:
     return tensor.untyped_storage().data_ptr()

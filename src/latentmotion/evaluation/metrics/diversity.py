@@ -1,11 +1,11 @@
 """Diversity and MultiModality.
 
-Diversity: the mean distance between two motions of a set, whatever they were asked for.
+Diversity: the mean distance between two motions of a set, whatever their prompts.
 
 Guo et al. 2020, "Action2Motion", section 5: mean over random pairs of |f_a − f_b|. `diversity` is
 what that estimates, the mean over all pairs of different motions; the drawn form is the authors'.
 
-MultiModality: how different the motions are that one caption, or one label, gives.
+MultiModality: the mean distance between two motions of one caption, or of one label.
 
     mean over captions c and pairs a ≠ b of its motions of |f_ca − f_cb|
 
@@ -78,8 +78,8 @@ def label_pairs(
 ) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
     """Draws pairs of the same label as the authors do; `drawn_diversity` of them is theirs.
 
-    An item is drawn; where its label has had its share, another; then second items until one has
-    the same label, which can be the first again.
+    An item is drawn, and another if its label has all its pairs; then second items are drawn until
+    one has the same label, which can be the first again.
 
     Args:
         labels: Label of each item.
@@ -93,12 +93,8 @@ def label_pairs(
         label = int(labels[one])
         if left[label]:
             left[label] -= 1
-            pairs.append((one, _same_label(labels, label, draw)))
+            while labels[other := draw(len(labels))] != label:
+                pass
+            pairs.append((one, other))
     first, second = np.array(pairs).T
     return first, second
-
-
-def _same_label(labels: Int[np.ndarray, " items"], label: int, draw: Callable[[int], int]) -> int:
-    while labels[other := draw(len(labels))] != label:
-        pass
-    return other

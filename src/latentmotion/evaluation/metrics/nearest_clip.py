@@ -1,4 +1,4 @@
-"""Distance to the nearest training clip: does a model invent, or repeat what it has seen?
+"""Distance to the nearest training clip, which is small if a model repeats its training data.
 
 Two motions are compared pose by pose: root-centered, turned to face the same way (HumanML3D's
 root-relative joint positions), over the length of the generated motion, at the offset into the

@@ -1,4 +1,4 @@
-"""Agreement with the prompt: R-precision, MM-Dist, accuracy of a classifier.
+"""Agreement with prompts: R-precision, MM-Dist, accuracy of a classifier.
 
 R-precision: how often a caption's own motion is among the k nearest of a group of 32.
 

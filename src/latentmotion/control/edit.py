@@ -1,0 +1,234 @@
+"""Edits: a stretch of a motion is generated anew; what is around it stays as it is.
+
+The frames around the gap become latents, which are kept while those of the gap are sampled. Then
+the gap's are moved until what follows is at its place and faces its direction, and the new frames
+are pasted with the position and the velocity of both seams.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from latentmotion.cleanup import clean
+from latentmotion.control.exact import inertialized
+from latentmotion.control.fit import fit_latents
+from latentmotion.control.goals import FASTEST, NO_TARGETS, TargetResidual, Targets
+from latentmotion.control.reach import Correction, DecodedMotion, ReachSettings, Sample, reach
+from latentmotion.errors import InputError
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.motion import Motion
+from latentmotion.representation.canonical import heading, turn
+
+Joints = Float[np.ndarray, "frames joints 3"]
+TOKENS = 8
+"""Latents that are kept on either side of a gap; beyond some two the decoder hardly sees them."""
+
+_STRIDE = 4
+_SEAM = 12
+"""Frames in which the offsets at a seam decay."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The frames of a motion that are generated, and those around them that steer."""
+
+    start: int
+    """First frame of the gap."""
+    end: int
+    """The frame after its last."""
+    total: int
+    """Frames of the whole motion."""
+
+    @property
+    def before(self) -> int:
+        """Tokens that are known before the gap."""
+        return min(TOKENS, self.start // _STRIDE)
+
+    @property
+    def window(self) -> tuple[int, int]:
+        """First frame that is generated or known by its latents, and the frame after the last.
+
+        A frame or two beside the gap that are too few for a token belong to it: they are goals.
+        """
+        first = self.start - (_STRIDE * self.before or min(self.start, 1))
+        known = _STRIDE * self.after
+        return first, (self.resumes + known if known else min(self.end + 1, self.total))
+
+    @property
+    def resumes(self) -> int:
+        """The first frame after the gap at which a token begins."""
+        return self.start + -(-(self.end - self.start) // _STRIDE) * _STRIDE
+
+    @property
+    def after(self) -> int:
+        """Tokens that are known after the gap."""
+        return max(0, min(TOKENS, (self.total - self.resumes) // _STRIDE))
+
+
+def gap_between(motion: Motion, between: tuple[float, float]) -> Gap:
+    """Returns the frames between two times.
+
+    Raises:
+        InputError: The times are not within the motion, or nothing of it would be left.
+    """
+    start, end = between
+    if not 0 <= start < end <= motion.seconds + 1e-6:
+        raise InputError(
+            f"between {start:g} and {end:g} s: expected two ascending times from 0 to "
+            f"{motion.seconds:g} s, the length of the motion"
+        )
+    gap = Gap(round(start * motion.fps), min(round(end * motion.fps), len(motion)), len(motion))
+    if gap.end - gap.start < 1:
+        raise InputError(f"between {start:g} and {end:g} s there is no frame")
+    if gap.start == 0 and gap.end == len(motion):
+        raise InputError("nothing of the motion would be left: generate a new one instead")
+    return gap
+
+
+def edited(
+    joints: Joints,
+    gap: Gap,
+    motion: Callable[[int], DecodedMotion],
+    sample: Sample,
+    fps: float,
+    skeleton: Skeleton,
+) -> Joints:
+    """Returns joints with a gap generated anew; all other frames are the same numbers.
+
+    Args:
+        joints: The motion, whose gap is not read.
+        gap: The frames that are generated.
+        motion: Makes a decoder for so many frames.
+        sample: Samples latents.
+        fps: Frames per second.
+        skeleton: Of the joints.
+    """
+    (first, last), own = gap.window, joints.astype(np.float64)
+    frames, before, after = last - first, gap.before, gap.after
+    # Where nothing is known before the gap, what follows says where the motion is.
+    decoded = motion(frames)
+    tokens = -(-frames // _STRIDE)
+    known, is_known = np.zeros((tokens, _width(decoded))), np.zeros(tokens, bool)
+    if before:
+        known[:before] = fit_latents(motion(_STRIDE * before), own[first : gap.start])
+        is_known[:before] = True
+    if after:
+        known[tokens - after :] = fit_latents(motion(_STRIDE * after), own[gap.resumes : last])
+        is_known[tokens - after :] = True
+    residual = _seam_goals(own, gap, decoded, known, is_known, skeleton)
+    correction = Correction(decoded, residual, known, is_known, ReachSettings(updates=1))
+    z = correction.updates(0)(sample(frames, correction)[None])[0]
+    z = reach(z, decoded, residual, ~is_known, ReachSettings(updates=6))
+    made = Motion(decoded.joints(z).astype(np.float32), fps, skeleton)
+    made = clean(made).joints.astype(np.float64)
+    inside = slice(gap.start - first, gap.end - first)
+    anchor = slice(0, inside.start) if inside.start else slice(inside.stop, frames)
+    made = _aligned(made, made[anchor], own[first:last][anchor], inside.start > 0, skeleton)
+    before, after = own[max(0, gap.start - 3) : gap.start], own[gap.end : gap.end + 3]
+    piece = inertialized(made[inside], before, after, skeleton, _SEAM)
+    return np.concatenate([joints[: gap.start], piece.astype(joints.dtype), joints[gap.end :]])
+
+
+def in_between(start: Motion, end: Motion, seconds: float) -> tuple[Joints, Gap]:
+    """Returns two motions with empty frames between them, and these frames.
+
+    Args:
+        start: A motion, or a pose of one frame.
+        end: Likewise; where it is on the floor says where the motion has to get.
+        seconds: How long the frames between take.
+
+    Raises:
+        InputError: The motions do not fit, or are too far apart for the time.
+    """
+    if (start.fps, start.skeleton.names) != (end.fps, end.skeleton.names):
+        raise InputError(
+            f"start has {start.fps:g} frames per second of skeleton {start.skeleton.name!r}, end "
+            f"{end.fps:g} of {end.skeleton.name!r}: resample or convert one of them"
+        )
+    count = round(seconds * start.fps) if np.isfinite(seconds) else 0
+    if count < 2:
+        raise InputError(f"{seconds:g} seconds between: expected {2 / start.fps:g} or more")
+    far = float(np.linalg.norm(end.joints[0, 0] - start.joints[-1, 0]))
+    if far > FASTEST * seconds + 0.1:
+        raise InputError(
+            f"start and end are {far:.1f} m apart: in {seconds:g} s a person who runs "
+            f"{FASTEST:g} m/s gets {FASTEST * seconds:.1f} m far; give it more time"
+        )
+    blank = np.zeros((count, *start.joints.shape[1:]), np.float32)
+    joints = np.concatenate([start.joints, blank, end.joints])
+    return joints, Gap(len(start), len(start) + count, len(joints))
+
+
+def _width(motion: DecodedMotion) -> int:
+    return int(np.broadcast_to(motion.latents.std, motion.latents.mean.shape).size)
+
+
+def _seam_goals(
+    own: Joints,
+    gap: Gap,
+    motion: DecodedMotion,
+    known: Float[np.ndarray, "tokens width"],
+    is_known: Bool[np.ndarray, " tokens"],
+    skeleton: Skeleton,
+) -> TargetResidual:
+    """Returns what brings the frames beside the gap to their places in the generated window."""
+    first, last = gap.window
+    if gap.start == 0 or gap.end == gap.total:
+        return TargetResidual(NO_TARGETS, skeleton)
+    if gap.before:
+        # Where the known frames are, in the place and direction that their latents give them.
+        shown = motion.joints(np.where(is_known[:, None], known, 0.0))
+        there = slice(0, _STRIDE * gap.before)
+        window = _aligned(own[first:last], own[first:last][there], shown[there], True, skeleton)
+    else:
+        pose = own[first:last]
+        window = turn(pose - pose[0, 0] * (1, 0, 1), -heading(pose[0], skeleton))
+    frames, joints, turned = [], [], []
+    if not gap.before:
+        frames += [0] * len(skeleton)
+        joints += list(range(len(skeleton)))
+    if gap.after:
+        late = [gap.resumes - first, min(gap.resumes - first + 8, last - first - 1)]
+        frames, joints, turned = [*frames, *late], [*joints, 0, 0], late[:1]
+    else:
+        frames += [last - first - 1] * len(skeleton)
+        joints += list(range(len(skeleton)))
+    targets = Targets(
+        np.array(frames),
+        np.array(joints),
+        window[frames, joints],
+        np.array(turned, int),
+        heading(window[turned], skeleton) if turned else np.zeros(0),
+    )
+    return TargetResidual(targets, skeleton)
+
+
+def _aligned(
+    moved: Joints,
+    part: Float[np.ndarray, "few joints 3"],
+    goal: Float[np.ndarray, "few joints 3"],
+    at_end: bool,
+    skeleton: Skeleton,
+) -> Joints:
+    """Returns joints turned about the vertical and shifted so that a part of them meets its goal.
+
+    Args:
+        moved: What is moved.
+        part: The part as it is.
+        goal: Where it should be.
+        at_end: Whether the last frames of the part count, or its first.
+        skeleton: Of the joints.
+    """
+    few = slice(-2, None) if at_end else slice(0, 2)
+    own, other = part[few].reshape(-1, 3), goal[few].reshape(-1, 3)
+    center, place = own.mean(axis=0), other.mean(axis=0)
+    a, b = own - center, other - place
+    angle = np.arctan2(
+        (a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]).sum(), (a[:, 0] * b[:, 0] + a[:, 2] * b[:, 2]).sum()
+    )
+    flat = np.array([1.0, 0.0, 1.0])
+    return turn(moved - center * flat, np.asarray(angle)) + place * flat

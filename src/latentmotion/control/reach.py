@@ -1,0 +1,248 @@
+"""Reach: moves latents until a motion meets its goals, by Gauss-Newton through the decoder alone.
+
+    Δz = Jᵀ (J Jᵀ + λ I)⁻¹ r
+
+r is what is missing and J its Jacobian, with a row for each coordinate of a goal; so the system is
+as small as the goals are few, and of all ways to meet them the shortest in the latents is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.control.jacobian import joint_features, joints_pullback
+from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.parametrization import Parametrization
+from latentmotion.diffusion.schedule import Schedule
+from latentmotion.representation.interface import Representation
+from latentmotion.representation.normalizer import Scale
+
+Latents = Float[np.ndarray, "tokens width"]
+Joints = Float[np.ndarray, "frames joints 3"]
+
+Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Float[np.ndarray, "tokens width"]]
+"""Samples latents for so many frames, its estimates of the clean latents corrected by a function.
+"""
+
+_HALVINGS = 4
+"""How often a step is halved at most that brings joints no nearer to their goals."""
+
+
+@runtime_checkable
+class Residual(Protocol):
+    """What is missing to the goals, a number for each coordinate."""
+
+    def __call__(self, joints: Joints) -> Float[np.ndarray, " rows"]:
+        """Returns goal minus joint, meters."""
+        ...
+
+    def gradient(self, joints: Joints) -> Float[np.ndarray, "rows frames joints 3"]:
+        """Returns the derivatives of the coordinates for which goals are set."""
+        ...
+
+
+@dataclass(frozen=True)
+class DecodedMotion:
+    """A motion as a function of its latents, with the derivatives of that function.
+
+    `decoder` and `pullback` are sessions: `latents`, `mask` → normalized features, and `latents`,
+    `mask`, `gradient` → gradient of the latents.
+    """
+
+    decoder: Callable[..., np.ndarray]
+    pullback: Callable[..., np.ndarray]
+    latents: Scale
+    """Scale in which the denoiser sees latents."""
+    features: Scale
+    """Scale in which the networks see features."""
+    representation: Representation
+    """What the features mean: HumanML3D's or KIT's."""
+    frames: int
+    """Length of the motion."""
+
+    def __post_init__(self) -> None:
+        joint_features(self.representation)
+
+    def decode(self, z: Latents) -> Float[np.ndarray, "frames features"]:
+        """Returns the features of latents in the denoiser's scale, in their own units."""
+        latents = self.latents.denormalize(z)[None].astype(np.float32)
+        normalized = self.decoder(latents=latents, mask=self._mask)[0]
+        return self.features.denormalize(normalized.astype(np.float64))
+
+    def joints(self, z: Latents) -> Joints:
+        """Returns the joints of latents in the denoiser's scale."""
+        return self.representation.decode(self.decode(z))
+
+    def rows(
+        self,
+        z: Latents,
+        features: Float[np.ndarray, "frames features"],
+        joints: Joints,
+        gradient: Float[np.ndarray, "rows frames joints 3"],
+    ) -> Float[np.ndarray, "rows tokens width"]:
+        """Returns gradients of latents in the denoiser's scale for gradients of joints.
+
+        Args:
+            z: The latents.
+            features: What `decode` makes of them.
+            joints: The joints of these features.
+            gradient: A row for each number to be differentiated.
+        """
+        return self.features_pullback(
+            z, joints_pullback(self.representation, features, joints, gradient)
+        )
+
+    def features_pullback(
+        self, z: Latents, gradient: Float[np.ndarray, "rows frames first_features"]
+    ) -> Float[np.ndarray, "rows tokens width"]:
+        """Returns gradients of latents for those of features in their own units."""
+        normalized = (
+            gradient
+            * np.broadcast_to(self.features.std, self.representation.width)[: gradient.shape[2]]
+        )
+        latents = self.latents.denormalize(z)[None].astype(np.float32)
+        found = self.pullback(
+            latents=latents, mask=self._mask, gradient=normalized.astype(np.float32)
+        )
+        return found * self.latents.std
+
+    @property
+    def _mask(self) -> Bool[np.ndarray, "1 frames"]:
+        return np.ones((1, self.frames), bool)
+
+
+@dataclass(frozen=True)
+class ReachSettings:
+    """How far and how often latents are moved."""
+
+    updates: int = 5
+    """Steps of Gauss-Newton at most."""
+    tolerance: float = 2e-4
+    """Meters of the worst coordinate at which it is done."""
+    damping: float = 1e-4
+    """λ, as a share of the mean of J Jᵀ's diagonal."""
+    cap: float = 0.5
+    """Root mean square, in the denoiser's scale, of one step at most."""
+
+
+def reach(
+    z: Latents,
+    motion: DecodedMotion,
+    residual: Residual,
+    free: Bool[np.ndarray, " tokens"] | None = None,
+    settings: ReachSettings = ReachSettings(),
+) -> Latents:
+    """Returns latents near the given ones whose motion meets the goals.
+
+    Args:
+        z: Latents in the denoiser's scale.
+        motion: The motion as a function of latents.
+        residual: What is missing to the goals.
+        free: True on tokens that may be moved; by default all.
+        settings: How far and how often they are moved.
+    """
+    features = motion.decode(z)
+    joints = motion.representation.decode(features)
+    missing = residual(joints)
+    for _ in range(settings.updates):
+        if not len(missing) or np.abs(missing).max() < settings.tolerance:
+            break
+        rows = motion.rows(z, features, joints, residual.gradient(joints))
+        if free is not None:
+            rows = rows * free[:, None]
+        step = least_step(rows.reshape(len(missing), -1), missing, settings.damping)
+        step = step.reshape(z.shape)
+        size = float(np.sqrt(np.mean(step**2)))
+        step = step * min(1.0, settings.cap / max(size, 1e-12))
+        for _ in range(_HALVINGS):
+            features = motion.decode(z + step)
+            joints = motion.representation.decode(features)
+            after = residual(joints)
+            if (after**2).sum() < (missing**2).sum():
+                z, missing = z + step, after
+                break
+            step = step / 2
+        else:
+            break
+    return z
+
+
+def least_step(
+    jacobian: Float[np.ndarray, "rows numbers"], missing: Float[np.ndarray, " rows"], damping: float
+) -> Float[np.ndarray, " numbers"]:
+    """Returns Jᵀ (J Jᵀ + λ I)⁻¹ r, λ being `damping` times the mean of J Jᵀ's diagonal."""
+    jacobian = jacobian.astype(np.float64)
+    gram = jacobian @ jacobian.T
+    gram[np.diag_indices_from(gram)] += damping * np.trace(gram) / len(gram) + 1e-12
+    return jacobian.T @ np.linalg.solve(gram, missing)
+
+
+@dataclass(frozen=True)
+class CorrectedDenoiser:
+    """A denoiser around a denoiser that corrects its estimate of the clean latents.
+
+    The noise is what is left: ε = (z_t - α z_0) / σ. Where known latents are put in (*keep*), the
+    state of every sampler is then α z_0 + σ ε there, with the noise that sampling began with.
+    """
+
+    denoiser: Denoiser
+    """The network with its guidance."""
+    parametrization: Parametrization
+    """What its output means."""
+    schedule: Schedule
+    """The noise schedule."""
+    correct: Callable[[Float[np.ndarray, "batch tokens width"]], Any]
+    """Clean latents to corrected ones."""
+
+    def __call__(
+        self,
+        z: Float[np.ndarray, "batch tokens width"],
+        t: Float[np.ndarray, " batch"],
+        condition: Conditioning,
+        mask: Bool[np.ndarray, "batch tokens"],
+    ) -> Float[np.ndarray, "batch tokens width"]:
+        """Returns what the denoiser would have predicted for the corrected latents."""
+        output = self.denoiser(z, t, condition, mask)
+        clean, _ = self.parametrization.to_x0_eps(output, z, t, self.schedule)
+        clean = np.asarray(self.correct(clean), z.dtype)
+        alpha, sigma = (
+            np.reshape(weight(t), (-1, 1, 1))
+            for weight in (self.schedule.alpha, self.schedule.sigma)
+        )
+        noise = (z - alpha * clean) / sigma
+        return self.parametrization.target(clean, noise.astype(z.dtype), t, self.schedule)
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is done to clean latents: known tokens are put in, others moved toward the goals."""
+
+    motion: DecodedMotion
+    residual: Residual | None = None
+    """What is missing to the goals; None where there are none."""
+    known: Latents | None = None
+    """Latents in the denoiser's scale; those that are not known are not read."""
+    is_known: Bool[np.ndarray, " tokens"] | None = None
+    """True on known tokens."""
+    settings: ReachSettings = field(default_factory=ReachSettings)
+
+    def __call__(
+        self, z: Float[np.ndarray, "1 tokens width"]
+    ) -> Float[np.ndarray, "1 tokens width"]:
+        """Returns corrected latents of one motion."""
+        clean, free = np.array(z[0]), None
+        if self.known is not None and self.is_known is not None:
+            clean[self.is_known], free = self.known[self.is_known], ~self.is_known
+        if self.residual is not None and self.settings.updates:
+            clean = reach(clean, self.motion, self.residual, free, self.settings)
+        return clean[None]
+
+    def updates(self, count: int) -> Correction:
+        """Returns the same with so many steps of Gauss-Newton."""
+        return replace(self, settings=replace(self.settings, updates=count))

@@ -1,0 +1,211 @@
+"""Scene files: a prompt with goals as JSON, strict, versioned; `scene.schema.json` describes them.
+
+    {"format": 1, "prompt": "a person walks", "seconds": 4, "seed": 7,
+     "path": {"points": [[0, 0], [0, 2], [1, 3]], "at": [0, 2, 3.9]},
+     "goals": [{"joint": "right_wrist", "at": 2.5, "to": [0.3, 1.4, 2.1]}],
+     "headings": [{"at": 3.9, "degrees": 90}],
+     "poses": [{"at": 0, "file": "stand.npz", "frame": 0}]}
+
+Seconds, meters, y up; null leaves a coordinate free. Files of poses are found from the scene's
+folder.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+from latentmotion.control.goals import Goal, Heading, Path, Pose, Reach
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
+from latentmotion.storage.configuration import read_json
+
+FORMAT = 1
+"""Version of scene files that this code reads."""
+
+SCHEMA_FILE = FilePath(__file__).with_name("scene.schema.json")
+"""JSON Schema of scene files."""
+
+
+@dataclass(frozen=True)
+class ScenePath:
+    """The path of the pelvis."""
+
+    points: tuple[tuple[float, float], ...]
+    """x and z of each point, meters."""
+    at: tuple[float, ...] | None = None
+    """Seconds at which each is passed; by default the whole path takes the whole motion."""
+
+
+@dataclass(frozen=True)
+class SceneGoal:
+    """A joint is at a place at a time."""
+
+    joint: str
+    """Name of the joint."""
+    at: float
+    """Seconds."""
+    to: tuple[float | None, float | None, float | None]
+    """x, y and z, meters; null leaves a coordinate free."""
+
+
+@dataclass(frozen=True)
+class SceneHeading:
+    """The body faces a direction at a time."""
+
+    at: float
+    """Seconds."""
+    degrees: float
+    """0 is +z, 90 is +x."""
+
+
+@dataclass(frozen=True)
+class ScenePose:
+    """All joints are where they are in a frame of a motion file."""
+
+    at: float
+    """Seconds."""
+    file: str
+    """The motion file, from the scene's folder."""
+    frame: int = 0
+    """Its frame; a negative one counts from the end."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A prompt with goals."""
+
+    format: int
+    """Version of the file: 1."""
+    prompt: str = ""
+    """What the person does."""
+    seconds: float | None = None
+    """Length of the motion; by default as the model predicts it."""
+    seed: int | None = None
+    """Seed of the noise; by default 0."""
+    path: ScenePath | None = None
+    """The path of the pelvis."""
+    goals: tuple[SceneGoal, ...] = ()
+    """Places of joints."""
+    headings: tuple[SceneHeading, ...] = ()
+    """Directions of the body."""
+    poses: tuple[ScenePose, ...] = ()
+    """Whole poses."""
+
+    def all_goals(self, folder: FilePath) -> list[Goal]:
+        """Returns the goals for `MotionPipeline`, poses read.
+
+        Args:
+            folder: Where files of poses are.
+
+        Raises:
+            InputError: A file cannot be read.
+        """
+        found: list[Goal] = []
+        if self.path is not None:
+            found.append(Path(self.path.points, self.path.at))
+        found += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
+        found += [Heading(goal.at, goal.degrees) for goal in self.headings]
+        found += [Pose(pose.at, Motion.load(folder / pose.file), pose.frame) for pose in self.poses]
+        return found
+
+
+def read_scene(path: FilePath) -> Scene:
+    """Reads a scene file.
+
+    Raises:
+        InputError: It is missing or no JSON, a key is unknown, missing or of the wrong type (the
+            message has the nearest name), or it is of another version.
+    """
+    scene = read_json(Scene, path)
+    if scene.format != FORMAT:
+        raise InputError(f"{path}: format {scene.format}, expected {FORMAT}; update latentmotion")
+    return scene
+
+
+def parse_reach(text: str) -> Reach:
+    """Reads `right_wrist@2.5=.3,1.4,2.1`, as the command line has it; `_` leaves one free.
+
+    Raises:
+        InputError: It is not of that form.
+    """
+    try:
+        name, _, rest = text.partition("@")
+        at, _, place = rest.partition("=")
+        x, y, z = (None if value.strip() == "_" else float(value) for value in place.split(","))
+        return Reach(name.strip(), float(at), (x, y, z))
+    except ValueError as error:
+        raise InputError(
+            f"--reach {text}: expected JOINT@SECONDS=X,Y,Z, such as right_wrist@2.5=.3,1.4,2.1; "
+            "_ leaves a coordinate free"
+        ) from error
+
+
+def parse_heading(text: str) -> Heading:
+    """Reads `90@2.5`, degrees and seconds.
+
+    Raises:
+        InputError: It is not of that form.
+    """
+    try:
+        degrees, at = text.split("@")
+        return Heading(float(at), float(degrees))
+    except ValueError as error:
+        raise InputError(f"--heading {text}: expected DEGREES@SECONDS, such as 90@2.5") from error
+
+
+def parse_path(text: str) -> Path:
+    """Reads `0,0@0 0,2@2 1,3@4`, as the command line has it, or the points without times.
+
+    Raises:
+        InputError: It is not of that form.
+    """
+    points, times = [], []
+    try:
+        for word in text.split():
+            place, _, at = word.partition("@")
+            x, z = place.split(",")
+            points.append((float(x), float(z)))
+            times += [float(at)] if at else []
+    except ValueError as error:
+        raise InputError(f"--path: {word!r}: expected X,Z or X,Z@SECONDS, such as 0,2@2") from error
+    if times and len(times) != len(points):
+        raise InputError(f"--path: {len(times)} of {len(points)} points have times: all or none")
+    return Path(points, times or None)
+
+
+def schema() -> dict[str, Any]:
+    """Returns the JSON Schema of scene files."""
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scene"}
+    return {**head, **_schema_of(Scene)}
+
+
+def _schema_of(hint: Any) -> dict[str, Any]:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if dataclasses.is_dataclass(hint):
+        hints, fields = typing.get_type_hints(hint), dataclasses.fields(hint)
+        return {
+            "type": "object",
+            "description": hint.__doc__,
+            "properties": {field.name: _schema_of(hints[field.name]) for field in fields},
+            "required": [
+                field.name
+                for field in fields
+                if field.default is dataclasses.MISSING
+                and field.default_factory is dataclasses.MISSING
+            ],
+            "additionalProperties": False,
+        }
+    if origin in (typing.Union, types.UnionType):
+        return {"anyOf": [_schema_of(member) for member in arguments]}
+    if origin is tuple and arguments[-1] is Ellipsis:
+        return {"type": "array", "items": _schema_of(arguments[0])}
+    if origin is tuple:
+        items = [_schema_of(member) for member in arguments]
+        return {"type": "array", "prefixItems": items, "minItems": len(items), "items": False}
+    names = {float: "number", int: "integer", str: "string", types.NoneType: "null"}
+    return {"type": names[hint]}

@@ -1,0 +1,239 @@
+"""Motion without an end, in bounded memory; decoding in windows; loops.
+
+A decoder of convolutions sees a bounded number of tokens to either side. So latents are decoded in
+windows with that margin, and the frames are those of the whole. A stream samples tokens with the
+last ones known, decodes what has enough of a future, and carries place and heading along. All that
+it remembers is its state: immutable, saved and resumed to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from latentmotion.control.reach import DecodedMotion
+from latentmotion.errors import FileFormatError
+from latentmotion.model.vae_config import (
+    STRIDE,
+    ConvolutionalVAEConfig,
+    QuarterRateDecoder,
+)
+from latentmotion.motion import Motion
+from latentmotion.representation.canonical import turn
+from latentmotion.representation.interface import Representation
+from latentmotion.storage.files import atomic_file
+
+Latents = Float[np.ndarray, "tokens width"]
+SampleKnown = Callable[[Latents, Bool[np.ndarray, " tokens"], int], Latents]
+"""Samples latents with some known ones: the latents, which are known, and a seed."""
+
+KNOWN, CALL = 5, 15
+"""Tokens of a call that are known from the call before, and all of them."""
+
+LOOK_AHEAD = 2
+"""Tokens that frames wait for, 0.4 s: with fewer, frames shake where they are joined."""
+
+_SEAM = 6
+"""Tokens that are sampled anew where a loop is joined."""
+
+
+def margin(vae: ConvolutionalVAEConfig) -> int:
+    """Returns how many tokens to either side a frame depends on."""
+    if isinstance(vae.decoder, QuarterRateDecoder):
+        return 2 + sum(vae.decoder.dilations)
+    # Quarter rate, half rate, full rate, each with a convolution of its own.
+    full = 1 + sum(vae.dilations)
+    return -(-(4 * full + 2 * full + 3) // 4)
+
+
+def decode_in_windows(
+    z: Latents, motion: Callable[[int], DecodedMotion], sees: int, window: int = 32
+) -> Float[np.ndarray, "frames features"]:
+    """Returns the features of latents of any length, decoded in windows: those of the whole.
+
+    Args:
+        z: Latents in the denoiser's scale.
+        motion: Makes a decoder for so many frames.
+        sees: How many tokens to either side a frame depends on.
+        window: Tokens whose frames are decoded at once.
+    """
+    pieces = []
+    for start in range(0, len(z), window):
+        first, last = max(0, start - sees), min(len(z), start + window + sees)
+        features = motion(STRIDE * (last - first)).decode(z[first:last])
+        kept = min(window, len(z) - start)
+        pieces.append(features[STRIDE * (start - first) :][: STRIDE * kept])
+    return np.concatenate(pieces)
+
+
+@dataclass(frozen=True, eq=False)
+class StreamState:
+    """All that a stream remembers between two calls."""
+
+    latents: Latents
+    """The last ones, as far back as frames depend on them."""
+    emitted: int
+    """How many of these have become frames."""
+    yaw: float
+    """Heading at which the next frame begins, radians."""
+    place: tuple[float, float]
+    """x and z of the pelvis there, meters."""
+    calls: int
+    """How often tokens have been sampled."""
+
+    @classmethod
+    def start(cls, width: int) -> StreamState:
+        """Returns the state of a stream that begins."""
+        return cls(np.zeros((0, width)), 0, 0.0, (0.0, 0.0), 0)
+
+    def save(self, path: str | Path) -> None:
+        """Writes the state as an `.npz` file."""
+        with atomic_file(path) as temporary, temporary.open("wb") as file:
+            np.savez(
+                file,
+                latents=self.latents,
+                numbers=np.array([self.emitted, self.calls]),
+                pose=np.array([self.yaw, *self.place]),
+            )
+
+    @classmethod
+    def load(cls, path: str | Path) -> StreamState:
+        """Reads a state that `save` wrote.
+
+        Raises:
+            FileFormatError: The file is missing or holds something else.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                emitted, calls = file["numbers"].tolist()
+                yaw, x, z = file["pose"].tolist()
+                return cls(file["latents"], emitted, yaw, (x, z), calls)
+        except (OSError, ValueError, KeyError) as error:
+            raise FileFormatError(path, f"not the state of a stream: {error}") from error
+
+
+def advanced(
+    state: StreamState,
+    sample: SampleKnown,
+    motion: Callable[[int], DecodedMotion],
+    space: Representation,
+    sees: int,
+    seed: int,
+) -> tuple[Float[np.ndarray, "frames joints 3"], StreamState]:
+    """Returns the next frames of a stream, and the state after them.
+
+    Args:
+        state: The state before.
+        sample: Samples tokens with known ones.
+        motion: Makes a decoder for so many frames.
+        space: The model's representation.
+        sees: How many tokens to either side a frame depends on.
+        seed: Of the whole stream.
+    """
+    width = state.latents.shape[1]
+    count = min(KNOWN, len(state.latents))
+    known = np.zeros((CALL, width))
+    known[:count] = state.latents[len(state.latents) - count :]
+    draw = int(np.random.SeedSequence([seed, state.calls]).generate_state(1)[0])
+    fresh = sample(known, np.arange(CALL) < count, draw)[count:]
+    latents = np.concatenate([state.latents, fresh])
+    ready = len(latents) - LOOK_AHEAD
+    features = motion(STRIDE * len(latents)).decode(latents)
+    new = features[STRIDE * state.emitted : STRIDE * ready]
+    joints, yaw, place = placed(new, space, state.yaw, state.place)
+    dropped = max(0, ready - sees)
+    after = replace(
+        state,
+        latents=latents[dropped:],
+        emitted=ready - dropped,
+        yaw=yaw,
+        place=place,
+        calls=state.calls + 1,
+    )
+    return joints, after
+
+
+def placed(
+    features: Float[np.ndarray, "frames features"],
+    space: Representation,
+    yaw: float,
+    place: tuple[float, float],
+) -> tuple[Float[np.ndarray, "frames joints 3"], float, tuple[float, float]]:
+    """Returns the joints of features that begin somewhere, and where the frame after them begins.
+
+    Args:
+        features: In their own units.
+        space: What they mean.
+        yaw: Heading at which they begin, radians.
+        place: x and z of the pelvis there.
+    """
+    joints = space.decode(np.concatenate([features, features[-1:]]))
+    joints = turn(joints, np.array(yaw)) + np.array([place[0], 0.0, place[1]])
+    turned = -2 * float(features[:, space.blocks["yaw_velocity"]].sum())
+    end = joints[-1, 0]
+    return joints[:-1], yaw + turned, (float(end[0]), float(end[2]))
+
+
+@dataclass
+class MotionStream:
+    """An endless motion: `next(stream)` is its next two seconds or so.
+
+    Closing it, or leaving its `with`, changes nothing: it has no thread and holds no file.
+    """
+
+    prompt: str
+    """What the person does; `say` changes it."""
+    seed: int
+    state: StreamState
+    """All that it remembers; set it to go back, or on from a file."""
+    advance: Callable[[StreamState, str, int], tuple[Float[np.ndarray, "_ joints 3"], StreamState]]
+    """State, prompt and seed to frames and the state after them."""
+    space: Representation
+
+    def __iter__(self) -> Iterator[Motion]:
+        return self
+
+    def __next__(self) -> Motion:
+        joints, self.state = self.advance(self.state, self.prompt, self.seed)
+        joints = joints.astype(np.float32)
+        return Motion(joints, self.space.fps, self.space.skeleton, self.prompt)
+
+    def __enter__(self) -> MotionStream:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        return None
+
+    def say(self, prompt: str) -> None:
+        """Changes what the person does, from the next tokens on."""
+        self.prompt = prompt
+
+
+def looped(
+    z: Latents, sample: SampleKnown, motion: Callable[[int], DecodedMotion], sees: int, seed: int
+) -> Float[np.ndarray, "frames features"]:
+    """Returns the features of one turn of a loop: after the last frame the first may follow.
+
+    The tokens where it is joined are sampled anew between those around them; then the turn is
+    decoded with itself before and after it.
+
+    Args:
+        z: Latents in the denoiser's scale.
+        sample: Samples tokens with known ones.
+        motion: Makes a decoder for so many frames.
+        sees: How many tokens to either side a frame depends on.
+        seed: Of the tokens that are sampled anew.
+    """
+    count, half = len(z), len(z) // 2
+    seam = min(_SEAM, count // 2)
+    rolled = np.roll(z, half, axis=0)
+    known = np.ones(count, bool)
+    known[half - seam // 2 : half - seam // 2 + seam] = False
+    z = np.roll(sample(rolled, known, seed), -half, axis=0)
+    turns = -(-sees // count)
+    whole = motion(STRIDE * count * (2 * turns + 1)).decode(np.tile(z, (2 * turns + 1, 1)))
+    return whole[STRIDE * count * turns :][: STRIDE * count]

@@ -1,0 +1,1 @@
+"""Conversion of the MLD authors' checkpoints to model folders; quirks of their files live here."""

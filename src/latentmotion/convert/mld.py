@@ -1,0 +1,346 @@
+"""MLD's and MotionLCM's checkpoints to model folders.
+
+The shapes of the weights determine most of the configuration; the rest are options. Layouts: MLD's
+for text, actions and raw frames, and MotionLCM's of the same networks (Dai et al. 2024), where a
+linear map on each side makes latents narrower than the transformers.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from torch import Tensor
+
+from latentmotion.condition.task import ActionTask, TextTask
+from latentmotion.convert import weight_names
+from latentmotion.convert.reading import read_checkpoint, split_parts
+from latentmotion.data.sources.humanact12 import ACTIONS
+from latentmotion.diffusion.parametrization import Epsilon, Sample
+from latentmotion.diffusion.schedule import ScaledLinear
+from latentmotion.errors import InputError, ModelError
+from latentmotion.model.card import ModelCard, Provenance
+from latentmotion.model.config import DenoiserConfig, PositionKind, Sampling, TransformerConfig
+from latentmotion.model.vae_config import IdentityVAEConfig, TransformerVAEConfig
+from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import FirstStageModel, LatentModel, load_weights, save_model
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.embeddings import LEARNED_LENGTH
+from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.storage.files import sha256
+
+Weights = Mapping[str, Tensor]
+
+_TEXT_ENCODERS = ("openai/clip-vit-large-patch14", "sentence-transformers/sentence-t5-large")
+"""The text encoders of MLD and of MotionLCM."""
+
+_FRAMES = {"text": (16, 196), "action": (60, 60)}
+"""Shortest and longest motions that MLD's models were trained on."""
+
+_REPRESENTATIONS = {263: "humanml3d", 251: "kit", 150: "smpl"}
+"""Representation by the number of features."""
+
+
+@dataclass(frozen=True)
+class Unstated:
+    """Settings that shapes do not determine; the defaults are the authors'."""
+
+    heads: int = 4
+    """Attention heads."""
+    dropout: float = 0.1
+    """Dropout rate of further training."""
+    activation: Literal["gelu", "relu"] = "gelu"
+    """Activation of the VAE's feed-forward layers."""
+    norm: Literal["post", "pre"] = "post"
+    """Whether the VAE's layers normalize after or before their sublayers."""
+    text_activation: Literal["relu", "none"] | None = None
+    """Activation between the text's embedding and its projection; by default ReLU as in MLD, and
+    none if the denoiser projects its latents, as in MotionLCM."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a checkpoint does not state and the user knows of it."""
+
+    normalizer: tuple[np.ndarray, np.ndarray] | None = None
+    """Mean and standard deviation of each feature, as its data set publishes them."""
+    unstated: Unstated = field(default_factory=Unstated)
+    """Settings that shapes do not determine."""
+    predicts: Literal["epsilon", "sample"] = "epsilon"
+    """Quantity that the denoiser was trained to predict."""
+    text_encoder: str | None = None
+    """Text encoder that it was trained with; by default MLD's or MotionLCM's."""
+    labels: tuple[str, ...] = ()
+    """Names of the actions, in order; by default HumanAct12's for its twelve, else numbers."""
+
+
+def convert_checkpoint(
+    path: str | Path, output: str | Path, origin: Origin | None = None
+) -> dict[str, int]:
+    """Converts the authors' checkpoint; writes the whole folder or nothing.
+
+    Args:
+        path: Lightning file, or a dictionary of tensors.
+        output: The model folder to write.
+        origin: What the file does not state.
+
+    Returns:
+        The number of ignored weights of other networks (evaluators, CLIP, SMPL), by network.
+
+    Raises:
+        ModelError: The file cannot be opened safely, or is no checkpoint of MLD's code.
+        InputError: The normalizer is missing or does not fit.
+    """
+    origin = origin or Origin()
+    parts, others = split_parts(read_checkpoint(path))
+    if not any(parts.values()):
+        found = ", ".join(list(others)[:5]) or "nothing"
+        raise ModelError(f"{path} has no weights under 'vae.' or 'denoiser.'; found {found}")
+    denoiser = config = None
+    if parts["denoiser"]:
+        denoiser, config = load_denoiser(parts["denoiser"], origin.unstated, path)
+    if parts["vae"] or config is None:
+        vae, first_stage = load_vae(parts["vae"], origin.unstated, path)
+    else:  # the diffusion is on raw frames, as wide as the denoiser's latents
+        first_stage = IdentityVAEConfig(config.latent_width)
+        vae = build(first_stage)
+    card = model_card(Path(path), first_stage, config, origin)
+    model = LatentModel(card, vae, denoiser) if denoiser else FirstStageModel(card, vae)
+    save_model(output, model)
+    return others
+
+
+def load_vae(
+    weights: Weights, unstated: Unstated, path: str | Path
+) -> tuple[MotionVAE, TransformerVAEConfig]:
+    """Builds the network of an `MldVae` or `ActorVae` and loads its weights.
+
+    Args:
+        weights: Weights without the prefix `vae.`.
+        unstated: Settings that shapes do not determine.
+        path: The checkpoint, for error messages.
+
+    Raises:
+        ModelError: A weight is missing or has another shape.
+    """
+    config = vae_config(weights, unstated)
+    rules = weight_names.MLD_VAE_JOINT if config.decoding == "joint" else weight_names.MLD_VAE
+    if is_actor(weights):
+        rules = weight_names.ACTOR_VAE
+    network = build(config)
+    load_weights(network, weight_names.rename(weights, rules), f"{path}, vae")
+    return network, config
+
+
+def load_denoiser(
+    weights: Weights, unstated: Unstated, path: str | Path
+) -> tuple[Denoiser, DenoiserConfig]:
+    """Builds the network of an `MldDenoiser` and loads its weights.
+
+    Args:
+        weights: Weights without the prefix `denoiser.`.
+        unstated: Settings that shapes do not determine.
+        path: The checkpoint, for error messages.
+
+    Raises:
+        ModelError: A weight is missing or has another shape.
+    """
+    config = denoiser_config(weights, unstated)
+    cross = config.attention == "cross"
+    # Left over from older versions, or written but never used without cross-attention.
+    unused = {"sequence_pos_encoding.pe"} | (set() if cross else {"mem_pos.pe"})
+    used = {name: tensor for name, tensor in weights.items() if name not in unused}
+    network = build(config)
+    rules = weight_names.DENOISER_CROSS if cross else weight_names.DENOISER_IN_CONTEXT
+    if config.condition_projection == "linear":
+        rules = weight_names.LINEAR_TEXT + rules
+    load_weights(network, weight_names.rename(used, rules), f"{path}, denoiser")
+    return network, config
+
+
+def model_card(
+    path: Path,
+    vae: TransformerVAEConfig | IdentityVAEConfig,
+    denoiser: DenoiserConfig | None,
+    origin: Origin,
+) -> ModelCard:
+    """Returns the card of a converted model.
+
+    Args:
+        path: The checkpoint.
+        vae: Configuration of the VAE.
+        denoiser: Configuration of the denoiser, if the checkpoint has one.
+        origin: What the checkpoint does not state.
+
+    Raises:
+        InputError: The normalizer is missing, or it or the labels do not fit.
+    """
+    features, encoded = vae.features, vae.has_weights
+    mean, std = _normalizer(features, origin)
+    condition = _condition(denoiser, origin)
+    return ModelCard(
+        name=path.stem,
+        representation=_REPRESENTATIONS.get(features, f"unknown-{features}"),
+        normalizer_mean=mean,
+        normalizer_std=std,
+        latents=vae.latent_space(),
+        schedule=ScaledLinear() if encoded else ScaledLinear(offset=0, ends_clean=True),
+        parametrization=Epsilon() if origin.predicts == "epsilon" else Sample(),
+        vae=vae,
+        denoiser=denoiser,
+        condition=condition,
+        sampling=Sampling(50, 7.5, "ddim") if encoded else Sampling(1000, 7.5, "ddpm"),
+        frames=_FRAMES[condition.name],
+        provenance=Provenance(
+            data_hashes={path.name: sha256(path)},
+            license="as its authors say (MLD's code is MIT, MotionLCM's is for non-commercial use; "
+            "the data behind it has terms of its own)",
+            commands=(f"latentmotion convert {path.name}",),
+        ),
+    )
+
+
+def vae_config(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
+    """Returns the configuration of an `MldVae` or `ActorVae` from its weights without `vae.`."""
+    if is_actor(weights):
+        return TransformerVAEConfig(
+            features=_shape(weights, "decoder.final_layer.weight")[0],
+            tokens=1,
+            transformer=_transformer(weights, "encoder.seqTransEncoder.", unstated),
+            position="sine",
+        )
+    tokens, _ = _shape(weights, "global_motion_token")
+    linear = "dist_layer.weight" in weights
+    joint = "decoder.middle_block.multihead_attn.out_proj.weight" not in weights
+    return TransformerVAEConfig(
+        features=_shape(weights, "final_layer.weight")[0],
+        tokens=tokens if linear else tokens // 2,
+        transformer=_transformer(weights, "encoder.", unstated),
+        position=_position(weights, "query_pos_encoder.pe"),
+        distribution="linear" if linear else "tokens",
+        decoding="joint" if joint else "cross",
+        latent_width=_shape(weights, "latent_pre.weight")[0] if is_motionlcm(weights) else None,
+    )
+
+
+def is_actor(weights: Weights) -> bool:
+    """Returns whether these are the weights of an `ActorVae`."""
+    return "encoder.mu_token" in weights
+
+
+def is_motionlcm(weights: Weights) -> bool:
+    """Returns whether a VAE or denoiser maps its latents to another width, as MotionLCM's do."""
+    return "latent_pre.weight" in weights
+
+
+def denoiser_config(weights: Weights, unstated: Unstated) -> DenoiserConfig:
+    """Returns the configuration of an `MldDenoiser` from its weights without `denoiser.`.
+
+    Raises:
+        ModelError: The denoiser is a distilled one, or a weight is missing.
+    """
+    if "time_embedding.cond_proj.weight" in weights:
+        raise ModelError(
+            "this denoiser takes the guidance scale as an input, as the distilled models of "
+            "MotionLCM do; only the model it was distilled from can be converted (mld_humanml.ckpt)"
+        )
+    cross = any(name.startswith("decoder.") for name in weights)
+    # The denoiser's constructor ignored settings that the VAE's applied.
+    always = dataclasses.replace(unstated, activation="gelu", norm="post")
+    transformer = _transformer(weights, "decoder." if cross else "encoder.", always)
+    frames = "pose_embd.weight" in weights
+    in_context = "context_first" if frames else "latents_first"
+    projections = [n for n in ("pose_embd.weight", "latent_pre.weight") if n in weights]
+    projection, condition_width = _condition_projection(weights, transformer.width, unstated)
+    return DenoiserConfig(
+        latent_width=_shape(weights, projections[0])[1] if projections else transformer.width,
+        condition_width=condition_width,
+        transformer=transformer,
+        project_latents=frames or is_motionlcm(weights),
+        condition_projection=projection,
+        attention="cross" if cross else "in_context",
+        positions="separate" if cross else in_context,
+        position=_position(weights, "query_pos.pe"),
+        sine_width=_shape(weights, "time_embedding.linear_1.weight")[1],
+        attends_to_padding=frames,
+    )
+
+
+def _condition(denoiser: DenoiserConfig | None, origin: Origin) -> TextTask | ActionTask:
+    if denoiser is None:
+        return TextTask()
+    if denoiser.condition_projection == "table":
+        count = denoiser.condition_width
+        usual = ACTIONS if count == len(ACTIONS) else tuple(map(str, range(count)))
+        labels = origin.labels or usual
+        if len(set(labels)) != count:
+            raise InputError(f"{len(set(labels))} labels for a checkpoint of {count} actions")
+        return ActionTask(labels)
+    encoder = origin.text_encoder or _TEXT_ENCODERS[denoiser.condition_projection == "linear"]
+    return TextTask(encoder, denoiser.condition_width)
+
+
+def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    if origin.normalizer is None and features == 150:
+        return (0.0,) * features, (1.0,) * features  # action data is not normalized
+    if origin.normalizer is None:
+        raise InputError(
+            "the authors' checkpoints don't hold the mean and deviation of the features; pass the "
+            "data set's own: --mean Mean.npy --std Std.npy (HumanML3D's are in its repository)"
+        )
+    mean, std = (tuple(map(float, np.ravel(values))) for values in origin.normalizer)
+    if not len(mean) == len(std) == features:
+        found = f"{len(mean)} means and {len(std)} deviations"
+        raise InputError(f"the normalizer has {found}, the checkpoint {features} features")
+    return mean, std
+
+
+def _condition_projection(
+    weights: Weights, width: int, unstated: Unstated
+) -> tuple[Literal["linear", "relu_linear", "table", "none"], int]:
+    if "emb_proj.action_embedding" in weights:
+        return "table", _shape(weights, "emb_proj.action_embedding")[0]
+    if "emb_proj.1.weight" in weights:
+        usual = "none" if is_motionlcm(weights) else "relu"
+        linear = (unstated.text_activation or usual) == "none"
+        return "linear" if linear else "relu_linear", _shape(weights, "emb_proj.1.weight")[1]
+    return "none", width
+
+
+def _transformer(weights: Weights, stack: str, unstated: Unstated) -> TransformerConfig:
+    skips = f"{stack}middle_block.linear1.weight" in weights
+    one_layer = "middle_block" if skips else "layers.0"
+    hidden, width = _shape(weights, f"{stack}{one_layer}.linear1.weight")
+    return TransformerConfig(
+        width=width,
+        layers=_count(weights, f"{stack}input_blocks.") * 2 + 1
+        if skips
+        else _count(weights, f"{stack}layers."),
+        heads=unstated.heads,
+        hidden=hidden,
+        dropout=unstated.dropout,
+        activation=unstated.activation,
+        norm=unstated.norm,
+        skips=skips,
+        final_norm=f"{stack}norm.weight" in weights,
+    )
+
+
+def _count(weights: Weights, prefix: str) -> int:
+    matches = (re.match(re.escape(prefix) + r"(\d+)\.", name) for name in weights)
+    return len({match.group(1) for match in matches if match})
+
+
+def _position(weights: Weights, name: str) -> PositionKind:
+    return "learned" if _shape(weights, name)[0] <= LEARNED_LENGTH else "sine"
+
+
+def _shape(weights: Weights, name: str) -> tuple[int, ...]:
+    if name not in weights:
+        raise ModelError(f"the weights {name!r} are missing; is it a checkpoint of MLD?")
+    return tuple(weights[name].shape)

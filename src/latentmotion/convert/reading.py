@@ -1,0 +1,177 @@
+"""Reading foreign checkpoints without running the code that may be inside them.
+
+Such files hold settings of foreign programs beside their tensors, and a pickle may call any
+function by name. Here PyTorch's own names get tensors, names that training programs are known to
+leave behind (`KNOWN`) get a placeholder that does nothing, and any other name ends the reading:
+nothing that is named is ever imported or run.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections import Counter, OrderedDict
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+import torch
+from torch import Tensor
+
+from latentmotion.errors import ModelError
+from latentmotion.storage.pickles import RestrictedUnpickler
+
+PARTS = ("vae", "denoiser")
+"""Networks that are converted, by the first part of their weights' names; all others are not."""
+
+KNOWN_PACKAGES = (
+    *("omegaconf.", "antlr4.", "pytorch_lightning.", "lightning.", "lightning_fabric."),
+    *("torchmetrics.", "mld.", "typing.", "pathlib.", "collections.", "enum.", "torch.optim."),
+    *("numpy.core.multiarray.", "numpy._core.multiarray."),
+)
+"""Prefixes of names that become a `Placeholder`."""
+
+KNOWN = {
+    *(f"builtins.{kind.__name__}" for kind in (dict, list, set, frozenset, tuple, object)),
+    *(f"builtins.{kind.__name__}" for kind in (int, float, str, bool, complex, bytes)),
+    *("numpy.ndarray", "numpy.dtype", "torch.Size", "torch.device"),
+    *("builtins.long", "builtins.unicode", "_codecs.encode", "copyreg._reconstructor"),
+}
+"""Further names that become a `Placeholder`."""
+
+_STORAGES = {
+    "FloatStorage": torch.float32,
+    "DoubleStorage": torch.float64,
+    "HalfStorage": torch.float16,
+    "BFloat16Storage": torch.bfloat16,
+    "LongStorage": torch.int64,
+    "IntStorage": torch.int32,
+    "ShortStorage": torch.int16,
+    "CharStorage": torch.int8,
+    "ByteStorage": torch.uint8,
+    "BoolStorage": torch.bool,
+}
+
+
+def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
+    """Returns the tensors of a Lightning file's `state_dict`, or of a plain dictionary of tensors.
+
+    Raises:
+        ModelError: The file is missing, damaged, of another kind, or holds code.
+    """
+    content = read_content(Path(path))
+    state = content.get("state_dict", content) if isinstance(content, Mapping) else None
+    tensors = tensors_of(state)
+    if not tensors:
+        raise ModelError(f"{path}: no state_dict of tensors inside; is it an MLD checkpoint?")
+    return tensors
+
+
+def tensors_of(state: Any) -> dict[str, Tensor]:
+    """Returns the tensors of a dictionary by name; none for anything else."""
+    items = state.items() if isinstance(state, Mapping) else ()
+    return {str(name): value for name, value in items if isinstance(value, Tensor)}
+
+
+def split_parts(
+    state: Mapping[str, Tensor],
+) -> tuple[dict[str, dict[str, Tensor]], dict[str, int]]:
+    """Returns the tensors of each of `PARTS` without that prefix, and the number of others."""
+    parts = {
+        part: {
+            name.removeprefix(f"{part}."): tensor.float()
+            for name, tensor in state.items()
+            if name.startswith(f"{part}.")
+        }
+        for part in PARTS
+    }
+    others = Counter(head for head in (name.split(".")[0] for name in state) if head not in PARTS)
+    return parts, dict(others)
+
+
+def read_content(path: Path) -> Any:
+    """Returns the content of a PyTorch file without running code.
+
+    Raises:
+        ModelError: The file is missing, damaged, of another kind, or holds code.
+    """
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError as error:
+        raise ModelError(f"{path} does not exist") from error
+    except pickle.UnpicklingError as error:
+        unsafe = error
+    except Exception as error:  # a damaged file fails anywhere inside zip, pickle or torch
+        raise ModelError(
+            f"{path} is no PyTorch checkpoint, or is damaged ({type(error).__name__}: {error}); "
+            "download it again"
+        ) from error
+    try:
+        return read_with_placeholders(path)
+    except Exception as error:  # a damaged file, or one of PyTorch before 1.6, which is no zip
+        unsafe = error if isinstance(error, pickle.UnpicklingError) else unsafe
+        first_line = str(unsafe).strip().splitlines()[0]
+        raise ModelError(
+            f"{path} is damaged, or holds more than tensors and was not opened, because that could "
+            f"run code ({first_line}). If you trust the file, keep its weights alone: python -c "
+            f"\"import torch; torch.save({{'state_dict': torch.load('{path}', map_location='cpu', "
+            "weights_only=False)['state_dict']}, 'weights.ckpt')\""
+        ) from error
+
+
+class Placeholder:
+    """Accepts whatever a pickle does to an object, and keeps none of it."""
+
+    def __new__(cls, *_: Any, **__: Any) -> Placeholder:
+        """Ignores all arguments."""
+        return super().__new__(cls)
+
+    def _ignore(self, *_: Any) -> Placeholder:
+        return self
+
+    __call__ = __setstate__ = __setitem__ = append = extend = add = _ignore
+
+
+def read_with_placeholders(path: Path) -> Any:
+    """Returns the tensors and plain values of a PyTorch file, and placeholders for all else.
+
+    Raises:
+        ForbiddenName: It names something unknown.
+        Exception: The file is damaged, or no zip file.
+    """
+    with ZipFile(path) as archive:
+        names = [name for name in archive.namelist() if name.endswith("/data.pkl")]
+        with archive.open(names[0]) as file:
+            return _TensorUnpickler(file, archive, names[0].removesuffix(".pkl")).load()
+
+
+class _TensorUnpickler(RestrictedUnpickler):
+    """Reads the tensors of a PyTorch file beside plain values."""
+
+    def __init__(self, file: Any, archive: ZipFile, folder: str) -> None:
+        super().__init__(file, self.allowed, encoding="utf-8")
+        self._archive, self._folder = archive, folder
+
+    def allowed(self, module: str, name: str) -> Any:
+        """Returns what a pickle gets for a name; raises KeyError for names that it must not use."""
+        if module == "torch" and name in _STORAGES:
+            return _STORAGES[name]
+        if (module, name) == ("torch._utils", "_rebuild_tensor_v2"):
+            return lambda storage, offset, size, stride, *_: storage.as_strided(
+                size, stride, offset
+            )
+        if (module, name) == ("torch._utils", "_rebuild_parameter"):
+            return lambda tensor, *_: tensor
+        if (module, name) == ("collections", "OrderedDict"):
+            return OrderedDict
+        full = f"{module}.{name}"
+        if full in KNOWN or full.startswith(KNOWN_PACKAGES):
+            return Placeholder
+        raise KeyError(full)
+
+    def persistent_load(self, pid: Any) -> Tensor:
+        _, dtype, key, _, count = pid
+        if count == 0:
+            return torch.empty(0, dtype=dtype)
+        content = bytearray(self._archive.read(f"{self._folder}/{int(key)}"))
+        return torch.frombuffer(content, dtype=dtype, count=count)

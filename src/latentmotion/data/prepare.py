@@ -1,0 +1,245 @@
+"""Recordings → prepared folder: encode, fit captions and normalizer, write, report."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from latentmotion.data.captions import fit_sentences
+from latentmotion.data.clip import Source
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.quality import find_glitch
+from latentmotion.data.recording import Dropped, EncodedRecording, Recording
+from latentmotion.data.store import (
+    Manifest,
+    StoredClip,
+    StoredMotion,
+    StoredNormalizer,
+    caption_rows,
+    stored_normalizer,
+    write_dataset,
+)
+from latentmotion.errors import DataError
+from latentmotion.representation.interface import Representation
+from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.configuration import read_json, write_json
+
+REPORT = "report.json"
+
+MIN_FRAMES = 10
+"""Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Figures of one split of one source; mirrored copies are not counted."""
+
+    source: str
+    """Name of the source."""
+    split: str
+    """Name of the split."""
+    clips: int
+    """Number of clips."""
+    captions: int
+    """Number of captions."""
+    hours: float
+    """Length of all clips."""
+
+    def row(self) -> str:
+        """Returns its row of a report's table."""
+        numbers = f"{self.clips:>8}{self.captions:>10}{self.hours:>8.3f}"
+        return f"{self.source:<12}{self.split:<8}{numbers}"
+
+
+@dataclass(frozen=True)
+class Report:
+    """Result of preparing a data set: clips, captions, hours, and what was dropped and why."""
+
+    parts: tuple[Part, ...]
+    """Figures by source and split."""
+    dropped: tuple[Dropped, ...]
+    """Clips and captions that were left out."""
+    round_trip_mm: float | None
+    """Largest distance of any joint after joints → features → joints; none for given features."""
+    notes: tuple[str, ...] = ()
+    """Further remarks for the user."""
+
+    def text(self) -> str:
+        """Returns the report for the terminal."""
+        kinds = Counter(item.what for item in self.dropped)
+        counts = ", ".join(f"{count} {kind}s" for kind, count in sorted(kinds.items()))
+        lines = [self.table(), f"dropped: {counts or 'nothing'}"]
+        lines += [f"  {item.what} {item.id}: {item.reason}" for item in self.dropped]
+        if self.round_trip_mm is not None:
+            lines.append(
+                f"joints → features → joints: off by {self.round_trip_mm:.3f} mm at the most"
+            )
+        return "\n".join([*lines, *self.notes])
+
+    def table(self) -> str:
+        """Returns the figures by source and split."""
+        head = f"{'source':<12}{'split':<8}{'clips':>8}{'captions':>10}{'hours':>8}"
+        clips, captions = sum(p.clips for p in self.parts), sum(p.captions for p in self.parts)
+        total = Part("all", "", clips, captions, sum(p.hours for p in self.parts))
+        return "\n".join([head, *(part.row() for part in (*self.parts, total))])
+
+
+def parts_of(manifest: Manifest) -> tuple[Part, ...]:
+    """Counts clips, captions and hours of a prepared folder by source and split."""
+    groups: dict[tuple[str, str], list[StoredClip]] = {}
+    for clip in manifest.clips:
+        groups.setdefault((clip.source, clip.split), []).append(clip)
+    parts = []
+    for (source, split), clips in sorted(groups.items()):
+        hours = sum(clip.frames for clip in clips) / manifest.fps / 3600
+        captions = sum(len(clip.captions) for clip in clips)
+        parts.append(Part(source, split, len(clips), captions, round(hours, 4)))
+    return tuple(parts)
+
+
+def read_report(folder: Path) -> Report | None:
+    """Returns the report in a prepared folder, or None if it has none.
+
+    Raises:
+        InputError: It is damaged.
+    """
+    path = folder / REPORT
+    return read_json(Report, path) if path.is_file() else None
+
+
+def encode_all(
+    items: Iterable[Recording | Dropped], representation: Representation
+) -> Iterator[EncodedRecording | Dropped]:
+    """Encodes the recordings of a source; those too short or glitchy are dropped with a reason."""
+    for item in items:
+        yield item if isinstance(item, Dropped) else encode(item, representation)
+
+
+def encode(recording: Recording, representation: Representation) -> EncodedRecording | Dropped:
+    """Retargets and encodes one recording, or returns why it cannot be used."""
+    joints = recording.joints
+    if len(joints) < MIN_FRAMES:
+        reason: str | None = f"{len(joints)} frames, fewer than {MIN_FRAMES}"
+    else:
+        reason = find_glitch(joints, representation.fps)
+    if reason:
+        return Dropped(recording.label.id, "clip", reason)
+    joints = representation.retarget(joints)
+    features = representation.encode(joints)
+    expected = representation.canonicalize(joints[:-1])
+    decoded = representation.canonicalize(representation.decode(features))
+    error_mm = float(np.linalg.norm(decoded - expected, axis=-1).max() * 1000)
+    return EncodedRecording(recording.label, features, error_mm)
+
+
+class Preparation:
+    """Collects motions one by one, then writes them as a folder.
+
+    Args:
+        representation: Representation of the features.
+    """
+
+    def __init__(self, representation: Representation) -> None:
+        self.representation = representation
+        self.motions: list[StoredMotion] = []
+        self.dropped: list[Dropped] = []
+        self.round_trip_mm: float | None = None
+
+    def add(self, items: Iterable[EncodedRecording | Dropped]) -> None:
+        """Adds the recordings of a source; those that cannot be used are kept with the reason."""
+        for item in items:
+            if isinstance(item, Dropped):
+                self.dropped.append(item)
+                continue
+            label, frames = item.label, len(item.features)
+            captions, reasons = fit_sentences(label.sentences, frames)
+            mirrored, _ = fit_sentences(label.mirrored_sentences, frames)
+            self.dropped += [Dropped(label.id, "caption", reason) for reason in reasons]
+            clip = StoredClip(
+                id=label.id,
+                source=label.source,
+                origin=label.origin,
+                split=label.split,
+                frames=frames,
+                shard=0,
+                offset=0,
+                captions=caption_rows(captions),
+                mirrored_captions=caption_rows(mirrored),
+                action=label.action,
+                mirrored_action=label.mirrored_action,
+            )
+            self.motions.append(StoredMotion(clip, item.features))
+            self.note(item.round_trip_mm)
+
+    def note(self, round_trip_mm: float | None) -> None:
+        """Adds the round-trip error of one more motion or folder."""
+        if round_trip_mm is not None:
+            self.round_trip_mm = max(self.round_trip_mm or 0.0, round_trip_mm)
+
+    def write(
+        self,
+        folder: str | Path,
+        sources: tuple[Source, ...],
+        normalizer: StoredNormalizer | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> Report:
+        """Writes the folder and its report.
+
+        Args:
+            folder: The folder to write; what was there is replaced.
+            sources: Origins of the motions.
+            normalizer: Statistics that come with the data; else they are fit on the train split.
+            notes: Further remarks for the report.
+
+        Raises:
+            DataError: Nothing is left to write, or nothing to fit the normalizer on.
+            InputError: The folder cannot be written.
+        """
+        if not self.motions:
+            reasons = "; ".join(f"{item.id}: {item.reason}" for item in self.dropped[:3])
+            raise DataError(f"no clip can be used ({reasons or 'no clip found'})")
+        if normalizer is None and not self.representation.normalized:
+            identity = Normalizer.identity(self.representation.width)
+            normalizer = stored_normalizer(identity, "none: the features are used as they are")
+        if normalizer is None:
+            train = [motion.features for motion in self.motions if motion.clip.split == "train"]
+            if not train:
+                raise DataError("no clip is in the train split, so no normalizer can be fit")
+            both = [side for one in train for side in (one, self.representation.mirror(one))]
+            fitted = Normalizer.fit(both, self.representation.blocks)
+            normalizer = stored_normalizer(
+                fitted, f"{len(train)} train clips and their mirror images"
+            )
+        manifest = write_dataset(folder, self.motions, sources, self.representation, normalizer)
+        report = Report(parts_of(manifest), tuple(self.dropped), self.round_trip_mm, notes)
+        write_json(Path(folder) / REPORT, report)
+        return report
+
+
+def merge(folders: Sequence[str | Path], out: str | Path) -> Report:
+    """Joins prepared folders into one, with one normalizer for all.
+
+    Raises:
+        DataError: There is none, or they differ in representation, or share names of clips.
+    """
+    if not folders:
+        raise DataError("nothing to merge; name two or more prepared folders")
+    datasets = [Dataset.load(folder) for folder in folders]
+    names = {dataset.manifest.representation for dataset in datasets}
+    if len(names) > 1:
+        raise DataError(f"cannot merge {' and '.join(sorted(names))}; merge like with like")
+    preparation = Preparation(datasets[0].representation)
+    notes: list[str] = []
+    for dataset in datasets:
+        for stored in dataset.manifest.clips:
+            preparation.motions.append(StoredMotion(stored, dataset.features(stored.clip())))
+        if report := read_report(dataset.folder):
+            preparation.dropped += report.dropped
+            preparation.note(report.round_trip_mm)
+            notes += report.notes
+    sources = {source.name: source for dataset in datasets for source in dataset.sources}
+    return preparation.write(out, tuple(sources.values()), notes=tuple(notes))

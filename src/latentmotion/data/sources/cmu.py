@@ -1,0 +1,356 @@
+"""CMU's motion capture with HumanML3D's captions: trials on disk → cut, captioned recordings.
+
+A trial is `SS_TT.amc` beside `SS.asf`, or `SS_TT.bvh`, anywhere below a folder. HumanML3D's index
+cuts it at 20 fps: every (native/20)-th frame, then `start:end`. The BVH conversions put a T-pose
+before the motion; without that frame they align with the index.
+
+AMC files do not state the native frame rate: it is 120, and 60 for a list of trials.
+
+Six trials have labels of exercises, ten a second, by Fox and Hughes (BSD 2-clause): a file
+`mocap6_labels/SS_TT.txt` holds a number for each tenth of a second, from 1, in the order of
+`EXERCISES`. Where HumanML3D has captions of the same trials, they name the same exercises.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data import quality
+from latentmotion.data.captions import TaggedSentence, mirror_sentence
+from latentmotion.data.clip import Source, Split
+from latentmotion.data.recording import Dropped, Label, Recording
+from latentmotion.data.segments import pieces, touching
+from latentmotion.data.sources.humanml3d import (
+    IndexRow,
+    read_index,
+    read_splits,
+    read_texts,
+    sentences_of,
+)
+from latentmotion.data.takes import FPS, every, files_below, joints_at
+from latentmotion.errors import DataError, FileFormatError
+from latentmotion.formats.asf_amc import read_asf_amc
+from latentmotion.formats.bvh import read_bvh
+
+CMU = Source(
+    name="cmu",
+    license=(
+        "free for all uses; the data itself may not be resold, even converted; "
+        "captions: HumanML3D, MIT, (c) 2022 Chuan Guo; labels of exercises: BSD 2-clause, "
+        "(c) 2015 Mike Hughes; trials at 30 frames per second: Apache 2.0, SNU"
+    ),
+    credit=(
+        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was "
+        "created with funding from NSF EIA-0196217."
+    ),
+    url="http://mocap.cs.cmu.edu",
+)
+
+USUAL_RATE, SLOW_RATE = 120.0, 60.0
+"""Native frames per second of most trials, and of those that are listed here."""
+
+_SLOW_SUBJECTS = frozenset(
+    (60, 61, 62, 74, 75, 77, 79, 80, 84, 88, 93, 103, 106, 107, 115, 139, 141, 143)
+)
+_SLOW_TRIALS = frozenset(("89_01", "90_08", "90_11"))
+_FAST_TRIALS = frozenset(("74_09", "77_21", "77_28", "84_09", "88_03", "139_21"))
+
+_STATED_RATE = 120.0
+"""Rate that conversions to BVH write into the file, whatever the trial's own."""
+
+SHORTEST = 40
+"""Frames of the shortest stretch without captions that is used."""
+
+_TRIAL = re.compile(r"(\d+)_(\d+)", re.ASCII)
+_HUMANML3D_PATH = re.compile(r"/CMU/(?P<folder>[^/]+)/(?P<trial>\d+_\d+)_poses\.npy$")
+
+EXERCISES = (
+    "does jumping jacks",
+    "jogs in place",
+    "does squats",
+    "raises the knees to the elbows in turn",
+    "circles both arms",
+    "twists the upper body from side to side",
+    "reaches up to the sides in turn",
+    "boxes, punching the air",
+    "squats down and gets up again",
+    "bends down and touches the toes with one hand",
+    "bends the upper body from side to side",
+    "bends down and touches the toes with both hands",
+)
+"""What the person does, in the order of the labels' numbers."""
+
+_LABEL_FOLDER, _LABEL_RATE = "mocap6_labels", 10
+
+
+@dataclass(frozen=True)
+class CmuTrials:
+    """CMU trials on disk and HumanML3D's annotations of them."""
+
+    paths: Mapping[str, Path]
+    """File of each trial, by name (`05_18`)."""
+    rates: Mapping[str, float]
+    """Frame rates that differ from the known ones."""
+    rows: Mapping[str, Sequence[IndexRow]]
+    """HumanML3D's clips of each trial, also of trials that are not on disk."""
+    splits: Mapping[str, Split]
+    """Split of each id."""
+    texts: Mapping[str, str]
+    """Caption file of each id."""
+    exercises: Mapping[str, Sequence[tuple[int, int, str]]]
+    """Labeled stretches of a few trials: first frame, one past the last, what the person does."""
+
+    @classmethod
+    def load(cls, trials: Path, humanml3d: Path, rates: Path | None = None) -> CmuTrials:
+        """Finds the trials below a folder and reads HumanML3D's captions.
+
+        Args:
+            trials: Folder of AMC and ASF files, BVH files, or both; any nesting.
+            humanml3d: Folder of captions, splits and index.
+            rates: JSON of frames per second by trial; without it the known rates count.
+
+        Raises:
+            DataError: A folder or file is missing or wrong.
+        """
+        return cls(
+            paths=find_trials(trials),
+            rates=read_rates(rates) if rates else {},
+            rows=rows_by_trial(humanml3d),
+            splits=read_splits(humanml3d),
+            texts=read_texts(humanml3d),
+            exercises=read_exercises(trials, FPS),
+        )
+
+    @property
+    def missing(self) -> int:
+        """Number of HumanML3D's CMU clips whose trial is not on disk."""
+        return sum(len(rows) for trial, rows in self.rows.items() if trial not in self.paths)
+
+    def recordings(self, uncaptioned: bool = False) -> Iterator[Recording | Dropped]:
+        """Yields every clip that the index cuts from a trial on disk.
+
+        Two train clips that touch come also as one, where it is no longer than `LONGEST`.
+
+        Args:
+            uncaptioned: Whether to yield also the rest of each trial, in pieces without captions
+                for training; never of a trial with a clip of val or test.
+        """
+        for trial in sorted(self.paths):
+            rows = self.rows.get(trial, ())
+            if not rows and not uncaptioned:
+                continue
+            try:
+                joints = trial_joints(trial, self.paths[trial], self.rates.get(trial))
+            except (FileFormatError, DataError) as error:
+                yield Dropped(trial, "clip", str(error))
+                continue
+            items = [(row.start, row.end, self._cut(trial, row, joints)) for row in rows]
+            if uncaptioned and all(self.splits.get(row.id, "train") == "train" for row in rows):
+                items += _uncaptioned(trial, rows, joints, self.exercises.get(trial, ()))
+            yield from (item for _, _, item in items)
+            clips = [(a, b, item) for a, b, item in items if isinstance(item, Recording)]
+            yield from touching(clips)
+
+    def _cut(
+        self, trial: str, row: IndexRow, joints: Float[np.ndarray, "frames joints 3"]
+    ) -> Recording | Dropped:
+        """Returns a clip of the index.
+
+        Training is kept apart by recording. HumanML3D cuts 47 recordings into train and test
+        clips, some of which even overlap: such train clips become val here, so that test is
+        HumanML3D's to the clip.
+        """
+        end = len(joints) if row.end < 0 else row.end
+        if row.id not in self.splits:
+            return Dropped(row.id, "clip", "in none of train.txt, val.txt and test.txt")
+        # A frame or two of difference is how another tool rounds; more is another recording.
+        if end > len(joints) + 2:
+            return Dropped(
+                row.id, "clip", f"{trial} has {len(joints)} frames at 20 fps, index wants {end}"
+            )
+        split = self.splits[row.id]
+        all_splits = {self.splits.get(other.id, "train") for other in self.rows[trial]}
+        label = Label(
+            id=row.id,
+            source=CMU.name,
+            origin=f"{trial}[{row.start}:{end}]",
+            split="val" if split == "train" and all_splits != {"train"} else split,
+            sentences=sentences_of(self.texts, row.id),
+            mirrored_sentences=sentences_of(self.texts, f"M{row.id}"),
+        )
+        return Recording(label, joints[row.start : end])
+
+
+def find_trials(folder: Path) -> dict[str, Path]:
+    """Returns the file of each CMU trial below a folder; AMC where there is BVH as well.
+
+    `005_08` and `5_8` are `05_08`.
+
+    Raises:
+        DataError: There is no such folder, or no trial in it.
+    """
+    if not folder.is_dir():
+        raise DataError(f"no folder {folder}; it should hold CMU trials, from {CMU.url}")
+    trials = {}
+    for ending in (".bvh", ".amc"):
+        for path in files_below(folder, [ending]):
+            if match := _TRIAL.match(path.stem):
+                subject, number = map(int, match.groups())
+                trials[f"{subject:02d}_{number:02d}"] = path
+    if not trials:
+        raise DataError(
+            f"{folder}: expected CMU trials (SS_TT.amc with SS.asf, or SS_TT.bvh), found none; "
+            f"get them from {CMU.url}"
+        )
+    return trials
+
+
+def rows_by_trial(humanml3d: Path) -> dict[str, list[IndexRow]]:
+    """Returns HumanML3D's clips of each CMU trial.
+
+    Raises:
+        DataError: The index is missing or wrong.
+    """
+    rows = defaultdict(list)
+    for row in read_index(humanml3d):
+        if trial := trial_of(row.path):
+            rows[trial].append(row)
+    return dict(rows)
+
+
+def trial_of(path: str) -> str | None:
+    """Returns CMU's name of the trial behind a path in HumanML3D's index; None if not CMU's.
+
+    Trials of two people are there twice under the first one's number, in folders such as
+    `18_19_Justin` and `18_19_rory`; captions such as "is pulled" of "A pulls B" show that Rory is
+    the second one, whom CMU numbers 19, 21 and 23.
+    """
+    match = _HUMANML3D_PATH.search(path)
+    if match is None:
+        return None
+    subject, number = match["trial"].split("_")
+    second = "rory" in match["folder"].lower()
+    return f"{int(subject) + second:02d}_{number}"
+
+
+def native_fps(trial: str) -> float:
+    """Returns the native frames per second of a trial such as `05_18`."""
+    is_slow = int(trial.split("_")[0]) in _SLOW_SUBJECTS and trial not in _FAST_TRIALS
+    return SLOW_RATE if is_slow or trial in _SLOW_TRIALS else USUAL_RATE
+
+
+def trial_joints(
+    trial: str, path: Path, rate: float | None = None
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Reads a trial at 20 frames per second, without a T-pose that a conversion put before it.
+
+    Args:
+        trial: Its name, such as `05_18`.
+        path: Its file.
+        rate: Native frames per second. By default what the file says if it is another rate than
+            the 120 that all conversions claim, else the known one of the trial.
+
+    Raises:
+        FileFormatError: The file is damaged.
+        DataError: The skeleton is unknown, or the rate too low.
+    """
+    if path.suffix.lower() == ".amc":
+        return joints_at(read_asf_amc(path), FPS, rate or native_fps(trial))
+    animation = read_bvh(path)
+    native = rate or (native_fps(trial) if animation.fps == _STATED_RATE else animation.fps)
+    if not quality.begins_with_t_pose(animation):
+        return joints_at(animation, FPS, native)
+    joints = joints_at(every(animation, step=1, start=1), FPS, native)
+    return quality.without_blend(joints, native, FPS) if quality.is_blended(animation) else joints
+
+
+def read_rates(path: Path) -> dict[str, float]:
+    """Reads frames per second by trial from a JSON file.
+
+    Raises:
+        DataError: The file is missing or holds something else.
+    """
+    expected = 'expected frames per second by trial, such as {"05_18": 120}'
+    try:
+        rates = json.loads(path.read_text(encoding="utf-8"))
+        checked = {}
+        for trial, rate in rates.items():
+            if isinstance(rate, bool) or not 1 <= rate <= 1000:
+                raise ValueError(f"a rate of {rate}")
+            checked[trial] = float(rate)
+        return checked
+    except OSError as error:
+        raise DataError(f"cannot read {path}: {error.strerror}; {expected}") from error
+    except (ValueError, TypeError, AttributeError) as error:
+        raise DataError(f"{path}: {expected}, found something else ({error})") from error
+
+
+def read_exercises(folder: Path, fps: int) -> dict[str, list[tuple[int, int, str]]]:
+    """Returns the labeled stretches of each trial: first frame, one past the last, the exercise.
+
+    Args:
+        folder: Where to look for a folder `mocap6_labels`, at any depth.
+        fps: Frames per second to count in.
+
+    Raises:
+        FileFormatError: A file holds something else.
+    """
+    texts = {str(number): text for number, text in enumerate(EXERCISES, 1)}
+    exercises: dict[str, list[tuple[int, int, str]]] = {}
+    for path in files_below(folder, [".txt"]):
+        if path.parent.name != _LABEL_FOLDER:
+            continue
+        labels = path.read_text(encoding="utf-8", errors="replace").split()
+        if unknown := sorted(set(labels) - set(texts)):
+            raise FileFormatError(path, f"found {unknown[0][:40]!r}, expected numbers from 1 to 12")
+        stretches, start = [], 0
+        for label, group in groupby(labels):
+            end = start + fps // _LABEL_RATE * len(list(group))
+            stretches.append((start, end, texts[label]))
+            start = end
+        exercises[path.stem] = stretches
+    return exercises
+
+
+def _uncaptioned(
+    trial: str,
+    rows: Sequence[IndexRow],
+    joints: Float[np.ndarray, "frames joints 3"],
+    exercises: Sequence[tuple[int, int, str]],
+) -> Iterator[tuple[int, int, Recording | Dropped]]:
+    """Yields what the index leaves of a trial; labels of exercises become sentences."""
+    gaps, start = [], 0
+    captioned = sorted((row.start, len(joints) if row.end < 0 else row.end) for row in rows)
+    for first, last in [*captioned, (len(joints), len(joints))]:
+        if first - start >= SHORTEST:
+            gaps.append((start, first))
+        start = max(start, last)
+    spans = list(pieces(joints, FPS, gaps, [start for start, _, _ in exercises]))
+    lost = sum(end - start for start, end in gaps) - sum(end - start for start, end in spans)
+    if lost:
+        reason = quality.find_glitch(joints, FPS) or "shorter than a second"
+        yield 0, 0, Dropped(f"cmu-{trial}", "part", f"{lost} uncaptioned frames: {reason}")
+    for first, last in spans:
+        sentences = tuple(
+            TaggedSentence(f"a person {text}.")
+            for start, end, text in exercises
+            if start - 4 <= first and last <= end + 4
+        )
+        label = Label(
+            id=f"cmu-{trial}-{first:05d}",
+            source=CMU.name,
+            origin=f"{trial}[{first}:{last}]",
+            split="train",
+            sentences=sentences,
+            mirrored_sentences=tuple(map(mirror_sentence, sentences)),
+        )
+        yield first, last, Recording(label, joints[first:last])

@@ -1,0 +1,232 @@
+"""HumanML3D and KIT-ML: captions, splits and index, and official processed folders.
+
+    texts/ID.txt or texts.json.xz     captions by id; `M…` are those of mirrored copies
+    train.txt, val.txt, test.txt      ids, one a line
+    index.csv                         source_path,start_frame,end_frame,new_name (frames at 20 fps)
+
+An official processed folder also has features that the authors computed:
+
+    new_joint_vecs/ID.npy   features (frames, 263 or 251); `M…` are mirrored copies
+    Mean.npy, Std.npy       statistics by which published models normalize
+
+Only the recorded half is stored; mirrored copies are computed, and take their captions from here.
+
+https://github.com/EricGuo5513/HumanML3D (MIT, captions included)
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import lzma
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from latentmotion.data.captions import TaggedSentence, mirror_sentence, parse_sentences
+from latentmotion.data.clip import SPLITS, Source, Split
+from latentmotion.data.recording import Dropped, EncodedRecording, Label
+from latentmotion.data.store import StoredNormalizer, stored_normalizer
+from latentmotion.errors import DataError, InputError
+from latentmotion.representation.normalizer import Normalizer
+
+GET_IT = "get it from https://github.com/EricGuo5513/HumanML3D"
+
+HUMANML3D = Source(
+    name="humanml3d",
+    license=(
+        "captions: MIT, (c) 2022 Chuan Guo; motion: AMASS (non-commercial research) and "
+        "HumanAct12, their owners' terms"
+    ),
+    credit=(
+        "C. Guo et al.: Generating Diverse and Natural 3D Human Motions from Text, CVPR 2022; "
+        "N. Mahmood et al.: AMASS, ICCV 2019"
+    ),
+    url="https://github.com/EricGuo5513/HumanML3D",
+)
+
+KIT = Source(
+    name="kit",
+    license="KIT Motion-Language dataset: its owners' terms",
+    credit="M. Plappert, C. Mandery, T. Asfour: The KIT Motion-Language Dataset, Big Data 2016",
+    url="https://motion-annotation.humanoids.kit.edu/dataset",
+)
+
+FEATURES = "new_joint_vecs"
+
+
+_COLUMNS = ("source_path", "start_frame", "end_frame", "new_name")
+
+
+@dataclass(frozen=True)
+class IndexRow:
+    """One clip of HumanML3D."""
+
+    id: str
+    """Its name there."""
+    path: str
+    """The recording, as HumanML3D calls it."""
+    start: int
+    """First frame at 20 fps."""
+    end: int
+    """One past the last frame at 20 fps; -1 means to the end."""
+
+
+def read_index(folder: Path) -> tuple[IndexRow, ...]:
+    """Reads `index.csv`.
+
+    Raises:
+        DataError: It is missing, lacks a column or has something else than a number of frames.
+    """
+    path = folder / "index.csv"
+    rows = []
+    with _existing(path).open(newline="", encoding="utf-8") as file:
+        table = csv.DictReader(file)
+        missing = [name for name in _COLUMNS if name not in (table.fieldnames or ())]
+        if missing:
+            raise DataError(
+                f"{path}: lacks the column {', '.join(missing)}; found "
+                f"{', '.join(table.fieldnames or ()) or 'nothing'}; {GET_IT}"
+            )
+        for row in table:
+            try:
+                start, end = int(row["start_frame"]), int(row["end_frame"])
+            except (TypeError, ValueError) as error:
+                raise DataError(
+                    f"{path}:{table.line_num}: expected numbers of frames ({error}); {GET_IT}"
+                ) from error
+            rows.append(IndexRow(Path(row["new_name"]).stem, row["source_path"], start, end))
+    return tuple(rows)
+
+
+def read_splits(folder: Path) -> dict[str, Split]:
+    """Reads which id belongs to which split.
+
+    Raises:
+        DataError: One of the three lists is missing, or all are empty.
+    """
+    splits: dict[str, Split] = {
+        name: split
+        for split in SPLITS
+        for name in _existing(folder / f"{split}.txt").read_text(encoding="utf-8").split()
+    }
+    if not splits:
+        raise DataError(f"{folder}: train.txt, val.txt and test.txt are empty; {GET_IT}")
+    return splits
+
+
+def read_texts(folder: Path) -> Mapping[str, str]:
+    """Reads all caption files, by id.
+
+    Raises:
+        DataError: There are none, or the archive is damaged.
+    """
+    loose, archive = folder / "texts", folder / "texts.json.xz"
+    if loose.is_dir():
+        texts = {p.stem: p.read_text(encoding="utf-8") for p in sorted(loose.glob("*.txt"))}
+    elif archive.is_file():
+        try:
+            with lzma.open(archive, "rt", encoding="utf-8") as file:
+                texts = json.load(file)
+        except (lzma.LZMAError, ValueError, EOFError, OSError) as error:
+            raise DataError(f"{archive} is damaged ({error}); copy it again") from error
+        if not isinstance(texts, dict):
+            kind = type(texts).__name__
+            raise DataError(f"{archive}: expected captions by id, found a {kind}")
+    else:
+        raise DataError(
+            f"{folder}: expected captions in texts/*.txt or texts.json.xz, found neither; {GET_IT} "
+            "(unpack texts.zip)"
+        )
+    if not texts:
+        raise DataError(f"{loose}: no .txt file in it; {GET_IT} (unpack texts.zip)")
+    return texts
+
+
+def sentences_of(texts: Mapping[str, str], name: str) -> tuple[TaggedSentence, ...]:
+    """Returns the sentences of one id; none if it has no caption file."""
+    return parse_sentences(texts.get(name, ""))
+
+
+def official_recordings(
+    folder: Path, source: Source, width: int
+) -> Iterator[EncodedRecording | Dropped]:
+    """Yields every clip that is listed in a split; mirrored copies give only their captions.
+
+    Args:
+        folder: The processed folder.
+        source: HumanML3D or KIT-ML.
+        width: Features per frame.
+
+    Raises:
+        DataError: The folder lacks something, or its features are of another width.
+    """
+    if not (folder / FEATURES).is_dir():
+        raise DataError(
+            f"{folder}: expected {FEATURES}, texts, train.txt, val.txt, test.txt, Mean.npy and "
+            f"Std.npy, found no {FEATURES}; follow {source.url}"
+        )
+    splits, texts = read_splits(folder), read_texts(folder)
+    for name, split in sorted(splits.items()):
+        if name.startswith("M"):
+            continue
+        sentences = sentences_of(texts, name)
+        label = Label(
+            id=name,
+            source=source.name,
+            origin=f"{FEATURES}/{name}.npy",
+            split=split,
+            sentences=sentences,
+            mirrored_sentences=sentences_of(texts, f"M{name}")
+            or tuple(map(mirror_sentence, sentences)),
+        )
+        path = folder / FEATURES / f"{name}.npy"
+        if not path.is_file():
+            yield Dropped(name, "clip", f"listed in {split}.txt, but there is no {path.name}")
+            continue
+        features = _array(path)
+        if features.ndim != 2 or features.shape[1] != width:
+            raise DataError(
+                f"{path}: features of the shape {features.shape}, expected (frames, {width}); "
+                "HumanML3D has 263 and KIT-ML 251"
+            )
+        if np.isfinite(features).all():
+            yield EncodedRecording(label, features.astype(np.float32))
+        else:
+            yield Dropped(name, "clip", "features that are not finite")
+
+
+def official_normalizer(folder: Path, width: int) -> StoredNormalizer:
+    """Returns the statistics that come with a processed folder.
+
+    Raises:
+        DataError: They are missing, damaged or of another width.
+    """
+    mean, std = (_array(folder / name) for name in ("Mean.npy", "Std.npy"))
+    if mean.shape != (width,) or std.shape != (width,):
+        raise DataError(
+            f"{folder}: Mean.npy and Std.npy have the shapes {mean.shape} and {std.shape}, "
+            f"expected ({width},); is it the other data set's?"
+        )
+    try:
+        normalizer = Normalizer(mean.astype(np.float32), std.astype(np.float32))
+    except InputError as error:
+        raise DataError(f"{folder}: Mean.npy and Std.npy hold {error}") from error
+    return stored_normalizer(normalizer, "Mean.npy and Std.npy of the official folder")
+
+
+def _existing(path: Path) -> Path:
+    if not path.parent.is_dir():
+        raise DataError(f"no folder {path.parent}; it should hold HumanML3D's captions; {GET_IT}")
+    if not path.is_file():
+        raise DataError(f"{path.parent}: lacks {path.name}; {GET_IT}")
+    return path
+
+
+def _array(path: Path) -> np.ndarray:
+    try:
+        return np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise DataError(f"{path}: expected a NumPy array, found {error}; copy it again") from error

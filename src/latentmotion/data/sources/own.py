@@ -1,0 +1,197 @@
+"""Your own motion capture: BVH, AMC or NPZ files with captions beside them, in a CSV, or labels.
+
+    walk.bvh + walk.txt     one sentence a line; HumanML3D's `sentence#tokens#from#to` works too
+    captions.csv            columns file, caption; also: from, to (seconds), split, action
+    LABEL/take.bvh          where folders are labels: each file is of that action
+    test/LABEL/take.bvh     and of that split, if the first folder is train, val or test
+
+Each file becomes one clip. Mirrored copies get the same sentences with left and right swapped.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.captions import (
+    TaggedSentence,
+    mirror_sentence,
+    mirror_words,
+    parse_sentences,
+)
+from latentmotion.data.clip import SPLITS, Source, Split
+from latentmotion.data.recording import Dropped, Label, Recording
+from latentmotion.data.takes import FPS, files_below, interpolate, joints_at, whole_step
+from latentmotion.errors import DataError, FileFormatError
+from latentmotion.formats import npz
+from latentmotion.formats.asf_amc import find_asf, read_asf_amc
+from latentmotion.formats.bvh import read_bvh
+from latentmotion.kinematics.humanoid import JointMap
+from latentmotion.kinematics.skeleton import HUMANML3D
+
+ENDINGS = (".bvh", ".amc", ".npz")
+
+_NEEDED, _OPTIONAL = ("file", "caption"), ("from", "to", "split", "action")
+
+
+@dataclass
+class _Annotations:
+    """What a CSV or a file's folder states about one file."""
+
+    sentences: list[TaggedSentence] = field(default_factory=list)
+    split: Split | None = None
+    action: str | None = None
+
+
+@dataclass(frozen=True)
+class OwnMotions:
+    """A folder of motion files and how to read them."""
+
+    folder: Path
+    """Folder of the files, in any nesting."""
+    source: Source
+    """Origin and terms to record."""
+    captions: Path | None = None
+    """A CSV; without it captions are taken from `.txt` files beside the motions."""
+    fps: float | None = None
+    """Native frame rate where files state it wrongly or, as AMC, not at all."""
+    unit: str = "centimeters"
+    """Unit of length of BVH files."""
+    joint_map: JointMap | None = None
+    """Joints of the files that are HumanML3D's; by default found by name."""
+    val: float = 0.05
+    """Fraction of the files that goes to the val split, unless the CSV says otherwise."""
+    test: float = 0.05
+    """Fraction of the files that goes to the test split, unless the CSV says otherwise."""
+    labelled: bool = False
+    """Whether the name of a file's folder is its action."""
+
+    def recordings(self) -> Iterator[Recording | Dropped]:
+        """Yields every motion file.
+
+        Raises:
+            DataError: There is no such folder, no motion file in it, or the CSV cannot be used.
+        """
+        paths = find_motions(self.folder)
+        listed = _read_csv(self.captions) if self.captions else {}
+        for name, known in listed.items():
+            if name not in paths:
+                for sentence in known.sentences:
+                    reason = f"{self.captions} names a file that is not there: {sentence.text}"
+                    yield Dropped(name, "caption", reason)
+        for name, path in paths.items():
+            try:
+                known = listed.get(name) or self._annotations_beside(path)
+                joints = self._joints(path)
+            except (FileFormatError, DataError) as error:
+                yield Dropped(name, "clip", str(error))
+                continue
+            action = known.action
+            # By hash, so that more files never move a file to another split.
+            draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32
+            rest: Split = "test" if draw < self.val + self.test else "train"
+            split: Split = "val" if draw < self.val else rest
+            label = Label(
+                id=name.replace("/", "-"),
+                source=self.source.name,
+                origin=f"{name}{path.suffix}",
+                split=known.split or split,
+                sentences=tuple(known.sentences),
+                mirrored_sentences=tuple(map(mirror_sentence, known.sentences)),
+                action=action,
+                mirrored_action=mirror_words(action) if action else None,
+            )
+            yield Recording(label, joints)
+
+    def _annotations_beside(self, path: Path) -> _Annotations:
+        """Returns the sentences beside a file, and the labels that its folders are."""
+        texts = path.with_suffix(".txt")
+        found = parse_sentences(texts.read_text(encoding="utf-8")) if texts.is_file() else ()
+        if not self.labelled:
+            return _Annotations(list(found))
+        folders = path.relative_to(self.folder).parts[:-1]
+        split: Split | None = next((s for s in SPLITS if folders[:1] == (s,)), None)
+        labels = folders[1:] if split else folders
+        if not labels:
+            raise DataError("lies in no folder whose name is its action")
+        return _Annotations(list(found), split, labels[-1])
+
+    def _joints(self, path: Path) -> Float[np.ndarray, "frames joints 3"]:
+        """Reads HumanML3D's joints; the skeleton of an AMC file lies beside it or at the top."""
+        ending = path.suffix.lower()
+        if ending == ".npz":
+            motions = npz.read(path)
+            count = len(HUMANML3D)
+            if len(motions) != 1 or motions[0].skeleton.names[:count] != HUMANML3D.names:
+                found = f"{len(motions)} takes of {motions[0].skeleton.name!r}"
+                raise FileFormatError(path, f"{found}, expected one of HumanML3D's {count} joints")
+            joints, rate = motions[0].joints[:, :count], self.fps or motions[0].fps
+            step = whole_step(FPS, rate)
+            return joints[::step] if step else interpolate(joints, rate / FPS)
+        if ending == ".bvh":
+            animation = read_bvh(path, self.unit)
+        else:
+            beside = any(other.suffix.lower() == ".asf" for other in path.parent.iterdir())
+            animation = read_asf_amc(path, find_asf(path if beside else self.folder / path.name))
+        return joints_at(animation, FPS, self.fps or animation.fps, self.joint_map)
+
+
+def find_motions(folder: Path) -> dict[str, Path]:
+    """Returns the motion files below a folder by their path in it, without ending.
+
+    Raises:
+        DataError: There is no such folder, or no motion file in it.
+    """
+    if not folder.is_dir():
+        raise DataError(f"no folder {folder}; it should hold your motion files")
+    paths = files_below(folder, ENDINGS)
+    if not paths:
+        raise DataError(f"{folder}: expected motion files ({', '.join(ENDINGS)}), found none")
+    return {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
+
+
+def _read_csv(path: Path) -> dict[str, _Annotations]:
+    """Reads captions, splits and actions by the path of a file in its folder, without ending."""
+    if not path.is_file():
+        raise DataError(f"no file {path}; expected a CSV with the columns {', '.join(_NEEDED)}")
+    by_file: dict[str, _Annotations] = defaultdict(_Annotations)
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        table = csv.DictReader(file)
+        missing = [name for name in _NEEDED if name not in (table.fieldnames or ())]
+        if missing:
+            raise DataError(
+                f"{path}: lacks the column {', '.join(missing)}; found "
+                f"{', '.join(table.fieldnames or ()) or 'nothing'}; expected "
+                f"{', '.join(_NEEDED)} and, if you like, {', '.join(_OPTIONAL)}"
+            )
+        for row in table:
+            where = f"{path}:{table.line_num}"
+            cells = {name: (row.get(name) or "").strip() for name in (*_NEEDED, *_OPTIONAL)}
+            motion = Path(cells["file"])
+            is_motion = motion.suffix.lower() in ENDINGS
+            known = by_file[(motion.with_suffix("") if is_motion else motion).as_posix()]
+            if cells["caption"]:
+                start, end = (_seconds(row.get(name), where) for name in ("from", "to"))
+                known.sentences.append(TaggedSentence(cells["caption"], "", start, end))
+            known.action = cells["action"] or known.action
+            if cells["split"]:
+                split: Split | None = next((s for s in SPLITS if s == cells["split"]), None)
+                if split is None:
+                    expected = f"expected one of {', '.join(SPLITS)}"
+                    raise DataError(f"{where}: split {cells['split']!r}; {expected}")
+                known.split = split
+    return dict(by_file)
+
+
+def _seconds(text: str | None, where: str) -> float:
+    try:
+        return float(text) if text and text.strip() else 0.0
+    except ValueError as error:
+        raise DataError(f"{where}: expected seconds in from and to, found {text!r}") from error

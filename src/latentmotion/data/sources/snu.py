@@ -1,0 +1,356 @@
+"""Seoul National University's motion capture: takes named by their files → pieces with sentences.
+
+BVH at 30 frames per second, or AMC beside ASF, on four skeletons that are known by their joints.
+Some takes hold two or more people, one file each: they share a split.
+
+Basketball and martial arts takes have labeled spans. A `.lab` file holds blocks of `key:value`
+lines between braces: the file, its first and last frame, and what the person does there, in the
+annotators' word. The meaning of each word was checked against the motion: `'` is done to the
+person (a pass received), players feint to the side that is named, `jd` leaves the floor by a meter
+with the body level.
+
+Elsewhere the file's name says what happens. The files were looked at: where a name misled (`box`
+is a carton, `huddle` a hurdle, `duck` the bird, `pobok` crawling), the sentence in `snu_names.tsv`
+says what is seen; where nothing can be told, there is none. A sentence goes only to pieces that
+show what it says (`evidence.py`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.captions import TaggedSentence, mirror_sentence
+from latentmotion.data.clip import Source
+from latentmotion.data.held_out import pieces_of, split_of
+from latentmotion.data.quality import find_glitch, without_t_poses
+from latentmotion.data.recording import Dropped, Label, Recording
+from latentmotion.data.segments import LONGEST, pieces, touching
+from latentmotion.data.sources.evidence import floor_of, shows
+from latentmotion.data.takes import FPS, files_below, joints_at
+from latentmotion.errors import DataError, FileFormatError
+from latentmotion.formats.asf_amc import read_asf_amc
+from latentmotion.formats.bvh import read_bvh
+
+SNU = Source(
+    name="snu",
+    license="Apache 2.0; martial arts: BSD 3-clause, (c) 2020 NCSOFT and SNU R&D Foundation",
+    credit="Movement Research Lab, Seoul National University",
+    url="https://github.com/snumrl",
+)
+
+STILL = 0.3
+"""Speed below which nothing moves in a take, not even a hand, m/s."""
+SAME = 0.04
+"""Meters by which two files of one take may differ on average; skeletons differ in the head."""
+
+GAP, MARGIN, SHORTEST_GROUP = 12, 4, 24
+"""Frames between labeled spans of one group, taken before and after it, and of the shortest one."""
+
+_MOST_ACTIONS = 4
+
+_PERSON = re.compile(r"(?P<take>\w+_\d+_\d+)_\d+$")
+_PREFIX = re.compile(r"^(\d__|multi__)?(SSBoxerMan__|hys_|mmk_)?")
+_RATE = re.compile(rb":SAMPLES-PER-SECOND\s+(\d+)")
+
+ACTIONS: Mapping[str, str] = {
+    "block": "raises the arms to block a shot",
+    "bs": "spins around and kicks backward",
+    "catch": "catches a ball with both hands",
+    "dribble": "dribbles a basketball",
+    "fake_shoot": "fakes a basketball shot",
+    "fake_shot": "fakes a basketball shot",
+    "feint_l": "feints to the left with a basketball",
+    "feint_r": "feints to the right with a basketball",
+    "hold": "holds a basketball",
+    "idle": "stands still",
+    "jbs": "jumps, spins around in the air and kicks backward",
+    "jd": "leaps into a butterfly kick, spinning through the air with the body level",
+    "jk": "jumps and kicks",
+    "mark": "guards an opponent in basketball, moving with bent knees",
+    "pass": "passes a basketball",
+    "pass'": "catches a pass",
+    "pass_long": "throws a long pass over the head",
+    "pickup": "picks a basketball up from the floor",
+    "pivot_l": "pivots on one foot with a basketball",
+    "pivot_r": "pivots on one foot with a basketball",
+    "run": "runs",
+    "screen": "stands in an opponent's way to set a screen",
+    "screen'": "runs into a screen",
+    "shoot": "jumps and shoots a basketball at the hoop",
+    "shoot_near": "runs up, jumps and shoots a basketball from close to the hoop",
+    "walk": "walks",
+}
+"""What a person does, by the annotators' word."""
+
+_PACES = {
+    **{"VFast": "very fast", "Fast": "fast", "Slow": "slowly", "Normal": ""},
+    **{"_fast": "fast", "_slow": "slowly", "_normal": "", "slow": "slowly"},
+    **{"very_fast": "very fast", "very_slow": "very slowly", "sssslow": "very slowly"},
+}
+
+Joints = Float[np.ndarray, "frames joints 3"]
+
+
+@dataclass(frozen=True)
+class Span:
+    """One labeled stretch of a take."""
+
+    start: int
+    """First frame."""
+    end: int
+    """One past the last frame."""
+    action: str
+    """What the person does, in the annotators' word, such as `shoot`; `'` means it is done to
+    them."""
+
+    def resampled(self, ratio: float) -> Span:
+        """Returns the same stretch at `ratio` times as many frames per second."""
+        return Span(round(self.start * ratio), round(self.end * ratio), self.action)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Labeled stretches that follow each other closely."""
+
+    start: int
+    """First frame."""
+    end: int
+    """One past the last frame."""
+    actions: tuple[str, ...]
+    """What the person does, in order."""
+
+
+@dataclass(frozen=True)
+class Naming:
+    """One kind of file name and its sentences."""
+
+    pattern: re.Pattern[str]
+    """Pattern of the whole name; its groups fill `{side}` and the like."""
+    needs: str
+    """Evidence that a piece must show, as `shows` takes it."""
+    sentences: tuple[str, ...]
+    """Captions."""
+
+
+def snu_recordings(folder: Path) -> Iterator[Recording | Dropped]:
+    """Yields the pieces of every take below a folder.
+
+    Takes in which nothing moves, or that were there under another name, are dropped.
+
+    Raises:
+        DataError: There is no such folder, or no take in it.
+    """
+    annotations = read_annotations(folder)
+    takes_by_length: dict[int, list[tuple[str, Joints]]] = defaultdict(list)
+    for path in find_takes(folder):
+        try:
+            if (
+                path.suffix.lower() == ".bvh"
+            ):  # in inches if it has joints of length 0 called …Dummy
+                inches = b"LeftUpLegDummy" in _head(path, 1 << 14)
+                animation = read_bvh(path, "inches" if inches else "centimeters")
+            else:
+                rate = _RATE.search(_head(path, 1 << 10))
+                animation = read_asf_amc(path, fps=float(rate[1]) if rate else 30.0)
+            joints = joints_at(animation, FPS, animation.fps)
+            fastest = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max() * FPS
+            if fastest < STILL:
+                raise DataError(
+                    f"nothing moves faster than {fastest:.2g} m/s in {len(joints)} frames"
+                )
+            for name, other in takes_by_length[len(joints)]:
+                if np.abs(joints - other).mean() < SAME:
+                    raise DataError(f"the same motion as {name}")
+        except (FileFormatError, DataError) as error:
+            yield Dropped(path.stem, "clip", str(error))
+            continue
+        takes_by_length[len(joints)].append((path.stem, joints))
+        spans = [span.resampled(FPS / animation.fps) for span in annotations.get(path.stem, ())]
+        yield from _pieces_of_take(path, joints, spans)
+
+
+def find_takes(folder: Path) -> list[Path]:
+    """Returns the motion files below a folder whose skeleton is one of the known four.
+
+    Raises:
+        DataError: There is no such folder, or no take in it.
+    """
+    if not folder.is_dir():
+        raise DataError(f"no folder {folder}; it should hold SNU's takes, from {SNU.url}")
+    takes = []
+    for path in files_below(folder, [".bvh", ".amc"]):
+        if path.suffix.lower() == ".bvh":
+            head = _head(path, 1 << 14)
+        else:
+            head = b"".join(asf.read_bytes() for asf in sorted(path.parent.glob("*.asf")))
+        words = set(head.split())
+        if {b"LeftToes", b"LeftShoulder1"} <= words or {b"LeftToe", b"Spine2"} <= words:
+            takes.append(path)
+    if not takes:
+        raise DataError(
+            f"{folder}: expected BVH or AMC files of SNU's skeletons (LeftToes and LeftShoulder1, "
+            f"or LeftToe and Spine2), found none; get them from {SNU.url}"
+        )
+    return takes
+
+
+def recording_of(stem: str) -> str:
+    """Returns the name of the take that a file is one person of.
+
+    `s_006_1_3` is the third person of `s_006_1`, `multi__hys_box_2` one of two of `box_2`. The
+    sessions' numbers go as well: some takes are there twice, under two of them.
+    """
+    if match := _PERSON.match(stem):
+        return match["take"]
+    return _PREFIX.sub("", stem)
+
+
+def sentences_of(actions: Sequence[str]) -> tuple[str, ...]:
+    """Returns sentences for actions in this order; none for more than four, or unknown ones."""
+    phrases = [phrase for phrase, _ in groupby(ACTIONS.get(action, "") for action in actions)]
+    if not phrases or "" in phrases or len(phrases) > _MOST_ACTIONS:
+        return ()
+    text = ", then ".join(phrases)
+    return (f"a person {text}.", f"someone {text.replace(', then ', ' and then ')}.")
+
+
+def sentences_for(name: str, joints: Joints, floor: float, whole: bool) -> tuple[str, ...]:
+    """Returns sentences for a piece of a file; none where the name or the piece does not say.
+
+    Args:
+        name: The file's name without ending, person and session.
+        joints: The piece at 20 frames per second, meters.
+        floor: Height of the floor.
+        whole: Whether the piece is nearly all of its take.
+    """
+    for naming in namings():
+        if match := naming.pattern.fullmatch(name):
+            groups = {key: text or "" for key, text in match.groupdict().items()}
+            words = {key: _PACES.get(text, text) for key, text in groups.items()}
+            if shows(naming.needs.format(**words), joints, floor, whole):
+                # A word that is empty takes its space along.
+                filled = (" ".join(text.format(**words).split()) for text in naming.sentences)
+                return tuple(text.replace(" .", ".").replace(" ,", ",") for text in filled)
+    return ()
+
+
+@cache
+def namings() -> tuple[Naming, ...]:
+    """Returns the table, in the order in which its rows are tried."""
+    file = resources.files("latentmotion.data").joinpath("snu_names.tsv")
+    lines = file.read_text(encoding="utf-8").splitlines()
+    rows = [line.split("\t") for line in lines if line and line[0] != "#"]
+    return tuple(
+        Naming(re.compile(pattern), needs, tuple(sentences.split("|")))
+        for pattern, needs, sentences in rows
+    )
+
+
+def grouped(spans: Sequence[Span], frames: int) -> list[Group]:
+    """Joins spans that are less than `GAP` apart, and widens each group to `SHORTEST_GROUP`.
+
+    Args:
+        spans: Stretches at 20 frames per second, in order.
+        frames: Length of the take.
+    """
+    groups: list[Group] = []
+    for span in spans:
+        last = groups[-1] if groups else None
+        if last and span.start - last.end < GAP and span.end - last.start + 2 * MARGIN <= LONGEST:
+            end = max(last.end, span.end)
+            groups[-1] = Group(last.start, end, (*last.actions, span.action))
+        else:
+            groups.append(Group(span.start, span.end, (span.action,)))
+    widened = []
+    for group in groups:
+        margin = max(MARGIN, (SHORTEST_GROUP - group.end + group.start + 1) // 2)
+        start, end = max(0, group.start - margin), min(frames, group.end + margin)
+        widened.append(Group(start, end, group.actions))
+    return widened
+
+
+def read_annotations(folder: Path) -> dict[str, list[Span]]:
+    """Returns the labeled stretches of each file, by its name without ending, in order.
+
+    Raises:
+        FileFormatError: A label file is damaged.
+    """
+    spans: dict[str, list[Span]] = defaultdict(list)
+    for path in files_below(folder, [".lab"]):
+        if path.parent.name != "annotation":  # The others mark where takes may be joined.
+            continue
+        text = path.read_text(encoding="utf-8", errors="replace")
+        for block in text.split("{")[1:]:
+            pairs = (line.partition(":") for line in block.partition("}")[0].splitlines())
+            values = {key.strip(): value.strip() for key, _, value in pairs if key.strip()}
+            try:
+                start, end = int(values["startFrame"]), int(values["endFrame"])
+            except (KeyError, ValueError) as error:
+                problem = f"expected frames in startFrame and endFrame, found {error}"
+                raise FileFormatError(path, problem) from error
+            action = values.get("type", "").lower()
+            if values.get("include", "").lower() != "false" and action:
+                spans[Path(values.get("file", "")).stem].append(Span(start, end + 1, action))
+    return {name: sorted(file, key=lambda span: span.start) for name, file in spans.items()}
+
+
+def _head(path: Path, size: int) -> bytes:
+    with path.open("rb") as file:
+        return file.read(size)
+
+
+def _pieces_of_take(
+    path: Path, joints: Joints, spans: Sequence[Span]
+) -> Iterator[Recording | Dropped]:
+    stretches = without_t_poses(joints)
+    groups = {
+        (group.start, group.end): group
+        for group in grouped(spans, len(joints))
+        if any(first <= group.start and group.end <= last for first, last in stretches)
+    }
+    cuts = [edge for span in groups for edge in span]
+    fixed = pieces_of(f"{SNU.name}-{path.stem}")
+    bounds = fixed or list(pieces(joints, FPS, stretches, cuts))
+    kept = sum(end - start for start, end in stretches)
+    lost = kept - sum(end - start for start, end in bounds)
+    if kept < len(joints):
+        posed = f"{len(joints) - kept} of {len(joints)} frames: calibration pose"
+        yield Dropped(path.stem, "part", posed)
+    if lost:
+        reason = find_glitch(joints, FPS) or "shorter than a second"
+        yield Dropped(path.stem, "part", f"{lost} of {len(joints)} frames: {reason}")
+    floor, take = floor_of(joints), recording_of(path.stem)
+    clips = []
+    for first, last in bounds:
+        name = f"{SNU.name}-{path.stem}-{first:05d}"
+        if last > len(joints):
+            reason = f"{len(joints)} frames at 20 fps, the list of held-out clips wants {last}"
+            yield Dropped(name, "clip", reason)
+            continue
+        piece = joints[first:last]
+        if group := groups.get((first, last)):
+            texts = sentences_of(group.actions)
+        else:
+            texts = sentences_for(take, piece, floor, whole=last - first > 0.8 * kept)
+        sentences = tuple(map(TaggedSentence, texts))
+        label = Label(
+            id=name,
+            source=SNU.name,
+            origin=f"{path.parent.name}/{path.name}[{first}:{last}]",
+            split=split_of(SNU.name, take),
+            sentences=sentences,
+            mirrored_sentences=tuple(map(mirror_sentence, sentences)),
+        )
+        clips.append((first, last, Recording(label, piece)))
+    yield from (clip for _, _, clip in clips)
+    yield from touching(clips)

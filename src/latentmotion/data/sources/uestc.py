@@ -1,0 +1,195 @@
+"""UESTC with the poses that VIBE estimated, as ACTOR distributes it.
+
+    info/names.txt              one video a line: aACTION_dVIEW_pSUBJECT_cSIDE_color.avi
+    info/num_frames_min.txt     its frames, a line each
+    info/action_classes.txt     names of the 40 actions
+    vibe_cache_refined.pkl      lists by video: pose (frames, 72), joints3d (frames, 49, 3),
+                                orig_cam (frames, 4): scales x and y, shifts x and y
+    globtrans_usez.pkl          optional, lists by video: the camera's shifts in 3D (frames, 3)
+
+Views of the second side are turned to the front, by 45° each; its view 8 circles the subject and
+is left out. VIBE's camera is a weak perspective: a person that it scales by s is 2f / (w s) away.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import Source, Split
+from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording
+from latentmotion.errors import DataError, FileFormatError
+from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
+from latentmotion.storage import pickles
+
+UESTC = Source(
+    name="uestc",
+    license="research only: the terms of the UESTC RGB-D database; poses are of the SMPL model",
+    credit=(
+        "Y. Ji et al.: A Large-scale RGB-D Database for Arbitrary-view Human Action Recognition, "
+        "ACM MM 2018; poses by VIBE, refined by M. Petrovich et al.: ACTOR, ICCV 2021"
+    ),
+    url="https://github.com/Mathux/ACTOR",
+)
+
+TRAIN_SUBJECTS = frozenset(
+    (
+        *(1, 2, 6, 12, 13, 16, 21, 24, 28, 29, 30, 31, 33, 35, 39, 41, 42, 45, 47, 50, 52, 54, 55),
+        *(57, 59, 61, 63, 64, 67, 69, 70, 71, 73, 77, 81, 84, 86, 87, 88, 90, 91, 93, 96, 99, 102),
+        *(103, 104, 107, 108, 112, 113),
+    )
+)
+"""51 of the 118 subjects; the others are the test split."""
+
+SHORTEST = 45
+"""Frames of the shortest training clip; the test split has them all."""
+
+FOCAL, IMAGE = 500.0, 540.0
+"""Focal length and width of the image for which VIBE's camera is stated, pixels."""
+
+_MID_HIP = 8
+"""The joint of VIBE's 49 whose trajectory is the root's."""
+
+POSES, SHIFTS = "vibe_cache_refined.pkl", "globtrans_usez.pkl"
+NAMES, FRAMES, ACTIONS = (
+    f"info/{name}.txt" for name in ("names", "num_frames_min", "action_classes")
+)
+_KEYS = ("pose", "joints3d", "orig_cam")
+_VIDEO = re.compile(r"a(\d+)_d(\d+)_p(\d+)_c(\d+)_")
+
+
+@dataclass(frozen=True)
+class Video:
+    """What the name of a video states."""
+
+    action: int
+    """Number of the action, from 0."""
+    view: int
+    """One of the 8 directions around the subject, or 8 for a camera that circles it."""
+    subject: int
+    """Number of the subject."""
+    side: int
+    """1 for the camera in front; 2 for the other one."""
+
+    @property
+    def split(self) -> Split:
+        """Its split."""
+        return "train" if self.subject in TRAIN_SUBJECTS else "test"
+
+    @property
+    def to_front(self) -> Float[np.ndarray, "3 3"]:
+        """The rotation about the vertical after which the subject faces the camera."""
+        eighths = 0 if self.side == 1 else self.view
+        return matrix_from_axis_angle(np.array([0.0, -eighths * np.pi / 4, 0.0]))
+
+
+def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dropped]:
+    """Yields every video.
+
+    Args:
+        folder: Where the files lie.
+        hold: Length in frames to which shorter clips are padded with their last frame.
+
+    Raises:
+        DataError: The folder lacks something, or its files do not fit together.
+        FileFormatError: A file is damaged.
+    """
+    (names, frames, actions), poses, shifts = _read_files(folder)
+    if len(frames) != len(names) or not all(count.strip().isdigit() for count in frames):
+        raise DataError(
+            f"{folder / FRAMES}: expected {len(names)} lines as {NAMES} has, a number in each"
+        )
+    for number, name in enumerate(names):
+        match = _VIDEO.match(name)
+        video = Video(*map(int, match.groups())) if match else None
+        if video is None or video.action >= len(actions) or not 0 <= video.view <= 8:
+            raise DataError(
+                f"{folder / NAMES}: {name!r}; expected names like a0_d2_p013_c1_color.avi, with "
+                f"actions below {len(actions)}, of which {ACTIONS} has a line each"
+            )
+        pose, joints, camera = arrays = [np.asarray(poses[key][number]) for key in _KEYS]
+        length = len(pose) if pose.ndim else 0
+        found, expected = [a.shape for a in arrays], [(length, 72), (length, 49, 3), (length, 4)]
+        if found != expected:
+            keys = ", ".join(_KEYS)
+            raise FileFormatError(
+                folder / POSES, f"{name}: {keys} of the shapes {found}, expected {expected}"
+            )
+        shift = depth_shifts(camera) if shifts is None else shifts[number]
+        count = min(int(frames[number]), length)
+        root = joints[:count, _MID_HIP] + shift[:count]
+        yield _recording(name, video, actions[video.action], pose[:count], root, hold)
+
+
+def depth_shifts(camera: Float[np.ndarray, "frames 4"]) -> Float[np.ndarray, "frames 3"]:
+    """Returns how a person moves by what VIBE's camera says, since the first frame, meters."""
+    depth = 2 * FOCAL / (IMAGE * camera[:, 0])
+    shifts = np.stack([camera[:, 2], camera[:, 3], depth], axis=-1)
+    return shifts - shifts[:1]
+
+
+def _recording(
+    name: str,
+    video: Video,
+    action: str,
+    pose: Float[np.ndarray, "frames 72"],
+    root: Float[np.ndarray, "frames 3"],
+    hold: int,
+) -> EncodedRecording | Dropped:
+    """Returns a video turned to the front; the arrays are in the axes of its camera."""
+    label = Label(
+        id=name.removesuffix("_color.avi"),
+        source=UESTC.name,
+        origin=name,
+        split=video.split,
+        action=action,
+        mirrored_action=mirror_words(action),
+    )
+    if video.side != 1 and video.view == 8:
+        return Dropped(label.id, "clip", "view 8 of side 2: the camera circles the subject")
+    if video.split == "train" and len(pose) < SHORTEST:
+        return Dropped(label.id, "clip", f"{len(pose)} frames, fewer than {SHORTEST}")
+    turned = np.array(pose, dtype=np.float64)
+    turned[:, :3] = axis_angle_from_matrix(video.to_front @ matrix_from_axis_angle(turned[:, :3]))
+    return PosedRecording(label, turned, root @ video.to_front.T).encode(hold)
+
+
+def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:
+    """Reads names, frames and actions as lines, lists by video, and shifts if there are any."""
+    texts = []
+    for path in (folder / NAMES, folder / FRAMES, folder / ACTIONS):
+        if not path.is_file():
+            raise DataError(
+                f"no file {path}; the folder should hold {NAMES}, {FRAMES}, {ACTIONS} and "
+                f"{POSES}, from {UESTC.url}"
+            )
+        try:
+            texts.append(path.read_text(encoding="utf-8").splitlines())
+        except (OSError, UnicodeDecodeError) as error:
+            raise DataError(f"{path} cannot be read as text: {error}; download it again") from error
+    path, videos = folder / POSES, len(texts[0])
+    poses = pickles.load(path)
+    if not isinstance(poses, Mapping) or any(key not in poses for key in _KEYS):
+        is_mapping = isinstance(poses, Mapping)
+        found = ", ".join(map(str, poses)) if is_mapping else type(poses).__name__
+        raise FileFormatError(path, f"expected {', '.join(_KEYS)}, found {found}")
+    for key in _KEYS:
+        _check_count(path, key, poses[key], videos)
+    path = folder / SHIFTS
+    if not path.is_file():
+        return texts, poses, None
+    shifts = pickles.load(path)
+    _check_count(path, "shifts", shifts, videos)
+    return texts, poses, shifts
+
+
+def _check_count(path: Path, what: str, values: Any, videos: int) -> None:
+    if len(values) != videos:
+        raise FileFormatError(path, f"{what} of {len(values)} videos, {NAMES} has {videos}")

@@ -1,0 +1,95 @@
+"""What the network's output means: the noise, the clean latents, or the velocity.
+
+With z_t = alpha z_0 + sigma epsilon each of the three determines (z_0, epsilon), so a sampler
+never asks which one it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from jaxtyping import Float
+
+from latentmotion.diffusion.schedule import Schedule, Time
+
+Latents = Float[Any, "batch tokens width"]
+
+
+@runtime_checkable
+class Parametrization(Protocol):
+    """The meaning of a denoiser's output."""
+
+    def to_x0_eps(
+        self, output: Latents, z: Latents, t: Time, schedule: Schedule
+    ) -> tuple[Latents, Latents]:
+        """Returns the estimates of (z_0, epsilon) from the network's output at z_t."""
+        ...
+
+    def target(self, z0: Latents, epsilon: Latents, t: Time, schedule: Schedule) -> Latents:
+        """Returns what the network should have answered."""
+        ...
+
+
+@dataclass(frozen=True)
+class Epsilon:
+    """The noise, as in the paper (eq. 4)."""
+
+    def to_x0_eps(
+        self, output: Latents, z: Latents, t: Time, schedule: Schedule
+    ) -> tuple[Latents, Latents]:
+        """Returns z_0 = (z_t - sigma epsilon) / alpha, and epsilon itself."""
+        alpha, sigma = _columns(schedule.alpha(t)), _columns(schedule.sigma(t))
+        return (z - sigma * output) / alpha, output
+
+    def target(self, z0: Latents, epsilon: Latents, t: Time, schedule: Schedule) -> Latents:
+        """Returns epsilon."""
+        return epsilon
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The clean latents."""
+
+    def to_x0_eps(
+        self, output: Latents, z: Latents, t: Time, schedule: Schedule
+    ) -> tuple[Latents, Latents]:
+        """Returns z_0 itself, and epsilon = (z_t - alpha z_0) / sigma."""
+        alpha, sigma = _columns(schedule.alpha(t)), _columns(schedule.sigma(t))
+        return output, (z - alpha * output) / sigma
+
+    def target(self, z0: Latents, epsilon: Latents, t: Time, schedule: Schedule) -> Latents:
+        """Returns z_0."""
+        return z0
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """c z_0 + d epsilon, with the schedule's velocity coefficients (c, d).
+
+    On `LinearPath` that is dz/dt; on a variance-preserving schedule it is Salimans & Ho's v.
+    In both alpha d - sigma c = 1, which makes the way back this short.
+    """
+
+    def to_x0_eps(
+        self, output: Latents, z: Latents, t: Time, schedule: Schedule
+    ) -> tuple[Latents, Latents]:
+        """Returns z_0 = d z_t - sigma v, and epsilon = alpha v - c z_t."""
+        alpha, sigma = _columns(schedule.alpha(t)), _columns(schedule.sigma(t))
+        c, d = map(_columns, schedule.velocity_coefficients(t))
+        return d * z - sigma * output, alpha * output - c * z
+
+    def target(self, z0: Latents, epsilon: Latents, t: Time, schedule: Schedule) -> Latents:
+        """Returns the velocity of the way from z_0 to epsilon."""
+        c, d = map(_columns, schedule.velocity_coefficients(t))
+        return c * z0 + d * epsilon
+
+
+def add_noise(z0: Latents, epsilon: Latents, t: Time, schedule: Schedule) -> Latents:
+    """Returns z_t."""
+    return _columns(schedule.alpha(t)) * z0 + _columns(schedule.sigma(t)) * epsilon
+
+
+def _columns(weight: Any) -> Any:
+    """One weight per item becomes a column that multiplies (batch, tokens, width)."""
+    return weight[:, None, None] if getattr(weight, "ndim", 0) else weight

@@ -1,0 +1,1 @@
+"""Running a trained model without PyTorch: graph sessions, padded batches, decoder and scales."""

@@ -1,0 +1,208 @@
+"""Generation requests: checked against a model's card, split into padded batches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.arrays import prefix_mask
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.engine.backend import Backend, Batch
+from latentmotion.errors import InputError
+from latentmotion.model.card import ModelCard
+from latentmotion.model.config import Sampling
+from latentmotion.model.vae_config import LatentSpace
+
+
+@dataclass(frozen=True)
+class GenerationRequest:
+    """Prompts, lengths, seeds and sampling settings of several motions.
+
+    Raises:
+        InputError: The numbers of prompts, lengths and seeds differ, or one is out of range.
+    """
+
+    prompts: tuple[str, ...]
+    """A sentence, a label or "" per motion, depending on the model's task."""
+    frames: tuple[int, ...]
+    """Length of each motion."""
+    seeds: tuple[int, ...]
+    """One seed per motion."""
+    sampling: Sampling
+    """Steps, guidance scale and sampler of all motions."""
+
+    def __post_init__(self) -> None:
+        if len(self.prompts) != len(self.frames):
+            raise InputError(f"{len(self.prompts)} prompts for {len(self.frames)} lengths")
+        check_seeds(self.frames, self.seeds)
+        guidance = self.sampling.guidance
+        if not 0 <= guidance <= 100:
+            raise InputError(f"guidance {guidance}: expected 0 to 100, usual are 1 to 10")
+
+    def check(self, card: ModelCard, fps: float) -> None:
+        """Checks that a model was trained for the request.
+
+        Raises:
+            InputError: A prompt is not of the model's kind, a length is out of its range, or a
+                distilled model does not support the sampling settings.
+        """
+        check_prompts(card, self.prompts)
+        check_frames(card, self.frames, fps)
+        if card.few_step:
+            sampling = self.sampling
+            card.few_step.check(sampling.steps, sampling.guidance, sampling.sampler)
+
+    def take(self, rows: Sequence[int]) -> GenerationRequest:
+        """Returns the request for some of its motions."""
+        return replace(
+            self,
+            prompts=tuple(self.prompts[row] for row in rows),
+            frames=tuple(self.frames[row] for row in rows),
+            seeds=tuple(self.seeds[row] for row in rows),
+        )
+
+
+def padded_batch(
+    request: GenerationRequest, condition: Conditioning, latents: LatentSpace, backend: Backend
+) -> tuple[Batch, SeededNoise]:
+    """Returns a request as a padded batch, and the noise of its sampling after the first draw.
+
+    Noise is drawn on the CPU, so that a seed means the same motion on every device.
+
+    Args:
+        request: Motions that go through the networks together.
+        condition: Condition of its prompts, NumPy.
+        latents: Number of tokens of each length.
+        backend: Padding of the batch, and device of its arrays.
+    """
+    padding, to_device = backend.padding, backend.to_device
+    longest, rows = padding.frames(max(request.frames)), padding.rows(len(request.seeds))
+    frames = _repeat_last(request.frames, rows)
+    tokens = [latents.tokens_of(length) for length in frames]
+    noise = SeededNoise(_repeat_last(request.seeds, rows), tokens)
+    most = latents.tokens_of(longest)
+    count, width = condition.mask.shape
+    words = padding.words(width)
+    if (rows, words) != (count, width):
+        repeated, missing = _repeat_last(range(count), rows), ((0, 0), (0, words - width))
+        condition = Conditioning(
+            np.pad(condition.tokens[repeated], (*missing, (0, 0))),
+            np.pad(condition.mask[repeated], missing),
+        )
+    batch = Batch(
+        noise=to_device(noise((rows, most, latents.width))),
+        tokens=to_device(prefix_mask(tokens, most)),
+        words=to_device(condition.tokens),
+        words_mask=to_device(condition.mask),
+        frames=to_device(prefix_mask(frames, longest)),
+    )
+    return batch, noise
+
+
+def batches(frames: Sequence[int], most: int, mixed: bool = True) -> list[list[int]]:
+    """Splits motions into batches of similar length; returns the indices of each batch.
+
+    Args:
+        frames: Length of each motion.
+        most: Maximum number of motions in a batch.
+        mixed: Whether a batch may hold different lengths.
+    """
+    by_length = sorted(range(len(frames)), key=frames.__getitem__)
+    equal = [list(group) for _, group in groupby(by_length, frames.__getitem__)]
+    runs = [by_length] if mixed else equal
+    return [run[start : start + most] for run in runs for start in range(0, len(run), most)]
+
+
+def unpadded(
+    outputs: Iterable[Float[np.ndarray, "_ _ *_"]],
+    batches: Sequence[Sequence[int]],
+    frames: Sequence[int],
+) -> list[np.ndarray]:
+    """Returns the frames of each motion from padded batches, in the order of the request.
+
+    Args:
+        outputs: An array per batch.
+        batches: Indices of the motions in each batch.
+        frames: Length of each motion.
+    """
+    motions: dict[int, np.ndarray] = {}
+    for rows, output in zip(batches, outputs, strict=True):
+        motions |= {row: output[n, : frames[row]] for n, row in enumerate(rows)}
+    return [motions[row] for row in range(len(frames))]
+
+
+USUAL_SECONDS = 4.0
+"""Length of a motion that is neither given nor predicted."""
+
+
+def frames_of(
+    card: ModelCard,
+    seconds: float | Sequence[float] | None,
+    count: int,
+    fps: float,
+    usual: Sequence[float] | None = None,
+) -> list[int]:
+    """Returns the lengths of `count` motions in frames.
+
+    Args:
+        card: The model.
+        seconds: Length of all, or of each.
+        count: Number of motions.
+        fps: Frames per second.
+        usual: Lengths where `seconds` is None, clipped to the model's range; by default 4 s.
+
+    Raises:
+        InputError: A length is not a finite number, or their number is not that of the motions.
+    """
+    if seconds is None:
+        shortest, longest = card.frames
+        lengths = [USUAL_SECONDS] * count if usual is None else usual
+        return [min(max(round(length * fps), shortest), longest) for length in lengths]
+    lengths = [seconds] * count if isinstance(seconds, int | float) else list(seconds)
+    if not np.isfinite(lengths).all():
+        raise InputError(f"{seconds} seconds: expected a number")
+    if len(lengths) != count:
+        raise InputError(f"{len(lengths)} lengths for {count} motions")
+    return [round(length * fps) for length in lengths]
+
+
+def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:
+    """Checks that prompts are of the kind that a model takes; its condition checks labels.
+
+    Raises:
+        InputError: A prompt is of another kind.
+    """
+    for prompt in prompts:
+        card.condition.check_prompt(prompt, card.name)
+
+
+def check_seeds(frames: Sequence[int], seeds: Sequence[int]) -> None:
+    """Raises InputError if a seed is negative or their number is not that of the motions."""
+    if len(seeds) != len(frames):
+        raise InputError(f"{len(seeds)} seeds for {len(frames)} motions")
+    if any(seed < 0 for seed in seeds):
+        raise InputError(f"seed {min(seeds)}: expected a number from 0 up")
+
+
+def check_frames(card: ModelCard, frames: Sequence[int], fps: float) -> None:
+    """Checks that a model was trained on motions of these lengths.
+
+    Raises:
+        InputError: A length is too short or too long.
+    """
+    shortest, longest = card.frames
+    for length in frames:
+        if not shortest <= length <= longest:
+            raise InputError(
+                f"{length / fps:g} seconds: model {card.name!r} makes motions of "
+                f"{shortest / fps:g} to {longest / fps:g} seconds"
+            )
+
+
+def _repeat_last(values: Sequence[int], rows: int) -> list[int]:
+    return [*values, *[values[-1]] * (rows - len(values))]

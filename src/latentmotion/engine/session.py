@@ -1,0 +1,227 @@
+"""Sessions: networks without PyTorch, each an ONNX graph on ONNX Runtime or OpenVINO.
+
+Every graph of the package is opened here. Engines use at most the given number of threads, and
+none that spins while it waits.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from latentmotion.errors import InputError, MissingExtraError, ModelError
+from latentmotion.model import version_1
+from latentmotion.model.card import ModelCard
+
+Runtime = Literal["auto", "onnxruntime", "openvino"]
+"""Engine of the graphs; `auto` takes ONNX Runtime, as fast as OpenVINO and sooner loaded."""
+
+Session = Callable[..., np.ndarray]
+"""A loaded graph: called with its inputs by name, returns its first output."""
+
+
+def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = None) -> Session:
+    """Loads an ONNX graph.
+
+    Args:
+        path: The `.onnx` file.
+        runtime: The engine.
+        threads: Maximum number of threads; by default the cores that this process may run on.
+
+    Raises:
+        InputError: The number of threads is below 1.
+        MissingExtraError: OpenVINO is requested and not installed.
+        ModelError: The file is missing or damaged.
+    """
+    engine, limit = _ENGINES[_checked(path, runtime)], thread_limit(threads)
+    try:
+        return engine(path, limit)
+    except Exception as error:  # each engine has error classes of its own
+        raise ModelError(
+            f"{path} cannot be loaded, it is damaged or no ONNX graph; copy the folder again"
+        ) from error
+
+
+@dataclass(frozen=True)
+class LazySession:
+    """A graph that is loaded when it is first called, so that unused graphs cost nothing.
+
+    Raises:
+        InputError: The number of threads is below 1.
+        MissingExtraError: OpenVINO is requested and not installed.
+        ModelError: The file is missing; when called, also that it is damaged.
+    """
+
+    path: Path
+    """The `.onnx` file."""
+    runtime: Runtime = "auto"
+    """The engine."""
+    threads: int | None = None
+    """Maximum number of threads; by default the cores that this process may run on."""
+
+    def __post_init__(self) -> None:
+        _checked(self.path, self.runtime)
+        thread_limit(self.threads)
+
+    def __call__(self, **inputs: np.ndarray) -> np.ndarray:
+        """Returns the graph's first output."""
+        return self._session(**inputs)
+
+    @cached_property
+    def _session(self) -> Session:
+        return open_session(self.path, self.runtime, self.threads)
+
+
+def fused_sampler_file(steps: int) -> str:
+    """Returns the name of a fused sampler's graph in a model folder."""
+    return f"fused_{steps}.onnx"
+
+
+def open_fused_samplers(
+    card: ModelCard, folder: Path, runtime: Runtime = "auto", threads: int | None = None
+) -> dict[int, Session]:
+    """Returns a model folder's fused samplers, by number of steps.
+
+    A fused sampler is one graph from noise to features: noise, words, words_mask, mask, frames,
+    guidance → features in their own units. Python and the engine are called once instead of once
+    per step.
+    """
+    sessions: dict[int, Session] = {}
+    for steps in card.few_step.steps if card.few_step else ():
+        path = folder / fused_sampler_file(steps)
+        path = path if path.is_file() else version_1.existing(path)
+        if path.is_file():
+            sessions[steps] = LazySession(path, runtime, threads)
+    return sessions
+
+
+PULLBACK_FILE = "pullback.onnx"
+
+
+def open_pullback(
+    folder: Path, runtime: Runtime = "auto", threads: int | None = None
+) -> Session | None:
+    """Returns the pullback of a model folder's decoder, or None for a folder without one.
+
+    Raises:
+        MissingExtraError: OpenVINO was asked for and is not installed.
+    """
+    path = folder / PULLBACK_FILE
+    return LazySession(path, runtime, threads) if path.is_file() else None
+
+
+def open_decoder(
+    card: ModelCard, folder: Path, runtime: Runtime = "auto", threads: int | None = None
+) -> Session:
+    """Returns the decoder of a model folder; without a VAE the latents are the features already.
+
+    Raises:
+        MissingExtraError: OpenVINO is requested and not installed.
+        ModelError: The file is missing.
+    """
+    if not card.vae.has_weights:
+        return raw_frames
+    return LazySession(folder / "decoder.onnx", runtime, threads)
+
+
+def raw_frames(latents: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Returns latents that are normalized features already, zero on padding."""
+    return latents * mask[..., None]
+
+
+def thread_limit(threads: int | None) -> int:
+    """Returns the maximum number of threads of a graph: the given one, else one per core.
+
+    Raises:
+        InputError: The number is below 1.
+    """
+    if threads is not None and threads < 1:
+        raise InputError(f"{threads} threads: expected 1 or more")
+    if threads is not None:
+        return threads
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def onnxruntime_session(path: Path, threads: int, optimized: Path | None = None) -> Any:
+    """Returns ONNX Runtime's own session of a graph.
+
+    Args:
+        path: The `.onnx` file.
+        threads: Maximum number of threads.
+        optimized: File to which ONNX Runtime writes the graph as it runs it, if any.
+    """
+    # ONNX Runtime (seen in 1.31) starts telemetry when imported, unless this is set before.
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    # Threads that spin while idle make times bimodal on shared cores.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    # Its further fusions make transformers slower (by 6 % alone, 18 % in batches) and load later.
+    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
+    if optimized is not None:
+        options.optimized_model_filepath = str(optimized)
+    return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+
+
+def _checked(path: Path, runtime: Runtime) -> str:
+    """Checks that the file exists and the engine is installed; returns the engine's name."""
+    if not path.is_file():
+        raise ModelError(f"{path} is missing; a model folder needs it: export or download it again")
+    if runtime == "auto":
+        return "onnxruntime"
+    if runtime not in _ENGINES:
+        raise InputError(f"unknown runtime {runtime!r}; known are auto, {', '.join(_ENGINES)}")
+    if runtime == "openvino" and find_spec("openvino") is None:
+        raise MissingExtraError("the runtime openvino", "openvino", "fast")
+    return runtime
+
+
+def _on_onnxruntime(path: Path, threads: int) -> Session:
+    session = onnxruntime_session(path, threads)
+    names = [value.name for value in session.get_inputs()]
+
+    def run(**inputs: np.ndarray) -> np.ndarray:
+        return np.asarray(session.run(None, version_1.inputs_of(names, inputs))[0])
+
+    return run
+
+
+def _on_openvino(path: Path, threads: int) -> Session:
+    # When imported, OpenVINO (seen in 2026.4) reports to Google, unless this package is absent.
+    sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
+    import openvino
+
+    # Left alone, OpenVINO may compute in bfloat16 and change the result.
+    settings: dict[str, Any] = {
+        "INFERENCE_PRECISION_HINT": "f32",
+        "INFERENCE_NUM_THREADS": threads,
+        "PERFORMANCE_HINT": "LATENCY",
+    }
+    model = openvino.Core().compile_model(path, "CPU", settings)
+    names = [name for value in model.inputs for name in value.get_names()]
+
+    def run(**inputs: np.ndarray) -> np.ndarray:
+        # A request of its own for each call keeps sessions safe to share between threads.
+        renamed = version_1.inputs_of(names, inputs)
+        return np.array(model.create_infer_request().infer(renamed)[0])
+
+    return run
+
+
+_ENGINES: dict[str, Callable[[Path, int], Session]] = {
+    "onnxruntime": _on_onnxruntime,
+    "openvino": _on_openvino,
+}

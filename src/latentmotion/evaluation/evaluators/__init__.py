@@ -1,0 +1,1 @@
+"""Evaluators: networks that embed motions and texts, by which models are judged."""

@@ -1,0 +1,125 @@
+"""Interfaces of evaluators: embeddings of motions and captions, or recognized actions.
+
+An evaluator is a folder: `evaluator.json`, whose "kind" names its loader, and
+`weights.safetensors`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.clip import Caption
+from latentmotion.errors import ModelError
+
+EVALUATOR_FILE = "evaluator.json"
+"""File that makes a folder an evaluator."""
+
+WEIGHTS_FILE = "weights.safetensors"
+
+_ROOM = "latentmotion.evaluation.evaluators"
+
+LOADERS = {
+    "text_motion": f"{_ROOM}.text_motion:load_text_motion",
+    "action": f"{_ROOM}.action:load_action_classifier",
+}
+"""`module:function` that reads a folder, by kind."""
+
+
+@runtime_checkable
+class TextMotionEvaluator(Protocol):
+    """Motions and captions to embeddings in one space, close if they mean the same."""
+
+    @property
+    def width(self) -> int:
+        """Numbers per embedding."""
+        ...
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of weights and statistics, for reports."""
+        ...
+
+    def motions(
+        self, features: Sequence[Float[np.ndarray, "_ features"]]
+    ) -> Float[np.ndarray, "items width"]:
+        """Returns the embeddings of motions, given in their own units; lengths may differ."""
+        ...
+
+    def texts(self, captions: Sequence[Caption]) -> Float[np.ndarray, "items width"]:
+        """Returns the embeddings of captions."""
+        ...
+
+
+@dataclass(frozen=True)
+class Recognition:
+    """Output of an action classifier."""
+
+    features: Float[np.ndarray, "items width"]
+    """The last hidden layer, which FID compares."""
+    logits: Float[np.ndarray, "items labels"]
+    """Logits of the labels."""
+
+
+@runtime_checkable
+class ActionEvaluator(Protocol):
+    """Motions to action labels."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Labels in the order of the logits."""
+        ...
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of weights and statistics, for reports."""
+        ...
+
+    def __call__(self, features: Sequence[Float[np.ndarray, "_ features"]]) -> Recognition:
+        """Recognizes motions, given in their own units; lengths may differ."""
+        ...
+
+
+Evaluator = TextMotionEvaluator | ActionEvaluator
+"""An evaluator of either kind."""
+
+
+def load_evaluator(folder: Path) -> Evaluator:
+    """Reads an evaluator folder.
+
+    Raises:
+        ModelError: There is none, it is of an unknown kind, or it is damaged.
+    """
+    kind = evaluator_kind(folder)
+    if kind not in LOADERS:
+        raise ModelError(
+            f"{folder}: evaluator of kind {kind!r}, known are {', '.join(LOADERS)}; "
+            "update latentmotion"
+        )
+    module, _, function = LOADERS[kind].partition(":")
+    return getattr(import_module(module), function)(Path(folder))
+
+
+def evaluator_kind(folder: Path) -> str:
+    """Returns the "kind" that `evaluator.json` names.
+
+    Raises:
+        ModelError: There is no such file, or it is not JSON with a kind.
+    """
+    path = Path(folder) / EVALUATOR_FILE
+    if not path.is_file():
+        raise ModelError(
+            f"{folder} is not an evaluator: it has no {EVALUATOR_FILE}; make one with "
+            "latentmotion train evaluator or latentmotion convert"
+        )
+    try:
+        return str(json.loads(path.read_text(encoding="utf-8"))["kind"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ModelError(f"{path} is damaged: {error!r}; make the evaluator again") from error

@@ -1,0 +1,241 @@
+"""Text-motion evaluators of the T2M architecture: embeddings, and evaluator folders.
+
+A folder holds `evaluator.json`, `weights.safetensors` and, for words without a table, the text
+encoder. The weights file holds the networks, the evaluator's own statistics and a table of word
+vectors if there is one. The files of a small text encoder are copied; others are named.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from safetensors.torch import save_file
+from torch import Tensor
+
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.data.clip import Caption
+from latentmotion.errors import InputError, ModelError
+from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE, WEIGHTS_FILE
+from latentmotion.evaluation.evaluators.text_motion_network import (
+    FRAMES,
+    TextMotionConfig,
+    TextMotionNetworks,
+)
+from latentmotion.evaluation.evaluators.words import EncodedWords, GloveWords, WordVectors
+from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
+from latentmotion.networks.checkpoint import load_weights, read_weights
+from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.configuration import read_json, to_json, write_json
+from latentmotion.storage.files import atomic_folder
+from latentmotion.text.encoder import StudentTextEncoder
+
+FORMAT = 1
+"""Version of evaluator.json."""
+
+MAX_BATCH_SIZE = 64
+"""Most motions or captions that go through a network at once."""
+
+MEAN, STD, WORDS = "normalizer.mean", "normalizer.std", "words.vectors"
+"""Names in the weights file of the values that are not weights."""
+
+
+@dataclass(frozen=True)
+class TextMotionCard:
+    """Content of `evaluator.json`."""
+
+    name: str
+    """Name of the evaluator."""
+    representation: str
+    """Name of the motion features."""
+    networks: TextMotionConfig
+    """Sizes of the networks."""
+    words: str
+    """Source of word vectors: `glove`, or the name of a text encoder."""
+    vocabulary: tuple[str, ...] = ()
+    """Words that have vectors; empty if a text encoder gives them."""
+    provenance: Provenance = field(default_factory=Provenance)
+    """Origin of the weights."""
+    figures: dict[str, Any] = field(default_factory=dict)
+    """Measured figures, by name."""
+    kind: Literal["text_motion"] = "text_motion"
+    """Kind of evaluator."""
+    format: int = FORMAT
+    """Version of this file."""
+
+
+@dataclass(frozen=True, eq=False)
+class T2MEvaluator:
+    """Motions and captions to embeddings in one space; a `TextMotionEvaluator`."""
+
+    card: TextMotionCard
+    """The evaluator's card."""
+    networks: TextMotionNetworks
+    """The three networks, in `eval()` mode."""
+    normalizer: Normalizer
+    """The evaluator's own statistics, which differ from the data set's."""
+    vectors: WordVectors
+    """Captions to word vectors."""
+
+    @property
+    def width(self) -> int:
+        """Numbers per embedding."""
+        return self.card.networks.width
+
+    @property
+    def official(self) -> bool:
+        """Whether papers use it: a converted file of its authors."""
+        commands = self.card.provenance.commands
+        return bool(commands) and all("convert evaluator" in command for command in commands)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of weights, statistics and sizes."""
+        digest = hashlib.sha256(json.dumps([to_json(self.card.networks), self.card.words]).encode())
+        for name, tensor in sorted(tensors_of(self).items()):
+            digest.update(name.encode() + tensor.cpu().numpy().tobytes())
+        return digest.hexdigest()
+
+    @torch.no_grad()
+    def motions(
+        self, features: Sequence[Float[np.ndarray, "_ features"]]
+    ) -> Float[np.ndarray, "items width"]:
+        """Returns the embeddings of motions, each as it would be alone.
+
+        Frames after the last complete movement of four are ignored.
+
+        Raises:
+            InputError: A motion is shorter than four frames, or of other features.
+        """
+        rows: dict[int, list[int]] = {}
+        for row, motion in enumerate(features):
+            rows.setdefault(self._used_frames(motion), []).append(row)
+        embeddings = np.zeros((len(features), self.width), np.float32)
+        for length in sorted(rows):
+            for batch in _batches(rows[length]):
+                motions = np.stack([features[row][:length] for row in batch]).astype(np.float32)
+                normalized = torch.from_numpy(self.normalizer.normalize(motions))
+                mask = torch.ones(normalized.shape[:2], dtype=torch.bool)
+                embeddings[batch] = self.networks.motions(normalized, mask).numpy()
+        return embeddings
+
+    @torch.no_grad()
+    def texts(self, captions: Sequence[Caption]) -> Float[np.ndarray, "items width"]:
+        """Returns the embeddings of captions; each different sentence is read once."""
+        numbers: dict[tuple[str, str], int] = {}
+        rows = [numbers.setdefault((c.text, c.tokens), len(numbers)) for c in captions]
+        different = [Caption(text, 0, 0, tokens) for text, tokens in numbers]
+        embeddings = [np.zeros((0, self.width), np.float32)]
+        for batch in _batches(range(len(different))):
+            sentences = self.vectors([different[number] for number in batch])
+            arrays = sentences.words, sentences.parts, sentences.mask
+            embeddings.append(self.networks.texts(*map(torch.from_numpy, arrays)).numpy())
+        return np.concatenate(embeddings)[rows]
+
+    def _used_frames(self, motion: Float[np.ndarray, "frames features"]) -> int:
+        """Returns the frames of complete movements, after checks."""
+        frames, features = motion.shape
+        if features != self.card.networks.features:
+            raise InputError(
+                f"a motion of {features} features a frame; the evaluator {self.card.name!r} takes "
+                f"{self.card.networks.features} ({self.card.representation})"
+            )
+        if frames < FRAMES:
+            raise InputError(f"a motion of {frames} frames; the evaluator needs {FRAMES} or more")
+        return frames // FRAMES * FRAMES
+
+
+def tensors_of(evaluator: T2MEvaluator) -> dict[str, Tensor]:
+    """Returns weights, statistics and word vectors by their names in the file."""
+    statistics = {MEAN: evaluator.normalizer.mean, STD: evaluator.normalizer.std}
+    arrays = {name: np.asarray(values, np.float32) for name, values in statistics.items()}
+    if isinstance(evaluator.vectors, GloveWords):
+        arrays[WORDS] = np.asarray(evaluator.vectors.vectors, np.float32)
+    own = {name: torch.from_numpy(values.copy()) for name, values in arrays.items()}
+    return {**own, **evaluator.networks.state_dict()}
+
+
+def _batches(rows: Sequence[int]) -> list[list[int]]:
+    return [
+        list(rows[start : start + MAX_BATCH_SIZE]) for start in range(0, len(rows), MAX_BATCH_SIZE)
+    ]
+
+
+def save_text_motion(
+    folder: str | Path, evaluator: T2MEvaluator, encoder: Path | None = None
+) -> None:
+    """Writes an evaluator folder in place of what is there, or nothing at all.
+
+    Args:
+        folder: Folder to write.
+        evaluator: The evaluator.
+        encoder: Folder of the small text encoder of its words, which is copied.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    tensors = {name: t.detach().cpu().contiguous() for name, t in tensors_of(evaluator).items()}
+    with atomic_folder(folder, EVALUATOR_FILE) as temporary:
+        write_json(temporary / EVALUATOR_FILE, evaluator.card)
+        save_file(tensors, temporary / WEIGHTS_FILE)
+        for name in (TEXT_GRAPH_FILE, TOKENIZER_FILE) if encoder else ():
+            shutil.copyfile(Path(encoder or "") / name, temporary / name)
+
+
+def load_text_motion(folder: Path) -> T2MEvaluator:
+    """Reads an evaluator folder; the networks are in `eval()` mode, on the CPU.
+
+    Raises:
+        ModelError: Something is missing, damaged, or does not fit the rest.
+    """
+    path = folder / EVALUATOR_FILE
+    try:
+        card = read_json(TextMotionCard, path)
+    except InputError as error:
+        raise ModelError(str(error)) from error
+    if card.format != FORMAT:
+        raise ModelError(f"{path}: format {card.format}, expected {FORMAT}; update latentmotion")
+    tensors = read_weights(folder / WEIGHTS_FILE)
+    try:
+        mean, std = (tensors.pop(name).numpy() for name in (MEAN, STD))
+        normalizer = Normalizer(mean, std)
+        vectors: WordVectors = (
+            GloveWords(card.vocabulary, tensors.pop(WORDS).numpy())
+            if card.vocabulary
+            else EncodedWords(_text_encoder(card.words, folder))
+        )
+    except (KeyError, InputError) as error:
+        raise ModelError(f"{folder / WEIGHTS_FILE} does not fit: {error}") from error
+    networks = card.networks.build()
+    load_weights(networks, tensors, str(folder / WEIGHTS_FILE))
+    return T2MEvaluator(card, networks, normalizer, vectors)
+
+
+def _text_encoder(name: str, folder: Path) -> TextEncoder:
+    """Loads the text encoder of this name, from the folder or from the hub's cache."""
+    if (folder / TEXT_GRAPH_FILE).is_file():
+        encoder: TextEncoder = StudentTextEncoder.load(folder)
+    else:
+        from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder
+
+        kind, _, source = name.partition(":")
+        if kind not in KINDS:
+            raise ModelError(
+                f"{folder} lacks its text encoder {name!r}: {TEXT_GRAPH_FILE}; copy it again"
+            )
+        encoder = PretrainedTextEncoder.load(kind, source)
+    if encoder.name != name:
+        raise ModelError(
+            f"{folder} reads words through {name!r}, found {encoder.name!r}; "
+            "put that text encoder there, or train the evaluator again"
+        )
+    return encoder

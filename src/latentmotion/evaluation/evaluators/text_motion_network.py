@@ -1,0 +1,153 @@
+"""The networks of the T2M evaluator (Guo et al., CVPR 2022): motions and sentences to one space.
+
+Four frames become a movement by two strided convolutions; a bidirectional GRU reads the movements,
+another the words, each word a vector plus that of its part of speech. The same names as in the
+authors' files, so that their weights load as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import nn
+from torch.nn.utils.rnn import pack_padded_sequence
+
+from latentmotion.evaluation.evaluators.words import PARTS_OF_SPEECH
+
+FRAMES = 4
+"""Frames of a movement."""
+
+
+@dataclass(frozen=True)
+class TextMotionConfig:
+    """Sizes; the defaults are the official ones for HumanML3D."""
+
+    features: int = 263
+    """Features of a frame."""
+    left_out: int = 4
+    """Last features of a frame that are ignored: the foot contacts."""
+    word_width: int = 300
+    """Numbers per word vector."""
+    movement_width: int = 512
+    """Channels of the convolutions, numbers per movement."""
+    motion_hidden: int = 1024
+    """State of the GRU over movements, in each direction."""
+    text_hidden: int = 512
+    """State of the GRU over words, in each direction."""
+    width: int = 512
+    """Numbers per motion and per sentence."""
+    dropout: float = 0.2
+    """Share of movement channels dropped in training."""
+
+    def build(self) -> TextMotionNetworks:
+        """Returns the networks with random weights."""
+        return TextMotionNetworks(self)
+
+
+class MovementEncoder(nn.Module):
+    """Four frames to a movement."""
+
+    def __init__(self, features: int, width: int, dropout: float) -> None:
+        super().__init__()
+        self.main = nn.Sequential(
+            nn.Conv1d(features, width, kernel_size=4, stride=2, padding=1),
+            nn.Dropout(dropout),
+            nn.LeakyReLU(0.2),
+            nn.Conv1d(width, width, kernel_size=4, stride=2, padding=1),
+            nn.Dropout(dropout),
+            nn.LeakyReLU(0.2),
+        )
+        self.out_net = nn.Linear(width, width)
+
+    def forward(
+        self, features: Float[torch.Tensor, "batch frames features"]
+    ) -> Float[torch.Tensor, "batch movements width"]:
+        """Returns a movement for every four frames."""
+        return self.out_net(self.main(features.transpose(1, 2)).transpose(1, 2))
+
+
+class SequenceEncoder(nn.Module):
+    """The last states of a bidirectional GRU to one vector."""
+
+    def __init__(self, inputs: int, embedded: int, hidden: int, width: int) -> None:
+        super().__init__()
+        self.input_emb = nn.Linear(inputs, embedded)
+        self.gru = nn.GRU(embedded, hidden, batch_first=True, bidirectional=True)
+        self.hidden = nn.Parameter(torch.randn(2, 1, hidden))
+        self.output_net = nn.Sequential(
+            nn.Linear(2 * hidden, hidden),
+            nn.LayerNorm(hidden),
+            nn.LeakyReLU(0.2),
+            nn.Linear(hidden, width),
+        )
+
+    def forward(
+        self,
+        inputs: Float[torch.Tensor, "batch steps inputs"],
+        lengths: Int[torch.Tensor, " batch"],
+    ) -> Float[torch.Tensor, "batch width"]:
+        """Returns one vector for the first `lengths` steps of each row."""
+        packed = pack_padded_sequence(
+            self.input_emb(inputs), lengths.cpu(), batch_first=True, enforce_sorted=False
+        )
+        _, last = self.gru(packed, self.hidden.repeat(1, len(inputs), 1))
+        return self.output_net(torch.cat([last[0], last[1]], dim=-1))
+
+
+class SentenceEncoder(SequenceEncoder):
+    """Words with their parts of speech to one vector."""
+
+    def __init__(self, words: int, hidden: int, width: int) -> None:
+        super().__init__(words, hidden, hidden, width)
+        self.pos_emb = nn.Linear(len(PARTS_OF_SPEECH), words)
+
+    def read(
+        self,
+        words: Float[torch.Tensor, "batch words word_width"],
+        parts: Int[torch.Tensor, "batch words"],
+        lengths: Int[torch.Tensor, " batch"],
+    ) -> Float[torch.Tensor, "batch width"]:
+        """Returns one vector for each sentence."""
+        classes = nn.functional.one_hot(parts, len(PARTS_OF_SPEECH)).to(words.dtype)
+        return self(words + self.pos_emb(classes), lengths)
+
+
+class TextMotionNetworks(nn.Module):
+    """All three networks.
+
+    Args:
+        config: Their sizes.
+    """
+
+    def __init__(self, config: TextMotionConfig) -> None:
+        super().__init__()
+        self.config = config
+        seen, movement = config.features - config.left_out, config.movement_width
+        hidden, width = config.motion_hidden, config.width
+        self.movement_encoder = MovementEncoder(seen, movement, config.dropout)
+        self.motion_encoder = SequenceEncoder(movement, hidden, hidden, width)
+        self.text_encoder = SentenceEncoder(config.word_width, config.text_hidden, width)
+
+    def motions(
+        self,
+        features: Float[torch.Tensor, "batch frames features"],
+        mask: Bool[torch.Tensor, "batch frames"],
+    ) -> Float[torch.Tensor, "batch width"]:
+        """Returns the vectors of normalized motions.
+
+        As in the authors' code the movement before the padding sees a little of it: pass motions
+        of one length, a multiple of four, where each must be what it is alone.
+        """
+        seen = features[..., : self.config.features - self.config.left_out]
+        return self.motion_encoder(self.movement_encoder(seen), mask.sum(1) // FRAMES)
+
+    def texts(
+        self,
+        words: Float[torch.Tensor, "batch words word_width"],
+        parts: Int[torch.Tensor, "batch words"],
+        mask: Bool[torch.Tensor, "batch words"],
+    ) -> Float[torch.Tensor, "batch width"]:
+        """Returns the vectors of sentences."""
+        return self.text_encoder.read(words, parts, mask.sum(1))

@@ -1,1 +1,0 @@
-"""The instruction benchmark: does a motion do what its sentence says? NumPy only, no PyTorch."""

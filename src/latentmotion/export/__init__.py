@@ -1,0 +1,1 @@
+"""Networks to ONNX graphs and a folder that runs without PyTorch."""

@@ -1,0 +1,252 @@
+"""ONNX export: trained networks as graphs that run without PyTorch.
+
+Each graph has named inputs, and batch and length of any size. A fused sampler is one graph of all
+that follows the condition: a few unrolled steps, scales and decoder. Graphs do not state who made
+them: source paths, stack traces and class names are left out.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import onnx
+import torch
+from onnx import GraphProto, ModelProto
+from torch import Tensor, nn
+from torch.export import Dim
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.few_step import StepCondition
+from latentmotion.diffusion.guidance import DistilledGuidance
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.engine.backend import Batch
+from latentmotion.engine.feature_decoder import FeatureDecoder
+from latentmotion.errors import ModelError
+from latentmotion.model.config import Sampling
+from latentmotion.networks.checkpoint import LatentModel
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.pipeline import features_from_noise, sampler_of
+from latentmotion.representation.normalizer import Scale
+from latentmotion.storage.files import atomic_file
+
+_BATCH, _TOKENS, _WORDS = 2, 7, 3
+"""Sizes of the example inputs that graphs are traced with; all of them stay free."""
+
+
+def export_denoiser(denoiser: Denoiser, latent_width: int, words_width: int, path: Path) -> None:
+    """Writes a denoiser's graph: z, t, words, words_mask, mask → prediction.
+
+    A distilled one has two more inputs, guidance and step_size.
+    """
+    told = denoiser.further_inputs
+    graph = _StudentGraph(denoiser) if told else _DenoiserGraph(denoiser)
+    inputs = {
+        "z": torch.randn(_BATCH, _TOKENS, latent_width),
+        "t": torch.rand(_BATCH),
+        **_condition(words_width),
+        "mask": torch.ones(_BATCH, _TOKENS, dtype=torch.bool),
+        **{name: torch.rand(_BATCH) for name in told},
+    }
+    trace(graph, inputs, path)
+
+
+def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> None:
+    """Writes a VAE decoder's graph: latents, mask → normalized features."""
+    inputs = {
+        "latents": torch.randn(_BATCH, _TOKENS, vae.latent_width),
+        "mask": _frames(frames_per_token),
+    }
+    trace(_DecoderGraph(vae), inputs, path)
+
+
+def export_fused_sampler(model: LatentModel, steps: int, path: Path) -> None:
+    """Writes a distilled model's graph from noise to features in this number of steps.
+
+    noise, words, words_mask, mask, frames, guidance → features in their own units.
+    """
+    card = model.card
+    inputs = {
+        "noise": torch.randn(_BATCH, _TOKENS, card.latents.width),
+        **_condition(card.trained_denoiser.condition_width),
+        "mask": torch.ones(_BATCH, _TOKENS, dtype=torch.bool),
+        "frames": _frames(card.latents.frames_per_token),
+        "guidance": torch.rand(_BATCH),
+    }
+    trace(FusedSampler(model, steps), inputs, path)
+
+
+class FusedSampler(nn.Module):
+    """The pipeline from noise to features as one network.
+
+    Args:
+        model: A distilled model.
+        steps: Number of sampling steps.
+
+    Raises:
+        ModelError: The model is not distilled.
+    """
+
+    def __init__(self, model: LatentModel, steps: int) -> None:
+        super().__init__()
+        self.card = card = model.card
+        if card.few_step is None:
+            raise ModelError(f"model {card.name!r} is not distilled, so no few steps are its way")
+        self.denoiser, self.vae = model.denoiser, model.vae
+        self.steps = steps
+        self.sampler = sampler_of(card, Sampling(steps, sampler="ddim"))
+        self.latents = _Scale(card.latents.mean, card.latents.std)
+        self.features = _Scale(card.normalizer_mean, card.normalizer_std)
+
+    def forward(
+        self,
+        noise: Tensor,
+        words: Tensor,
+        words_mask: Tensor,
+        mask: Tensor,
+        frames: Tensor,
+        guidance: Tensor,
+    ) -> Tensor:
+        """Returns features in their own units, (batch, frames, features)."""
+        batch, no_more = Batch(noise, mask, words, words_mask, frames), SeededNoise([])
+        guided = DistilledGuidance(self.denoiser, guidance, self.steps)
+        decoder = FeatureDecoder(self.vae.decode, self.latents.scale, self.features.scale)
+        return features_from_noise(batch, guided, self.sampler, self.steps, no_more, decoder)
+
+
+class _Scale(nn.Module):
+    """A scale whose numbers are part of the graph."""
+
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self, mean: Sequence[float], std: Sequence[float]) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.tensor(mean))
+        self.register_buffer("std", torch.tensor(std))
+
+    @property
+    def scale(self) -> Scale:
+        """The scale as the pipeline uses it."""
+        return Scale(self.mean, self.std)
+
+
+class _DenoiserGraph(nn.Module):
+    """The denoiser with plain tensors as inputs."""
+
+    def __init__(self, denoiser: nn.Module) -> None:
+        super().__init__()
+        self.denoiser = denoiser
+
+    def forward(
+        self, z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor
+    ) -> Tensor:
+        return self.denoiser(z, t, Conditioning(words, words_mask), mask)
+
+
+class _StudentGraph(_DenoiserGraph):
+    """A distilled denoiser, likewise."""
+
+    def forward(  # one graph has two inputs more
+        self,
+        z: Tensor,
+        t: Tensor,
+        words: Tensor,
+        words_mask: Tensor,
+        mask: Tensor,
+        guidance: Tensor,
+        step_size: Tensor,
+    ) -> Tensor:
+        step_condition = StepCondition(guidance, step_size)
+        return self.denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
+
+
+class _DecoderGraph(nn.Module):
+    """The decoder of a VAE."""
+
+    def __init__(self, vae: MotionVAE) -> None:
+        super().__init__()
+        self.vae = vae
+
+    def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
+        return self.vae.decode(latents, mask)
+
+
+def _condition(width: int) -> dict[str, Tensor]:
+    real = torch.ones(_BATCH, _WORDS, dtype=torch.bool)
+    return {"words": torch.randn(_BATCH, _WORDS, width), "words_mask": real}
+
+
+def _frames(per_token: int | None) -> Tensor:
+    return torch.ones(_BATCH, _TOKENS * (per_token or 4), dtype=torch.bool)
+
+
+def trace(
+    network: nn.Module,
+    inputs: Mapping[str, Tensor],
+    path: Path,
+    outputs: Sequence[str] = (),
+    card: Mapping[str, str] | None = None,
+    free: Mapping[str, Sequence[int]] | None = None,
+) -> None:
+    """Writes the graph of a network.
+
+    The first two axes of every input, batch and length, may be of any size, or those in `free`.
+
+    Args:
+        network: The network to trace, in `eval()` mode.
+        inputs: An example of each input, by the name of the network's argument.
+        path: The `.onnx` file.
+        outputs: Names of the outputs; by default the exporter's.
+        card: Metadata to store in the graph.
+        free: Axes of each input that may be of any size.
+    """
+    free = free or {name: range(min(value.ndim, 2)) for name, value in inputs.items()}
+    axes = {name: dict.fromkeys(free[name], Dim.DYNAMIC) for name in inputs}
+    with warnings.catch_warnings(), _quiet():
+        # The exporter warns of its own internals; tests compare the graph with the network.
+        warnings.simplefilter("ignore")
+        program = torch.onnx.export(
+            network.eval(),
+            kwargs=dict(inputs),
+            input_names=list(inputs),
+            output_names=list(outputs) or None,
+            dynamic_shapes=axes,
+            dynamo=True,
+            verbose=False,
+        )
+    assert program is not None  # as dynamo is asked for
+    graph = anonymous(program.model_proto)
+    onnx.helper.set_model_props(graph, dict(card or {}))
+    with atomic_file(path) as temporary:
+        onnx.save(graph, temporary)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Switches the exporter's log off, and PyTorch's structured trace, which takes most time."""
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    structured = logging.getLogger("torch.__trace")
+    handlers, structured.handlers = structured.handlers, []
+    try:
+        yield
+    finally:
+        structured.handlers = handlers
+
+
+def anonymous(model: ModelProto) -> ModelProto:
+    """Returns a graph without the exporter's notes: source paths, stack traces, class names."""
+    clean = ModelProto()
+    clean.CopyFrom(model)
+    graphs: list[GraphProto | onnx.FunctionProto] = [clean.graph, *clean.functions]
+    for graph in graphs:
+        values = [*graph.value_info, *getattr(graph, "input", []), *getattr(graph, "output", [])]
+        named = [value for value in values if not isinstance(value, str)]
+        for message in (graph, *graph.node, *getattr(graph, "initializer", []), *named):
+            message.ClearField("metadata_props")
+            message.ClearField("doc_string")
+    return clean

@@ -1,0 +1,195 @@
+"""Packaging: a trained model as a folder that runs without PyTorch.
+
+The folder has card, weights, graphs and text encoder. Weights are stored in 16 bits and the graphs
+are made from the rounded weights, so that both give the same motions.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from safetensors.torch import save_file
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.few_step import StepCondition
+from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
+from latentmotion.errors import ModelError
+from latentmotion.export import onnx as graphs
+from latentmotion.export.pullback import (
+    PULLBACK_TOLERANCE,
+    export_pullback,
+    has_pullback,
+    pullback_error,
+)
+from latentmotion.export.quantize import quantize
+from latentmotion.export.shared_weights import share_weights
+from latentmotion.model import card as cards
+from latentmotion.model.card import GraphPrecision, ModelCard
+from latentmotion.networks import checkpoint
+from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel
+from latentmotion.storage.files import atomic_folder
+from latentmotion.text.encoder import load_text_encoder
+
+TOLERANCE: dict[GraphPrecision, float] = {"float32": 1e-4, "int8": 0.1}
+"""Largest difference allowed between the outputs of a graph and of its network."""
+
+MOST_FUSED = 4
+"""Maximum number of steps of a fused sampler: each step adds to its size."""
+
+WriteTextEncoder = Callable[[Path], None]
+"""Writes the files of a text encoder into a folder."""
+
+
+def package_model(
+    source: Path,
+    card: ModelCard,
+    text_encoder: WriteTextEncoder | None,
+    output: Path,
+    share_encoder: bool = False,
+) -> None:
+    """Writes a folder from which `MotionPipeline.from_pretrained` generates.
+
+    Args:
+        source: Folder that training wrote, with the weights of all networks.
+        card: The card to write, read from `source` or changed; it states the graphs' precision.
+        text_encoder: Writes the text encoder; None for models of actions and unconditional ones.
+        output: Folder to write, replaced as a whole.
+        share_encoder: Whether to leave out the VAE's encoder if a shipped model has the same.
+
+    Raises:
+        ModelError: A file or network is missing, a graph does not repeat its network, or no
+            shipped model has the encoder.
+    """
+    width = card.trained_denoiser.condition_width
+    if card.condition.reads_text and text_encoder is None:
+        raise ModelError(f"model {card.name!r} reads sentences; pass its text encoder")
+    with atomic_folder(output, cards.CARD_FILE) as folder:
+        card.write(folder)
+        weights = {
+            key: value.half() if value.is_floating_point() else value
+            for key, value in checkpoint.model_weights(source).items()
+        }
+        left_out = checkpoint.encoder_weights(weights) if share_encoder else {}
+        shared = checkpoint.encoder_hash(left_out) if left_out else ""
+        if share_encoder and not (shared and checkpoint.encoder_holder(shared, besides=output)):
+            raise ModelError(
+                "no shipped model has this VAE's encoder, so it cannot be left out; export without "
+                "--share-encoder"
+            )
+        kept = {key: value for key, value in weights.items() if key not in left_out}
+        metadata = {checkpoint.ENCODER_HASH: shared} if left_out else None
+        save_file(kept, folder / WEIGHTS_FILE, metadata)
+        if text_encoder is not None:
+            text_encoder(folder)
+            found = load_text_encoder(folder).width
+            if found != width:
+                raise ModelError(
+                    f"the text encoder has {found} numbers per vector, model {card.name!r} reads "
+                    f"{width}; it was trained with {card.condition.text_encoder or 'another'!r}"
+                )
+        _write_graphs(checkpoint.load_model(folder), folder)
+
+
+def copied(folder: Path) -> WriteTextEncoder:
+    """Returns a function that copies a text encoder, and its length model, from another folder.
+
+    Raises:
+        ModelError: There is no text encoder in it.
+    """
+    names = cards.TEXT_GRAPH_FILE, cards.TOKENIZER_FILE
+    missing = [name for name in names if not (folder / name).is_file()]
+    if missing:
+        raise ModelError(
+            f"{folder} lacks {', '.join(missing)}; make them: latentmotion train text-encoder"
+        )
+
+    def write(target: Path) -> None:
+        onnx.save(
+            graphs.anonymous(onnx.load(folder / cards.TEXT_GRAPH_FILE)),
+            target / cards.TEXT_GRAPH_FILE,
+        )
+        shutil.copyfile(folder / cards.TOKENIZER_FILE, target / cards.TOKENIZER_FILE)
+        if (folder / cards.LENGTHS_FILE).is_file():
+            shutil.copyfile(folder / cards.LENGTHS_FILE, target / cards.LENGTHS_FILE)
+
+    return write
+
+
+def _write_graphs(model: LatentModel, folder: Path) -> None:
+    card, width = model.card, model.card.trained_denoiser.condition_width
+    graphs.export_denoiser(model.denoiser, card.latents.width, width, folder / "denoiser.onnx")
+    if card.vae.has_weights:
+        graphs.export_decoder(model.vae, card.latents.frames_per_token, folder / "decoder.onnx")
+    if has_pullback(model.vae):
+        export_pullback(model.vae, folder / PULLBACK_FILE)
+    for steps in _fused_steps(card):
+        graphs.export_fused_sampler(model, steps, folder / fused_sampler_file(steps))
+    for graph in folder.glob("*.onnx"):
+        if card.precision == "int8" and graph.name != PULLBACK_FILE:  # derivatives stay exact
+            quantize(graph)
+        if graph.name != cards.TEXT_GRAPH_FILE:  # whose weights are its own
+            share_weights(graph, folder / WEIGHTS_FILE)
+    _check_graphs(model, folder)
+
+
+def _fused_steps(card: ModelCard) -> list[int]:
+    """Returns the numbers of steps that get a fused sampler."""
+    return [steps for steps in card.few_step.steps if steps <= MOST_FUSED] if card.few_step else []
+
+
+def _check_graphs(model: LatentModel, folder: Path) -> None:
+    """Compares each graph with its network on random inputs."""
+    card, count = model.card, 3
+    tokens, width = card.latents.tokens_of(card.frames[0]), card.latents.width
+    words = 1 if card.condition.prompted else 0
+    t, frames = torch.full((count,), 0.5), torch.ones(count, card.frames[0], dtype=torch.bool)
+    shared = {
+        "words_mask": torch.ones(count, words, dtype=torch.bool),
+        "mask": torch.ones(count, tokens, dtype=torch.bool),
+    }
+
+    def drawn(name: str) -> dict[str, torch.Tensor]:
+        latents = torch.randn(count, tokens, width)
+        return {name: latents, "words": torch.randn(count, words, shown), **shared}
+
+    shown = card.trained_denoiser.condition_width
+    inputs = {**drawn("z"), "t": t}
+    told = {"guidance": 3 * t, "step_size": t} if model.denoiser.further_inputs else {}
+    condition = Conditioning(inputs["words"], inputs["words_mask"])
+    with torch.no_grad():
+        expected = model.denoiser(
+            inputs["z"], t, condition, inputs["mask"], StepCondition(**told) if told else None
+        )
+    _compare(folder / "denoiser.onnx", inputs | told, expected)
+    if (folder / "decoder.onnx").is_file():
+        latents = torch.randn(count, tokens, width)
+        with torch.no_grad():
+            expected = model.vae.decode(latents, frames)
+        _compare(folder / "decoder.onnx", {"latents": latents, "mask": frames}, expected)
+    if (folder / PULLBACK_FILE).is_file():
+        error = pullback_error(model.vae, folder / PULLBACK_FILE)
+        if not error < PULLBACK_TOLERANCE:
+            raise ModelError(
+                f"{PULLBACK_FILE} differs from its decoder by {error:.2g}; not written"
+            )
+    for steps in _fused_steps(card):
+        guidance = torch.full((count,), 1.5)
+        inputs = {**drawn("noise"), "frames": frames, "guidance": guidance}
+        with torch.no_grad():
+            expected = graphs.FusedSampler(model, steps)(**inputs)
+        _compare(folder / fused_sampler_file(steps), inputs, expected)
+
+
+def _compare(graph: Path, inputs: dict[str, torch.Tensor], expected: torch.Tensor) -> None:
+    """Raises ModelError if a graph's output differs from the expected one."""
+    session = open_session(graph, "onnxruntime")
+    found = session(**{name: tensor.numpy() for name, tensor in inputs.items()})
+    difference = float(np.abs(found - expected.numpy()).max())
+    tolerance = TOLERANCE[cards.read_card(graph.parent).precision]
+    if not difference < tolerance * max(1.0, float(expected.abs().max())):
+        raise ModelError(f"{graph.name} differs from its network by {difference:.2g}; not written")

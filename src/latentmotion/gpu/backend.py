@@ -1,0 +1,196 @@
+"""The pipeline on PyTorch, for any model folder: of a training run, converted or exported.
+
+    host: prompts → words, seeds → noise       device: noise, words → latents → features → joints
+
+Networks are sessions, as ONNX graphs are. Noise is drawn on the CPU, so that a seed means the same
+motion on every device.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from latentmotion.condition.interface import Conditioning, TextEncoder
+from latentmotion.diffusion.few_step import StepCondition
+from latentmotion.engine.backend import Backend, NoPadding
+from latentmotion.engine.options import ON_CPU, ExecutionOptions
+from latentmotion.engine.prior import MotionPrior
+from latentmotion.engine.session import Session
+from latentmotion.errors import InputError, LatentMotionError, ModelError
+from latentmotion.gpu.cuda_graphs import Recorder, on_gpu
+from latentmotion.gpu.device import GPU, device_named
+from latentmotion.gpu.network import network_session
+from latentmotion.model import card as cards
+from latentmotion.model.card import ModelCard, find_model
+from latentmotion.networks.checkpoint import load_model, load_stages
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder, local_encoder
+from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.pipeline import MAX_BATCH_SIZE, MotionPipeline
+from latentmotion.text.encoder import load_text_encoder
+from latentmotion.text.lengths import LengthFile
+
+GPU_BATCH_SIZE = 256
+"""Maximum number of motions that go through the networks of a GPU at once."""
+
+BUCKET_FRAMES = 32
+"""Lengths are padded to a multiple of this."""
+BUCKET_WORDS = 8
+"""The words after the pooled sentence are padded to a multiple of this."""
+
+
+@dataclass(frozen=True)
+class Buckets:
+    """Padding to powers of two of motions, 1 + 8 n words and 32 n frames, so that few shapes occur.
+
+    A recorded or compiled chain is made anew for every shape. Padding does not change a motion;
+    where it would, sizes stay as they are.
+    """
+
+    card: ModelCard
+    """States the longest motion, and whether padding would change motions."""
+
+    def rows(self, count: int) -> int:
+        """Returns the next power of two."""
+        return 1 << (count - 1).bit_length()
+
+    def words(self, count: int) -> int:
+        """Returns the next 1 + 8 n; no words stay none."""
+        # If the context comes before the latents, more words would move the latents' positions.
+        if count == 0 or self.card.trained_denoiser.positions == "context_first":
+            return count
+        return 1 + _multiple(count - 1, BUCKET_WORDS)
+
+    def frames(self, longest: int) -> int:
+        """Returns the next 32 n, or the longest motion that the model makes."""
+        if not self.card.masks_padding:
+            return longest
+        return max(longest, min(_multiple(longest, BUCKET_FRAMES), self.card.frames[1]))
+
+
+def _multiple(count: int, of: int) -> int:
+    return -(-count // of) * of
+
+
+def torch_pipeline(
+    folder: str | Path, encoder: TextEncoder | None = None, execution: ExecutionOptions = ON_CPU
+) -> MotionPipeline:
+    """Loads the weights of any model folder, exported or not.
+
+    Args:
+        folder: Name or folder of the model.
+        encoder: Text encoder; by default the folder's, else the one that the card names, if it is
+            on this machine.
+        execution: Device, precision and launch mode; by default eager on the CPU.
+
+    Raises:
+        ModelError: The folder is damaged, has no denoiser, or its text encoder is not found.
+    """
+    folder = find_model(folder)
+    model = load_model(folder)
+    card, lengths = model.card, cards.lengths_file(model.card, folder)
+    return MotionPipeline(
+        card,
+        card.prompt_condition(lambda: encoder or find_encoder(card, folder)),
+        torch_backend(
+            card,
+            denoiser_session(model.denoiser, execution),
+            decoder_session(model.vae, execution),
+            execution,
+        ),
+        GPU_BATCH_SIZE if execution.device_type == GPU else MAX_BATCH_SIZE,
+        lengths=lengths and LengthFile(lengths, card.condition.text_encoder),
+    )
+
+
+def torch_backend(
+    card: ModelCard, denoiser: Session, decoder: Session, execution: ExecutionOptions = ON_CPU
+) -> Backend:
+    """Returns a backend whose arrays are tensors on a device.
+
+    From words to joints nothing leaves the device. Where the chain is recorded or compiled, batches
+    are padded to few sizes.
+
+    Raises:
+        InputError: There is no such device here, or it runs no CUDA graphs.
+    """
+    repeats, device = execution.launch != "eager", device_named(execution.device)
+    if execution.launch == "graph" and device.type != GPU:
+        raise InputError(
+            f"launch graph on device {execution.device!r}: CUDA graphs need cuda; "
+            "use launch eager or compiled"
+        )
+    return Backend(
+        denoiser,
+        decoder,
+        padding=Buckets(card) if repeats else NoPadding(),
+        launch=Recorder(on_gpu(device)) if repeats and device.type == GPU else None,
+        to_device=lambda array: torch.tensor(array, device=device),
+        to_host=lambda tensor: tensor.cpu().numpy(),
+    )
+
+
+def torch_prior(folder: str | Path, execution: ExecutionOptions = ON_CPU) -> MotionPrior:
+    """Loads the VAE of any model folder, to sample its prior.
+
+    Raises:
+        ModelError: The folder is damaged or has no VAE.
+    """
+    model = load_stages(find_model(folder))
+    most = GPU_BATCH_SIZE if execution.device_type == GPU else MAX_BATCH_SIZE
+    return MotionPrior(model.card, decoder_session(model.vae, execution), most)
+
+
+def denoiser_session(denoiser: Denoiser, execution: ExecutionOptions = ON_CPU) -> Session:
+    """Returns a network as a session: z, t, words, words_mask, mask → prediction.
+
+    A distilled one has two more inputs, guidance and step_size.
+    """
+
+    def forward(
+        z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor, **told: Tensor
+    ) -> Tensor:
+        step_condition = StepCondition(**told) if told else None
+        return denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
+
+    return network_session(denoiser, forward, execution)
+
+
+def decoder_session(vae: MotionVAE, execution: ExecutionOptions = ON_CPU) -> Session:
+    """Returns a VAE's decoder as a session: latents, mask → normalized features."""
+    return network_session(vae, vae.decode, execution)
+
+
+def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
+    """Returns the text encoder of a model's folder, else the one on this machine that it names.
+
+    Raises:
+        ModelError: It is not on this machine.
+    """
+    found = cards.text_encoder_folder(card, folder)
+    if found is not None:
+        return load_text_encoder(found)
+    name = card.condition.text_encoder or "none"
+    try:
+        return local_encoder(name)
+    except LatentMotionError as error:
+        raise ModelError(
+            f"model {card.name!r} reads sentences with the text encoder {name!r}, which is not at "
+            f"hand ({error}); pass it: --text-encoder FOLDER, or clip:FOLDER"
+        ) from error
+
+
+def text_encoder_named(name: str) -> TextEncoder:
+    """Loads a text encoder by the name or folder of its model, or by its kind (`clip:FOLDER`).
+
+    Raises:
+        ModelError: There is none, or it cannot be loaded.
+    """
+    kind, _, source = name.partition(":")
+    if kind in KINDS:
+        return PretrainedTextEncoder.load(kind, source or None)
+    return load_text_encoder(find_model(name))

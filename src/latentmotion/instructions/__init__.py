@@ -1,0 +1,1 @@
+"""The instruction benchmark: how many motions follow their prompts. NumPy only, no PyTorch."""

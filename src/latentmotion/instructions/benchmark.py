@@ -1,0 +1,204 @@
+"""The instruction benchmark: shares of motions that fulfill their prompts, with 95 % intervals.
+
+Takes of one prompt resemble each other. Intervals are Wilson's (Wilson 1927) for the effective
+number of independent motions (Kish 1965): n / (1 + (m - 1) ρ), with m takes per prompt and ρ the
+correlation of takes of one prompt, estimated by analysis of variance, between 0 and 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import sqrt
+
+import numpy as np
+from jaxtyping import Bool
+
+from latentmotion.describe.reading import Scene, scene_of
+from latentmotion.instructions.checking import fulfills
+from latentmotion.instructions.ground_truth import Claim
+from latentmotion.instructions.motions import Joints
+from latentmotion.instructions.prompts import GROUPS, VERSION, Instruction
+
+OVERALL = "overall"
+"""Name of all groups together."""
+
+Z = 1.959964
+"""Standard normal quantile of 95 % intervals."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """Share of motions that fulfill their prompts."""
+
+    share: float
+    """Share of all motions, 0 to 1."""
+    low: float
+    """Lower end of the 95 % interval."""
+    high: float
+    """Upper end of the 95 % interval."""
+    motions: int
+    """Number of motions."""
+    prompts: int
+    """Number of prompts, or of clips."""
+    ever: float
+    """Share of prompts with at least one motion that fulfills them."""
+
+    @classmethod
+    def of(cls, verdicts: Sequence[Sequence[bool]]) -> Share:
+        """Summarizes verdicts, one row per prompt, at least one in all."""
+        rows = [np.array(row, bool) for row in verdicts if len(row)]
+        whole = np.concatenate(rows)
+        low, high = wilson(float(whole.mean()), effective_size(rows))
+        ever = float(np.mean([row.any() for row in rows]))
+        return cls(float(whole.mean()), low, high, len(whole), len(rows), ever)
+
+    def __str__(self) -> str:
+        return f"{100 * self.share:.0f} % ({100 * self.low:.0f}–{100 * self.high:.0f})"
+
+
+def wilson(share: float, count: float) -> tuple[float, float]:
+    """Returns Wilson's 95 % interval of a share of independent observations."""
+    middle = (share + Z**2 / (2 * count)) / (1 + Z**2 / count)
+    spread = share * (1 - share) / count + Z**2 / (4 * count**2)
+    half = Z * sqrt(spread) / (1 + Z**2 / count)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def effective_size(rows: Sequence[Bool[np.ndarray, " takes"]]) -> float:
+    """Returns the effective number of independent motions, at least one per prompt."""
+    sizes = np.array([len(row) for row in rows], float)
+    count, groups = sizes.sum(), len(rows)
+    if count == groups:
+        return count
+    usual = (count - (sizes**2).sum() / count) / max(groups - 1, 1)
+    means = np.array([row.mean() for row in rows])
+    grand = float((sizes * means).sum() / count)
+    between = float((sizes * (means - grand) ** 2).sum()) / max(groups - 1, 1)
+    within = float((sizes * means * (1 - means)).sum()) / (count - groups)
+    spread = between + (usual - 1) * within
+    # A single prompt, or takes without any spread: prompts count.
+    rho = 1.0 if groups == 1 or spread <= 0 else float(np.clip((between - within) / spread, 0, 1))
+    return count / (1 + (count / groups - 1) * rho)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One prompt with the results of its takes."""
+
+    id: str
+    """Name of the prompt."""
+    group: str
+    """Its group."""
+    prompt: str
+    """The sentence."""
+    check: str
+    """The check, as text."""
+    fulfilled: tuple[bool, ...]
+    """Whether each take fulfills it."""
+    seconds: tuple[float, ...]
+    """Length of each take."""
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Results of the benchmark."""
+
+    subject: str
+    """Name of the model, or of the folder of motions."""
+    about: Mapping[str, str]
+    """Settings of the motions."""
+    model: Mapping[str, Share]
+    """Figures by group."""
+    chance: Mapping[str, Share]
+    """Figures of the same motions with the checks of other groups' prompts."""
+    real: Mapping[str, Share]
+    """Figures of real motions whose captions claim the same; empty without data."""
+    outcomes: tuple[Outcome, ...]
+    """All prompts."""
+    real_outcomes: tuple[Outcome, ...] = field(default=())
+    """All claims of real motions: `id` is the clip, `prompt` the caption."""
+    version: int = VERSION
+    """Version of the list of prompts."""
+
+
+def judge(
+    subject: str,
+    about: Mapping[str, str],
+    instructions: Sequence[Instruction],
+    motions: Sequence[Sequence[Joints]],
+    real: Sequence[Claim] = (),
+) -> Benchmark:
+    """Checks the motions of every prompt.
+
+    Args:
+        subject: Name of the model, or of the folder of motions.
+        about: Settings of the motions.
+        instructions: The prompts.
+        motions: Takes of each prompt, 20 frames per second.
+        real: Claims of real motions.
+
+    Raises:
+        InputError: A motion is too short, or not of 22 joints.
+    """
+    scenes = [[scene_of(joints) for joints in takes] for takes in motions]
+    outcomes = [outcome_of(one, takes) for one, takes in zip(instructions, scenes, strict=True)]
+    claims = []
+    for claim in real:
+        scene = scene_of(claim.joints)
+        fulfilled, check = fulfills(scene, claim.check), str(claim.check)
+        seconds = scene.facts.seconds
+        claims.append(
+            Outcome(claim.clip, claim.group, claim.caption, check, (fulfilled,), (seconds,))
+        )
+    return Benchmark(
+        subject=subject,
+        about=about,
+        model=shares(outcomes),
+        chance=shares(chance_outcomes(instructions, scenes)),
+        real=shares(claims),
+        outcomes=tuple(outcomes),
+        real_outcomes=tuple(claims),
+    )
+
+
+def outcome_of(instruction: Instruction, takes: Sequence[Scene]) -> Outcome:
+    """Checks the takes of a prompt."""
+    return Outcome(
+        instruction.id,
+        instruction.group,
+        instruction.prompt,
+        str(instruction.check),
+        tuple(fulfills(scene, instruction.check) for scene in takes),
+        tuple(scene.facts.seconds for scene in takes),
+    )
+
+
+def chance_outcomes(
+    instructions: Sequence[Instruction], scenes: Sequence[Sequence[Scene]]
+) -> list[Outcome]:
+    """Checks motions of other groups' prompts, as many as each prompt has, always the same ones."""
+    generator = np.random.default_rng(VERSION)
+    outcomes = []
+    for one in instructions:
+        others = [
+            takes
+            for other, takes in zip(instructions, scenes, strict=True)
+            if other.group != one.group
+        ]
+        rows = generator.integers(len(others), size=len(scenes[0]))
+        outcomes.append(outcome_of(one, [others[row][take] for take, row in enumerate(rows)]))
+    return outcomes
+
+
+def shares(outcomes: Sequence[Outcome]) -> dict[str, Share]:
+    """Returns figures by group and overall; motions of one prompt or clip are dependent."""
+    figures: dict[str, Share] = {}
+    for group in (*GROUPS, OVERALL):
+        rows: dict[str, list[bool]] = {}
+        for one in outcomes:
+            if group in (one.group, OVERALL):
+                rows.setdefault(one.id, []).extend(one.fulfilled)
+        if rows:
+            figures[group] = Share.of(list(rows.values()))
+    return figures

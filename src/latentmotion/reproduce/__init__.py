@@ -1,0 +1,1 @@
+"""Tables of the paper and of the fast family: one command trains and measures their rows."""

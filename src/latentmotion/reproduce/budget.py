@@ -1,0 +1,197 @@
+"""Budgets: the sizes in which tables are run, those of the paper or small ones for two cores.
+
+The small budget keeps every difference between rows. It halves the width, turns the paper's 5, 7, 9
+and 11 layers into 1, 3, 5 and 7, shortens motions to 64 frames and training to a few thousand
+steps at a higher rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from latentmotion.data.sampling import Cropping
+from latentmotion.errors import InputError, hint
+from latentmotion.evaluation.protocol import Protocol, Repeats
+from latentmotion.training.experiment import Experiment, TrainingSettings, with_changes
+
+Change = Callable[[Experiment], Experiment]
+"""An experiment to a changed one."""
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """A change that the pages of tables mention."""
+
+    says: str
+    """Description of the change."""
+    change: Change
+    """The change."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Sizes in which tables are trained and measured."""
+
+    name: str
+    """Name on the command line."""
+    says: str
+    """Description for the pages of tables."""
+    change: Change = lambda experiment: experiment
+    """Change of every model."""
+    raw: Change = lambda experiment: experiment
+    """Further change of models that diffuse raw frames."""
+    width: int | None = None
+    """Width of transformers, of convolutions and of VPoser-t's latent; twice that inside."""
+    layers: Mapping[int, int] = field(default_factory=dict)
+    """Layers of transformers by those of the paper."""
+    max_frames: int | None = None
+    """Longest motion that is measured."""
+    replications: int = 20
+    """Replications of a measurement."""
+    slow: int = 20
+    """Most replications of rows of 1000 steps."""
+    repeats: Repeats | None = None
+    """Size of MultiModality; by default that of the protocol."""
+    of_tables: Mapping[str, Adjustment] = field(default_factory=dict)
+    """Further changes of every model of a table."""
+    of_models: Mapping[str, Adjustment] = field(default_factory=dict)
+    """Further changes of single models, which their rows warn of."""
+    further: tuple[Adjustment, ...] = ()
+    """Changes of every model after all others."""
+
+    def of_table(self, name: str) -> Budget:
+        """Returns the budget of a table by name."""
+        return self._adjusted(self.of_tables[name]) if name in self.of_tables else self
+
+    def changed(self, settings: Sequence[str]) -> Budget:
+        """Returns the budget with further settings of every model, which its description lists.
+
+        Args:
+            settings: Each `part.key=value`, as on the command line.
+        """
+        if not settings:
+            return self
+        return self._adjusted(Adjustment(", ".join(settings), lambda e: with_changes(e, settings)))
+
+    def _adjusted(self, by: Adjustment) -> Budget:
+        says = f"{self.says}; changed: {by.says}"
+        return replace(self, further=(*self.further, by), says=says)
+
+    def protocol(self, protocol: Protocol) -> Protocol:
+        """Returns a protocol in this budget's sizes."""
+        repeats = self.repeats or protocol.repeats
+        return replace(protocol, max_frames=self.max_frames, repeats=repeats)
+
+    def shrink(self, experiment: Experiment) -> Experiment:
+        """Returns the experiment in this budget's sizes."""
+        smaller = self.change(experiment)
+        if not experiment.vae.has_weights:
+            smaller = self.raw(smaller)
+        if self.width is not None:
+            transformer = smaller.denoiser.transformer.scaled(self.width, self.layers)
+            smaller = replace(
+                smaller,
+                vae=smaller.vae.scaled(self.width, self.layers),
+                denoiser=replace(smaller.denoiser, transformer=transformer),
+            )
+        if experiment.name in self.of_models:
+            smaller = self.of_models[experiment.name].change(smaller)
+        for adjustment in self.further:
+            smaller = adjustment.change(smaller)
+        return smaller
+
+
+def short_training(experiment: Experiment) -> Experiment:
+    """Crops motions to 64 frames, and trains both stages for some thousand steps."""
+
+    def crop(cropping: Cropping) -> Cropping:
+        return replace(cropping, max_frames=64, min_frames=16)
+
+    def train(settings: TrainingSettings, steps: int, snapshot_every: int) -> TrainingSettings:
+        return replace(
+            settings,
+            steps=steps,
+            learning_rate=5e-4,
+            warm_up=200,
+            schedule="cosine",
+            gradient_clip=1.0,
+            ema_decay=0.999,
+            report_every=100,
+            validate_every=500,
+            snapshot_every=snapshot_every,
+            sample_every=0,
+        )
+
+    vae_training = train(experiment.vae_training, steps=2_500, snapshot_every=100)
+    return replace(
+        experiment,
+        vae_cropping=crop(experiment.vae_cropping),
+        vae_training=replace(vae_training, batch_size=32, precision="bfloat16"),
+        latents=replace(experiment.latents, cropping=crop(experiment.latents.cropping)),
+        denoiser_training=train(experiment.denoiser_training, steps=4_000, snapshot_every=500),
+    )
+
+
+def short_raw_training(experiment: Experiment) -> Experiment:
+    """Trains diffusion on raw frames for 2,500 steps of 32."""
+    training = replace(experiment.denoiser_training, steps=2_500, batch_size=32)
+    return replace(experiment, denoiser_training=training)
+
+
+def short_flow_training(experiment: Experiment) -> Experiment:
+    """Trains the denoiser for 700 steps of 32."""
+    training = replace(
+        experiment.denoiser_training, steps=700, batch_size=32, learning_rate=1e-3, warm_up=100
+    )
+    return replace(experiment, denoiser_training=training)
+
+
+def short_vae_training(experiment: Experiment) -> Experiment:
+    """Trains the VAE for 1,000 steps."""
+    return replace(experiment, vae_training=replace(experiment.vae_training, steps=1_000))
+
+
+PAPER = Budget("paper", "sizes and steps of the paper")
+
+SMALL = Budget(
+    "small",
+    "width 128 instead of 256, hidden 256 instead of 1024, 5 layers for 9 (1, 3, 7 for 5, 7, 11), "
+    "no dropout in VAEs, motions of 16 to 64 frames; VAE: 2,500 steps of 32; diffusion on latents: "
+    "4,000 steps of 64; on raw frames: 2,500 steps of 32; rates fall from 5e-4 as a cosine, "
+    "weights are averaged",
+    change=short_training,
+    raw=short_raw_training,
+    width=128,
+    # ACTOR's 6 and MDM's 8 layers become 5, as MLD's 9 do.
+    layers={5: 1, 6: 5, 7: 3, 8: 5, 9: 5, 11: 7, 15: 5},
+    of_tables=dict.fromkeys(
+        ("fast", "fast_vae"),
+        Adjustment(
+            "denoiser_training.steps=700, denoiser_training.batch_size=32, "
+            "denoiser_training.learning_rate=1e-3, denoiser_training.warm_up=100",
+            short_flow_training,
+        ),
+    ),
+    of_models=dict.fromkeys(
+        ("narrow_16x16", "narrow_16x32"),
+        Adjustment("vae_training.steps=1000", short_vae_training),
+    ),
+    max_frames=64,
+    replications=5,
+    slow=1,
+    repeats=Repeats(texts=20, samples=10, replications=1),
+)
+
+BUDGETS = {budget.name: budget for budget in (PAPER, SMALL)}
+
+
+def budget_named(name: str) -> Budget:
+    """Returns a budget.
+
+    Raises:
+        InputError: There is none of this name; the nearest is named.
+    """
+    if name not in BUDGETS:
+        raise InputError(f"unknown budget {name!r}; {hint(name, BUDGETS)}")
+    return BUDGETS[name]

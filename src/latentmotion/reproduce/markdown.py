@@ -1,0 +1,208 @@
+"""Results of tables: JSON for programs, and Markdown with the paper's figures beside ours.
+
+`fill` puts the pages of tables into a document, between the lines that name them:
+
+<!-- table vae -->
+(replaced by the page of the table `vae`)
+<!-- end of table vae -->
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from latentmotion.errors import InputError
+from latentmotion.evaluation.report import UNITS as REPORT_UNITS
+from latentmotion.evaluation.report import table_line
+from latentmotion.reproduce.table import Table
+from latentmotion.reproduce.tables import TABLES
+from latentmotion.storage.files import atomic_file
+
+UNITS = {
+    **REPORT_UNITS,
+    "AITS": "s ↓",
+    "GFLOPs": "↓",
+    "Parameters": "10⁶ ↓",
+    "Latent numbers": "of 4 s ↓",
+    "Training step": "CPU s ↓",
+    "Decoding": "of 4 s, CPU ms ↓",
+    "Silhouette of noise": "",
+    "Silhouette of latents": "↑",
+}
+"""Unit of each metric; ↓ where less is better, ↑ where more is, → near the ground truth."""
+
+
+@dataclass(frozen=True)
+class RowResult:
+    """One measured row."""
+
+    row: str
+    """Its name in the table."""
+    key: str
+    """Hash of everything that determines the figures; a row is measured again if it changes."""
+    figures: dict[str, list[float | None]] = field(default_factory=dict)
+    """Mean and half of the 95 % interval by metric; no interval for a single replication."""
+    truth: dict[str, list[float | None]] = field(default_factory=dict)
+    """Figures of the ground truth, measured in the same run."""
+    items: int = 0
+    """Motions of a replication."""
+    replications: int = 0
+    """Number of replications."""
+    made: dict[str, str] = field(default_factory=dict)
+    """Data, evaluator, protocol and budget; rows of one page agree in them."""
+    weights: str = ""
+    """Hash of the model's weights."""
+    hours: float = 0.0
+    """Hours of training, both stages."""
+    versions: dict[str, str] = field(default_factory=dict)
+    """Versions of this package, its commit and its libraries."""
+    notes: tuple[str, ...] = ()
+    """Limits that a reader must know to compare the figures."""
+    warnings: tuple[str, ...] = ()
+    """Problems of the figures."""
+
+
+@dataclass(frozen=True)
+class TableResult:
+    """The measured rows of a table."""
+
+    table: str
+    """Its name."""
+    budget: str
+    """Name of the budget."""
+    data: str
+    """Folder name and fingerprint of the data set."""
+    protocol: str
+    """Name of the protocol, its split, replications and evaluator."""
+    rows: tuple[RowResult, ...] = ()
+    """Measured rows, in the table's order."""
+
+
+def markdown(table: Table, result: TableResult, says: str) -> str:
+    """Returns the table with our figures beside the paper's, and its protocol and notes.
+
+    Args:
+        table: The table.
+        result: Its measured rows.
+        says: Description of the budget.
+    """
+    measured = {row.row: row for row in result.rows}
+    ours = {metric for row in result.rows for metric in row.figures}
+    papers = {metric for row in table.rows for metric in row.paper}
+    # Heading, metric, and whether the figures are the paper's.
+    columns: list[tuple[str, str, bool]] = []
+    for metric in table.metrics:
+        if metric in ours:
+            columns.append((f"{metric} {UNITS.get(metric, '')}".strip(), metric, False))
+        if metric in papers:
+            columns.append((f"{metric}, paper", metric, True))
+    lines = [
+        table_line(["", *(heading for heading, _, _ in columns)]),
+        table_line(["---"] * (len(columns) + 1)),
+    ]
+    for row in table.rows:
+        if not row.paper and row.name not in measured:
+            continue
+        figures = measured[row.name].figures if row.name in measured else {}
+        cells = [row.title]
+        for _, metric, from_paper in columns:
+            if from_paper:
+                cells.append(f"{row.paper[metric]:g}" if metric in row.paper else "")
+            else:
+                cells.append(cell(figures[metric]) if metric in figures else "–")
+        lines.append(table_line(cells))
+    parts = [
+        f"### {table.title}",
+        "",
+        *lines,
+        *([f"\nThe paper finds: {table.expects}"] if table.expects else []),
+        "",
+        f"<details><summary>Paper: {table.where}. Here: {result.data}, budget "
+        f"{result.budget}.</summary>",
+        "",
+        f"* Protocol {result.protocol}.",
+        f"* Budget {result.budget}: {says}.",
+        *(f"* {note}" for note in _notes(table, result)),
+        "",
+        "</details>",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def number(value: float, like: float | None = None) -> str:
+    """Formats a value with three significant digits, or with as many decimals as `like` gets."""
+    scale = abs(value if like is None else like)
+    decimals = next((n for limit, n in ((100, 0), (10, 1), (1, 2)) if scale >= limit), 3)
+    return f"{value:.{decimals}f}"
+
+
+def cell(figure: Sequence[float | None]) -> str:
+    """Formats a mean with its interval."""
+    mean, interval = figure
+    if mean is None:
+        return "–"
+    half = number(interval or 0.0, like=mean)
+    return f"{number(mean)} ± {half}" if float(half) else number(mean)
+
+
+def _notes(table: Table, result: TableResult) -> list[str]:
+    """Missing rows, notes, and warnings, each once with the rows that it applies to."""
+    notes = [f"{row.title}: not run, {row.missing}." for row in table.rows if row.missing]
+    texts = dict.fromkeys(note for row in result.rows for note in row.notes)
+    notes += [f"{text[0].upper()}{text[1:]}." for text in texts]
+    warned: dict[str, list[str]] = {}
+    for row in result.rows:
+        for warning in row.warnings:
+            warned.setdefault(warning, []).append(row.row)
+    return notes + [f"Warning for {', '.join(rows)}: {text}" for text, rows in warned.items()]
+
+
+_PART = re.compile(r"<!-- table (\w+) -->\n(.*?)<!-- end of table \1 -->", re.DOTALL)
+
+
+def fill(document: Path, results: Path) -> list[str]:
+    """Inserts tables into the marked parts of a document; their data and plots go beside it.
+
+    Args:
+        document: Markdown with marked parts.
+        results: Output folder of `latentmotion experiment run`.
+
+    Returns:
+        The names of the inserted tables.
+
+    Raises:
+        InputError: The document has no marked part, names an unknown table, or cannot be read.
+    """
+    try:
+        text = document.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot read {document}: {error.strerror}") from error
+    names = [match.group(1) for match in _PART.finditer(text)]
+    unknown = [name for name in names if name not in TABLES]
+    if unknown or not names:
+        problem = f"names the unknown table {unknown[0]!r}" if unknown else "has no marked part"
+        raise InputError(f"{document} {problem}; a part is <!-- table vae --> … <!-- end of … -->")
+    finished = [name for name in names if (results / f"{name}.md").is_file()]
+    beside = document.parent / document.stem
+    beside.mkdir(exist_ok=True)
+
+    def page_of(part: re.Match[str]) -> str:
+        name = part.group(1)
+        if name not in finished:
+            return part.group(0)
+        for ending in (".json", ".png"):
+            source = results / f"{name}{ending}"
+            if source.is_file():
+                shutil.copyfile(source, beside / source.name)
+        page = (results / f"{name}.md").read_text(encoding="utf-8")
+        page = page.replace(f"]({name}.png)", f"]({beside.name}/{name}.png)")
+        return f"<!-- table {name} -->\n{page}<!-- end of table {name} -->"
+
+    filled = _PART.sub(page_of, text)
+    with atomic_file(document) as temporary:
+        temporary.write_text(filled, encoding="utf-8")
+    return finished

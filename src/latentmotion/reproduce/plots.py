@@ -1,0 +1,194 @@
+"""Figures: training curves, time against FID, guidance, latents along the reverse process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.errors import MissingExtraError
+from latentmotion.reproduce.markdown import TableResult
+from latentmotion.reproduce.table import Table
+from latentmotion.storage.files import atomic_file
+from latentmotion.training.journal import read_journal
+
+SIZE = (7.0, 4.5)
+"""Inches of a plot of one panel."""
+
+DOTS = 130
+"""Dots per inch."""
+
+GUIDANCE_METRICS = ("FID", "R@3", "MM-Dist")
+"""Metrics that are drawn by guidance scale."""
+
+Points = Sequence[tuple[float, float]]
+
+
+def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> bool:
+    """Draws the figure of a table, if it has one and its rows are measured.
+
+    Args:
+        table: The table.
+        folder: Workspace with the training runs.
+        result: Measured rows.
+        path: PNG to write.
+
+    Returns:
+        Whether there is a figure.
+    """
+    figures: dict[str, Mapping[str, float]] = {
+        row.row: {name: pair[0] for name, pair in row.figures.items() if pair[0] is not None}
+        for row in result.rows
+    }
+    rows = [row for row in table.rows if figures.get(row.name)]
+    if table.figure == "training":
+        runs = {row.title: read_journal(folder / row.model / "vae") for row in rows}
+        return training_curves(path, {title: _curves(lines) for title, lines in runs.items()})
+    if table.figure == "time":
+        series: dict[str, list[tuple[str, float, float]]] = {}
+        for row in rows:
+            measured = figures[row.name]
+            if "AITS" in measured and "FID" in measured:
+                method, _, label = row.title.partition(", ")
+                point = (label, measured["AITS"], measured["FID"])
+                series.setdefault(f"{method} ({label.split()[0]})", []).append(point)
+        return time_against_fid(path, series)
+    if table.figure == "guidance":
+        rows = [row for row in rows if row.guidance]
+        names = [n for n in GUIDANCE_METRICS if all(n in figures[row.name] for row in rows)]
+        values = {name: [figures[row.name][name] for row in rows] for name in names if rows}
+        return by_guidance(path, [row.guidance or 0.0 for row in rows], values)
+    # The maps of latents are drawn with their row.
+    return table.figure == "tsne" and path.is_file()
+
+
+def _curves(journal: Sequence[Mapping[str, Any]]) -> dict[str, Points]:
+    """Returns the loss and the joint error of held-out clips by step, from lines of a journal."""
+    keys = {"loss": ("train", "total"), "error": ("validation", "val_mm")}
+    return {
+        name: [(line["step"], line[k]) for line in journal if line["kind"] == kind and k in line]
+        for name, (kind, k) in keys.items()
+    }
+
+
+def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> bool:
+    """Draws the loss and the joint error of held-out clips by optimizer step.
+
+    Args:
+        path: PNG to write.
+        curves: For each run its `loss` and `error`, as (step, value).
+
+    Returns:
+        Whether there is a run to draw.
+    """
+    if not curves:
+        return False
+    figure, panels = _figure(columns=2)
+    labels = {"loss": "Training loss", "error": "Joint error of held-out clips, mm"}
+    for panel, (curve, label) in zip(panels, labels.items(), strict=True):
+        for name, run in curves.items():
+            panel.plot(*zip(*run[curve], strict=True), label=name)
+        panel.set(xlabel="Optimizer step", ylabel=label)
+        _finish(panel)
+    return _save(figure, path)
+
+
+def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float, float]]]) -> bool:
+    """Draws FID by seconds per motion.
+
+    Args:
+        path: PNG to write.
+        series: For each method its (label, seconds, FID).
+
+    Returns:
+        Whether there is a method to draw.
+    """
+    if not series:
+        return False
+    figure, (panel,) = _figure()
+    for name, points in series.items():
+        ordered = sorted(points, key=lambda point: point[1])
+        panel.plot([p[1] for p in ordered], [p[2] for p in ordered], "o-", label=name)
+        for label, x, y in ordered:
+            panel.annotate(label, (x, y), xytext=(5, 5), textcoords="offset points", fontsize=8)
+    panel.set(xlabel="Time per motion, s (one at a time)", ylabel="FID", xscale="log")
+    panel.margins(x=0.15, y=0.12)
+    _finish(panel)
+    return _save(figure, path)
+
+
+def by_guidance(
+    path: Path, scales: Sequence[float], figures: Mapping[str, Sequence[float]]
+) -> bool:
+    """Draws metrics by guidance scale, one panel each.
+
+    Args:
+        path: PNG to write.
+        scales: The scales.
+        figures: For each metric its value at each scale.
+
+    Returns:
+        Whether there is a metric to draw.
+    """
+    if not figures:
+        return False
+    figure, panels = _figure(columns=len(figures))
+    for panel, (name, values) in zip(panels, figures.items(), strict=True):
+        panel.plot(scales, values, "o-")
+        panel.set(xlabel="Guidance scale s", ylabel=name)
+        panel.grid(alpha=0.3)
+    return _save(figure, path)
+
+
+def latent_maps(
+    path: Path,
+    maps: Mapping[str, Float[np.ndarray, "items 2"]],
+    labels: Sequence[str],
+) -> None:
+    """Draws t-SNE maps side by side, colored by action.
+
+    Args:
+        path: PNG to write.
+        maps: Maps by title, e.g. `t = 981`.
+        labels: The action of each item.
+    """
+    figure, panels = _figure(columns=len(maps), width=3.4)
+    actions = sorted(set(labels))
+    for panel, (name, points) in zip(panels, maps.items(), strict=True):
+        for number, action in enumerate(actions):
+            chosen = np.array([label == action for label in labels])
+            color = f"C{number % 10}"
+            marker = "ox^sDvP*"[number // 10 % 8]
+            panel.scatter(*points[chosen].T, s=9, color=color, marker=marker, label=action)
+        panel.set(title=name, xlabel="t-SNE 1", xticks=[], yticks=[])
+    panels[0].set_ylabel("t-SNE 2")
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=6, fontsize=8, markerscale=2)
+    _save(figure, path)
+
+
+def _figure(columns: int = 1, width: float | None = None) -> tuple[Any, list[Any]]:
+    try:
+        # Not pyplot, which needs a display and keeps every figure.
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("plots", "matplotlib", "train") from error
+    inches = (columns * (width or (SIZE[0] if columns == 1 else 4.4)), SIZE[1])
+    figure = Figure(figsize=inches, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, list(np.atleast_1d(figure.subplots(1, columns)))
+
+
+def _finish(panel: Any) -> None:
+    panel.grid(alpha=0.3)
+    panel.legend()
+
+
+def _save(figure: Any, path: Path) -> bool:
+    with atomic_file(path) as temporary:
+        figure.savefig(temporary, dpi=DOTS, format="png")
+    return True

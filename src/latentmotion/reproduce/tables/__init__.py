@@ -1,0 +1,73 @@
+"""Every table and figure by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from latentmotion.errors import InputError, hint
+from latentmotion.reproduce.table import Row, Table
+from latentmotion.reproduce.tables.ablations import (
+    AUTOENCODER,
+    BATCH,
+    DENOISER,
+    DROPPED,
+    GUIDANCE,
+    LANGUAGE,
+    PREDICTION,
+)
+from latentmotion.reproduce.tables.action import HDM05, HUMANACT12, LATENTS, UESTC
+from latentmotion.reproduce.tables.fast import FAST, FAST_VAE
+from latentmotion.reproduce.tables.text import HUMANML3D, KIT, STEPS, UNCONDITIONAL
+from latentmotion.reproduce.tables.vae import DECODER, LAYERS, TOKENS, TRAINING, VAE
+
+TABLES: dict[str, Table] = {
+    table.name: table
+    for table in (
+        HUMANML3D,
+        KIT,
+        HUMANACT12,
+        UESTC,
+        HDM05,
+        UNCONDITIONAL,
+        VAE,
+        LAYERS,
+        DECODER,
+        TOKENS,
+        DENOISER,
+        LANGUAGE,
+        AUTOENCODER,
+        PREDICTION,
+        STEPS,
+        GUIDANCE,
+        DROPPED,
+        BATCH,
+        TRAINING,
+        LATENTS,
+        FAST_VAE,
+        FAST,
+    )
+}
+
+
+def table_named(name: str) -> Table:
+    """Returns a table.
+
+    Raises:
+        InputError: There is none of this name; the nearest is named.
+    """
+    if name not in TABLES:
+        raise InputError(f"unknown experiment {name!r}; {hint(name, list(TABLES))}")
+    return TABLES[name]
+
+
+def rows_named(table: Table, names: Sequence[str]) -> list[Row]:
+    """Returns some rows of a table in its order, or those that can be run where none is named.
+
+    Raises:
+        InputError: One of them is not in it; the nearest is named.
+    """
+    every = [row.name for row in table.rows]
+    for name in names:
+        if name not in every:
+            raise InputError(f"experiment {table.name} has no row {name!r}; {hint(name, every)}")
+    return [row for row in table.rows if (row.name in names if names else not row.missing)]

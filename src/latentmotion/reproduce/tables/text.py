@@ -1,0 +1,114 @@
+"""Text to motion, unconditional motion and sampling cost (paper, tables 1, 2, 6, 7 and 10)."""
+
+from __future__ import annotations
+
+from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.reproduce import published
+from latentmotion.reproduce.table import Row, Table
+
+METRICS = (
+    "R@1",
+    "R@2",
+    "R@3",
+    "FID",
+    "MM-Dist",
+    "Diversity",
+    "MultiModality",
+)
+
+EXPECTS = "MLD leads MDM in FID, R-precision and MM-Dist; MDM is the more various."
+
+HUMANML3D = Table(
+    name="text",
+    title="Text to motion",
+    where="table 1 (HumanML3D)",
+    metrics=METRICS,
+    expects=EXPECTS,
+    rows=(
+        Row("real", "Real", "real", paper=published.HUMANML3D["real"]),
+        Row(
+            "mdm", "MDM, 1000 steps", model="mdm", steps=1000, sampler="ddpm",
+            paper=published.HUMANML3D["mdm"],
+        ),
+        Row("mdm_50", "MDM, its 50-step form", model="mdm_50"),
+        Row("mld_1", "MLD (1 token)", model="mld_1", paper=published.HUMANML3D["mld"]),
+        Row("mld_2", "MLD (2 tokens)", model="mld_2"),
+        Row("mld_5", "MLD (5 tokens)", model="mld_5"),
+        Row("mld_7", "MLD (7 tokens)", model="mld_7", paper=published.GENERATED_7),
+        Row("mld_10", "MLD (10 tokens)", model="mld_10"),
+        Row("starter", "Our shipped starter (not the paper's)", model="starter"),
+    ),
+)  # fmt: skip
+
+KIT = Table(
+    name="text_kit",
+    title="Text to motion on KIT",
+    where="table 2 (KIT)",
+    metrics=METRICS,
+    data="KIT, prepared with latentmotion data prepare",
+    expects=EXPECTS,
+    rows=(
+        Row("real", "Real", "real"),
+        Row("mdm", "MDM, 1000 steps", model="mdm", steps=1000, sampler="ddpm",
+            paper=published.KIT["mdm"]),
+        Row("mld_1", "MLD (1 token)", model="mld_1", paper=published.KIT["mld"]),
+    ),
+)  # fmt: skip
+
+
+UNCONDITIONAL = Table(
+    name="unconditional",
+    title="Unconditional motion",
+    where="table 6",
+    metrics=("FID", "KID", "Diversity"),
+    expects="One token generates far better than seven.",
+    rows=(
+        Row("real", "Real", "real"),
+        Row("prior_actor", "ACTOR, its prior", "prior", "actor"),
+        Row("prior_vposer_t", "VPoser-t, its prior", "prior", "vposer_t"),
+        Row("prior_mld_1", "MLD's VAE (1 token), its prior", "prior", "mld_1"),
+        *(
+            Row(
+                f"mld_{tokens}",
+                f"MLD ({tokens} token{'s' if tokens > 1 else ''})",
+                model=f"unconditional_mld_{tokens}",
+                guidance=1.0,
+                paper=published.UNCONDITIONAL.get(f"mld_{tokens}", {}),
+            )
+            for tokens in (1, 2, 5, 7)
+        ),
+    ),
+)
+
+
+def _sampled(steps: int, sampler: SamplerName = "ddim") -> Row:
+    return Row(
+        f"mld_{sampler}_{steps}",
+        f"MLD, {sampler.upper()} {steps}",
+        model="mld_1",
+        steps=steps,
+        sampler=sampler,
+        paper=published.COST.get(f"mld_{steps}", {}),
+    )
+
+
+STEPS = Table(
+    name="steps",
+    title="Time, cost and FID by sampling steps",
+    where="tables 7 and 10",
+    metrics=("FID", "R@3", "AITS", "GFLOPs", "Parameters"),
+    figure="time",
+    expects="MDM needs its 1000 steps, and at 50 costs twenty times MLD's FLOPs.",
+    rows=(
+        Row("real", "Real", "real"),
+        *map(_sampled, (5, 10, 20, 50, 100, 200)),
+        _sampled(1000, "ddpm"),
+        Row("mdm_50", "MDM, DDIM 50", model="mdm", steps=50, sampler="ddim",
+            paper=published.COST["mdm_50"]),
+        Row("mdm_ddpm_50", "MDM, DDPM 50", model="mdm", steps=50, sampler="ddpm"),
+        Row("mdm_100", "MDM, DDIM 100", model="mdm", steps=100, sampler="ddim"),
+        Row("mdm_200", "MDM, DDIM 200", model="mdm", steps=200, sampler="ddim"),
+        Row("mdm_1000", "MDM, DDPM 1000", model="mdm", steps=1000, sampler="ddpm",
+            paper=published.COST["mdm_1000"]),
+    ),
+)  # fmt: skip

@@ -1,0 +1,130 @@
+"""The workspace of the tables: each stage is trained once for all rows and tables that share it.
+
+    FOLDER/MODEL/vae       first stage, a run folder of `latentmotion train vae`
+    FOLDER/MODEL/denoiser  second stage, a run folder of `latentmotion train denoiser`
+
+A finished stage is used as it is if it was trained with the same data and settings; an interrupted
+one resumes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition.task import TASKS
+from latentmotion.data.dataset import Dataset
+from latentmotion.errors import InputError
+from latentmotion.model.card import CARD_FILE, find_model
+from latentmotion.reproduce.budget import Budget
+from latentmotion.reproduce.models import FIRST_STAGE, MODELS, Model
+from latentmotion.storage.configuration import to_json
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, differing_keys
+from latentmotion.training.run_folder import MODEL, Run, read_run
+from latentmotion.training.stages import train_denoiser, train_vae
+from latentmotion.training.task_conditions import task_conditioning, with_condition_width
+
+SECOND_STAGE = (
+    *FIRST_STAGE,
+    "task",
+    "latents",
+    "denoiser",
+    "denoiser_objective",
+    "denoiser_training",
+    "conditioning",
+)
+"""Parts of an experiment that determine the second stage."""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Data set, sizes and folder that all rows of a run share."""
+
+    dataset: Dataset
+    """Data set for training and measuring."""
+    folder: Path
+    """Folder of runs and results."""
+    budget: Budget
+    """Sizes."""
+    context: DistributedContext
+    """Device and rank."""
+    encoders: Callable[[str], TextEncoder]
+    """Text encoder by name."""
+    encoder: str = "starter"
+    """Text encoder of models that name none."""
+    models: Mapping[str, Model] = field(default_factory=lambda: MODELS)
+    """Models by name."""
+    tell: Callable[[str], None] = print
+    """Receives lines of progress."""
+
+    def encoder_of(self, model: Model) -> TextEncoder | None:
+        """Returns the text encoder of a model; None if its task reads no text."""
+        if not TASKS[model.task].reads_text:
+            return None
+        return self.encoders(model.encoder or self.encoder)
+
+    def first_stage(self, name: str) -> Path:
+        """Trains the VAE of a model if there is none yet; returns its model folder.
+
+        Raises:
+            InputError: The folder holds another run.
+        """
+        experiment = self._first_stage(name)
+        folder = self.folder / name / "vae"
+        if not self._is_trained(folder, experiment, FIRST_STAGE):
+            self.tell(f"{folder}: training a VAE, {experiment.vae_training.steps} steps")
+            train_vae(experiment, self.dataset.folder, folder, self.context)
+        return folder / MODEL
+
+    def both_stages(self, name: str) -> Path:
+        """Trains the missing stages of a model; returns its model folder.
+
+        Raises:
+            InputError: A folder holds another run.
+        """
+        model = self.models[name]
+        if model.shipped:
+            return find_model(name)
+        vae = None if model.raw else self.first_stage(model.first or name)
+        encoder = self.encoder_of(model)
+        experiment = model.second_stage(
+            self._first_stage(model.first or name),
+            self.budget,
+            self.dataset.representation.width,
+            encoder.width if encoder else None,
+        )
+        conditioning = task_conditioning(experiment, self.dataset, encoder)
+        experiment = with_condition_width(experiment, conditioning)
+        folder = self.folder / name / "denoiser"
+        if not self._is_trained(folder, experiment, SECOND_STAGE):
+            steps = experiment.denoiser_training.steps
+            self.tell(f"{folder}: training a denoiser, {steps} steps")
+            train_denoiser(experiment, self.dataset.folder, vae, encoder, folder, self.context)
+        return folder / MODEL
+
+    def _first_stage(self, name: str) -> Experiment:
+        return self.models[name].first_stage(self.budget, self.dataset.representation.width)
+
+    def _is_trained(self, folder: Path, wanted: Experiment, parts: Sequence[str]) -> bool:
+        if not (folder / MODEL / CARD_FILE).is_file():
+            return False
+        run = read_run(Run, folder)
+        differing = [] if run.data == self.dataset.fingerprint else ["data"]
+        for part in parts:
+            # Through text, as the run folder's settings went: tuples become lists.
+            trained, planned = (
+                json.loads(json.dumps(to_json(getattr(experiment, part))))
+                for experiment in (run.experiment, wanted)
+            )
+            if trained != planned:
+                differing += list(differing_keys(trained, planned, part))
+        if differing:
+            raise InputError(
+                f"{folder} holds a run with other settings: {', '.join(differing)}; remove it, or "
+                "use another output folder"
+            )
+        return True

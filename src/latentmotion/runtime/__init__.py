@@ -1,1 +1,0 @@
-"""Trained networks without PyTorch: export and sessions."""

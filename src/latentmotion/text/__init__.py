@@ -1,0 +1,1 @@
+"""Text encoding without PyTorch: the exported encoder, its vocabulary, cache and length model."""

@@ -1,0 +1,199 @@
+"""Text encoders: sentences to embeddings by an ONNX graph and a tokenizer, without PyTorch.
+
+Sentences go through the graph one at a time: padding would only cost time, and so an embedding
+does not depend on the other sentences of a batch, not even in the last bit. If an encoder needs
+padding, as CLIP does to 77 tokens, its tokenizer's file says so.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
+from latentmotion.engine.session import onnxruntime_session
+from latentmotion.errors import InputError, ModelError
+from latentmotion.model.card import text_encoder_files
+
+
+class UnknownWordsWarning(UserWarning):
+    """A sentence has words that the text encoder never met; it reads them by their pieces."""
+
+
+@runtime_checkable
+class EncoderWithVocabulary(TextEncoder, Protocol):
+    """A text encoder that can say which words of a sentence it does not know."""
+
+    def unknown_words(self, sentence: str) -> list[str]:
+        """Returns the words of a sentence that the encoder can only guess."""
+        ...
+
+
+@dataclass(frozen=True)
+class GraphTextEncoder:
+    """An exported text encoder. Immutable, so that one serves many threads."""
+
+    name: str
+    """Name that tells its embeddings from any other encoder's."""
+    width: int
+    """Numbers per vector."""
+    session: Any
+    """ONNX Runtime's session: tokens, mask → pooled, words."""
+    tokenizer: Any
+    """Tokenizer of the package `tokenizers`, which truncates and pads as its file says."""
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        """Returns pooled embeddings and the states of the word pieces.
+
+        Raises:
+            InputError: There is no sentence.
+        """
+        if not sentences:
+            raise InputError("no sentence to encode; give at least one")
+        embeddings = {}
+        for sentence in dict.fromkeys(sentences):
+            tokens = np.array([self.tokenizer.encode(sentence).ids], np.int64)
+            mask = np.ones(tokens.shape, dtype=bool)
+            pooled, words = self.session.run(None, {"tokens": tokens, "mask": mask})
+            embeddings[sentence] = TextEmbedding(pooled, words, mask)
+        return stack([embeddings[sentence] for sentence in sentences])
+
+    def unknown_words(self, sentence: str) -> list[str]:
+        """Returns no words: this encoder does not tell known words from others."""
+        return []
+
+
+@dataclass(frozen=True)
+class StudentTextEncoder(GraphTextEncoder):
+    """The distilled text encoder, with a WordPiece tokenizer; its sentences are not padded."""
+
+    known_words: frozenset[str]
+    """Words of several pieces that occurred in training."""
+
+    @classmethod
+    def load(cls, folder: str | Path, threads: int = 1) -> StudentTextEncoder:
+        """Loads the encoder from a model folder.
+
+        Args:
+            folder: Folder with `text_encoder.onnx` and `tokenizer.json`.
+            threads: Threads of ONNX Runtime; a sentence is too short to gain from several.
+
+        Raises:
+            ModelError: A file is missing or damaged, or is another encoder's.
+        """
+        encoder = load_text_encoder(folder, threads)
+        if not isinstance(encoder, StudentTextEncoder):
+            raise ModelError(
+                f"{folder}: the text encoder cannot be loaded: it is no distilled one, as its "
+                "graph lists no known words"
+            )
+        return encoder
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        """Returns pooled embeddings of unit length and the states of the word pieces.
+
+        Warns (`UnknownWordsWarning`) of words that are not one piece and did not occur in
+        training.
+
+        Raises:
+            InputError: There is no sentence.
+        """
+        warn_of_unknown(word for text in sentences for word in self.unknown_words(text))
+        return super().__call__(sentences)
+
+    def unknown_words(self, sentence: str) -> list[str]:
+        """Returns the words of a sentence that the encoder can only guess from their pieces."""
+        split = split_words(self.tokenizer, sentence)
+        return [word for word in split if word not in self.known_words]
+
+
+@dataclass(frozen=True)
+class LazyTextEncoder:
+    """A text encoder that is loaded when it is first needed."""
+
+    folder: Path
+    """Folder with `text_encoder.onnx` and `tokenizer.json`."""
+    name: str
+    """The encoder's name."""
+    width: int
+    """Numbers per vector."""
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        """Returns the embeddings of the sentences.
+
+        Raises:
+            InputError: There is no sentence.
+            ModelError: A file of the encoder is missing or damaged.
+        """
+        return self._encoder(sentences)
+
+    def unknown_words(self, sentence: str) -> list[str]:
+        """Returns the words of a sentence that the encoder can only guess."""
+        return self._encoder.unknown_words(sentence)
+
+    @cached_property
+    def _encoder(self) -> GraphTextEncoder:
+        return load_text_encoder(self.folder)
+
+
+def load_text_encoder(folder: str | Path, threads: int = 1) -> GraphTextEncoder:
+    """Loads the text encoder of a folder: a distilled one, or an exported CLIP or the like.
+
+    Args:
+        folder: Folder with `text_encoder.onnx` and `tokenizer.json`.
+        threads: Threads of ONNX Runtime.
+
+    Raises:
+        ModelError: A file is missing or damaged.
+    """
+    graph, tokenizer = text_encoder_files(Path(folder))
+    # Imported only here, since cached prompts need no tokenizer.
+    from tokenizers import Tokenizer
+
+    try:
+        session = onnxruntime_session(graph, threads)
+        card = session.get_modelmeta().custom_metadata_map
+        width = int(session.get_outputs()[0].shape[-1])
+        fields = card["name"], width, session, Tokenizer.from_file(str(tokenizer))
+        if "known_words" not in card:
+            return GraphTextEncoder(*fields)
+        return StudentTextEncoder(*fields, frozenset(json.loads(card["known_words"])))
+    except Exception as error:  # onnxruntime and tokenizers have error classes of their own
+        raise ModelError(f"{folder}: the text encoder cannot be loaded: {error}") from error
+
+
+def warn_of_unknown(words: Iterable[str]) -> None:
+    """Warns of the words, each named once, if there are any."""
+    named = ", ".join(repr(word) for word in dict.fromkeys(words))
+    if named:
+        warnings.warn(
+            f"unknown to the text encoder, read by their pieces: {named}; "
+            "another word for it may work better",
+            UnknownWordsWarning,
+            stacklevel=4,
+        )
+
+
+def split_words(tokenizer: Any, sentence: str) -> list[str]:
+    """Returns the words of a sentence that are several pieces, or no known piece at all.
+
+    Args:
+        tokenizer: A WordPiece tokenizer.
+        sentence: The sentence.
+    """
+    encoding = tokenizer.encode(sentence, add_special_tokens=False)
+    pieces = Counter(encoding.word_ids)
+    spans = {
+        (word, encoding.word_to_chars(word))
+        for word, token in zip(encoding.word_ids, encoding.tokens, strict=True)
+        if word is not None and (pieces[word] > 1 or token == "[UNK]")
+    }
+    return [sentence[slice(*span)].lower() for _, span in sorted(spans) if span]

@@ -1,0 +1,129 @@
+"""What the denoiser minimizes (paper, eq. 4): ‖target − denoiser(z_t, t, condition)‖².
+
+z_t = α z_0 + σ ε; the target is the noise, the latents or the velocity, as its parametrization
+says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Literal
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.few_step import StepCondition
+from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.parametrization import (
+    Epsilon,
+    Parametrization,
+    Sample,
+    Velocity,
+    add_noise,
+)
+from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
+from latentmotion.networks.vae.loss import mean_of_real
+
+
+@dataclass(frozen=True)
+class DenoiserObjective:
+    """What the denoiser learns; the defaults are the paper's."""
+
+    schedule: ScaledLinear | Cosine | LinearPath = field(default_factory=ScaledLinear)
+    """Noise schedule."""
+    parametrization: Epsilon | Sample | Velocity = field(default_factory=Epsilon)
+    """What the network predicts."""
+    times: Literal["uniform", "logit_normal"] = "uniform"
+    """How times are drawn; logit-normal (Esser et al. 2024) prefers the middle of the way."""
+    dropped: float = 0.1
+    """Share of motions that are shown without their condition."""
+
+    def time(self, normal: Float[Tensor, " batch"]) -> Float[Tensor, " batch"]:
+        """Turns standard normal numbers into times of the schedule."""
+        uniform = torch.special.ndtr(normal) if self.times == "uniform" else torch.sigmoid(normal)
+        # A far tail rounds to 1, which is no time of a discrete schedule.
+        return self.schedule.time_at(uniform.clamp(max=1 - 2**-24))
+
+
+def denoiser_loss(
+    denoiser: Denoiser,
+    z0: Float[Tensor, "batch tokens width"],
+    epsilon: Float[Tensor, "batch tokens width"],
+    t: Float[Tensor, " batch"],
+    condition: Conditioning,
+    mask: Bool[Tensor, "batch tokens"],
+    objective: DenoiserObjective,
+) -> Float[Tensor, ""]:
+    """Adds noise to latents and compares the network's answer with its target."""
+    z = add_noise(z0, epsilon, t, objective.schedule)
+    output = denoiser(z, t, condition, mask).float()
+    target = objective.parametrization.target(z0, epsilon, t, objective.schedule)
+    return mean_of_real(F.mse_loss(output, target, reduction="none"), mask)
+
+
+@dataclass(frozen=True)
+class StepBatch:
+    """Steps that a student learns."""
+
+    start: Float[Tensor, "batch tokens width"]
+    """Latents at the start."""
+    end: Float[Tensor, "batch tokens width"]
+    """Target: latents at the end."""
+    times: tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]
+    """Times of start and end."""
+    condition: Conditioning
+    """What steers the motions."""
+    mask: Bool[Tensor, "batch tokens"]
+    """True on real tokens."""
+    step_condition: StepCondition
+    """Guidance scale and step size."""
+
+
+def step_loss(
+    student: Callable[..., Tensor],
+    batch: StepBatch,
+    schedule: Schedule,
+    parametrization: Parametrization,
+    huber_delta: float,
+) -> Float[Tensor, ""]:
+    """Compares a student's steps with their targets, as mean velocities.
+
+    Args:
+        student: The denoiser that learns, whose last argument is a `StepCondition`.
+        batch: The steps.
+        schedule: The teacher's.
+        parametrization: What the student's output means.
+        huber_delta: Error at which the loss changes from quadratic to linear.
+    """
+    start, t = batch.start, batch.times[0]
+    output = student(start, t, batch.condition, batch.mask, batch.step_condition).float()
+    velocity = partial(Velocity().target, t=t, schedule=schedule)
+    found = velocity(*parametrization.to_x0_eps(output, start, t, schedule))
+    wanted = velocity(*between(start, batch.end, *batch.times, schedule))
+    return mean_of_real(
+        F.huber_loss(found, wanted, reduction="none", delta=huber_delta), batch.mask
+    )
+
+
+def between(
+    start: Float[Tensor, "batch tokens width"],
+    end: Float[Tensor, "batch tokens width"],
+    t: Float[Tensor, " batch"],
+    s: Float[Tensor, " batch"],
+    schedule: Schedule,
+) -> tuple[Float[Tensor, "batch tokens width"], Float[Tensor, "batch tokens width"]]:
+    """Returns the (z_0, epsilon) with which one step of DDIM leads from `start` to `end`.
+
+    They solve α_t z_0 + σ_t ε = start and α_s z_0 + σ_s ε = end.
+    """
+    (at, st), (as_, ss) = (
+        (schedule.alpha(time)[:, None, None], schedule.sigma(time)[:, None, None])
+        for time in (t, s)
+    )
+    determinant = at * ss - as_ * st
+    return (ss * start - st * end) / determinant, (at * end - as_ * start) / determinant

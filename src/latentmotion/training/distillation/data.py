@@ -1,0 +1,278 @@
+"""The data of a distillation: prompts and lengths, the teacher's trajectories, or motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import accumulate
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from latentmotion.arrays import prefix_mask
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.data.clip import Clip
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.sampling import Crop, Item
+from latentmotion.engine.feature_decoder import FeatureDecoder, normalizer_of, representation_of
+from latentmotion.errors import InputError
+from latentmotion.instructions.drawn import drawn_instructions
+from latentmotion.instructions.prompts import Instruction
+from latentmotion.model.card import ModelCard
+from latentmotion.networks.checkpoint import LatentModel
+from latentmotion.text.lengths import LengthFile
+from latentmotion.training.crops import BatchSampler, FeatureCache
+from latentmotion.training.distillation.config import (
+    Distillation,
+    PhasedConsistency,
+    TrajectoryRegression,
+)
+from latentmotion.training.distillation.phased_consistency import PhaseSteps
+from latentmotion.training.distillation.trajectories import (
+    TRAJECTORIES_FILE,
+    PromptedTrajectories,
+    StepSource,
+    Teacher,
+    Trajectories,
+    TrajectorySteps,
+    cached_trajectories,
+    joined_trajectories,
+)
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.first_stage import captions_of
+from latentmotion.training.latents import (
+    FrameCache,
+    LatentCache,
+    cached_posteriors,
+    encode_crops,
+    keep_crops,
+)
+from latentmotion.training.takes import drawn_frames, judged
+from latentmotion.training.task_conditions import ConditionTable, items_to_learn, required_encoder
+
+HELD_OUT = 64
+"""Most held-out prompts that a validation looks at."""
+
+AT_ONCE = 64
+"""Motions that the teacher makes together."""
+
+SPREAD = 0.15
+"""Deviation of the logarithm of lengths of drawn prompts."""
+
+
+@dataclass(frozen=True)
+class DistillationData:
+    """A teacher, and what it is asked."""
+
+    model: LatentModel
+    """The teacher, both its stages."""
+    teacher: Teacher
+    """Its denoiser, guided."""
+    dataset: Dataset
+    """Where motions are."""
+    clips: tuple[Clip, ...]
+    """Those to learn from."""
+    seen: tuple[Item, ...]
+    """Their items, whose captions the teacher may be asked."""
+    held_out: tuple[Crop, ...]
+    """What it is asked to be compared with alone."""
+    asked: tuple[tuple[Crop, Instruction], ...]
+    """Drawn prompts with their checks, as crops of the length that motions shall have."""
+    settings: Distillation
+    """How many of each, and the seed."""
+    folder: Path
+    """The run folder, which keeps what takes long to compute."""
+    context: DistributedContext
+    """Where to compute."""
+
+    def comparison(self) -> PromptedTrajectories | None:
+        """Returns the teacher's trajectories for held-out crops."""
+        blocks = [list(self.held_out)] if self.held_out else []
+        # Seeds of noises that no trajectory of the training has.
+        return self._trajectories("held_out.safetensors", blocks, 2**31) if blocks else None
+
+    def source(self) -> StepSource:
+        """Returns what the student learns from."""
+        match self.settings.objective:
+            case TrajectoryRegression():
+                return self._along_trajectories(self.settings.objective)
+            case PhasedConsistency(per_item):
+                return self._within_phases(per_item)
+
+    def _along_trajectories(self, settings: TrajectoryRegression) -> TrajectorySteps:
+        training, cropping = self.settings.training, self.settings.cropping
+        batches = BatchSampler(self.seen, AT_ONCE, cropping, training.seed)
+        blocks = [batches(step) for step in range(max(settings.trajectories // AT_ONCE, 1))]
+        learned = self._trajectories(TRAJECTORIES_FILE, blocks, 0)
+        if self.asked:
+            ordered = sorted(self.asked, key=lambda one: one[0].frames)
+            asked = dict(ordered)
+            crops = [crop for crop, _ in ordered]
+            blocks = [crops[i : i + AT_ONCE] for i in range(0, len(crops), AT_ONCE)]
+            obeyed = self._trajectories("asked.safetensors", blocks, 2**30, asked)
+            crops = (*learned.crops, *obeyed.crops)
+            both = joined_trajectories([learned.trajectories, obeyed.trajectories])
+            learned = PromptedTrajectories(crops, both)
+        teacher = self.teacher
+        schedule = teacher.card.schedule
+        return TrajectorySteps(
+            learned, teacher.prompts, teacher.few_step, schedule, training, self.context
+        )
+
+    def _trajectories(
+        self,
+        file: str,
+        blocks: Sequence[Sequence[Crop]],
+        seed: int,
+        asked: Mapping[Crop, Instruction] | None = None,
+    ) -> PromptedTrajectories:
+        """Returns trajectories of blocks of crops; with checks, those that fulfill theirs."""
+        first = seed + self.settings.training.seed
+        starts = [0, *accumulate(map(len, blocks))]
+
+        def compute(number: int) -> Trajectories:
+            trajectories = self.teacher.trajectories(blocks[number], first + number)
+            if asked is not None:
+                trajectories = self._obedient(trajectories, blocks[number], asked)
+            return replace(trajectories, rows=trajectories.rows + starts[number])
+
+        trajectories = cached_trajectories(self.folder / file, compute, len(blocks), self.context)
+        crops = [crop for block in blocks for crop in block]
+        return PromptedTrajectories(
+            tuple(crops[row] for row in trajectories.rows.tolist()), trajectories
+        )
+
+    @torch.no_grad()
+    def _obedient(
+        self, trajectories: Trajectories, crops: Sequence[Crop], asked: Mapping[Crop, Instruction]
+    ) -> Trajectories:
+        """Returns the trajectories whose motions do what was asked."""
+        card, device = self.teacher.card, self.context.device
+        decoder = FeatureDecoder.of(
+            card, self.model.vae.to(device).eval().decode, partial(torch.tensor, device=device)
+        )
+        frames = prefix_mask(torch.tensor([crop.frames for crop in crops])).to(device)
+        features = decoder(trajectories.points[:, -1].to(device), frames).cpu().numpy()
+        joints = representation_of(card).decode(features)
+        obeys = [
+            judged(motion[: crop.frames], asked[crop])[0]
+            for motion, crop in zip(joints, crops, strict=True)
+        ]
+        kept = torch.tensor(obeys).nonzero()[:, 0].tolist()
+        return trajectories.take(kept, range(len(crops)))
+
+    def _within_phases(self, per_item: int) -> PhaseSteps:
+        settings, training = self.settings, self.settings.training
+        memory = FeatureCache(self.dataset, self.clips, normalizer_of(self.teacher.card))
+        cropping, latents = settings.cropping, FrameCache(memory, self.context.device)
+        if self.model.card.vae.has_weights:
+            cropping = keep_crops(self.seen, cropping, per_item, training.seed)
+            latents = self._latents(memory, cropping.every())
+        batches = BatchSampler(self.seen, training.batch_size, cropping, training.seed)
+        return PhaseSteps(self.teacher, batches, latents, training, self.context)
+
+    def _latents(self, memory: FeatureCache, crops: list[Crop]) -> LatentCache:
+        space, device, vae = self.teacher.card.latents, self.context.device, self.model.vae
+        posteriors = cached_posteriors(
+            self.folder / "latents.safetensors",
+            lambda: encode_crops(vae.to(device), memory, crops, self.context),
+            self.context,
+        )
+        return LatentCache(crops, posteriors.normalized(space.mean, space.std).to(device))
+
+
+def prepare_distillation(
+    settings: Distillation,
+    dataset: Dataset,
+    model: LatentModel,
+    encoder: TextEncoder | None,
+    folder: Path,
+    context: DistributedContext,
+    lengths: LengthFile | None = None,
+) -> DistillationData:
+    """Finds what a teacher may be asked.
+
+    Args:
+        settings: How many trajectories of which kind.
+        dataset: Prepared data.
+        model: The teacher.
+        encoder: Its text encoder, where it reads sentences.
+        folder: Run folder.
+        context: Device and rank.
+        lengths: Usual lengths of drawn prompts, where any are asked.
+
+    Raises:
+        InputError: There is nothing, or there are no lengths for drawn prompts.
+    """
+    card, network, training = model.card, model.denoiser, settings.training
+    clips = tuple(dataset.clips("train", mirrored=settings.mirrored))
+    seen, unseen = prompted(card, clips), prompted(card, dataset.clips("val"))[:HELD_OUT]
+    if not seen:
+        raise InputError(
+            f"no training clip of {dataset.folder} has a caption or label that model "
+            f"{card.name!r} knows; use the data that it was trained on"
+        )
+    held_out = keep_crops(unseen, settings.cropping, 1, training.seed).every()
+    condition = card.prompt_condition(partial(required_encoder, encoder))
+    asked = drawn_crops(settings, seen[0].clip, encoder, lengths)
+    captions = captions_of([*seen, *unseen]) | {crop.caption for crop, _ in asked}
+    prompts = ConditionTable(condition, captions, context.device)
+    network.eval().requires_grad_(False).to(context.device)
+    teacher = Teacher(
+        network,
+        card,
+        settings.few_step,
+        prompts,
+        context.device,
+        settings.solver,
+        training.precision,
+    )
+    return DistillationData(
+        model,
+        teacher,
+        dataset,
+        clips,
+        tuple(seen),
+        tuple(held_out),
+        asked,
+        settings,
+        folder,
+        context,
+    )
+
+
+def drawn_crops(
+    settings: Distillation, clip: Clip, encoder: TextEncoder | None, lengths: LengthFile | None
+) -> tuple[tuple[Crop, Instruction], ...]:
+    """Returns drawn prompts with checks, each with a length around the usual one.
+
+    Args:
+        settings: How many, and the seed.
+        clip: Stands for the clip that they have not.
+        encoder: Reads the prompts.
+        lengths: Usual lengths of prompts.
+
+    Raises:
+        InputError: There is no text encoder, or no lengths.
+    """
+    objective, seed = settings.objective, settings.training.seed
+    if not isinstance(objective, TrajectoryRegression) or not objective.asked:
+        return ()
+    if lengths is None:
+        raise InputError(
+            "objective.asked: the teacher has no lengths of sentences; export it with --length"
+        )
+    asked = drawn_instructions(objective.asked, seed + 1)
+    usual = lengths.usual(required_encoder(encoder)([one.prompt for one in asked]).pooled)
+    limits = settings.cropping.min_frames, settings.cropping.max_frames
+    frames = drawn_frames(np.array(usual), SPREAD, limits, np.random.default_rng(seed))
+    crops = [Crop(clip, 0, n, one.prompt) for n, one in zip(frames.tolist(), asked, strict=True)]
+    return tuple(zip(crops, asked, strict=True))
+
+
+def prompted(card: ModelCard, clips: Sequence[Clip]) -> list[Item]:
+    """Returns items whose captions are what the model may be asked."""
+    items = items_to_learn(card.condition, clips)
+    return [item for item in items if item.captions or not card.condition.prompted]

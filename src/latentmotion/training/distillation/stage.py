@@ -1,0 +1,265 @@
+"""Distillation: a student that samples in few steps is trained on a trained model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.sampling import Cropping
+from latentmotion.diffusion.guidance import DistilledGuidance
+from latentmotion.diffusion.samplers import sample
+from latentmotion.errors import InputError, ModelError
+from latentmotion.model.card import CARD_FILE, ModelCard, Provenance, lengths_file, read_card
+from latentmotion.model.config import DenoiserConfig, Sampling
+from latentmotion.motion import Motion
+from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import (
+    WEIGHTS_FILE,
+    LatentModel,
+    load_model,
+    load_weights,
+    save_model,
+)
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.vae.loss import mean_of_real
+from latentmotion.pipeline import sampler_of
+from latentmotion.storage.files import sha256
+from latentmotion.text.lengths import LengthFile
+from latentmotion.training.denoiser_loss import step_loss
+from latentmotion.training.distillation.config import Distillation
+from latentmotion.training.distillation.data import DistillationData, prepare_distillation
+from latentmotion.training.distillation.trajectories import nothing
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.loop import Stage, train
+from latentmotion.training.previews import Previews
+from latentmotion.training.run_folder import MODEL, open_run, provenance_of
+
+
+class DistillStage(Stage[Denoiser]):
+    """The student, the steps that it learns, and held-out trajectories of its teacher.
+
+    Args:
+        student: The network to train.
+        card: The card of the student.
+        data: Sources of the steps and of the teacher's trajectories.
+        previews: Makes motions, to look at samples.
+    """
+
+    def __init__(
+        self, student: Denoiser, card: ModelCard, data: DistillationData, previews: Previews
+    ) -> None:
+        super().__init__()
+        self.network = student
+        self._card, self._previews = card, previews
+        self._source, self._held_out = data.source(), data.comparison()
+        self._prompts, self._device = data.teacher.prompts, data.context.device
+        self._few_step, self._huber_delta = data.settings.few_step, data.settings.huber_delta
+
+    def follow(self, average: Denoiser) -> None:
+        """Remembers the averaged student, but not as a part of this module, which it is not."""
+        self._average = average.forward
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`."""
+        batch = self._source(step, self._average)
+        schedule, parametrization = self._card.schedule, self._card.parametrization
+        loss = step_loss(self.network, batch, schedule, parametrization, self._huber_delta)
+        return {"total": loss}
+
+    @torch.no_grad()
+    def validate(self, network: Denoiser) -> dict[str, float]:
+        """Distance of held-out ends from the teacher's, by steps: root mean square per number."""
+        if self._held_out is None:
+            return {}
+        trajectories = self._held_out.trajectories.to(self._device)
+        condition = self._prompts([crop.caption for crop in self._held_out.crops])
+        figures = {}
+        for steps in self._few_step.steps:
+            guided = DistilledGuidance(network, trajectories.guidance, steps)
+            sampler = sampler_of(self._card, Sampling(steps, sampler="ddim"))
+            noise = trajectories.points[:, 0]
+            found = sample(guided, sampler, noise, condition, trajectories.mask, steps, nothing)
+            squares = (found - trajectories.points[:, -1]) ** 2
+            figures[f"rms_of_{steps}"] = float(mean_of_real(squares, trajectories.mask)) ** 0.5
+        return figures
+
+    @torch.no_grad()
+    def sample(self, network: Denoiser) -> list[Motion]:
+        """Motions for the prompts of a few held-out clips, in the most steps that it takes."""
+        crops = self._held_out.crops if self._held_out else ()
+        captions = [crop.caption for crop in crops][:4]
+        if not captions:
+            return []
+        steps = max(self._few_step.steps)
+        guided = DistilledGuidance(network, self._card.sampling.guidance, steps)
+        sampler = sampler_of(self._card, Sampling(steps, sampler="ddim"))
+        return self._previews.sample(guided, sampler, steps, self._prompts(captions), captions)
+
+
+@dataclass(frozen=True)
+class DistillRun:
+    """What a run folder was made with."""
+
+    data: str
+    """Fingerprint of the prepared data."""
+    teacher: str | None
+    """Hash of the teacher's weights."""
+    start: str | None
+    """Hash of the weights of the student that it begins as; null where that is the teacher."""
+    text: str | None
+    """Which text encoder reads the prompts; null where conditions are no text."""
+    settings: Distillation
+    """Everything else."""
+
+
+def distill(
+    settings: Distillation,
+    data: Path,
+    teacher: Path,
+    encoder: TextEncoder | None,
+    folder: Path,
+    context: DistributedContext,
+    start: Path | None = None,
+) -> Path:
+    """Makes a model of few steps, or goes on with it; returns its folder, with the same VAE.
+
+    `encoder` is the teacher's, where it reads sentences; `start` is an earlier student of it.
+
+    Raises:
+        DataError: The data cannot be used.
+        ModelError: The teacher is missing or cannot teach, or `start` is no student of it.
+        InputError: The run folder holds another run, or data and teacher do not fit.
+    """
+    dataset, source = Dataset.load(data), model_folder(teacher)
+    model = load_model(source)
+    check_teacher(model, dataset)
+    settings = replace(settings, cropping=within(settings.cropping, model.card))
+    card = student_card(model.card, settings)
+    torch.manual_seed(settings.training.seed)
+    student = first_student(model, card, start)
+    text = encoder.name if encoder else None
+    run = DistillRun(dataset.fingerprint, fingerprint(source), fingerprint(start), text, settings)
+    open_run(folder, run, context)
+    found = lengths_file(model.card, source)
+    lengths = found and LengthFile(found, model.card.condition.text_encoder)
+    distillation_data = prepare_distillation(
+        settings, dataset, model, encoder, folder, context, lengths
+    )
+    previews = Previews(model.vae, card, settings.cropping.max_frames // 2)
+    stage = DistillStage(student, card, distillation_data, previews)
+    student, seconds = train(stage, settings.training, folder, context)
+    if context.is_main:
+        before = read_card(start) if start else model.card
+        made = provenance_of(dataset, seconds, before.provenance)
+        card = finished(card, model.card, made, stage.validate(student))
+        save_model(folder / MODEL, LatentModel(card, model.vae, student))
+    return folder / MODEL
+
+
+def fingerprint(folder: Path | None) -> str | None:
+    """Returns the hash of a model's weights; None for none."""
+    return sha256(folder / WEIGHTS_FILE) if folder else None
+
+
+def model_folder(folder: Path) -> Path:
+    """Returns the model folder in a run folder, or the folder itself."""
+    return folder / MODEL if (folder / MODEL / CARD_FILE).is_file() else folder
+
+
+def check_teacher(model: LatentModel, dataset: Dataset) -> None:
+    """Checks that a model can teach.
+
+    Raises:
+        ModelError: It was distilled itself.
+        InputError: It makes other features than the data has.
+    """
+    card = model.card
+    if card.few_step:
+        raise ModelError(f"model {card.name!r} is distilled already; pass the model it is of")
+    if card.representation != dataset.representation.name:
+        raise InputError(
+            f"{dataset.folder} has features {dataset.representation.name!r}, model {card.name!r} "
+            f"makes {card.representation!r}; use the data that it was trained on"
+        )
+
+
+def within(cropping: Cropping, card: ModelCard) -> Cropping:
+    """Returns the cropping without lengths that a model does not make.
+
+    Raises:
+        InputError: None is left.
+    """
+    (least, most), asked = card.frames, (cropping.min_frames, cropping.max_frames)
+    shortest, longest = max(asked[0], least), min(asked[1], most)
+    if shortest > longest:
+        raise InputError(
+            f"model {card.name!r} makes {least} to {most} frames, cropping asks for "
+            f"{asked[0]} to {asked[1]}; change cropping.min_frames or cropping.max_frames"
+        )
+    return replace(cropping, min_frames=shortest, max_frames=longest)
+
+
+def student_card(teacher: ModelCard, settings: Distillation) -> ModelCard:
+    """Describes a student: the teacher's network with a step embedding and without dropout."""
+    config = teacher.trained_denoiser
+    transformer = replace(config.transformer, dropout=0.0, attention_dropout=0.0)
+    config = replace(config, transformer=transformer, few_step=settings.few_step)
+    least, most = settings.few_step.guidance
+    return replace(
+        teacher,
+        name=settings.name,
+        denoiser=config,
+        sampling=Sampling(
+            steps=max(settings.few_step.steps),
+            guidance=min(max(teacher.sampling.guidance, least), most),
+        ),
+        frames=(settings.cropping.min_frames, settings.cropping.max_frames),
+    )
+
+
+def first_student(teacher: LatentModel, card: ModelCard, start: Path | None) -> Denoiser:
+    """Returns what training begins with: the teacher's weights, or those of an earlier student.
+
+    Raises:
+        ModelError: `start` is not distilled, or answers or is shaped otherwise.
+    """
+    config = card.trained_denoiser
+    if start is None:
+        return student_of(teacher.denoiser, config)
+    model = load_model(start)
+    if model.card.few_step is None:
+        raise ModelError(f"{start} is not distilled; pass a student of the same teacher")
+    for name in ("parametrization", "schedule", "latents"):
+        found, expected = getattr(model.card, name), getattr(card, name)
+        if found != expected:
+            raise ModelError(f"{start}: {name} {found}, expected {expected}: of another teacher")
+    student = build(config)
+    load_weights(student, model.denoiser.state_dict(), str(start))
+    return student
+
+
+def student_of(teacher: Denoiser, config: DenoiserConfig) -> Denoiser:
+    """Returns a student that answers as its teacher does without guidance, whatever it is told."""
+    student = build(config)
+    student.load_state_dict({**student.state_dict(), **teacher.state_dict()})
+    return student
+
+
+def finished(
+    card: ModelCard,
+    teacher: ModelCard,
+    provenance: Provenance,
+    figures: dict[str, float],
+) -> ModelCard:
+    """Adds to a student's card how it came to be, and how good it is."""
+    kept = {name: value for name, value in teacher.figures.items() if name.startswith("vae_")}
+    rounded = {f"student_{name}": round(value, 4) for name, value in figures.items()}
+    return replace(
+        card,
+        provenance=provenance,
+        figures={**kept, **rounded, "teacher": teacher.name},
+    )

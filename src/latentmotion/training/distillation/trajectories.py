@@ -1,0 +1,297 @@
+"""Guided trajectories of the teacher from noise to latents, and the steps a student learns on them.
+
+    noise, prompt, guidance w → the teacher's solver, guided → latents at the stops of all steps
+
+They start from noise, as sampling does; noised data would lie off guided trajectories. They are
+computed once and kept in the run folder, as latents are for the second stage. The end of every step
+is the teacher's own, so training is a plain regression, as in knowledge distillation (Luhman &
+Luhman 2021).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
+
+from latentmotion.arrays import prefix_mask
+from latentmotion.condition.interface import Conditioning
+from latentmotion.data.sampling import Crop
+from latentmotion.diffusion.few_step import FewStepConfig, StepCondition
+from latentmotion.diffusion.guidance import guided
+from latentmotion.diffusion.interface import Denoiser as Guided
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.samplers import SamplerName, sample, sampler_named
+from latentmotion.diffusion.schedule import Schedule
+from latentmotion.model import version_1
+from latentmotion.model.card import ModelCard
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.storage.files import atomic_file
+from latentmotion.training.denoiser_loss import StepBatch
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Precision, TrainingSettings
+from latentmotion.training.rng import StepRandomness
+from latentmotion.training.task_conditions import ConditionTable
+
+TRAJECTORIES_FILE = "trajectories.safetensors"
+"""File of the trajectories in a distillation's run folder."""
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """Trajectories of the teacher, padded to the longest motion."""
+
+    points: Float[torch.Tensor, "paths stops tokens width"]
+    """Latents at every stop, noise first."""
+    mask: Bool[torch.Tensor, "paths tokens"]
+    """True on real tokens."""
+    guidance: Float[torch.Tensor, " paths"]
+    """Guidance scale of each."""
+    rows: Int[torch.Tensor, " paths"]
+    """Number of what each was asked."""
+
+    def take(self, rows: Sequence[int], among: Sequence[int]) -> Trajectories:
+        """Returns some of them, cut to the longest of `among`."""
+        longest = int(self.mask[list(among)].sum(dim=1).max())
+        own = list(rows)
+        points, mask = self.points[own, :, :longest], self.mask[own, :longest]
+        return Trajectories(points, mask, self.guidance[own], self.rows[own])
+
+    def to(self, device: torch.device) -> Trajectories:
+        """Returns them on a device."""
+        return Trajectories(*(getattr(self, field.name).to(device) for field in fields(self)))
+
+
+@dataclass(frozen=True)
+class Teacher:
+    """A trained model that computes trajectories."""
+
+    network: Denoiser
+    """Its denoiser, which trains no more."""
+    card: ModelCard
+    """What it is."""
+    few_step: FewStepConfig
+    """The stops at which latents are kept."""
+    prompts: ConditionTable
+    """Conditions of the prompts."""
+    device: torch.device
+    """Device of its computations."""
+    solver: SamplerName
+    """Its rule of a step, of one pass."""
+    precision: Precision = "float32"
+    """Of the network's arithmetic; trajectories stay in float32."""
+
+    @torch.no_grad()
+    def trajectories(self, crops: Sequence[Crop], seed: int) -> Trajectories:
+        """Returns trajectories for the lengths and prompts of some crops."""
+        generator = np.random.default_rng(seed)
+        guidance = generator.uniform(*self.few_step.guidance, len(crops)).astype(np.float32)
+        tokens = [self.card.latents.tokens_of(crop.frames) for crop in crops]
+        seeds = generator.integers(2**32, size=len(crops)).tolist()
+        z = SeededNoise(seeds, tokens)((len(crops), max(tokens), self.card.latents.width))
+        mask = prefix_mask(torch.tensor(tokens))
+        scale = torch.from_numpy(guidance)
+        condition = self.prompts([crop.caption for crop in crops])
+        moved = (part.to(self.device) for part in (torch.from_numpy(z), mask, scale))
+        points, rows = self._points(condition, *moved), torch.arange(len(crops))
+        return Trajectories(points, mask, scale, rows).to(torch.device("cpu"))
+
+    def guided(self, scale: Float[torch.Tensor, " batch"]) -> Guided:
+        """Returns the teacher's denoiser, guided by a scale for each item."""
+        card, null = self.card, self.prompts([""])
+        rule, means = card.sampling.guidance_rule, (card.schedule, card.parametrization)
+        return guided(rule, self.network, null, scale, *means)
+
+    def _points(
+        self, condition: Conditioning, z: torch.Tensor, mask: torch.Tensor, scale: torch.Tensor
+    ) -> torch.Tensor:
+        guided = self.guided(scale)
+        states: list[torch.Tensor] = []
+
+        def watched(z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
+            states.append(z)
+            return guided(z, t, condition, mask)
+
+        sampler = sampler_named(self.solver, self.card.schedule, self.card.parametrization)
+        with torch.autocast(self.device.type, torch.bfloat16, self.precision == "bfloat16"):
+            last = sample(watched, sampler, z, condition, mask, self.few_step.solver_steps, nothing)
+        return torch.stack([[*states, last][stop] for stop in self.few_step.stops], dim=1)
+
+
+def cached_trajectories(
+    path: Path, compute: Callable[[int], Trajectories], blocks: int, context: DistributedContext
+) -> Trajectories:
+    """Reads trajectories from `path`; where it is missing, each rank first computes its share.
+
+    Args:
+        path: File of all trajectories.
+        compute: Returns those of a block.
+        blocks: Number of blocks.
+        context: Device and rank.
+    """
+    path = version_1.existing(path)
+    shares = [path.with_suffix(f".{rank}{path.suffix}") for rank in range(context.ranks.world)]
+    own = shares[context.ranks.rank]
+    if not path.exists() and not own.exists():
+        made = {n: compute(n) for n in range(blocks)[context.ranks.shard(blocks)]}
+        with atomic_file(own) as temporary:
+            save_file(
+                _as_tensors({f"{n}.": trajectories for n, trajectories in made.items()}), temporary
+            )
+    context.wait()
+    if context.is_main and not path.exists():
+        tensors = {name: part for share in shares for name, part in load_file(share).items()}
+        every = [
+            Trajectories(*(tensors[f"{n}.{field.name}"] for field in fields(Trajectories)))
+            for n in range(blocks)
+        ]
+        with atomic_file(path) as temporary:
+            save_file(_as_tensors({"": joined_trajectories(every)}), temporary)
+        for share in shares:
+            share.unlink()
+    context.wait()
+    return Trajectories(**load_file(path))
+
+
+def _as_tensors(parts: Mapping[str, Trajectories]) -> dict[str, torch.Tensor]:
+    """Returns the tensors of trajectories by a prefix and their names."""
+    return {
+        f"{prefix}{field.name}": getattr(trajectories, field.name).contiguous()
+        for prefix, trajectories in parts.items()
+        for field in fields(trajectories)
+    }
+
+
+def ends_of(
+    path: Path,
+) -> tuple[Float[torch.Tensor, "paths tokens width"], Bool[torch.Tensor, "paths tokens"]]:
+    """Reads the ends of the trajectories of a file, in the denoiser's scale, and the masks."""
+    with safe_open(path, "pt") as file:
+        points = file.get_slice("points")
+        last = points.get_shape()[1] - 1
+        return points[:, last], file.get_tensor("mask")
+
+
+def joined_trajectories(parts: Sequence[Trajectories]) -> Trajectories:
+    """Returns the trajectories of several blocks as one."""
+    longest = max(part.mask.shape[1] for part in parts)
+    points, masks = [], []
+    for part in parts:
+        missing = longest - part.mask.shape[1]
+        points.append(torch.nn.functional.pad(part.points, (0, 0, 0, missing)))
+        masks.append(torch.nn.functional.pad(part.mask, (0, missing)))
+    guidance, rows = (torch.cat([getattr(p, n) for p in parts]) for n in ("guidance", "rows"))
+    return Trajectories(torch.cat(points), torch.cat(masks), guidance, rows)
+
+
+def nothing(shape: tuple[int, ...]) -> np.ndarray:
+    """Stands for noise where none is drawn."""
+    raise AssertionError(f"this solver draws no noise, asked for {shape}")
+
+
+@runtime_checkable
+class StepSource(Protocol):
+    """What a student learns from."""
+
+    def __call__(self, step: int, average: Callable[..., torch.Tensor]) -> StepBatch:
+        """Returns the student's steps of training step `step`, those of this rank.
+
+        Args:
+            step: A function of it and the seed alone is what is drawn.
+            average: The student with averaged weights.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Phases:
+    """Start and end of one step per item, in steps of the teacher's solver."""
+
+    counts: Int[torch.Tensor, " batch"]
+    """Number of equal steps from noise to latents."""
+    first: Int[torch.Tensor, " batch"]
+    """Start of the step."""
+    last: Int[torch.Tensor, " batch"]
+    """End of the step."""
+
+
+def drawn_phases(few_step: FewStepConfig, size: torch.Tensor, position: torch.Tensor) -> Phases:
+    """Turns two numbers in [0, 1) per item into a step: its size, then its position."""
+    known = torch.tensor(few_step.steps, device=size.device)
+    counts = known[(size * len(known)).long()]
+    length = few_step.solver_steps // counts
+    first = (position * counts).long() * length
+    return Phases(counts, first, first + length)
+
+
+@dataclass(frozen=True)
+class PromptedTrajectories:
+    """Trajectories of the teacher, with the crops that they were computed for."""
+
+    crops: tuple[Crop, ...]
+    """Prompt and length of each trajectory; neighbors are of similar length."""
+    trajectories: Trajectories
+    """The trajectories."""
+
+    def rows(self, step: int, batch: int, seed: int) -> range:
+        """Returns the rows of step number `step`: neighbors, each at most once an epoch.
+
+        Those left over where blocks of `batch` do not make up all are never shown.
+        """
+        count = max(len(self.crops) // batch, 1)
+        epoch, index = divmod(step, count)
+        block = int(np.random.default_rng([seed, epoch]).permutation(count)[index])
+        return range(block * batch, min((block + 1) * batch, len(self.crops)))
+
+
+class TrajectorySteps:
+    """Steps between the stops of the teacher's trajectories.
+
+    Args:
+        data: The trajectories.
+        prompts: What the denoiser sees of their captions.
+        few_step: Step counts that the student learns.
+        schedule: The teacher's.
+        training: Batch and seed.
+        context: The device and rank.
+    """
+
+    def __init__(
+        self,
+        data: PromptedTrajectories,
+        prompts: ConditionTable,
+        few_step: FewStepConfig,
+        schedule: Schedule,
+        training: TrainingSettings,
+        context: DistributedContext,
+    ) -> None:
+        self._data, self._prompts, self._few_step = data, prompts, few_step
+        self._training, self._context = training, context
+        self._times = torch.from_numpy(schedule.timesteps(few_step.solver_steps)).to(context.device)
+        self._stops = torch.tensor(few_step.stops, device=context.device)
+
+    def __call__(self, step: int, average: Callable[..., torch.Tensor]) -> StepBatch:
+        """Returns steps along the trajectories of training step `step`."""
+        ranks, device = self._context.ranks, self._context.device
+        among = self._data.rows(step, self._training.batch_size, self._training.seed)
+        own = among[ranks.shard(len(among))]
+        chance = StepRandomness(self._training.seed, step, len(among), ranks, device)
+        phases = drawn_phases(self._few_step, chance.uniform(), chance.uniform())
+        trajectories = self._data.trajectories.take(own, among).to(device)
+        row = torch.arange(len(own), device=device)
+        first, last = (torch.searchsorted(self._stops, at) for at in (phases.first, phases.last))
+        return StepBatch(
+            start=trajectories.points[row, first],
+            end=trajectories.points[row, last],
+            times=(self._times[phases.first], self._times[phases.last]),
+            condition=self._prompts([self._data.crops[index].caption for index in own]),
+            mask=trajectories.mask,
+            step_condition=StepCondition(trajectories.guidance, 1 / phases.counts),
+        )

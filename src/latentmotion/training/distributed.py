@@ -1,0 +1,92 @@
+"""The device of a training process, and its rank among the processes that torchrun started."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import torch
+import torch.distributed
+
+from latentmotion.errors import InputError
+from latentmotion.gpu.device import GPU, default_device, device_named
+from latentmotion.training.rng import Ranks
+
+
+@dataclass(frozen=True)
+class DistributedContext:
+    """The device and the rank of a training process."""
+
+    device: torch.device
+    """Where networks and batches live."""
+    ranks: Ranks
+    """Number of this process and of all."""
+
+    @property
+    def is_main(self) -> bool:
+        """Whether this process writes the run folder."""
+        return self.ranks.rank == 0
+
+    def mean(self, figures: Mapping[str, torch.Tensor]) -> dict[str, float]:
+        """Averages figures over all ranks; every rank must call it."""
+        values = torch.stack([v.detach().float().to(self.device) for v in figures.values()])
+        if self.ranks.world > 1:
+            torch.distributed.all_reduce(values)
+        return dict(zip(figures, (values / self.ranks.world).tolist(), strict=True))
+
+    def check_same(self, number: int, what: str) -> None:
+        """Raises InputError where ranks disagree about `number`."""
+        if self.ranks.world == 1:
+            return
+        everyone = [torch.zeros((), dtype=torch.long, device=self.device)] * self.ranks.world
+        everyone = [item.clone() for item in everyone]
+        torch.distributed.all_gather(everyone, torch.tensor(number, device=self.device))
+        found = [int(item) for item in everyone]
+        if len(set(found)) > 1:
+            raise InputError(
+                f"ranks disagree about the {what}: {found}; expected one run folder that all "
+                "hosts share"
+            )
+
+    def wait(self) -> None:
+        """Returns when every rank has come here."""
+        if self.ranks.world > 1:
+            torch.distributed.barrier()
+
+
+@contextmanager
+def distributed_context(device: str = "auto") -> Iterator[DistributedContext]:
+    """Yields this process's context; under torchrun it joins the others (nccl on GPUs, else gloo).
+
+    Args:
+        device: "cpu", "cuda", "cuda:1" or "auto" (a GPU where there is one).
+
+    Raises:
+        InputError: No such device.
+    """
+    world, local = int(os.environ.get("WORLD_SIZE", 1)), int(os.environ.get("LOCAL_RANK", 0))
+    chosen = _device(device, local)
+    if world == 1:
+        yield DistributedContext(chosen, Ranks())
+        return
+    torch.distributed.init_process_group("nccl" if chosen.type == GPU else "gloo")
+    context = DistributedContext(chosen, Ranks(torch.distributed.get_rank(), world))
+    try:
+        yield context
+        # A rank that ended while the leader still wrote could abort, and torchrun stop the leader.
+        context.wait()
+    finally:
+        torch.distributed.destroy_process_group()
+
+
+def _device(name: str, local_rank: int) -> torch.device:
+    if name == "auto":
+        name = default_device()
+    if name == GPU:
+        name = f"{GPU}:{local_rank}"
+    device = device_named(name)
+    if device.type == GPU:
+        torch.cuda.set_device(device)
+    return device

@@ -1,0 +1,281 @@
+"""Training of a text-motion evaluator by contrast within batches, into an evaluator folder.
+
+Unlike the T2M authors' training, the movement encoder is not pretrained as an autoencoder: all
+three networks are trained together. With several ranks each contrasts its own share of a batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from latentmotion.data.clip import Clip
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.sampling import Crop, Cropping, items_of
+from latentmotion.errors import DataError, InputError, hint
+from latentmotion.evaluation.evaluators.contrast import InfoNCE, Margin, squared_distances, top_hits
+from latentmotion.evaluation.evaluators.text_motion import (
+    T2MEvaluator,
+    TextMotionCard,
+    save_text_motion,
+)
+from latentmotion.evaluation.evaluators.text_motion_network import (
+    FRAMES,
+    TextMotionConfig,
+    TextMotionNetworks,
+)
+from latentmotion.evaluation.evaluators.words import GloveWords, WordVectors
+from latentmotion.motion import Motion
+from latentmotion.training.crops import BatchSampler, FeatureCache
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.loop import Stage, train
+from latentmotion.training.rng import StepRandomness
+from latentmotion.training.run_folder import MODEL, open_run, provenance_of
+
+
+@dataclass(frozen=True)
+class EvaluatorExperiment:
+    """Everything that decides what training an evaluator yields, but data and word vectors."""
+
+    name: str
+    """What the evaluator is called."""
+    networks: TextMotionConfig
+    """Sizes; those of features and words are taken from the data."""
+    objective: InfoNCE | Margin
+    """What is minimized."""
+    training: TrainingSettings
+    """How it is optimized."""
+    longest: tuple[int, ...] = (196,)
+    """Longest crop, in frames; several take turns by step, so that it judges short crops too."""
+    mirrored: bool = True
+    """Whether mirrored copies of the clips are trained on too."""
+
+    def croppings(self) -> list[Cropping]:
+        """Which parts of clips each turn sees."""
+        return [Cropping(FRAMES, frames) for frames in self.longest]
+
+
+def t2m() -> EvaluatorExperiment:
+    """Sizes of the official evaluator, for data sets as large as HumanML3D and KIT."""
+    training = TrainingSettings(
+        steps=50_000, batch_size=64, learning_rate=2e-4, warm_up=500, ema_decay=0.0, sample_every=0
+    )
+    return EvaluatorExperiment("t2m", TextMotionConfig(), InfoNCE(), training)
+
+
+def small() -> EvaluatorExperiment:
+    """For some hundred clips: vectors of 64 numbers, so that FID has fewer numbers than clips."""
+    networks = TextMotionConfig(movement_width=256, motion_hidden=256, text_hidden=256, width=64)
+    training = TrainingSettings(
+        steps=800, batch_size=64, warm_up=50, ema_decay=0.99, validate_every=50, sample_every=0
+    )
+    return EvaluatorExperiment("small", networks, InfoNCE(), training, longest=(64, 196))
+
+
+RECIPES: dict[str, Callable[[], EvaluatorExperiment]] = {"t2m": t2m, "small": small}
+
+
+def recipe_named(name: str) -> EvaluatorExperiment:
+    """Returns a recipe.
+
+    Raises:
+        InputError: There is none of this name; the nearest is named.
+    """
+    if name not in RECIPES:
+        raise InputError(f"unknown preset {name!r}; {hint(name, RECIPES)}")
+    return RECIPES[name]()
+
+
+GROUP = 32
+"""Motions among which a validation looks for the right one."""
+
+
+class EvaluatorStage(Stage[TextMotionNetworks]):
+    """The networks, the crops and sentences they are shown, and those they are measured on.
+
+    Args:
+        networks: What to train.
+        vectors: Sentences to word vectors.
+        dataset: Motions and captions.
+        experiment: Which crops, which objective.
+        context: The device and rank.
+
+    Raises:
+        DataError: The training split has no captions.
+    """
+
+    def __init__(
+        self,
+        networks: TextMotionNetworks,
+        vectors: WordVectors,
+        dataset: Dataset,
+        experiment: EvaluatorExperiment,
+        context: DistributedContext,
+    ) -> None:
+        super().__init__()
+        self.network = networks
+        self._vectors, self._context, self._experiment = vectors, context, experiment
+        train = captioned(dataset.clips("train", mirrored=experiment.mirrored))
+        if not train:
+            raise DataError(f"{dataset.folder} has no captioned clip in its train split")
+        held_out = captioned(dataset.clips("val"))
+        self._held_out = [crop for clip in held_out for crop in _crops(clip, experiment.longest)]
+        self._captions = {c.text: c for clip in train + held_out for c in clip.captions}
+        self._tell_of = {clip.id: {c.text for c in clip.captions} for clip in train + held_out}
+        self._memory = FeatureCache(dataset, [*train, *held_out], dataset.normalizer)
+        batch, seed = experiment.training.batch_size, experiment.training.seed
+        items = items_of(train)
+        self._batch_samplers = [
+            BatchSampler(items, batch, cropping, seed) for cropping in experiment.croppings()
+        ]
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`."""
+        turn, number = step % len(self._batch_samplers), step // len(self._batch_samplers)
+        crops, ranks = self._batch_samplers[turn](number), self._context.ranks
+        # Only dropout is random here; it is seeded by the step.
+        StepRandomness(self._experiment.training.seed, step, len(crops), ranks)
+        own = crops[ranks.shard(len(crops))]
+        squared = self._distances(self.network, [crop.caption for crop in own], own)
+        return {"total": self._experiment.objective(squared, self._told(own, own))}
+
+    @torch.no_grad()
+    def validate(self, network: TextMotionNetworks) -> dict[str, float]:
+        """Loss, and how often one of the right held-out motions is among the nearest 1, 2, 3."""
+        groups = _groups(self._held_out)
+        figures = [self._figures(network, group) for group in groups]
+        names = ("loss", "top_1", "top_2", "top_3")
+        means = np.mean(figures, axis=0).tolist() if figures else ()
+        return dict(zip(names, means, strict=False))
+
+    def sample(self, network: TextMotionNetworks) -> list[Motion]:
+        """Nothing: an evaluator makes no motions."""
+        return []
+
+    def _figures(self, network: TextMotionNetworks, crops: Sequence[Crop]) -> list[float]:
+        squared = self._distances(network, [crop.caption for crop in crops], crops)
+        told = self._told(crops, crops)
+        loss = float(self._experiment.objective(squared, told))
+        return [loss, *top_hits(squared, told)]
+
+    def _distances(
+        self, network: TextMotionNetworks, sentences: Sequence[str], crops: Sequence[Crop]
+    ) -> Float[torch.Tensor, "sentences crops"]:
+        device = self._context.device
+        features, mask = self._memory.batch(crops, max(crop.frames for crop in crops))
+        read = self._vectors([self._captions[text] for text in sentences])
+        words, parts, seen = (torch.from_numpy(x) for x in (read.words, read.parts, read.mask))
+        motions = network.motions(features.to(device), mask.to(device))
+        texts = network.texts(words.to(device), parts.to(device), seen.to(device))
+        return squared_distances(texts, motions)
+
+    def _told(
+        self, sentences: Sequence[Crop], motions: Sequence[Crop]
+    ) -> Bool[torch.Tensor, "sentences motions"]:
+        rows = [[s.caption in self._tell_of[m.clip.id] for m in motions] for s in sentences]
+        return torch.tensor(rows, device=self._context.device)
+
+
+def captioned(clips: Sequence[Clip]) -> list[Clip]:
+    """Returns the clips that have captions and a movement to look at."""
+    return [clip for clip in clips if clip.captions and clip.frames >= FRAMES]
+
+
+def _crops(clip: Clip, longest: Sequence[int]) -> list[Crop]:
+    """One crop per caption of a clip, of the lengths that take turns in training."""
+    return [
+        Crop(clip, 0, min(clip.frames, longest[turn % len(longest)]) // FRAMES * FRAMES, c.text)
+        for turn, c in enumerate(clip.captions)
+    ]
+
+
+def _groups(crops: Sequence[Crop]) -> list[list[Crop]]:
+    """Groups of `GROUP` in a fixed random order; fewer make one group."""
+    order = np.random.default_rng(0).permutation(len(crops))
+    whole = max(len(crops) // GROUP, 1) if len(crops) else 0
+    return [[crops[i] for i in order[n * GROUP : (n + 1) * GROUP]] for n in range(whole)]
+
+
+@dataclass(frozen=True)
+class EvaluatorRun:
+    """What a run folder was made with."""
+
+    data: str
+    """Fingerprint of the prepared data."""
+    words: str
+    """Name of the word vectors."""
+    experiment: EvaluatorExperiment
+    """Everything else that decides what the run yields."""
+    stage: str = "evaluator"
+    """What distinguishes it from other runs."""
+
+
+def train_evaluator(
+    experiment: EvaluatorExperiment,
+    data: Path,
+    vectors: WordVectors,
+    folder: Path,
+    context: DistributedContext,
+    encoder: Path | None = None,
+) -> Path:
+    """Trains an evaluator, or goes on with it; returns the evaluator folder.
+
+    Args:
+        experiment: Sizes and training.
+        data: Folder that `latentmotion data prepare` made.
+        vectors: Sentences to word vectors.
+        folder: The run folder.
+        context: The device and rank.
+        encoder: Folder of the small text encoder behind `vectors`, copied into the result.
+
+    Raises:
+        DataError: The data cannot be used.
+        InputError: The run folder holds another run.
+    """
+    dataset, settings = Dataset.load(data), experiment.training
+    fitted = fit_to(experiment.networks, dataset, vectors)
+    experiment = replace(experiment, networks=fitted)
+    open_run(folder, EvaluatorRun(dataset.fingerprint, vectors.name, experiment), context)
+    torch.manual_seed(settings.seed)
+    stage = EvaluatorStage(fitted.build(), vectors, dataset, experiment, context)
+    networks, seconds = train(stage, settings, folder, context)
+    if context.is_main:
+        card = _card(experiment, dataset, vectors, seconds, stage.validate(networks))
+        evaluator = T2MEvaluator(card, networks.cpu(), dataset.normalizer, vectors)
+        save_text_motion(folder / MODEL, evaluator, encoder)
+    return folder / MODEL
+
+
+def fit_to(config: TextMotionConfig, dataset: Dataset, vectors: WordVectors) -> TextMotionConfig:
+    """Returns the sizes with those that data and word vectors dictate."""
+    contacts = dataset.representation.blocks.get("contacts", slice(0, 0))
+    return replace(
+        config,
+        features=dataset.representation.width,
+        left_out=contacts.stop - contacts.start,
+        word_width=vectors.width,
+    )
+
+
+def _card(
+    experiment: EvaluatorExperiment,
+    dataset: Dataset,
+    vectors: WordVectors,
+    seconds: float,
+    figures: Mapping[str, float],
+) -> TextMotionCard:
+    return TextMotionCard(
+        name=experiment.name,
+        representation=dataset.representation.name,
+        networks=experiment.networks,
+        words=vectors.name,
+        vocabulary=vectors.words if isinstance(vectors, GloveWords) else (),
+        provenance=provenance_of(dataset, seconds),
+        figures={f"val_{name}": round(value, 4) for name, value in figures.items()},
+    )

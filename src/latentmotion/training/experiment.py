@@ -1,0 +1,172 @@
+"""An experiment names one of each part, and how both stages are trained; `presets` make some.
+
+A run folder keeps it as `experiment.json`, which is read back strictly.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar
+
+from latentmotion.condition.task import TaskName, TextConditioning
+from latentmotion.data.sampling import Cropping
+from latentmotion.errors import InputError
+from latentmotion.model.config import DenoiserConfig, Sampling
+from latentmotion.model.vae_config import VAEConfig
+from latentmotion.model.version_1 import upgraded_setting
+from latentmotion.networks.vae.loss import VAEObjective
+from latentmotion.storage.configuration import from_json, to_json
+from latentmotion.training.denoiser_loss import DenoiserObjective
+
+Precision = Literal["float32", "bfloat16"]
+"""Of a network's arithmetic; weights and losses stay in float32."""
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How one stage is optimized."""
+
+    steps: int = 10_000
+    """Optimizer steps of the whole run; the learning rate falls to zero at the last."""
+    batch_size: int = 32
+    """Samples of a step, over all ranks."""
+    learning_rate: float = 1e-3
+    """The highest learning rate."""
+    warm_up: int = 100
+    """Steps in which the learning rate rises from zero."""
+    schedule: Literal["cosine", "constant"] = "cosine"
+    """Cosine to zero after the warm-up, or constant."""
+    weight_decay: float = 0.01
+    """AdamW's weight decay."""
+    gradient_clip: float | None = 1.0
+    """Highest norm of the gradient; None (null in JSON) for no clipping."""
+    ema_decay: float = 0.999
+    """Decay of the moving average of the weights; 0 for none."""
+    precision: Precision = "float32"
+    """Precision of the networks' arithmetic; weights and losses stay in float32."""
+    seed: int = 0
+    """Seed of weights, batches and noise."""
+    report_every: int = 50
+    """Steps between lines of progress and journal."""
+    validate_every: int = 500
+    """Steps between validations."""
+    snapshot_every: int = 200
+    """Steps between snapshots."""
+    sample_every: int = 1000
+    """Steps between picture strips of samples; 0 for none."""
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "batch_size", "report_every", "validate_every", "snapshot_every"):
+            if getattr(self, name) < 1:
+                raise InputError(f"training with {name} {getattr(self, name)}: expected 1 or more")
+
+    def rate(self, step: int) -> float:
+        """The learning rate of step number `step`, from 0."""
+        rise = min(1.0, (step + 1) / max(self.warm_up, 1))
+        if self.schedule == "constant":
+            return self.learning_rate * rise
+        done = max(0, step - self.warm_up) / max(self.steps - self.warm_up, 1)
+        return self.learning_rate * rise * (1 + math.cos(math.pi * min(done, 1.0))) / 2
+
+
+@dataclass(frozen=True)
+class LatentSettings:
+    """How the first stage's latents are kept for the second."""
+
+    cropping: Cropping = field(default_factory=Cropping)
+    """Which parts of clips are encoded."""
+    per_item: int = 4
+    """Crops kept of each clip, or part of a clip with sentences of its own."""
+    normalized: bool = True
+    """Whether the denoiser sees them with mean 0 and deviation 1 per channel."""
+    sampled: bool = True
+    """Whether latents are drawn from the posterior at every step, or are its mean."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Everything that decides what a training run yields, but the data."""
+
+    name: str
+    """What the model is called."""
+    vae: VAEConfig
+    """Motion to latents and back."""
+    vae_objective: VAEObjective
+    """What stage 1 minimizes."""
+    vae_cropping: Cropping
+    """Which parts of clips stage 1 sees."""
+    vae_training: TrainingSettings
+    """How stage 1 is optimized."""
+    latents: LatentSettings
+    """What stage 2 sees of stage 1."""
+    denoiser: DenoiserConfig
+    """Noise to latents."""
+    denoiser_objective: DenoiserObjective
+    """What stage 2 minimizes."""
+    denoiser_training: TrainingSettings
+    """How stage 2 is optimized."""
+    sampling: Sampling
+    """How the model is sampled."""
+    conditioning: TextConditioning = field(default_factory=TextConditioning)
+    """What the denoiser sees of sentences."""
+    mirrored: bool = True
+    """Whether mirrored copies of the clips are trained on too."""
+    task: TaskName = "text"
+    """What steers the motion: a sentence, the label of an action, or nothing."""
+
+
+Settings = TypeVar("Settings")
+
+
+def with_changes(experiment: Settings, changes: Sequence[str]) -> Settings:
+    """Returns an experiment, or settings like it, with some values replaced.
+
+    Args:
+        experiment: Where to start from, a frozen dataclass.
+        changes: Each `part.key=value` with a JSON value, e.g. `vae_training.steps=1000`.
+
+    Raises:
+        InputError: A key is unknown (the nearest is named) or a value is not of its kind.
+    """
+    data = to_json(experiment)
+    for change in changes:
+        path, equals, text = change.partition("=")
+        if not equals:
+            raise InputError(f"{change!r}: expected KEY=VALUE, e.g. vae_training.steps=1000")
+        keys, value = upgraded_setting(path.split("."), _value(text), data)
+        if ".".join(keys) != path:
+            message = f"the setting {path} is deprecated; use {'.'.join(keys)}"
+            warnings.warn(message, FutureWarning, stacklevel=2)
+        _replace(data, keys, value)
+    return from_json(type(experiment), data)
+
+
+def differing_keys(one: Any, other: Any, where: str = "") -> Iterator[str]:
+    """Names the values in which two experiments, or parts of them, differ."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        for key in one | other:
+            path = f"{where}.{key}" if where else key
+            yield from differing_keys(one.get(key), other.get(key), path)
+    elif one != other:
+        yield f"{where} ({one!r} → {other!r})"
+
+
+def _replace(data: dict[str, Any], path: list[str], value: Any) -> None:
+    *parents, key = path
+    for parent in parents:
+        # An unknown part is made here, so that reading the whole back can name the nearest.
+        data = data.setdefault(parent, {})
+        if not isinstance(data, dict):
+            raise InputError(f"{'.'.join(path)}: {parent} is a plain value and has no {key!r}")
+    data[key] = value
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text

@@ -1,0 +1,239 @@
+"""A model trained on by its own motions: towards those that obey their prompt, away from others.
+
+DiffusionNFT (Zheng et al. 2025, "Online diffusion reinforcement with forward process", eq. 5): with
+v the target for a take, v_old the answer of the model that made it and v_new that in training,
+
+    loss = w |(1 - b) v_old + b v_new - v|² + (1 - w) |(1 + b) v_old - b v_new - v|²
+
+where w is 1 for takes to learn and 0 for takes to avoid. Ordinary training on data goes on beside
+it, so that motions stay those of people. One run is one round; the next starts from its model.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import load_file
+
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.lengths import CaptionLengths
+from latentmotion.describe.facts import FPS
+from latentmotion.diffusion.parametrization import add_noise
+from latentmotion.errors import InputError
+from latentmotion.instructions.drawn import drawn_instructions
+from latentmotion.instructions.prompts import Instruction
+from latentmotion.model.vae_config import STRIDE
+from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel, load_model, save_model
+from latentmotion.networks.denoiser import Denoiser
+from latentmotion.storage.files import sha256
+from latentmotion.text.lengths import LengthFile, LengthModel
+from latentmotion.training.cards import second_stage_card
+from latentmotion.training.denoiser import DenoiserStage, LatentData
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, TrainingSettings
+from latentmotion.training.first_stage import FirstStage, check_fit, prepare_latents
+from latentmotion.training.loop import train
+from latentmotion.training.previews import Previews
+from latentmotion.training.rng import StepRandomness
+from latentmotion.training.run_folder import MODEL, NAME, open_run, read_run
+from latentmotion.training.takes import Takes, TakeSettings, cached_takes, joined_takes
+from latentmotion.training.task_conditions import ConditionTable, task_conditioning
+
+
+@dataclass(frozen=True)
+class Reinforcement:
+    """Settings of one round."""
+
+    takes: TakeSettings = field(default_factory=TakeSettings)
+    """Which motions are made and judged."""
+    weight: float = 2.0
+    """Weight of the takes' loss beside that of the data."""
+    strength: float = 1.0
+    """b, how far the model in training stands for the step away from the old one."""
+    training: TrainingSettings = field(
+        default_factory=lambda: TrainingSettings(
+            steps=500, batch_size=48, learning_rate=3e-4, warm_up=50, precision="bfloat16"
+        )
+    )
+    """How the denoiser is optimized."""
+
+
+@dataclass(frozen=True)
+class ReinforceRun:
+    """What a run folder was made with."""
+
+    data: str
+    """Fingerprint of the prepared data."""
+    parents: dict[str, str]
+    """Fingerprints of the model and of the text encoder."""
+    settings: Reinforcement
+    """Everything else."""
+
+
+class ReinforceStage(DenoiserStage):
+    """The denoiser, data, and takes of the denoiser as it was.
+
+    Args:
+        denoiser: The network to train.
+        data: Latents and prompts of the data.
+        previews: Makes motions, to look at samples.
+        experiment: Which objective.
+        context: The device and rank.
+        takes: Judged motions of `denoiser` as it is now.
+        asked: What they were asked.
+        prompts: What the denoiser sees of that.
+        settings: How they are weighed.
+    """
+
+    def __init__(
+        self,
+        denoiser: Denoiser,
+        data: LatentData,
+        previews: Previews,
+        experiment: Experiment,
+        context: DistributedContext,
+        takes: Takes,
+        asked: list[Instruction],
+        prompts: ConditionTable,
+        settings: Reinforcement,
+    ) -> None:
+        super().__init__(denoiser, data, previews, experiment, context)
+        self.old = copy.deepcopy(denoiser).eval().requires_grad_(False)
+        self._takes, self._asked, self._asked_prompts = takes, asked, prompts
+        self._learned, self._settings = takes.weights(settings.takes.feet), settings
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`."""
+        of_data, of_takes = super().forward(step)["total"], self._loss_of_takes(step)
+        total = of_data + self._settings.weight * of_takes
+        return {"total": total, "data": of_data, "takes": of_takes}
+
+    def _loss_of_takes(self, step: int) -> torch.Tensor:
+        objective, training, takes = (
+            self._experiment.denoiser_objective,
+            self._settings.training,
+            self._takes,
+        )
+        rows = self._rows(step)
+        ranks, device = self._context.ranks, self._context.device
+        chance = StepRandomness(training.seed + 1, step, len(rows), ranks, device)
+        own = rows[ranks.shard(len(rows))]
+        longest = int(takes.mask[rows].sum(dim=1).max())
+        z0, mask = (x[own, :longest].to(device) for x in (takes.latents, takes.mask))
+        learned = self._learned[own].to(device)
+        epsilon, t = chance.normal(*z0.shape[1:]), objective.time(chance.normal())
+        condition = self._asked_prompts([self._asked[n].prompt for n in takes.prompt[own].tolist()])
+        z = add_noise(z0, epsilon, t, objective.schedule)
+        target = objective.parametrization.target(z0, epsilon, t, objective.schedule)
+        with torch.no_grad():
+            old = self.old(z, t, condition, mask).float()
+        ahead = self._settings.strength * (self.network(z, t, condition, mask).float() - old)
+        share = mask / mask.sum(dim=1, keepdim=True)
+        towards, away = (
+            ((old + sign * ahead - target).square().mean(dim=2) * share).sum(dim=1)
+            for sign in (1, -1)
+        )
+        return (learned * towards + (1 - learned) * away).mean()
+
+    def _rows(self, step: int) -> torch.Tensor:
+        """Returns takes of similar length, each once an epoch."""
+        size = self._settings.training.batch_size
+        order = torch.argsort(self._takes.mask.sum(dim=1), stable=True)
+        count = max(len(order) // size, 1)
+        epoch, index = divmod(step, count)
+        generator = np.random.default_rng([self._settings.training.seed, epoch])
+        offset = int(generator.integers(len(order) - size * count + 1))
+        block = int(generator.permutation(count)[index])
+        return order[offset + block * size : offset + (block + 1) * size]
+
+
+def reinforce(
+    settings: Reinforcement,
+    experiment: Experiment,
+    data: Path,
+    source: Path,
+    encoder: TextEncoder,
+    lengths: LengthFile | LengthModel,
+    folder: Path,
+    context: DistributedContext,
+) -> Path:
+    """Trains one round, or resumes it; returns the model folder.
+
+    Args:
+        settings: Takes and training.
+        experiment: Objective, cropping and latents of the ordinary training beside it.
+        data: Prepared folder.
+        source: Model folder to start from, whose motions are judged.
+        encoder: Its text encoder.
+        lengths: Usual lengths of prompts.
+        folder: Run folder to write.
+        context: Device and rank.
+
+    Raises:
+        DataError: The data cannot be used.
+        ModelError: There is no model, or no lengths.
+        InputError: The run folder holds another run, or data, model and encoder do not fit.
+    """
+    dataset, model = Dataset.load(data), load_model(source)
+    experiment = _continued(experiment, model, settings)
+    first = FirstStage(model.vae.requires_grad_(False), model.card, sha256(source / WEIGHTS_FILE))
+    conditioning = task_conditioning(experiment, dataset, encoder)
+    check_fit(experiment, dataset, first, conditioning)
+    parents = {"model": first.fingerprint, **conditioning.task.parents}
+    open_run(folder, ReinforceRun(dataset.fingerprint, parents, settings), context)
+    asked = drawn_instructions(settings.takes.prompts, settings.takes.seed)
+    sentences = [one.prompt for one in asked]
+    prompts = ConditionTable(conditioning.condition, sentences, context.device)
+    usual = lengths.usual(encoder(sentences).pooled)
+    takes = cached_takes(settings.takes, asked, usual, model, prompts, folder, context)
+    latents = model.card.latents
+    seen, space = prepare_latents(
+        experiment, dataset, first, conditioning, folder, context, latents
+    )
+    card = replace(model.card, latents=space)
+    torch.manual_seed(settings.training.seed)
+    previews = Previews(model.vae, card, experiment.latents.cropping.max_frames // 2)
+    stage = ReinforceStage(
+        model.denoiser.requires_grad_(True), seen, previews, experiment, context,
+        takes, asked, prompts, settings,
+    )  # fmt: skip
+    denoiser, seconds = train(stage, settings.training, folder, context)
+    if context.is_main:
+        figures = stage.validate(denoiser) | {"takes_obey": float(takes.obeys.float().mean())}
+        made = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
+        save_model(folder / MODEL, LatentModel(made, model.vae.cpu(), denoiser))
+    return folder / MODEL
+
+
+def obedient_lengths(folder: Path) -> CaptionLengths:
+    """Returns the prompts of a round with the lengths of the takes that obeyed.
+
+    Raises:
+        InputError: The folder is no run of `reinforce` that has made its takes.
+    """
+    takes = sorted(folder.glob("takes-*.safetensors"))
+    if not takes or not (folder / NAME).is_file():
+        raise InputError(f"{folder} holds no takes: run latentmotion train reinforce")
+    settings = read_run(ReinforceRun, folder).settings.takes
+    asked = drawn_instructions(settings.prompts, settings.seed)
+    made = joined_takes([Takes(**load_file(file)) for file in takes])
+    seconds = made.mask.sum(dim=1) * STRIDE / FPS
+    sentences = tuple(asked[n].prompt for n in made.prompt[made.obeys].tolist())
+    return CaptionLengths(sentences, seconds[made.obeys].numpy().astype(np.float32))
+
+
+def _continued(experiment: Experiment, model: LatentModel, settings: Reinforcement) -> Experiment:
+    """Returns the experiment with the model's own networks and sampling."""
+    card = model.card
+    return replace(
+        experiment,
+        vae=card.vae,
+        denoiser=card.trained_denoiser,
+        denoiser_training=settings.training,
+        sampling=card.sampling,
+    )

@@ -1,0 +1,220 @@
+"""A model's own motions for prompts with checks, and how well each does what it was asked.
+
+They are what `reinforce` learns from: latents in the denoiser's scale, made once and kept in the
+run folder, a file of each rank.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from safetensors.torch import load_file, save_file
+
+from latentmotion.arrays import prefix_mask
+from latentmotion.describe.facts import FPS
+from latentmotion.describe.reading import scene_of
+from latentmotion.diffusion.guidance import guided
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.samplers import sample, sampler_named
+from latentmotion.engine.feature_decoder import FeatureDecoder, representation_of
+from latentmotion.instructions.checking import fulfills
+from latentmotion.instructions.prompts import Instruction
+from latentmotion.model.vae_config import STRIDE
+from latentmotion.networks.checkpoint import LatentModel
+from latentmotion.storage.files import atomic_file
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.task_conditions import ConditionTable
+
+AT_ONCE = 64
+"""Motions that are made together."""
+
+STANDING = 0.05
+"""Height in meters below which a foot joint that does not rise counts as standing."""
+
+
+DEPTH = 0.05
+"""Meters below the floor that are as bad as a foot that slides at 1 m/s."""
+
+
+@dataclass(frozen=True)
+class TakeSettings:
+    """Which motions are made."""
+
+    prompts: int = 1000
+    """Prompts that are drawn."""
+    takes: int = 6
+    """Motions of each."""
+    guidance: float = 4.0
+    """Guidance scale."""
+    steps: int = 10
+    """Sampling steps of DPM-Solver++."""
+    spread: float = 0.2
+    """Deviation of the logarithm of lengths, around what is usual for the sentence."""
+    feet: float = 0.3
+    """What feet that slide or sink cost, a deviation more than the prompt's other takes."""
+    seed: int = 0
+    """Seed of prompts, lengths and noise."""
+
+
+@dataclass(frozen=True)
+class Takes:
+    """Motions of a model, by prompt."""
+
+    latents: Float[torch.Tensor, "takes tokens width"]
+    """What was generated, in the denoiser's scale."""
+    mask: Bool[torch.Tensor, "takes tokens"]
+    """True on real tokens."""
+    prompt: torch.Tensor
+    """Number of each one's prompt."""
+    obeys: Bool[torch.Tensor, " takes"]
+    """Whether each fulfills its check."""
+    faults: Float[torch.Tensor, " takes"]
+    """Speed of standing feet, m/s, and the depth of the lowest joint below the floor, 5 cm."""
+
+    def weights(self, feet: float) -> Float[torch.Tensor, " takes"]:
+        """Returns how much is to be learned of each take, from 0 (avoid it) to 1 (do the like).
+
+        A take is compared with the others of its prompt, so that 0.5 is said of all where all obey
+        or none does (Zheng et al. 2025, "DiffusionNFT", eq. 8).
+
+        Args:
+            feet: What a deviation more of faults costs, where obeying counts 1.
+        """
+        better = _standardized(-self.faults.clamp(max=1.0), self.prompt)
+        reward = self.obeys.float() + feet * better.clamp(-1.5, 1.5)
+        return 0.5 + _centered(reward, self.prompt).clamp(-0.5, 0.5)
+
+
+def cached_takes(
+    settings: TakeSettings,
+    instructions: Sequence[Instruction],
+    seconds: Sequence[float],
+    model: LatentModel,
+    prompts: ConditionTable,
+    folder: Path,
+    context: DistributedContext,
+) -> Takes:
+    """Makes and judges takes of all prompts, or reads them from the run folder.
+
+    Args:
+        settings: How many, and how.
+        instructions: Prompts and checks.
+        seconds: Usual length for each prompt.
+        model: Makes the motions.
+        prompts: Knows the prompts.
+        folder: Run folder.
+        context: Device and rank; each rank makes its share.
+    """
+    ranks = range(context.ranks.world)
+    files = [folder / f"takes-{rank}-of-{context.ranks.world}.safetensors" for rank in ranks]
+    own = files[context.ranks.rank]
+    if not own.exists():
+        made = _make(settings, instructions, seconds, model, prompts, context)
+        with atomic_file(own) as temporary:
+            save_file({field.name: getattr(made, field.name) for field in fields(made)}, temporary)
+    context.wait()
+    return joined_takes([Takes(**load_file(file)) for file in files])
+
+
+@torch.no_grad()
+def _make(
+    settings: TakeSettings,
+    instructions: Sequence[Instruction],
+    seconds: Sequence[float],
+    model: LatentModel,
+    prompts: ConditionTable,
+    context: DistributedContext,
+) -> Takes:
+    card, generator = model.card, np.random.default_rng(settings.seed)
+    means, device = (card.schedule, card.parametrization), context.device
+    model.denoiser.to(device).eval()
+    null, scale = prompts([""]), settings.guidance
+    denoiser = guided(card.sampling.guidance_rule, model.denoiser, null, scale, *means)
+    sampler = sampler_named("dpm++", *means)
+    decode = model.vae.to(device).eval().decode
+    decoder = FeatureDecoder.of(card, decode, lambda array: torch.as_tensor(array, device=device))
+    frames = drawn_frames(
+        np.repeat(seconds, settings.takes), settings.spread, card.frames, generator
+    )
+    order = np.argsort(frames, kind="stable")
+    blocks = [order[i : i + AT_ONCE] for i in range(0, len(order), AT_ONCE)]
+    parts = []
+    for number in range(context.ranks.rank, len(blocks), context.ranks.world):
+        rows = blocks[number]
+        asked = [instructions[row // settings.takes] for row in rows]
+        tokens = [card.latents.tokens_of(int(frames[row])) for row in rows]
+        noise = SeededNoise([settings.seed * 2**20 + int(row) for row in rows], tokens)
+        z = torch.from_numpy(noise((len(rows), max(tokens), card.latents.width))).to(device)
+        mask = prefix_mask(torch.tensor(tokens)).to(device)
+        condition = prompts([one.prompt for one in asked])
+        with torch.autocast(device.type, torch.bfloat16):
+            z = sample(denoiser, sampler, z, condition, mask, settings.steps, noise).float()
+        real = prefix_mask(torch.tensor(frames[rows])).to(device)
+        joints = representation_of(card).decode(decoder(z, real).float().cpu().numpy())
+        verdicts = [
+            judged(motion[: frames[row]], one)
+            for motion, row, one in zip(joints, rows, asked, strict=True)
+        ]
+        obeys, faults = (torch.tensor(values) for values in zip(*verdicts, strict=True))
+        which = torch.from_numpy(rows // settings.takes)
+        parts.append(Takes((z * mask[..., None]).cpu(), mask.cpu(), which, obeys, faults))
+        if context.is_main and number % 20 == 0:
+            share = torch.cat([part.obeys for part in parts]).float().mean()
+            print(f"takes: block {number} of {len(blocks)}, {100 * share:.0f} % obey", flush=True)
+    return joined_takes(parts)
+
+
+def drawn_frames(
+    seconds: np.ndarray,
+    spread: float,
+    limits: tuple[int, int],
+    generator: np.random.Generator,
+) -> np.ndarray:
+    """Returns lengths in whole tokens, around what is usual."""
+    drawn = FPS * seconds * np.exp(spread * generator.standard_normal(len(seconds)))
+    return (
+        np.clip(drawn / STRIDE, -(-limits[0] // STRIDE), limits[1] // STRIDE).round() * STRIDE
+    ).astype(int)
+
+
+def judged(joints: Float[np.ndarray, "frames 22 3"], asked: Instruction) -> tuple[bool, float]:
+    """Returns whether a motion does what it was asked, and the faults of its feet."""
+    feet = joints[:, [7, 10, 8, 11]]
+    velocity = FPS * np.diff(feet, axis=0)
+    stands = (feet[:-1, :, 1] < STANDING) & (np.abs(velocity[..., 1]) < 0.3)
+    speed = np.linalg.norm(velocity, axis=-1)
+    slides = float(speed[stands].mean()) if stands.any() else 0.0
+    depth = float(np.maximum(-joints[..., 1].min(axis=1), 0).mean())
+    return fulfills(scene_of(joints), asked.check), slides + depth / DEPTH
+
+
+def joined_takes(parts: Sequence[Takes]) -> Takes:
+    """Returns the takes of several files or batches as one."""
+    longest = max(part.mask.shape[1] for part in parts)
+    pad = torch.nn.functional.pad
+    wide = [longest - part.mask.shape[1] for part in parts]
+    return Takes(
+        torch.cat([pad(p.latents, (0, 0, 0, n)) for p, n in zip(parts, wide, strict=True)]),
+        torch.cat([pad(p.mask, (0, n)) for p, n in zip(parts, wide, strict=True)]),
+        torch.cat([part.prompt for part in parts]),
+        torch.cat([part.obeys for part in parts]),
+        torch.cat([part.faults for part in parts]),
+    )
+
+
+def _centered(values: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
+    """Returns values minus the mean of their group."""
+    count = torch.zeros(int(group.max()) + 1).index_add(0, group, torch.ones_like(values))
+    total = torch.zeros_like(count).index_add(0, group, values)
+    return values - (total / count.clamp(min=1))[group]
+
+
+def _standardized(values: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
+    """Returns values minus their group's mean, by the deviation within groups."""
+    centered = _centered(values, group)
+    return centered / (centered.square().mean().sqrt() + 1e-6)

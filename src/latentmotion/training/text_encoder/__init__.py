@@ -1,0 +1,1 @@
+"""The small text encoder, distilled from a large one."""

@@ -1,0 +1,170 @@
+"""Variations of captions, in the words people type: other subjects, synonyms, bare verbs, slips.
+
+The student learns what its teacher says about each variation, so a variation need not keep the
+meaning of its caption; it has to be something a user may write.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Iterable, Sequence
+
+from latentmotion.describe.verbs import present_participle, third_person
+from latentmotion.training.text_encoder.corpus import TaggedCaption
+
+SUBJECTS = (
+    "a person", "the person", "person", "a man", "the man", "man", "a woman", "the woman",
+    "someone", "somebody", "he", "she", "they", "a human", "a figure", "the figure", "this person",
+    "the character", "a guy", "an actor", "a boy", "a girl", "a child", "an old man", "a dancer",
+    "a robot", "a zombie", "the subject", "a stick figure", "a player", "i",
+)  # fmt: skip
+
+SYNONYMS = (
+    ("walks", "strolls", "strides", "steps", "marches", "moves", "paces", "wanders"),
+    ("walking", "strolling", "striding", "stepping", "marching", "moving", "pacing"),
+    ("walk", "stroll", "stride", "step", "march", "move", "go"),
+    ("runs", "jogs", "sprints", "races", "dashes"),
+    ("running", "jogging", "sprinting", "racing"),
+    ("jumps", "hops", "leaps", "bounces", "skips"),
+    ("jumping", "hopping", "leaping", "skipping"),
+    ("turns", "spins", "rotates", "pivots", "twists"),
+    ("picks", "grabs", "takes", "lifts", "collects"),
+    ("throws", "tosses", "hurls", "pitches", "lobs"),
+    ("throwing", "tossing", "hurling", "pitching"),
+    ("puts", "places", "sets", "lays", "drops"),
+    ("crouches", "squats", "kneels", "bends", "stoops"),
+    ("quickly", "fast", "rapidly", "hastily", "swiftly"),
+    ("slowly", "carefully", "gently", "casually", "lazily", "cautiously"),
+    ("forward", "forwards", "ahead", "straight", "straight ahead"),
+    ("backward", "backwards", "back", "in reverse"),
+    ("hand", "arm", "fist"), ("hands", "arms", "both hands"), ("leg", "foot", "knee"),
+    ("waves", "gestures", "signals"), ("punches", "hits", "strikes", "boxes"),
+    ("something", "an object", "a box", "a ball", "a cup", "a bottle", "a phone", "a sword"),
+    ("dances", "sways", "grooves", "waltzes"), ("looks", "stares", "glances"),
+    ("circle", "loop", "square", "figure eight", "zigzag"), ("two", "three", "four", "several"),
+    ("left", "right"), ("clockwise", "counterclockwise", "counter clockwise", "anti-clockwise"),
+    ("happily", "angrily", "sadly", "drunkenly", "like a zombie", "like an old man"),
+)  # fmt: skip
+
+ACTIVITIES = (
+    "ballet", "tango", "waltz", "salsa", "hip hop", "breakdance", "cha cha", "the twist", "karate",
+    "kung fu", "tai chi", "yoga", "boxing", "tennis", "golf", "baseball", "basketball", "soccer",
+    "football", "volleyball", "cricket", "bowling", "hockey", "badminton", "skating", "skiing",
+    "swimming", "the guitar", "the drums", "the violin", "the piano", "jumping jacks", "push ups",
+    "sit ups", "squats", "lunges", "stretches", "a cartwheel", "a handstand", "a backflip",
+    "a somersault", "a pirouette", "a moonwalk", "the robot", "a high kick", "a front kick",
+    "the dishes", "laundry", "cleaning", "cooking", "fencing", "wrestling", "gymnastics",
+)  # fmt: skip
+
+ACTIVITY_FRAMES = (
+    "{}", "a person does {}", "a person is doing {}", "do {}", "dance {}", "play {}",
+    "a man plays {}", "a woman is dancing {}", "someone practices {}", "the person performs {}",
+    "practicing {}", "a person is playing {}",
+)  # fmt: skip
+
+MANNERS = (
+    "", "forward", "backwards", "in a circle", "quickly", "slowly", "in place", "to the left",
+    "to the right", "up the stairs", "down the stairs", "and stops", "twice", "happily",
+    "and turns around", "with the left hand", "with the right leg", "on the floor",
+    "with both hands", "around",
+)  # fmt: skip
+
+VERB_FRAMES = (
+    "{plain}", "{going}", "a person {goes}", "a person is {going}", "a man {goes}",
+    "someone is {going}", "the woman {goes}", "he {goes}", "person {going}",
+    "a person starts to {plain}",
+)  # fmt: skip
+
+_SUBJECT = re.compile(
+    r"^(?:(?:a|an|the|this)\s+)?(?:standing\s+)?"
+    r"(?:person|man|woman|figure|human|someone|somebody|he|she|they|guy|character)\b"
+)
+_CLAUSES = re.compile(r"\s*(?:,|\.|;|\band then\b|\bthen\b|\band\b|\bwhile\b|\bbefore\b)\s*")
+_SYNONYM_GROUP = {word: group for group in SYNONYMS for word in group}
+
+
+def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random) -> str:
+    """Returns one random variation of a caption.
+
+    Args:
+        caption: The caption.
+        words: English words for the places that may hold any word.
+        generator: Source of every choice.
+    """
+    text = generator.choice((_as_is, _one_clause, _imperative))(caption, generator)
+    if generator.random() < 0.6:
+        text = _SUBJECT.sub(generator.choice(SUBJECTS), text)
+    if generator.random() < 0.6:
+        text = _with_synonyms(text, generator)
+    if generator.random() < 0.2:
+        text = _with_any_word(text, words, generator)
+    if generator.random() < 0.15:
+        text = _with_slip(text, generator)
+    return _with_ending(text, generator)
+
+
+def plain_phrases(
+    captions: Iterable[TaggedCaption], words: Sequence[str], generator: random.Random
+) -> list[str]:
+    """Returns short prompts: every verb of the captions in plain frames, activities, lone words."""
+    tags = [tag for caption in captions for tag in caption.tags]
+    verbs = sorted({lemma for lemma, tag in tags if tag == "VERB" and lemma.isalpha()})
+    nouns = sorted({lemma for lemma, tag in tags if tag == "NOUN" and lemma.isalpha()})
+    phrases = [phrase for verb in verbs for phrase in _in_frames(verb)]
+    phrases += [f"{phrase} {generator.choice(MANNERS)}".strip() for phrase in phrases]
+    phrases += [frame.format(what) for what in ACTIVITIES for frame in ACTIVITY_FRAMES]
+    phrases += [f"{generator.choice(verbs)} {generator.choice(nouns)}" for _ in nouns]
+    return phrases + nouns + list(words)
+
+
+def _in_frames(verb: str) -> list[str]:
+    forms = {"plain": verb, "goes": third_person(verb), "going": present_participle(verb)}
+    return [frame.format_map(forms) for frame in VERB_FRAMES]
+
+
+def _as_is(caption: TaggedCaption, generator: random.Random) -> str:
+    return caption.text
+
+
+def _one_clause(caption: TaggedCaption, generator: random.Random) -> str:
+    clauses = [clause for clause in _CLAUSES.split(caption.text) if clause]
+    return generator.choice(clauses) if clauses else caption.text
+
+
+def _imperative(caption: TaggedCaption, generator: random.Random) -> str:
+    """Lemmas from the first verb on, "walk forward then turn", cut at a random length."""
+    verbs = [place for place, (_, tag) in enumerate(caption.tags) if tag == "VERB"]
+    if not verbs:
+        return caption.text
+    lemmas = [lemma for lemma, _ in caption.tags[verbs[0] :]]
+    return " ".join(lemmas[: generator.randint(1, len(lemmas))])
+
+
+def _with_synonyms(text: str, generator: random.Random) -> str:
+    words = text.split()
+    for place, word in enumerate(words):
+        if word in _SYNONYM_GROUP and generator.random() < 0.5:
+            words[place] = generator.choice(_SYNONYM_GROUP[word])
+    return " ".join(words)
+
+
+def _with_any_word(text: str, words: Sequence[str], generator: random.Random) -> str:
+    parts = text.split()
+    if parts and words:
+        parts[generator.randrange(len(parts))] = generator.choice(words)
+    return " ".join(parts)
+
+
+def _with_slip(text: str, generator: random.Random) -> str:
+    """Drops, doubles or swaps one letter."""
+    if len(text) < 4:
+        return text
+    at = generator.randrange(len(text) - 1)
+    first, second = text[at], text[at + 1]
+    return text[:at] + generator.choice(("", first * 2, second + first)) + text[at + 1 :]
+
+
+def _with_ending(text: str, generator: random.Random) -> str:
+    bare = text.strip(" .,")
+    return bare + generator.choice((".", "", "", "!")) if bare else text

@@ -1,0 +1,144 @@
+"""The first stage: the VAE is trained on crops of motions (paper, section 3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+
+from latentmotion.data.clip import Clip
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.sampling import Crop
+from latentmotion.evaluation.metrics.reconstruction import mpjpe
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.smpl import SkinnedBody
+from latentmotion.motion import Motion
+from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.networks.vae.loss import vae_losses
+from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.training.crops import BatchSampler, FeatureCache, items_by_length
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment
+from latentmotion.training.loop import Stage
+from latentmotion.training.rng import StepRandomness
+
+LOOKED_AT = 64
+"""Clips of each split that a validation rebuilds."""
+
+
+class VAEStage(Stage[MotionVAE]):
+    """The VAE, the crops it is shown, and the clips it is measured on.
+
+    Args:
+        vae: The network to train.
+        dataset: Motions.
+        experiment: Which crops, which objective.
+        context: The device and rank.
+        body: Whose vertices are compared, where the objective does.
+    """
+
+    def __init__(
+        self,
+        vae: MotionVAE,
+        dataset: Dataset,
+        experiment: Experiment,
+        context: DistributedContext,
+        body: SkinnedBody | None = None,
+    ) -> None:
+        super().__init__()
+        self.network = vae
+        self._dataset, self._context = dataset, context
+        self._objective, self._settings = experiment.vae_objective, experiment.vae_training
+        self._body = body.like(torch.zeros(1, device=context.device)) if body else None
+        self._longest = experiment.latents.cropping.max_frames
+        train = dataset.clips("train", mirrored=experiment.mirrored)
+        self._looked_at = {
+            "train": spread(dataset.clips("train")),
+            "val": spread(dataset.clips("val")),
+        }
+        self._memory = FeatureCache(dataset, [*train, *self._looked_at["val"]], dataset.normalizer)
+        cropping = experiment.vae_cropping
+        items = items_by_length(train, cropping.max_frames)
+        self._batches = BatchSampler(
+            items, self._settings.batch_size, cropping, self._settings.seed
+        )
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`."""
+        crops, context = self._batches(step), self._context
+        own = crops[context.ranks.shard(len(crops))]
+        features, mask = self._memory.batch(own, max(crop.frames for crop in crops))
+        seed, device = self._settings.seed, context.device
+        return vae_losses(
+            vae=self.network,
+            features=features.to(device),
+            mask=mask.to(device),
+            noise=StepRandomness(seed, step, len(crops), context.ranks, device).normal,
+            joints_of=self._joints,
+            fps=self._dataset.representation.fps,
+            objective=self._objective,
+            vertices_of=self._vertices if self._body else None,
+            skeleton=self.skeleton,
+        )
+
+    @property
+    def skeleton(self) -> Skeleton | None:
+        """Whose feet and bones are compared, where the objective does."""
+        compared = self._objective.contacts > 0 or self._objective.bones > 0
+        return self._dataset.representation.skeleton if compared else None
+
+    @torch.no_grad()
+    def validate(self, network: MotionVAE) -> dict[str, float]:
+        """Mean joint error in millimeters of rebuilt clips, root-aligned and in the world."""
+        figures = {}
+        for split, clips in self._looked_at.items():
+            if not clips:
+                continue
+            pairs = [self._rebuild(network, clip) for clip in clips]
+            for name, align in (("mm", True), ("world_mm", False)):
+                errors = [mpjpe(found, true, align) for found, true in pairs]
+                figures[f"{split}_{name}"] = sum(errors) / len(errors)
+        return figures
+
+    @torch.no_grad()
+    def sample(self, network: MotionVAE) -> list[Motion]:
+        """Two held-out clips, each as it is and as it is rebuilt; seen ones where all are."""
+        motions = []
+        for clip in (self._looked_at["val"] or self._looked_at["train"])[:2]:
+            rebuilt, true = self._rebuild(network, clip)
+            motions += [self._motion(true, f"{clip.id}"), self._motion(rebuilt, "rebuilt")]
+        return motions
+
+    def _rebuild(
+        self, network: MotionVAE, clip: Clip
+    ) -> tuple[Float[torch.Tensor, "frames joints 3"], Float[torch.Tensor, "frames joints 3"]]:
+        crop = Crop(clip, 0, min(clip.frames, self._longest), "")
+        features, mask = (
+            x.to(self._context.device) for x in self._memory.batch([crop], crop.frames)
+        )
+        rebuilt = network.decode(network.encode(features, mask).mean, mask)
+        return self._joints(rebuilt)[0], self._joints(features)[0]
+
+    def _joints(
+        self, features: Float[torch.Tensor, "batch frames features"]
+    ) -> Float[torch.Tensor, "batch frames joints 3"]:
+        dataset = self._dataset
+        return dataset.representation.decode(dataset.normalizer.denormalize(features))
+
+    def _vertices(
+        self, features: Float[torch.Tensor, "batch frames features"]
+    ) -> Float[torch.Tensor, "batch frames vertices 3"]:
+        part, body = self._dataset.representation, self._body
+        assert isinstance(part, SmplRepresentation) and body is not None  # checked at the start
+        rotations, _ = part.pose(self._dataset.normalizer.denormalize(features))
+        return body.posed(rotations)
+
+    def _motion(self, joints: Float[torch.Tensor, "frames joints 3"], caption: str) -> Motion:
+        part = self._dataset.representation
+        return Motion(joints.cpu().numpy(), part.fps, part.skeleton, caption)
+
+
+def spread(clips: Sequence[Clip], most: int = LOOKED_AT) -> list[Clip]:
+    """Returns at most `most` clips, evenly spaced."""
+    return list(clips[:: max(1, -(-len(clips) // most))])

@@ -1,0 +1,120 @@
+"""Exact: goals met in the joints, bones kept, feet held; pieces pasted; motion bent onto curves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from latentmotion.control.exact import distances, hold_targets, inertialized, quintic, spread
+from latentmotion.control.goals import Path, Pose, Reach, targets_of
+from latentmotion.control.path import Curve, bent, straightened
+from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.motion import Motion
+from latentmotion.representation.canonical import heading
+from tests.support.walker import walker
+
+
+def bones(joints: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(joints[:, 1:] - joints[:, list(HUMANML3D.parents[1:])], axis=-1)
+
+
+def near(joints: np.ndarray, name: str, frame: int, offset: tuple[float, float, float]) -> Reach:
+    place = joints[frame, HUMANML3D.names.index(name)] + offset
+    return Reach(name, frame / 20, tuple(place.tolist()))
+
+
+@pytest.mark.parametrize("name", ["pelvis", "head", "right_wrist", "left_ankle", "left_foot"])
+def test_a_goal_is_met_and_bones_keep_their_lengths(name: str) -> None:
+    joints = walker(60).joints()
+    targets = targets_of([near(joints, name, 30, (0.02, 0.01, -0.03))], 60, 20.0, HUMANML3D)
+    held = hold_targets(joints, targets, 20.0, HUMANML3D)
+    assert distances(held, targets).max() < 1e-6
+    assert np.abs(bones(held) - bones(joints)).max() < 2e-3
+    assert np.allclose(held[:10], joints[:10])
+    assert np.allclose(held[50:], joints[50:])
+
+
+def test_several_goals_at_once() -> None:
+    joints = walker(60).joints()
+    goals = [
+        near(joints, "right_wrist", 20, (0.03, 0, 0)),
+        near(joints, "left_wrist", 22, (0, -0.02, 0)),
+        near(joints, "pelvis", 30, (0.02, 0, 0.02)),
+        near(joints, "right_foot", 45, (0, 0.03, 0)),
+        near(joints, "head", 20, (0.02, 0, 0)),
+    ]
+    targets = targets_of(goals, 60, 20.0, HUMANML3D)
+    assert distances(hold_targets(joints, targets, 20.0, HUMANML3D), targets).max() < 1e-5
+
+
+def test_a_goal_beyond_the_arm_takes_the_body_along() -> None:
+    joints = walker(60).joints()
+    targets = targets_of([near(joints, "right_wrist", 30, (0.3, 0.2, 0.3))], 60, 20.0, HUMANML3D)
+    held = hold_targets(joints, targets, 20.0, HUMANML3D)
+    assert distances(held, targets).max() < 1e-3
+    assert np.abs(bones(held) - bones(joints)).max() < 2e-2
+
+
+def test_a_pose_is_met_by_every_joint() -> None:
+    joints = walker(60).joints()
+    pose = Motion(joints[31:32] + np.random.default_rng(0).normal(0, 0.01, (1, 22, 3)))
+    targets = targets_of([Pose(1.5, pose)], 60, 20.0, HUMANML3D)
+    held = hold_targets(joints, targets, 20.0, HUMANML3D)
+    assert distances(held, targets).max() < 1e-6
+
+
+def test_offsets_come_and_go_smoothly() -> None:
+    curve = spread({20: np.array([1.0, 0, 0]), 25: np.array([0, 2.0, 0])}, 60, 10)
+    assert np.allclose(curve[[20, 25]], [[1, 0, 0], [0, 2, 0]])
+    assert np.allclose(curve[[9, 36]], 0)
+    assert (quintic(np.array([0.0, 0.5, 1.0])) == [0, 0.5, 1]).all()
+
+
+def test_a_pasted_piece_leaves_and_meets_what_is_around_it() -> None:
+    whole = walker(80).joints()
+    other = walker(80, 26).joints()[24:44] + np.array([0.3, -0.2, 0.1])
+    piece = inertialized(other, whole[:30], whole[50:], HUMANML3D, 8)
+    pasted, cut = (np.concatenate([whole[:30], x, whole[50:]]) for x in (piece, other))
+    jerk = [np.abs(np.diff(x, n=2, axis=0)).max() for x in (pasted, cut, whole)]
+    assert jerk[0] < 0.2 * jerk[1]
+    assert np.abs(bones(pasted) - bones(whole)).max() < 1e-9
+    same = inertialized(whole[30:50], whole[:30], whole[50:], HUMANML3D, 8)
+    assert np.abs(same - whole[30:50]).max() < 0.05
+
+
+def test_a_straight_walk_is_bent_onto_a_circle() -> None:
+    radius, angles = 2.0, np.linspace(0, np.pi, 7)
+    points = [(radius * (1 - np.cos(a)), radius * np.sin(a)) for a in angles]
+    curve = Curve.through(Path(points))
+    assert abs(curve.length - np.pi * radius) < 0.05
+    joints = np.repeat(walker(1).joints(), 60, axis=0)
+    joints[..., ::2] -= joints[:1, :1, ::2]
+    joints[..., 2] += np.linspace(0, curve.length, 60)[:, None]
+    moved = bent(joints, curve, 20.0, HUMANML3D)
+    around = moved[:, 0, ::2] - (radius, 0)
+    assert np.abs(np.linalg.norm(around, axis=1) - radius).max() < 0.045
+    turned = np.unwrap(heading(moved, HUMANML3D))
+    assert np.abs(turned[8:-8] - np.linspace(0, np.pi, 60)[8:-8]).max() < 0.12
+    assert np.abs(bones(moved) - bones(joints)).max() < 1e-6
+
+
+def test_planted_feet_stay_planted_on_a_curve() -> None:
+    curve = Curve.through(Path([(0, 0), (0, 1), (0.5, 2), (1.5, 2.5)]))
+    joints = np.repeat(walker(1).joints(), 20, axis=0)
+    joints[..., ::2] -= joints[:1, :1, ::2]
+    sway = 0.05 * np.linspace(0, 1, 20)[:, None]
+    upper = [j for j in range(22) if j not in (7, 8, 10, 11)]
+    joints[:, upper, 2] += sway
+    joints[:, upper, 1] -= 0.02
+    moved = bent(joints, curve, 20.0, HUMANML3D)
+    assert np.ptp(moved[:, [7, 8, 10, 11]], axis=0).max() < 1e-6
+
+
+def test_points_of_the_world_go_back_onto_the_straight_line() -> None:
+    curve = Curve.through(Path([(1, 2), (1, 3), (2, 4)]))
+    place = curve.place(np.array(1.2), np.array(0.0))
+    there = straightened((place[0], 0.9, place[1]), (0.1, 1.1), 1.1, curve)
+    joints = np.repeat(walker(1).joints(), 3, axis=0)
+    joints[..., ::2] += np.array([0.1, 1.1]) - joints[:, :1, ::2]
+    joints[:, 15] = there
+    assert np.allclose(bent(joints, curve, 20.0, HUMANML3D)[1, 15, ::2], place)

@@ -1,0 +1,152 @@
+"""Directing through the pipeline, with a small untrained student that was exported."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+import torch
+
+from latentmotion import Heading, Motion, MotionPipeline, Path, Pose, Reach
+from latentmotion.cli.main import main
+from latentmotion.condition.task import ActionTask
+from latentmotion.control.direct import goal_report
+from latentmotion.diffusion.few_step import FewStepConfig
+from latentmotion.diffusion.parametrization import Velocity
+from latentmotion.diffusion.schedule import LinearPath
+from latentmotion.errors import InputError, ModelError
+from latentmotion.export.package import package_model
+from latentmotion.model.card import ModelCard
+from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
+from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace
+from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import LatentModel, save_model
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from tests.support.walker import walker
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    torch.manual_seed(0)
+    vae = ConvolutionalVAEConfig(width=16, channels=8)
+    denoiser = DenoiserConfig(
+        latent_width=8,
+        condition_width=6,
+        transformer=TransformerConfig(width=16, layers=3, heads=2, hidden=24),
+        sine_width=16,
+        length_token=True,
+        few_step=FewStepConfig(guidance=(1.0, 4.0), steps=(8,), solver_steps=8),
+    )
+    features = HUMANML3D_FEATURES.encode(walker(60).joints())
+    card = ModelCard(
+        name="untrained",
+        representation="humanml3d",
+        normalizer_mean=tuple(features.mean(axis=0).tolist()),
+        normalizer_std=(0.05,) * 263,
+        latents=LatentSpace(8, frames_per_token=4, mean=(0.1,) * 8, std=(1.5,) * 8),
+        schedule=LinearPath(),
+        parametrization=Velocity(),
+        vae=vae,
+        denoiser=denoiser,
+        condition=ActionTask(labels=tuple("012345")),
+        sampling=Sampling(steps=8, guidance=1.0),
+    )
+    networks = build(vae), build(denoiser)
+    for weight in networks[0].decoder.parameters():  # some of which are nothing at first
+        torch.nn.init.normal_(weight, std=0.1)
+    path = tmp_path_factory.mktemp("student")
+    save_model(path / "run", LatentModel(card, *networks))
+    package_model(path / "run", card, None, path / "model")
+    return path / "model"
+
+
+@pytest.fixture(scope="module")
+def generate(folder: FilePath) -> MotionPipeline:
+    return MotionPipeline.from_pretrained(folder, "onnxruntime", 1)
+
+
+def test_goals_are_met_exactly_in_the_cleaned_motion(generate: MotionPipeline) -> None:
+    free = generate("1", 2.0, 3).joints
+    near = [Reach("right_wrist", 1.0, tuple((free[20, 21] + 0.02).tolist()))]
+    near += [Reach("pelvis", 1.6, (float(free[32, 0, 0]), None, float(free[32, 0, 2]) + 0.05))]
+    motion = generate("1", 2.0, 3, goals=[*near, Heading(1.6, 5)])
+    assert motion.goals == tuple(near)
+    # The decoder is untrained, so that a few updates leave more than those of real ones.
+    assert max(goal["before"] for goal in motion.metadata["goals"]) < 0.1
+    cleaned = motion.cleaned()
+    assert max(goal["after"] for goal in cleaned.metadata["goals"]) < 1e-3
+    assert goal_report(motion, cleaned)["goals"][0]["after"] < 1e-3
+    assert (generate("1", 2.0, 3).joints == free).all()
+
+
+def test_a_path_is_taken(generate: MotionPipeline) -> None:
+    path = Path([(1, 0), (1, 0.2), (1.1, 0.4)], [0, 1, 1.9])
+    motion = generate("1", 2.0, 3, goals=[path]).cleaned()
+    assert np.abs(motion.joints[20, 0, ::2] - (1, 0.2)).max() < 1e-3
+    assert np.abs(motion.joints[38, 0, ::2] - (1.1, 0.4)).max() < 1e-3
+
+
+def test_other_frames_of_an_edit_are_the_same_numbers(generate: MotionPipeline) -> None:
+    motion = Motion(walker(60).joints())
+    edited = generate.edit(motion, "1", (1.0, 1.85), seed=4)
+    assert (edited.joints[:20] == motion.joints[:20]).all()
+    assert (edited.joints[37:] == motion.joints[37:]).all()
+    assert (edited.joints[20:37] != motion.joints[20:37]).any()
+    assert (generate.edit(motion, "1", (1.0, 1.85), seed=4).joints == edited.joints).all()
+    with pytest.raises(InputError, match="nothing of the motion"):
+        generate.edit(motion, "1", (0, 3))
+    with pytest.raises(InputError, match="resampled"):
+        generate.edit(motion.resampled(30), "1", (1, 2))
+
+
+def test_between_poses_and_motions(generate: MotionPipeline) -> None:
+    motion = Motion(walker(60).joints())
+    start, end = motion.joints[:1], motion.joints[30:31]
+    joined = generate.between(Motion(start), Motion(end), 1.0, "1")
+    assert len(joined) == 22
+    assert (joined.joints[[0, -1]] == np.concatenate([start, end])).all()
+    longer = generate.between(Motion(motion.joints[:20]), Motion(motion.joints[40:]), 1.0, "1")
+    assert len(longer) == 60
+    assert (longer.joints[:20] == motion.joints[:20]).all()
+    assert (longer.joints[40:] == motion.joints[40:]).all()
+    with pytest.raises(InputError, match="m apart"):
+        generate.between(Motion(start), Motion(end + np.float32([0, 0, 30])), 1.0, "1")
+
+
+def test_a_pose_is_a_goal(generate: MotionPipeline) -> None:
+    pose = Motion(generate("1", 2.0, 3).joints[20:21])
+    cleaned = generate("1", 2.0, 3, goals=[Pose(1.0, pose)]).cleaned()
+    assert np.abs(cleaned.joints[20] - pose.joints[0]).max() < 1e-5
+
+
+def test_a_model_without_a_pullback_says_so(generate: MotionPipeline) -> None:
+    older = replace(generate, backend=replace(generate.backend, pullback=None))
+    with pytest.raises(ModelError, match=r"no pullback\.onnx.*export it again"):
+        older("1", 2.0, goals=[Heading(1.0, 0)])
+    assert len(older("1", 2.0)) == 40
+
+
+def test_the_command_line(
+    folder: FilePath,
+    tmp_path: FilePath,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    common = ["--model", str(folder), "--runtime", "onnxruntime"]
+    goals = ["--path", "0,0@0 0,.2@1", "--heading", "0@1", "--reach", "head@1=0,1.5,.2"]
+    main(["generate", "1", "--seconds", "2", *goals, *common, "-o", "one.npz"])
+    printed = capsys.readouterr()
+    assert "pelvis at 1 s: 0.0 mm from its goal" in printed.err
+    main(["edit", "one.npz", "1", "--between", "0.5", "1.2", *common, "-o", "two.npz"])
+    edited, motion = (Motion.load(name) for name in ("two.npz", "one.npz"))
+    assert (edited.joints[:10] == motion.joints[:10]).all()
+    main(["between", "one.npz", "two.npz", "--prompt", "1", *common, "-o", "three.npz"])
+    assert len(Motion.load("three.npz")) == 100
+    scene = {"format": 1, "prompt": "1", "seconds": 2, "headings": [{"at": 1, "degrees": 3}]}
+    FilePath("scene.json").write_text(json.dumps(scene), encoding="utf-8")
+    main(["generate", "--scene", "scene.json", *common, "-o", "four.npz"])
+    assert len(Motion.load("four.npz")) == 40
