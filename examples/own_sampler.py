@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from latentmotion import MotionPipeline
-from latentmotion.diffusion.parametrization import Parametrization
 from latentmotion.diffusion.schedule import Schedule
 
 
@@ -17,12 +16,11 @@ class AdamsBashforth:
     """Steps of DDIM along an estimate that is extrapolated to the middle of the step."""
 
     schedule: Schedule
-    parametrization: Parametrization
 
-    def integrate(self, model_output, z, times, noise):
+    def integrate(self, estimate, z, times, noise):
         before = None
         for t, s in pairwise(times):
-            now = self.parametrization.to_x0_eps(model_output(z, t), z, t, self.schedule)
+            now = estimate(z, t)
             z0, epsilon = (1.5 * a - 0.5 * b for a, b in zip(now, before or now, strict=True))
             z, before = self.schedule.alpha(s) * z0 + self.schedule.sigma(s) * epsilon, now
         return z
@@ -30,7 +28,7 @@ class AdamsBashforth:
 
 class Pipeline(MotionPipeline):
     def sampler(self, sampling):
-        return AdamsBashforth(self.card.schedule, self.card.parametrization)
+        return AdamsBashforth(self.card.schedule)
 
 
 if __name__ == "__main__":

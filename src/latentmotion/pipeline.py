@@ -21,7 +21,8 @@ from latentmotion.condition.interface import Condition, Conditioning, TextEncode
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.diffusion.few_step import FewStepSchedule, StepCondition
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
-from latentmotion.diffusion.interface import Denoiser, Noise
+from latentmotion.diffusion.interface import Estimator, Noise
+from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, SamplerName, sample, sampler_named
 from latentmotion.engine import request as requests
 from latentmotion.engine.backend import Backend, Batch
@@ -449,13 +450,13 @@ class MotionPipeline:
         first = state or StreamState.start(self.card.latents.width)
         return MotionStream(prompt, seed, first, advance, space)
 
-    def guided(self, sampling: Sampling) -> Denoiser:
+    def guided(self, sampling: Sampling) -> ParametrizedDenoiser:
         """Returns the denoiser with guidance around it, or inside it for a distilled model."""
-        if self.card.few_step:
-            return DistilledGuidance(self._denoise, sampling.guidance, sampling.steps)
-        card, rule = self.card, sampling.guidance_rule
-        scale, means = sampling.guidance, (card.schedule, card.parametrization)
-        return guided(rule, self._denoise, self._null, scale, *means)
+        card, scale = self.card, sampling.guidance
+        if card.few_step:
+            return card.parametrized(DistilledGuidance(self._denoise, scale, sampling.steps))
+        model = card.parametrized(self._denoise)
+        return guided(sampling.guidance_rule, model, self._null, scale)
 
     def sampler(self, sampling: Sampling) -> Sampler:
         """Returns the rule of a sampling step; override it to use a sampler of your own."""
@@ -564,12 +565,10 @@ class MotionPipeline:
         ) -> Float[np.ndarray, "tokens width"]:
             one = replace(request, frames=(frames,))
             batch, noise = requests.padded_batch(one, condition, card.latents, self.backend)
-            denoiser = CorrectedDenoiser(
-                self.guided(sampling), card.parametrization, card.schedule, correct
-            )
+            corrected = CorrectedDenoiser(self.guided(sampling), correct)
             sampler, steps = self.sampler(sampling), sampling.steps
             return sample(
-                denoiser, sampler, batch.noise, batch.condition, batch.tokens, steps, noise
+                corrected, sampler, batch.noise, batch.condition, batch.tokens, steps, noise
             )[0]
 
         return sample_latents
@@ -607,7 +606,7 @@ class MotionPipeline:
 
 def features_from_noise(
     batch: Batch,
-    denoiser: Denoiser,
+    estimator: Estimator,
     sampler: Sampler,
     steps: int,
     noise: Noise,
@@ -617,17 +616,17 @@ def features_from_noise(
 
     Args:
         batch: Noise, condition and masks, arrays of NumPy or PyTorch.
-        denoiser: The network with its guidance.
+        estimator: The denoiser with its guidance, and the meaning of its output.
         sampler: The sampler.
         steps: Number of steps.
         noise: Draws further noise for samplers that need it.
         decoder: The VAE's decoder with the scales of latents and features.
     """
-    z = sample(denoiser, sampler, batch.noise, batch.condition, batch.tokens, steps, noise)
+    z = sample(estimator, sampler, batch.noise, batch.condition, batch.tokens, steps, noise)
     return decoder(z, batch.frames)
 
 
 def sampler_of(card: ModelCard, sampling: Sampling) -> Sampler:
     """Returns the sampler for a model's schedule; a distilled one stops at its own few times."""
     schedule = FewStepSchedule(card.schedule, card.few_step) if card.few_step else card.schedule
-    return sampler_named(sampling.sampler, schedule, card.parametrization)
+    return sampler_named(sampling.sampler, schedule)

@@ -19,10 +19,15 @@ from latentmotion.control.reach import (
     least_step,
     reach,
 )
-from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity, add_noise
-from latentmotion.diffusion.samplers import DDIM, sample
+from latentmotion.diffusion.parametrization import (
+    Epsilon,
+    ParametrizedDenoiser,
+    Sample,
+    Velocity,
+    add_noise,
+)
+from latentmotion.diffusion.samplers import DDIM, DPMSolver, Heun, sample
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
-from latentmotion.diffusion.second_order import DPMSolver, Heun
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.vae_config import (
     ConvolutionalVAEConfig,
@@ -148,10 +153,10 @@ def test_known_latents_are_kept_with_the_noise_sampling_began_with(
         return np.tanh(z)
 
     keep = Correction(decoded(), known=known, is_known=is_known)
-    denoiser = CorrectedDenoiser(network, parametrization, schedule, keep)
+    denoiser = CorrectedDenoiser(ParametrizedDenoiser(network, parametrization, schedule), keep)
     for sampler in (DDIM, Heun, DPMSolver):
         states.clear()
-        rule = sampler(schedule, parametrization)
+        rule = sampler(schedule)
         z = sample(denoiser, rule, noise, nothing, np.ones((1, 10), bool), 5, lambda _: noise)
         level = schedule.sigma(
             schedule.timesteps(5)[-1].item()

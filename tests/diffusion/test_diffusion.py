@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -15,13 +16,21 @@ from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop, guided
 from latentmotion.diffusion.parametrization import (
     Epsilon,
     Parametrization,
+    ParametrizedDenoiser,
     Sample,
     Velocity,
     add_noise,
 )
-from latentmotion.diffusion.samplers import DDIM, DDPM, Sampler, sample, sampler_named
+from latentmotion.diffusion.samplers import (
+    DDIM,
+    DDPM,
+    DPMSolver,
+    Heun,
+    Sampler,
+    sample,
+    sampler_named,
+)
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
-from latentmotion.diffusion.second_order import DPMSolver, Heun
 from latentmotion.errors import InputError
 
 SCHEDULES = [ScaledLinear(), ScaledLinear(offset=0, ends_clean=True), Cosine(), LinearPath()]
@@ -65,6 +74,12 @@ class KnownGaussian(KnownPoint):
         gain = alpha * self.spread**2 / (alpha**2 * self.spread**2 + sigma**2)
         z0 = self.point + gain * (z - alpha * self.point)
         return self.parametrization.target(z0, (z - alpha * z0) / sigma, t, self.schedule)
+
+
+def parametrized(
+    kind: type[KnownPoint], point: Any, schedule: Schedule, parametrization: Parametrization
+) -> ParametrizedDenoiser:
+    return ParametrizedDenoiser(kind(point, schedule, parametrization), parametrization, schedule)
 
 
 # Schedules
@@ -174,16 +189,16 @@ def test_mdms_ancestral_sampling_against_diffusers(length: int, steps: int) -> N
         clip_sample=False,
     )
     foreign.set_timesteps(steps)
-    ours = sampler_named("ddpm", Cosine(length), Sample())
+    ours = sampler_named("ddpm", Cosine(length))
     theirs, z = torch.from_numpy(normal(0)), normal(0)
     seed, same_seed = torch.Generator().manual_seed(5), torch.Generator().manual_seed(5)
     for t, s in pairwise(ours.schedule.timesteps(steps).tolist()):
         theirs = foreign.step(toy_network(theirs, t), int(t), theirs, generator=seed).prev_sample
         draw = lambda shape: torch.randn(shape, generator=same_seed).numpy()  # noqa: E731
-        model_output = toy_network(z, t)
-        z = ours.step(model_output, z, t, s, draw)
+        output = toy_network(z, t)
+        z = ours.step(Sample().to_x0_eps(output, z, t, ours.schedule), z, t, s, draw)
     assert np.abs(z - theirs.numpy()).max() < 2e-3 * np.abs(z).max()
-    assert np.allclose(z, model_output, atol=1e-5)
+    assert np.allclose(z, output, atol=1e-5)
 
 
 def foreign_scheduler(kind: str, parametrization: str) -> Any:
@@ -204,7 +219,7 @@ def toy_network(z: Any, t: Any) -> Any:
 @pytest.mark.parametrize("eta", [0.0, 0.6, 1.0])
 @pytest.mark.parametrize("name", FOREIGN_NAMES)
 def test_ddim_against_diffusers(name: str, eta: float) -> None:
-    foreign, ours = foreign_scheduler("ddim", name), DDIM(ScaledLinear(), FOREIGN_NAMES[name], eta)
+    foreign, ours = foreign_scheduler("ddim", name), DDIM(ScaledLinear(), eta)
     foreign.set_timesteps(50)
     theirs, z = torch.from_numpy(normal(0)), normal(0)
     for i, (t, s) in enumerate(pairwise(ours.schedule.timesteps(50).tolist())):
@@ -212,7 +227,8 @@ def test_ddim_against_diffusers(name: str, eta: float) -> None:
         output = toy_network(theirs, t)
         fresh = torch.from_numpy(noise) if eta else None
         theirs = foreign.step(output, int(t), theirs, eta=eta, variance_noise=fresh).prev_sample
-        z = ours.step(toy_network(z, t), z, t, s, lambda _, noise=noise: noise)
+        estimates = FOREIGN_NAMES[name].to_x0_eps(toy_network(z, t), z, t, ours.schedule)
+        z = ours.step(estimates, z, t, s, lambda _, noise=noise: noise)
     assert np.abs(z - theirs.numpy()).max() < 1e-4 * np.abs(z).max()
 
 
@@ -221,21 +237,22 @@ def test_ddim_against_diffusers(name: str, eta: float) -> None:
 )
 def test_ddpm_against_diffusers(name: str, steps: int) -> None:
     foreign = foreign_scheduler("ddpm", name)
-    ours = DDPM(ScaledLinear(offset=0, ends_clean=True), FOREIGN_NAMES[name])
+    ours = DDPM(ScaledLinear(offset=0, ends_clean=True))
     foreign.set_timesteps(steps)
     theirs, z = torch.from_numpy(normal(0)), normal(0)
     seed, same_seed = torch.Generator().manual_seed(5), torch.Generator().manual_seed(5)
     for t, s in pairwise(ours.schedule.timesteps(steps).tolist()):
         theirs = foreign.step(toy_network(theirs, t), int(t), theirs, generator=seed).prev_sample
         draw = lambda shape: torch.randn(shape, generator=same_seed).numpy()  # noqa: E731
-        z = ours.step(toy_network(z, t), z, t, s, draw)
+        estimates = FOREIGN_NAMES[name].to_x0_eps(toy_network(z, t), z, t, ours.schedule)
+        z = ours.step(estimates, z, t, s, draw)
     assert np.abs(z - theirs.numpy()).max() < 2e-3 * np.abs(z).max()
 
 
-def every_sampler() -> list[Sampler]:
+def every_sampler() -> list[tuple[Sampler, Parametrization]]:
     return [
-        make(schedule, parametrization)
-        for make in (DDIM, DDPM, lambda *parts: DDIM(*parts, eta=1.0), Heun, DPMSolver)
+        (make(schedule), parametrization)
+        for make in (DDIM, DDPM, partial(DDIM, eta=1.0), Heun, DPMSolver)
         for schedule in SCHEDULES
         for parametrization in PREDICTIONS
         # The straight line starts without any signal, where noise alone tells nothing of z_0.
@@ -243,11 +260,11 @@ def every_sampler() -> list[Sampler]:
     ]
 
 
-@pytest.mark.parametrize("sampler", every_sampler(), ids=str)
-def test_a_known_point_is_hit_exactly(sampler: Any) -> None:
+@pytest.mark.parametrize(("sampler", "parametrization"), every_sampler(), ids=str)
+def test_a_known_point_is_hit_exactly(sampler: Any, parametrization: Parametrization) -> None:
     point, noise = normal(3), normal(4)
     before = noise.copy()
-    denoiser = KnownPoint(point, sampler.schedule, sampler.parametrization)
+    denoiser = parametrized(KnownPoint, point, sampler.schedule, parametrization)
     draws = np.random.default_rng(0)
     found = sample(denoiser, sampler, noise, NOBODY, MASK, 20, draws.standard_normal)
     left = sampler.schedule.sigma(float(sampler.schedule.timesteps(20)[-1]))
@@ -255,11 +272,13 @@ def test_a_known_point_is_hit_exactly(sampler: Any) -> None:
     assert np.array_equal(noise, before)
 
 
-@pytest.mark.parametrize("sampler", every_sampler()[:6], ids=str)
-def test_torch_and_numpy_agree_and_a_seed_repeats(sampler: Any) -> None:
+@pytest.mark.parametrize(("sampler", "parametrization"), every_sampler()[:6], ids=str)
+def test_torch_and_numpy_agree_and_a_seed_repeats(
+    sampler: Any, parametrization: Parametrization
+) -> None:
     results = []
     for array in (np.asarray, np.asarray, torch.from_numpy):
-        denoiser = KnownGaussian(array(normal(3)), sampler.schedule, sampler.parametrization)
+        denoiser = parametrized(KnownGaussian, array(normal(3)), sampler.schedule, parametrization)
         draw = np.random.default_rng(1).standard_normal
         results.append(sample(denoiser, sampler, array(normal(4)), NOBODY, MASK, 20, draw))
     assert np.array_equal(results[0], results[1])
@@ -281,14 +300,14 @@ class Smooth(Cosine):
         return np.arctan(np.exp(-np.linspace(-4, 4, steps + 1))) * 2 / np.pi
 
 
-def error_of(sampler: Sampler, steps: int) -> float:
+def error_of(sampler: Sampler, parametrization: Parametrization, steps: int) -> float:
     """(z_t - alpha m) / sqrt(alpha² s² + sigma²) is constant along the flow of a Gaussian."""
     schedule = sampler.schedule
     point, noise = normal(3).astype(float), normal(4).astype(float)
-    denoiser = KnownGaussian(point, schedule, sampler.parametrization)
+    denoiser = parametrized(KnownGaussian, point, schedule, parametrization)
 
     def scale(t: float) -> float:
-        return (schedule.alpha(t) ** 2 * denoiser.spread**2 + schedule.sigma(t) ** 2) ** 0.5
+        return (schedule.alpha(t) ** 2 * KnownGaussian.spread**2 + schedule.sigma(t) ** 2) ** 0.5
 
     first, *_, last = schedule.timesteps(steps).tolist()
     found = sample(denoiser, sampler, noise, NOBODY, MASK, steps, unused)
@@ -305,7 +324,7 @@ def test_errors_fall_by_the_order(
 ) -> None:
     if isinstance(schedule, LinearPath) and isinstance(parametrization, Epsilon):
         pytest.skip("the straight line starts without any signal")
-    errors = [error_of(make(schedule, parametrization), steps) for steps in (40, 80, 160)]
+    errors = [error_of(make(schedule), parametrization, steps) for steps in (40, 80, 160)]
     slopes = np.log2(np.array(errors[:-1]) / errors[1:])
     # Equal steps of the line are unequal ones of log(alpha / sigma): there a multistep solver
     # comes to its order late.
@@ -320,28 +339,29 @@ def test_heun_is_nearer_with_half_the_steps(
     schedule: Schedule, parametrization: Parametrization
 ) -> None:
     assert (
-        error_of(Heun(schedule, parametrization), 10)
-        < error_of(DDIM(schedule, parametrization), 20) / 3
+        error_of(Heun(schedule), parametrization, 10)
+        < error_of(DDIM(schedule), parametrization, 20) / 3
     )
 
 
 def test_ddpm_draws_from_a_gaussian() -> None:
-    sampler = DDPM(ScaledLinear(offset=0, ends_clean=True), Sample())
-    denoiser = KnownGaussian(np.float32(1.0), sampler.schedule, sampler.parametrization)
+    sampler = DDPM(ScaledLinear(offset=0, ends_clean=True))
+    denoiser = parametrized(KnownGaussian, np.float32(1.0), sampler.schedule, Sample())
     shape = (20_000, 1, 1)
     condition = Conditioning(np.zeros(shape, np.float32), np.ones(shape[:2], bool))
     draw = np.random.default_rng(0).standard_normal
     found = sample(denoiser, sampler, normal(0, shape), condition, condition.mask, 500, draw)
     assert abs(found.mean() - 1) < 0.015
-    assert abs(found.std() - denoiser.spread) < 0.015
+    assert abs(found.std() - KnownGaussian.spread) < 0.015
 
 
 def test_ddim_on_the_line_is_eulers_method() -> None:
-    sampler = DDIM(LinearPath(), Velocity())
+    sampler = DDIM(LinearPath())
     z, velocity = normal(0), normal(1)
     euler = z + (0.6 - 0.7) * velocity
-    assert np.allclose(sampler.step(velocity, z, 0.7, 0.6, unused), euler, atol=1e-6)
-    assert sampler_named("euler", LinearPath(), Velocity()) == sampler
+    estimates = Velocity().to_x0_eps(velocity, z, 0.7, LinearPath())
+    assert np.allclose(sampler.step(estimates, z, 0.7, 0.6, unused), euler, atol=1e-6)
+    assert sampler_named("euler", LinearPath()) == sampler
 
 
 @pytest.mark.parametrize("parametrization", PREDICTIONS)
@@ -349,8 +369,8 @@ def test_the_first_multistep_is_ddims(parametrization: Parametrization) -> None:
     for schedule in (ScaledLinear(), Cosine()):
         one, other = (
             sample(
-                lambda z, *_: toy_network(z, 0),
-                make(schedule, parametrization),
+                ParametrizedDenoiser(lambda z, *_: toy_network(z, 0), parametrization, schedule),
+                make(schedule),
                 normal(0),
                 NOBODY,
                 MASK,
@@ -411,8 +431,8 @@ def test_projected_guidance_moves_across_the_latents_and_at_middle_times_alone(a
         for rows in (1, 3)
     )
     inputs = array(z), array(times), condition, array(mask)
-    settings = denoiser, null, 3.0, LinearPath(), Velocity()
-    moved = np.asarray(guided("projected", *settings)(*inputs)) - answers[1]
+    settings = ParametrizedDenoiser(denoiser, Velocity(), LinearPath()), null, 3.0
+    moved = np.asarray(guided("projected", *settings).denoiser(*inputs)) - answers[1]
     clean = (z - times[:, None, None] * answers[1]) * mask[..., None]
     difference = answers[1] - answers[0]
     along = (difference * clean).sum(axis=(1, 2)) / (clean**2).sum(axis=(1, 2))
@@ -420,5 +440,5 @@ def test_projected_guidance_moves_across_the_latents_and_at_middle_times_alone(a
     assert np.allclose(moved[[0, 2]], expected[[0, 2]], atol=1e-5)
     assert np.abs((moved * clean).sum(axis=(1, 2))).max() < 1e-4
     assert np.allclose(moved[1], 0)  # so near to the noise it does not act
-    plain = np.asarray(guided("classifier_free", *settings)(*inputs))
+    plain = np.asarray(guided("classifier_free", *settings).denoiser(*inputs))
     assert np.allclose(plain, answers[0] + 3 * difference, atol=1e-5)

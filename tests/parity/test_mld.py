@@ -16,7 +16,7 @@ from torch import Tensor
 
 from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEncoder
 from latentmotion.convert.mld import Origin, Unstated, convert_checkpoint
-from latentmotion.diffusion.guidance import ClassifierFreeGuidance
+from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import DDIM, sample
 from latentmotion.errors import InputError
 from latentmotion.gpu.backend import torch_pipeline
@@ -92,10 +92,11 @@ def test_fifty_guided_steps(mld: LatentModel, golden: dict[str, np.ndarray]) -> 
     always = torch.ones(3, 1, dtype=torch.bool)
     null = Conditioning(golden_input("uncond", (1, 1, 768)), always[:1])
     text = Conditioning(golden_input("cond", (3, 1, 768)), always)
-    guided = ClassifierFreeGuidance(denoiser, null, mld.card.sampling.guidance)
-    sampler = DDIM(mld.card.schedule, mld.card.parametrization)
+    model = mld.card.parametrized(denoiser)
+    model = guided("classifier_free", model, null, mld.card.sampling.guidance)
+    sampler = DDIM(mld.card.schedule)
     noise = golden_input("noise", (3, 1, 256))
-    latents = sample(guided, sampler, noise, text, always, mld.card.sampling.steps, np.zeros)
+    latents = sample(model, sampler, noise, text, always, mld.card.sampling.steps, np.zeros)
     assert relative(latents, golden["ddim50_latent"]) < FIFTY_STEPS
     assert relative(vae.decode(latents, MLD_MASK), golden["ddim50_features"]) < FIFTY_STEPS
 

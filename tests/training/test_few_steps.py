@@ -76,9 +76,9 @@ def test_ddim_makes_the_leap_between_two_points(schedule, parametrization) -> No
     start, end = (torch.randn(3, 5, 4, generator=generator) for _ in range(2))
     t, s = (torch.full((3,), float(time)) for time in schedule.timesteps(8)[[2, 6]])
     answer = parametrization.target(*between(start, end, t, s, schedule), t, schedule)
-    stepped = DDIM(schedule, parametrization).step(
-        answer, start, float(t[0]), float(s[0]), np.zeros
-    )
+    times = float(t[0]), float(s[0])
+    estimates = parametrization.to_x0_eps(answer, start, times[0], schedule)
+    stepped = DDIM(schedule).step(estimates, start, *times, np.zeros)
     assert torch.allclose(stepped, end, atol=2e-4)
 
 

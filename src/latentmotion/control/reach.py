@@ -17,9 +17,8 @@ from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.control.jacobian import joint_features, joints_pullback
-from latentmotion.diffusion.interface import Denoiser
-from latentmotion.diffusion.parametrization import Parametrization
-from latentmotion.diffusion.schedule import Schedule
+from latentmotion.diffusion.interface import Estimates
+from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.normalizer import Scale
 
@@ -185,38 +184,28 @@ def least_step(
 
 @dataclass(frozen=True)
 class CorrectedDenoiser:
-    """A denoiser around a denoiser that corrects its estimate of the clean latents.
+    """An estimator around another that corrects its estimate of the clean latents.
 
     The noise is what is left: ε = (z_t - α z_0) / σ. Where known latents are put in (*keep*), the
     state of every sampler is then α z_0 + σ ε there, with the noise that sampling began with.
     """
 
-    denoiser: Denoiser
+    denoiser: ParametrizedDenoiser
     """The network with its guidance."""
-    parametrization: Parametrization
-    """What its output means."""
-    schedule: Schedule
-    """The noise schedule."""
     correct: Callable[[Float[np.ndarray, "batch tokens width"]], Any]
     """Clean latents to corrected ones."""
 
     def __call__(
         self,
         z: Float[np.ndarray, "batch tokens width"],
-        t: Float[np.ndarray, " batch"],
+        t: float,
         condition: Conditioning,
         mask: Bool[np.ndarray, "batch tokens"],
-    ) -> Float[np.ndarray, "batch tokens width"]:
-        """Returns what the denoiser would have predicted for the corrected latents."""
-        output = self.denoiser(z, t, condition, mask)
-        clean, _ = self.parametrization.to_x0_eps(output, z, t, self.schedule)
-        clean = np.asarray(self.correct(clean), z.dtype)
-        alpha, sigma = (
-            np.reshape(weight(t), (-1, 1, 1))
-            for weight in (self.schedule.alpha, self.schedule.sigma)
-        )
-        noise = (z - alpha * clean) / sigma
-        return self.parametrization.target(clean, noise.astype(z.dtype), t, self.schedule)
+    ) -> Estimates:
+        """Returns the corrected latents, and the noise that is left."""
+        clean = np.asarray(self.correct(self.denoiser(z, t, condition, mask)[0]), z.dtype)
+        schedule = self.denoiser.schedule
+        return clean, (z - schedule.alpha(t) * clean) / schedule.sigma(t)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ A distilled model has learned its teacher's guidance for any scale.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from jaxtyping import Bool, Float
@@ -26,8 +26,7 @@ from latentmotion.arrays import array_namespace
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.few_step import StepCondition
 from latentmotion.diffusion.interface import Denoiser
-from latentmotion.diffusion.parametrization import Parametrization
-from latentmotion.diffusion.schedule import Schedule
+from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 
 GuidanceRule = Literal["classifier_free", "projected"]
 """Guidance of a model that is not distilled."""
@@ -64,15 +63,12 @@ class ClassifierFreeGuidance:
 class ProjectedGuidance:
     """Moves the answer across the latents that it stands for, at middle times alone."""
 
-    denoiser: Denoiser
+    parametrized: ParametrizedDenoiser
+    """The denoiser, with the meaning of its output."""
     null: Conditioning
     """No condition, one row."""
     scale: float | Float[Any, " batch"]
     """As above."""
-    schedule: Schedule
-    """The model's noise schedule."""
-    parametrization: Parametrization
-    """What the denoiser's output means."""
     interval: tuple[float, float] = INTERVAL
     """Where it acts."""
 
@@ -85,14 +81,15 @@ class ProjectedGuidance:
     ) -> Float[Any, "batch tokens width"]:
         """Returns the guided output."""
         if isinstance(self.scale, (int, float)) and self.scale == 1:
-            return self.denoiser(z, t, condition, mask)
+            return self.parametrized.denoiser(z, t, condition, mask)
         xp = array_namespace(z)
-        without, given = _both(self.denoiser, self.null, z, t, condition, mask)
-        clean, _ = self.parametrization.to_x0_eps(given, z, t, self.schedule)
+        without, given = _both(self.parametrized.denoiser, self.null, z, t, condition, mask)
+        clean, _ = self.parametrized.estimates(given, z, t)
         clean, difference = clean * mask[..., None], given - without
         along = (difference * clean).sum(axis=(1, 2)) / ((clean * clean).sum(axis=(1, 2)) + 1e-8)
         across = difference - along[:, None, None] * clean
-        alpha, sigma = self.schedule.alpha(t), self.schedule.sigma(t)
+        schedule = self.parametrized.schedule
+        alpha, sigma = schedule.alpha(t), schedule.sigma(t)
         lost, (least, most) = sigma / (alpha + sigma), self.interval
         acts = xp.asarray((lost >= least) & (lost <= most), dtype=z.dtype)
         return given + (acts * (self.scale - 1))[:, None, None] * across
@@ -100,25 +97,21 @@ class ProjectedGuidance:
 
 def guided(
     rule: GuidanceRule,
-    denoiser: Denoiser,
+    model: ParametrizedDenoiser,
     null: Conditioning,
     scale: float | Float[Any, " batch"],
-    schedule: Schedule,
-    parametrization: Parametrization,
-) -> ClassifierFreeGuidance | ProjectedGuidance:
+) -> ParametrizedDenoiser:
     """Returns a denoiser with guidance around it.
 
     Args:
         rule: Which guidance.
-        denoiser: A model that is not distilled.
+        model: A denoiser that is not distilled.
         null: No condition, one row.
         scale: How strong, one for all or one per item.
-        schedule: The model's noise schedule.
-        parametrization: What the denoiser's output means.
     """
     if rule == "projected":
-        return ProjectedGuidance(denoiser, null, scale, schedule, parametrization)
-    return ClassifierFreeGuidance(denoiser, null, scale)
+        return replace(model, denoiser=ProjectedGuidance(model, null, scale))
+    return replace(model, denoiser=ClassifierFreeGuidance(model.denoiser, null, scale))
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,11 @@ from latentmotion.condition.interface import Conditioning
 Noise = Callable[[tuple[int, ...]], np.ndarray]
 """Draws standard normal numbers of a shape, float32, always on the CPU and in NumPy."""
 
-ModelOutput = Callable[[Any, float], Any]
-"""A denoiser's output for a batch of latents at one time, its condition and mask being settled."""
+Estimates = tuple[Any, Any]
+"""Estimates of (z_0, epsilon), each of shape (batch, tokens, width)."""
+
+Estimate = Callable[[Any, float], Estimates]
+"""Estimates from a batch of latents at one time, its condition and mask being settled."""
 
 
 @runtime_checkable
@@ -33,6 +36,28 @@ class Denoiser(Protocol):
         Args:
             z: Noisy latents, NumPy or torch.
             t: Time of each item, in the units of the schedule.
+            condition: What steers the motion, one row per item.
+            mask: True on real tokens.
+        """
+        ...
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """A denoiser with the meaning of its output: what a sampler asks at every step."""
+
+    def __call__(
+        self,
+        z: Float[Any, "batch tokens width"],
+        t: float,
+        condition: Conditioning,
+        mask: Bool[Any, "batch tokens"],
+    ) -> Estimates:
+        """Returns the estimates of (z_0, epsilon).
+
+        Args:
+            z: Noisy latents, NumPy or torch.
+            t: Time of all items, in the units of the schedule.
             condition: What steers the motion, one row per item.
             mask: True on real tokens.
         """

@@ -1,7 +1,7 @@
 """What the network's output means: the noise, the clean latents, or the velocity.
 
-With z_t = alpha z_0 + sigma epsilon each of the three determines (z_0, epsilon), so a sampler
-never asks which one it is.
+With z_t = alpha z_0 + sigma epsilon each of the three determines (z_0, epsilon). A
+`ParametrizedDenoiser` returns that pair, so neither samplers nor control know which one it is.
 """
 
 from __future__ import annotations
@@ -9,8 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
+from latentmotion.arrays import array_namespace, device
+from latentmotion.condition.interface import Conditioning
+from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.schedule import Schedule, Time
 
 Latents = Float[Any, "batch tokens width"]
@@ -83,6 +86,29 @@ class Velocity:
         """Returns the velocity of the way from z_0 to epsilon."""
         c, d = map(_columns, schedule.velocity_coefficients(t))
         return c * z0 + d * epsilon
+
+
+@dataclass(frozen=True)
+class ParametrizedDenoiser:
+    """A denoiser with the meaning of its output: an `Estimator`."""
+
+    denoiser: Denoiser
+    """Network or session, maybe with guidance around it."""
+    parametrization: Parametrization
+    """What its output means."""
+    schedule: Schedule
+    """The noise schedule that it was trained on."""
+
+    def __call__(
+        self, z: Latents, t: float, condition: Conditioning, mask: Bool[Any, "batch tokens"]
+    ) -> tuple[Latents, Latents]:
+        """Returns the estimates of (z_0, epsilon) at one time for all items."""
+        times = array_namespace(z).full((z.shape[0],), t, dtype=z.dtype, device=device(z))
+        return self.estimates(self.denoiser(z, times, condition, mask), z, t)
+
+    def estimates(self, output: Latents, z: Latents, t: Time) -> tuple[Latents, Latents]:
+        """Returns the estimates of (z_0, epsilon) from the denoiser's output at z_t."""
+        return self.parametrization.to_x0_eps(output, z, t, self.schedule)
 
 
 def add_noise(z0: Latents, epsilon: Latents, t: Time, schedule: Schedule) -> Latents:

@@ -113,7 +113,7 @@ class FusedSampler(nn.Module):
     ) -> Tensor:
         """Returns features in their own units, (batch, frames, features)."""
         batch, no_more = Batch(noise, mask, words, words_mask, frames), SeededNoise([])
-        guided = DistilledGuidance(self.denoiser, guidance, self.steps)
+        guided = self.card.parametrized(DistilledGuidance(self.denoiser, guidance, self.steps))
         decoder = FeatureDecoder(self.vae.decode, self.latents.scale, self.features.scale)
         return features_from_noise(batch, guided, self.sampler, self.steps, no_more, decoder)
 

@@ -18,7 +18,13 @@ from typing import Any, Literal
 from latentmotion.condition.interface import Condition, TextEncoder
 from latentmotion.condition.task import ActionTask, TaskName, TextTask, UnconditionalTask
 from latentmotion.diffusion.few_step import FewStepConfig
-from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
+from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.parametrization import (
+    Epsilon,
+    ParametrizedDenoiser,
+    Sample,
+    Velocity,
+)
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
 from latentmotion.model.config import DenoiserConfig, Sampling
@@ -139,6 +145,10 @@ class ModelCard:
         if self.denoiser is None:
             raise ModelError(f"model {self.name!r} lacks a denoiser; train both stages first")
         return self.denoiser
+
+    def parametrized(self, denoiser: Denoiser) -> ParametrizedDenoiser:
+        """Returns this model's denoiser, a network or session, with the meaning of its output."""
+        return ParametrizedDenoiser(denoiser, self.parametrization, self.schedule)
 
     def prompt_condition(self, encoder: Callable[[], TextEncoder]) -> Condition:
         """Returns the condition of the model's prompts.

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.interface import Estimates, Estimator
 from latentmotion.diffusion.samplers import sample
 from latentmotion.engine.request import GenerationRequest, padded_batch
 from latentmotion.errors import MissingExtraError
@@ -34,17 +34,17 @@ CLEAN = -1.0
 
 @dataclass
 class Recorder:
-    """A denoiser around a denoiser that records its inputs."""
+    """An estimator around another that records its inputs."""
 
-    denoiser: Denoiser
-    """The denoiser."""
+    estimator: Estimator
+    """The other."""
     states: list[tuple[float, Any]] = field(default_factory=list)
     """Timestep and latents of every call."""
 
-    def __call__(self, z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
-        """Records the latents and returns the model output."""
-        self.states.append((float(t[0]), z.reshape(len(z), -1)))
-        return self.denoiser(z, t, condition, mask)
+    def __call__(self, z: Any, t: float, condition: Conditioning, mask: Any) -> Estimates:
+        """Records the latents and returns their estimates."""
+        self.states.append((t, z.reshape(len(z), -1)))
+        return self.estimator(z, t, condition, mask)
 
 
 def draw_latents(generator: MotionPipeline, path: Path) -> dict[str, Figure]:

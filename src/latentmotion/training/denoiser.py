@@ -9,6 +9,7 @@ import torch
 
 from latentmotion.data.sampling import Crop
 from latentmotion.diffusion.guidance import drop, guided
+from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import sampler_named
 from latentmotion.motion import Motion
 from latentmotion.networks.denoiser import Denoiser
@@ -95,11 +96,11 @@ class DenoiserStage(Stage[Denoiser]):
             return []
         objective, sampling = self._experiment.denoiser_objective, self._experiment.sampling
         condition = self._data.prompts(captions)
-        rule, means = sampling.guidance_rule, (objective.schedule, objective.parametrization)
-        denoiser = guided(rule, network, self._null, sampling.guidance, *means)
-        sampler = sampler_named(sampling.sampler, *means)
+        model = ParametrizedDenoiser(network, objective.parametrization, objective.schedule)
+        model = guided(sampling.guidance_rule, model, self._null, sampling.guidance)
+        sampler = sampler_named(sampling.sampler, objective.schedule)
         steps = min(SAMPLING_STEPS, sampling.steps)
-        return self._previews.sample(denoiser, sampler, steps, condition, captions)
+        return self._previews.sample(model, sampler, steps, condition, captions)
 
     def _loss(
         self,

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.interface import Denoiser
+from latentmotion.diffusion.interface import Estimator
 from latentmotion.diffusion.noise import SeededNoise
 from latentmotion.diffusion.samplers import Sampler
 from latentmotion.engine.backend import Batch
@@ -47,7 +47,7 @@ class Previews:
 
     def sample(
         self,
-        guided: Denoiser,
+        guided: Estimator,
         sampler: Sampler,
         steps: int,
         condition: Conditioning,
@@ -56,7 +56,7 @@ class Previews:
         """Returns a motion for each caption, with the seeds 0, 1, 2, ….
 
         Args:
-            guided: The denoiser with its guidance.
+            guided: The denoiser with its guidance, and the meaning of its output.
             sampler: The rule of a step.
             steps: Number of steps.
             condition: That of the captions; says on which device all is computed.

@@ -131,11 +131,11 @@ def _make(
     context: DistributedContext,
 ) -> Takes:
     card, generator = model.card, np.random.default_rng(settings.seed)
-    means, device = (card.schedule, card.parametrization), context.device
+    device = context.device
     model.denoiser.to(device).eval()
     null, scale = prompts([""]), settings.guidance
-    denoiser = guided(card.sampling.guidance_rule, model.denoiser, null, scale, *means)
-    sampler = sampler_named("dpm++", *means)
+    denoiser = guided(card.sampling.guidance_rule, card.parametrized(model.denoiser), null, scale)
+    sampler = sampler_named("dpm++", card.schedule)
     decode = model.vae.to(device).eval().decode
     decoder = FeatureDecoder.of(card, decode, lambda array: torch.as_tensor(array, device=device))
     frames = drawn_frames(

@@ -87,7 +87,8 @@ class PhaseSteps:
     ) -> Float[Tensor, "batch tokens width"]:
         """Takes a step with the teacher, then one with the averaged student."""
         t, after, s = times
-        output = self._teacher.guided(step_condition.guidance)(z, t, condition, mask).float()
+        guided = self._teacher.guided(step_condition.guidance).denoiser
+        output = guided(z, t, condition, mask).float()
         z = self._moved(z, output, t, after)
         there = self._moved(z, average(z, after, condition, mask, step_condition).float(), after, s)
         # No noise may be left there, which determines no prediction.

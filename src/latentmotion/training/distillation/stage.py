@@ -11,7 +11,8 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sampling import Cropping
 from latentmotion.diffusion.guidance import DistilledGuidance
-from latentmotion.diffusion.samplers import sample
+from latentmotion.diffusion.parametrization import ParametrizedDenoiser
+from latentmotion.diffusion.samplers import Sampler, sample
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import CARD_FILE, ModelCard, Provenance, lengths_file, read_card
 from latentmotion.model.config import DenoiserConfig, Sampling
@@ -79,10 +80,9 @@ class DistillStage(Stage[Denoiser]):
         condition = self._prompts([crop.caption for crop in self._held_out.crops])
         figures = {}
         for steps in self._few_step.steps:
-            guided = DistilledGuidance(network, trajectories.guidance, steps)
-            sampler = sampler_of(self._card, Sampling(steps, sampler="ddim"))
+            student = self._student(network, trajectories.guidance, steps)
             noise = trajectories.points[:, 0]
-            found = sample(guided, sampler, noise, condition, trajectories.mask, steps, nothing)
+            found = sample(*student, noise, condition, trajectories.mask, steps, nothing)
             squares = (found - trajectories.points[:, -1]) ** 2
             figures[f"rms_of_{steps}"] = float(mean_of_real(squares, trajectories.mask)) ** 0.5
         return figures
@@ -95,9 +95,15 @@ class DistillStage(Stage[Denoiser]):
         if not captions:
             return []
         steps = max(self._few_step.steps)
-        guided = DistilledGuidance(network, self._card.sampling.guidance, steps)
-        sampler = sampler_of(self._card, Sampling(steps, sampler="ddim"))
-        return self._previews.sample(guided, sampler, steps, self._prompts(captions), captions)
+        student = self._student(network, self._card.sampling.guidance, steps)
+        return self._previews.sample(*student, steps, self._prompts(captions), captions)
+
+    def _student(
+        self, network: Denoiser, guidance: float | torch.Tensor, steps: int
+    ) -> tuple[ParametrizedDenoiser, Sampler]:
+        """Returns the student and its sampler for a number of steps."""
+        guided = self._card.parametrized(DistilledGuidance(network, guidance, steps))
+        return guided, sampler_of(self._card, Sampling(steps, sampler="ddim"))
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,9 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.data.sampling import Crop
 from latentmotion.diffusion.few_step import FewStepConfig, StepCondition
 from latentmotion.diffusion.guidance import guided
-from latentmotion.diffusion.interface import Denoiser as Guided
+from latentmotion.diffusion.interface import Estimates
 from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import SamplerName, sample, sampler_named
 from latentmotion.diffusion.schedule import Schedule
 from latentmotion.model import version_1
@@ -103,11 +104,10 @@ class Teacher:
         points, rows = self._points(condition, *moved), torch.arange(len(crops))
         return Trajectories(points, mask, scale, rows).to(torch.device("cpu"))
 
-    def guided(self, scale: Float[torch.Tensor, " batch"]) -> Guided:
+    def guided(self, scale: Float[torch.Tensor, " batch"]) -> ParametrizedDenoiser:
         """Returns the teacher's denoiser, guided by a scale for each item."""
         card, null = self.card, self.prompts([""])
-        rule, means = card.sampling.guidance_rule, (card.schedule, card.parametrization)
-        return guided(rule, self.network, null, scale, *means)
+        return guided(card.sampling.guidance_rule, card.parametrized(self.network), null, scale)
 
     def _points(
         self, condition: Conditioning, z: torch.Tensor, mask: torch.Tensor, scale: torch.Tensor
@@ -115,11 +115,11 @@ class Teacher:
         guided = self.guided(scale)
         states: list[torch.Tensor] = []
 
-        def watched(z: Any, t: Any, condition: Conditioning, mask: Any) -> Any:
+        def watched(z: Any, t: float, condition: Conditioning, mask: Any) -> Estimates:
             states.append(z)
             return guided(z, t, condition, mask)
 
-        sampler = sampler_named(self.solver, self.card.schedule, self.card.parametrization)
+        sampler = sampler_named(self.solver, self.card.schedule)
         with torch.autocast(self.device.type, torch.bfloat16, self.precision == "bfloat16"):
             last = sample(watched, sampler, z, condition, mask, self.few_step.solver_steps, nothing)
         return torch.stack([[*states, last][stop] for stop in self.few_step.stops], dim=1)
