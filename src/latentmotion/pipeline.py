@@ -40,7 +40,6 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
-from latentmotion.model.vae_config import ConvolutionalVAEConfig
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
@@ -536,11 +535,10 @@ class MotionPipeline:
         )
 
     def _margin(self) -> int:
-        from latentmotion.control.stream import margin
-
         self._decoded(1)
-        assert isinstance(self.card.vae, ConvolutionalVAEConfig)  # as it has a pullback
-        return margin(self.card.vae)
+        margin = self.card.vae.decoder_margin()
+        assert margin is not None  # as it has a pullback
+        return margin
 
     def _sample_known(self, request: GenerationRequest) -> SampleKnown:
         from latentmotion.control.reach import Correction

@@ -14,7 +14,6 @@ from latentmotion.control.stream import (
     advanced,
     decode_in_windows,
     looped,
-    margin,
     placed,
 )
 from latentmotion.errors import FileFormatError
@@ -48,7 +47,7 @@ def test_windows_decode_what_the_whole_does(
 ) -> None:
     config = ConvolutionalVAEConfig(width=16, channels=6, decoder=decoder)
     motion, z = decoders(config), np.random.default_rng(0).standard_normal((90, 6))
-    whole, sees = motion(360).decode(z), margin(config)
+    whole, sees = motion(360).decode(z), config.decoder_margin()
     found = decode_in_windows(z, motion, sees, 20)
     assert np.abs(found - whole).max() < 1e-6
     assert np.abs(decode_in_windows(z, motion, sees - 2, 20) - whole).max() > 0
@@ -61,10 +60,10 @@ def sample(z: np.ndarray, known: np.ndarray, seed: int) -> np.ndarray:
 
 def test_a_stream_resumes_to_the_bit_in_constant_memory(tmp_path: Path) -> None:
     config = ConvolutionalVAEConfig(width=16, channels=6, decoder=QuarterRateDecoder())
-    motion, state = decoders(config), StreamState.start(6)
+    motion, state, sees = decoders(config), StreamState.start(6), config.decoder_margin()
     frames, sizes = [], []
     for call in range(6):
-        joints, state = advanced(state, sample, motion, HUMANML3D_FEATURES, margin(config), 3)
+        joints, state = advanced(state, sample, motion, HUMANML3D_FEATURES, sees, 3)
         frames.append(joints)
         sizes.append(len(state.latents))
         if call == 2:
@@ -72,7 +71,7 @@ def test_a_stream_resumes_to_the_bit_in_constant_memory(tmp_path: Path) -> None:
     assert len(set(sizes[2:])) == 1
     state = StreamState.load(tmp_path / "state.npz")
     for expected in frames[3:]:
-        joints, state = advanced(state, sample, motion, HUMANML3D_FEATURES, margin(config), 3)
+        joints, state = advanced(state, sample, motion, HUMANML3D_FEATURES, sees, 3)
         assert (joints == expected).all()
     (tmp_path / "other.npz").write_bytes(b"nothing")
     with pytest.raises(FileFormatError, match="not the state"):
@@ -90,7 +89,7 @@ def test_pieces_go_on_where_the_last_ended() -> None:
 def test_a_loop_is_followed_by_itself() -> None:
     config = ConvolutionalVAEConfig(width=16, channels=6, decoder=QuarterRateDecoder())
     motion, z = decoders(config), np.random.default_rng(0).standard_normal((12, 6))
-    once = looped(z, sample, motion, margin(config), 1)
+    once = looped(z, sample, motion, config.decoder_margin(), 1)
     kept = np.where((np.arange(12) < 3) | (np.arange(12) > 8), False, True)
     again = sample(np.roll(z, 6, axis=0), np.roll(kept, 6), 1)
     endless = motion(12 * 4 * 9).decode(np.tile(np.roll(again, -6, axis=0), (9, 1)))

@@ -19,8 +19,6 @@ from latentmotion.control.reach import DecodedMotion
 from latentmotion.errors import FileFormatError
 from latentmotion.model.vae_config import (
     STRIDE,
-    ConvolutionalVAEConfig,
-    QuarterRateDecoder,
 )
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
@@ -39,15 +37,6 @@ LOOK_AHEAD = 2
 
 _SEAM = 6
 """Tokens that are sampled anew where a loop is joined."""
-
-
-def margin(vae: ConvolutionalVAEConfig) -> int:
-    """Returns how many tokens to either side a frame depends on."""
-    if isinstance(vae.decoder, QuarterRateDecoder):
-        return 2 + sum(vae.decoder.dilations)
-    # Quarter rate, half rate, full rate, each with a convolution of its own.
-    full = 1 + sum(vae.dilations)
-    return -(-(4 * full + 2 * full + 3) // 4)
 
 
 def decode_in_windows(

@@ -23,7 +23,6 @@ from latentmotion.export import onnx as graphs
 from latentmotion.export.pullback import (
     PULLBACK_TOLERANCE,
     export_pullback,
-    has_pullback,
     pullback_error,
 )
 from latentmotion.export.quantize import quantize
@@ -125,7 +124,7 @@ def _write_graphs(model: LatentModel, folder: Path) -> None:
     graphs.export_denoiser(model.denoiser, card.latents.width, width, folder / "denoiser.onnx")
     if card.vae.has_weights:
         graphs.export_decoder(model.vae, card.latents.frames_per_token, folder / "decoder.onnx")
-    if has_pullback(model.vae):
+    if card.vae.decoder_margin() is not None:
         export_pullback(model.vae, folder / PULLBACK_FILE)
     for steps in _fused_steps(card):
         graphs.export_fused_sampler(model, steps, folder / fused_sampler_file(steps))

@@ -9,7 +9,6 @@ import torch
 from latentmotion.engine.session import open_session
 from latentmotion.export.onnx import trace
 from latentmotion.model.vae_config import STRIDE
-from latentmotion.networks.vae.convolutional import ConvolutionalVAE
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.networks.vae.pullback import Pullback
 
@@ -20,14 +19,8 @@ PULLBACK_TOLERANCE = 1e-5
 """Largest difference between graph and automatic differentiation, relative to the largest value."""
 
 
-def has_pullback(vae: MotionVAE) -> bool:
-    """Returns whether the derivatives of a VAE's decoder are known: those of convolutions are."""
-    return isinstance(vae, ConvolutionalVAE)
-
-
 def export_pullback(vae: MotionVAE, path: Path) -> None:
-    """Writes the graph: latents, mask, gradient → gradient of the latents."""
-    assert isinstance(vae, ConvolutionalVAE)
+    """Writes the graph of a decoder of convolutions: latents, mask, gradient → their gradient."""
     inputs = example(vae.latent_width, _TOKENS, _ROWS, _FEATURES)
     free = {"latents": (1,), "mask": (1,), "gradient": (0, 1, 2)}
     trace(Pullback(vae), inputs, path, free=free)

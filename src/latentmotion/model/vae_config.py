@@ -73,6 +73,10 @@ class MotionVAEConfig(ABC):
         """Returns the same latents with the decoder that costs least; None where there is none."""
         return None
 
+    def decoder_margin(self) -> int | None:
+        """Returns how many tokens to either side a decoded frame depends on; None for all."""
+        return None
+
     def check_training(self, frames: int, batch_size: int) -> None:
         """Raises InputError where it can't learn from motions so long, or so few at once."""
         return
@@ -119,6 +123,11 @@ class TransformerVAEConfig(MotionVAEConfig):
 class MirroredDecoder:
     """The encoder's way back: T/4 → T/2 → T, at full width."""
 
+    def margin(self, dilations: tuple[int, ...]) -> int:
+        """Returns how many tokens to either side a frame depends on, given the VAE's dilations."""
+        frames = 1 + sum(dilations)  # at each of the three rates, with a convolution of its own
+        return -(-(4 * frames + 2 * frames + 3) // 4)
+
 
 @dataclass(frozen=True)
 class QuarterRateDecoder:
@@ -126,6 +135,10 @@ class QuarterRateDecoder:
 
     dilations: tuple[int, ...] = (9, 3, 1, 1)
     """Dilation of each residual block; the first three are those of the mirrored decoder."""
+
+    def margin(self, dilations: tuple[int, ...]) -> int:
+        """Returns how many tokens to either side a frame depends on."""
+        return 2 + sum(self.dilations)
 
 
 @dataclass(frozen=True)
@@ -154,6 +167,10 @@ class ConvolutionalVAEConfig(MotionVAEConfig):
     def with_light_decoder(self) -> ConvolutionalVAEConfig:
         """Returns the same latents with a decoder at a quarter of the frame rate."""
         return replace(self, decoder=QuarterRateDecoder())
+
+    def decoder_margin(self) -> int:
+        """Returns the reach of the decoder's convolutions, in tokens."""
+        return self.decoder.margin(self.dilations)
 
 
 @dataclass(frozen=True)

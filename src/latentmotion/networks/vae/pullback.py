@@ -16,7 +16,6 @@ from torch import Tensor, nn
 
 from latentmotion.model.vae_config import STRIDE
 from latentmotion.networks.vae.convolutional import (
-    ConvolutionalVAE,
     Double,
     MaskedConvolution,
     ResidualBlock,
@@ -24,6 +23,7 @@ from latentmotion.networks.vae.convolutional import (
     as_row,
     pyramid,
 )
+from latentmotion.networks.vae.interface import MotionVAE, decoder_modules
 
 Adjoint = Callable[[Tensor], Tensor]
 """Gradient of a layer's output to the gradient of its input, (rows, steps, channels)."""
@@ -36,9 +36,9 @@ class Pullback(nn.Module):
         vae: Its decoder is differentiated.
     """
 
-    def __init__(self, vae: ConvolutionalVAE) -> None:
+    def __init__(self, vae: MotionVAE) -> None:
         super().__init__()
-        self.decoder = vae.decoder
+        (self.decoder,) = decoder_modules(vae).values()
 
     def forward(
         self,
@@ -55,7 +55,7 @@ class Pullback(nn.Module):
         """
         masks, adjoints, rate = pyramid(mask)[::-1], [], 0
         x = latents.transpose(1, 2) * as_row(masks[0])
-        for layer in self.decoder:
+        for layer in self.decoder.children():
             rate += layer.rate_change  # type: ignore[operator]
             row = as_row(masks[rate])
             adjoints.append(_adjoint(layer, x, row))
