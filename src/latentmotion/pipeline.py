@@ -323,7 +323,7 @@ class MotionPipeline:
         steps: int | None = None,
         guidance: float | None = None,
     ) -> Motion:
-        """Generates a part of a motion anew; all frames outside of it stay the same numbers.
+        """Generates a part of a motion again; all frames outside of it stay bit-identical.
 
         Args:
             motion: The motion, with the frame rate and skeleton of the model's.
@@ -359,8 +359,8 @@ class MotionPipeline:
         Args:
             start: A motion, or a pose of one frame, whose frames stay the same numbers.
             end: Likewise. Where it is says where the motion has to get.
-            seconds: How long the way from one to the other takes.
-            prompt: What the person does on the way.
+            seconds: Length of the transition.
+            prompt: What the person does in between.
             seed: As for one motion.
             steps: As for one motion.
             guidance: As for one motion.
@@ -585,12 +585,14 @@ class MotionPipeline:
         step_condition: StepCondition | None = None,
     ) -> Float[Any, "batch tokens width"]:
         words, real = condition.tokens, condition.mask
-        told = (
+        step_inputs = (
             {"guidance": step_condition.guidance, "step_size": step_condition.step_size}
             if step_condition
             else {}
         )
-        return self.backend.denoiser(z=z, t=t, words=words, words_mask=real, mask=mask, **told)
+        return self.backend.denoiser(
+            z=z, t=t, words=words, words_mask=real, mask=mask, **step_inputs
+        )
 
     @cached_property
     def _null(self) -> Conditioning:

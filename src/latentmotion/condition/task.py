@@ -178,7 +178,7 @@ class Task(ABC):
 
     @abstractmethod
     def no_prompt(self, model: str) -> InputError:
-        """Returns what a user is told who gave no prompt to the model named."""
+        """Returns the error for a missing prompt of the model named."""
 
     @abstractmethod
     def prompts(self, captions: tuple[str, ...], label: str | None) -> tuple[str, ...] | None:

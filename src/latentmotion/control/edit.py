@@ -1,4 +1,4 @@
-"""Edits: a stretch of a motion is generated anew; what is around it stays as it is.
+"""Edits: a span of a motion is generated again; the frames around it are kept.
 
 The frames around the gap become latents, which are kept while those of the gap are sampled. Then
 the gap's are moved until what follows is at its place and faces its direction, and the new frames
@@ -97,7 +97,7 @@ def edited(
     fps: float,
     skeleton: Skeleton,
 ) -> Joints:
-    """Returns joints with a gap generated anew; all other frames are the same numbers.
+    """Returns joints with a gap generated again; all other frames are bit-identical.
 
     Args:
         joints: The motion, whose gap is not read.

@@ -30,7 +30,7 @@ def fit_latents(
         iterations: Steps at most.
     """
     space = motion.representation
-    # The last frame has no velocity: it goes on as before.
+    # The last frame has no velocity; the one before is kept.
     ahead = joints[-1:] + (joints[-1:] - joints[-2:-1])
     wanted = np.asarray(space.encode(np.concatenate([joints, ahead])), np.float64)
     std = np.broadcast_to(motion.features.std, wanted.shape[1:])

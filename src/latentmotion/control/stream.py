@@ -36,7 +36,7 @@ LOOK_AHEAD = 2
 """Tokens that frames wait for, 0.4 s: with fewer, frames shake where they are joined."""
 
 _SEAM = 6
-"""Tokens that are sampled anew where a loop is joined."""
+"""Tokens that are sampled again where a loop is joined."""
 
 
 def decode_in_windows(

@@ -30,7 +30,7 @@ SamplerName = Literal["ddim", "euler", "ddpm", "heun", "dpm++"]
 
 @runtime_checkable
 class Sampler(Protocol):
-    """A rule for the way from noise to latents."""
+    """A solver that leads from noise to latents."""
 
     @property
     def schedule(self) -> Schedule:

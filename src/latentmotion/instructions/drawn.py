@@ -41,7 +41,7 @@ _COUNTED = {
 """Act and highest count by the kind of action."""
 
 _ANGLES = {45: (25, 75), 90: (60, 120), 180: (130, 230), 360: (290, 430), 720: (500, 4000)}
-"""Degrees asked for, and those that are as good."""
+"""Degrees in the prompt, and the range that fulfills it."""
 
 _IN_ORDER = {
     "walk": "walk", "run": "run", "stand": "halt", "jump": "jump", "kick": "kick", "punch": "punch",

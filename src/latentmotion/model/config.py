@@ -82,7 +82,7 @@ class DenoiserConfig:
     time_scale: float = 1.0
     """Multiplies the time: 1 for discrete times, 1000 for times in 0 .. 1."""
     length_token: bool = False
-    """Whether the network is told the number of real latent tokens."""
+    """Whether the number of real latent tokens is an input of the network."""
     attends_to_padding: bool = False
     """Whether attention sees padded latents, a quirk of the authors' diffusion on raw frames."""
     few_step: FewStepConfig | None = None

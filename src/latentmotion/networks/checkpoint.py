@@ -1,4 +1,4 @@
-"""A trained model as a folder: `model.json` says what it is, `weights.safetensors` holds it.
+"""A trained model as a folder: its card, `model.json`, and `weights.safetensors`.
 
 Nothing is ever unpickled here; foreign checkpoints are the business of `upstream.py`.
 """
@@ -163,7 +163,7 @@ def model_weights(folder: Path) -> dict[str, Tensor]:
 
 
 def encoder_holder(wanted: str, besides: Path | None = None) -> Path | None:
-    """Returns the folder of a shipped model that holds a VAE's encoder, told by its hash.
+    """Returns the folder of a shipped model that holds a VAE's encoder, found by its hash.
 
     Args:
         wanted: `encoder_hash` of the encoder.

@@ -59,8 +59,8 @@ class StepEmbedding(nn.Module):
 
     def forward(self, numbers: Tensor, step_condition: StepCondition) -> Tensor:
         """Returns the numbers' tokens, the first of them moved."""
-        told = self.guidance(step_condition.guidance) + self.step_size(step_condition.step_size)
-        return torch.cat([numbers[:, :1] + told[:, None], numbers[:, 1:]], dim=1)
+        step = self.guidance(step_condition.guidance) + self.step_size(step_condition.step_size)
+        return torch.cat([numbers[:, :1] + step[:, None], numbers[:, 1:]], dim=1)
 
 
 class NoStepEmbedding(nn.Module):

@@ -68,7 +68,7 @@ class EncoderLayer(nn.Module):
         self.around_feed_forward = residual()
 
     def forward(self, x: Tensor, mask: Tensor) -> Tensor:
-        """Returns x with what the tokens told each other."""
+        """Returns x plus the attention of its tokens to each other."""
         x = self.around_attention(x, lambda y: self.attention(y, mask))
         return self.around_feed_forward(x, self.feed_forward)
 
@@ -99,7 +99,7 @@ class DecoderLayer(nn.Module):
         self.around_feed_forward = residual()
 
     def forward(self, x: Tensor, mask: Tensor, memory: Tensor, memory_mask: Tensor) -> Tensor:
-        """Returns x with what the tokens and the memory told them."""
+        """Returns x plus the attention of its tokens to each other and to the memory."""
         x = self.around_attention(x, lambda y: self.attention(y, mask))
         x = self.around_cross_attention(x, lambda y: self.cross_attention(y, memory, memory_mask))
         return self.around_feed_forward(x, self.feed_forward)

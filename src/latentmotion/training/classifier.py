@@ -96,7 +96,7 @@ def labelled(dataset: Dataset, split: str, labels: Sequence[str], mirrored: bool
 
 
 class ClassifierStage(Stage[TemporalClassifier]):
-    """The classifier, the crops it is shown, and the clips by which it is chosen.
+    """Training of the classifier: the network, its training crops and the clips that select it.
 
     Args:
         network: The network to train.
@@ -194,7 +194,7 @@ class ClassifierRun:
 def train_classifier(
     experiment: ClassifierExperiment, data: Path, folder: Path, context: DistributedContext
 ) -> Path:
-    """Trains a classifier, or goes on with it; returns the evaluator folder.
+    """Trains a classifier, or resumes its training; returns the evaluator folder.
 
     Raises:
         DataError: The data cannot be used.

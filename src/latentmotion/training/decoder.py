@@ -1,4 +1,4 @@
-"""Another decoder for the latents of a trained model: cheaper, or trained anew.
+"""Another decoder for the latents of a trained model: a cheaper one, or the same trained again.
 
 The encoder stays bit-identical, so that the model's denoiser fits as before. A decoder that has
 seen only latents of real motions is worse on a denoiser's latents. The ends of a teacher's
@@ -47,7 +47,7 @@ class Imitation:
     frames_per_token: int
     """Frames that each stands for."""
     vae: MotionVAE
-    """Whose answers are learned; it trains no more."""
+    """The VAE whose output is learned, frozen."""
     fingerprint: str
     """Hash of the latents and of its weights."""
 
@@ -151,7 +151,7 @@ def train_decoder(
     context: DistributedContext,
     imitated: Path | None = None,
 ) -> Path:
-    """Trains a decoder for a model's latents, or goes on with it; returns the whole model's folder.
+    """Trains a decoder for a model's latents, or resumes its training; returns the model's folder.
 
     Args:
         experiment: Its VAE has the model's encoder; stage 1's settings say how to train.

@@ -45,7 +45,7 @@ class LatentData:
 
 
 class DenoiserStage(Stage[Denoiser]):
-    """The denoiser, the latents that it is shown, and those it is measured on.
+    """Training of the denoiser: the network, its training latents and its held-out ones.
 
     Args:
         denoiser: The network to train.

@@ -127,7 +127,7 @@ class EvaluatorStage(Stage[TextMotionNetworks]):
         held_out = captioned(dataset.clips("val"))
         self._held_out = [crop for clip in held_out for crop in _crops(clip, experiment.longest)]
         self._captions = {c.text: c for clip in train + held_out for c in clip.captions}
-        self._tell_of = {clip.id: {c.text for c in clip.captions} for clip in train + held_out}
+        self._captions_of = {clip.id: {c.text for c in clip.captions} for clip in train + held_out}
         self._memory = FeatureCache(dataset, [*train, *held_out], dataset.normalizer)
         batch, seed = experiment.training.batch_size, experiment.training.seed
         items = items_of(train)
@@ -143,7 +143,7 @@ class EvaluatorStage(Stage[TextMotionNetworks]):
         StepRandomness(self._experiment.training.seed, step, len(crops), ranks)
         own = crops[ranks.shard(len(crops))]
         squared = self._distances(self.network, [crop.caption for crop in own], own)
-        return {"total": self._experiment.objective(squared, self._told(own, own))}
+        return {"total": self._experiment.objective(squared, self._matches(own, own))}
 
     @torch.no_grad()
     def validate(self, network: TextMotionNetworks) -> dict[str, float]:
@@ -160,9 +160,9 @@ class EvaluatorStage(Stage[TextMotionNetworks]):
 
     def _figures(self, network: TextMotionNetworks, crops: Sequence[Crop]) -> list[float]:
         squared = self._distances(network, [crop.caption for crop in crops], crops)
-        told = self._told(crops, crops)
-        loss = float(self._experiment.objective(squared, told))
-        return [loss, *top_hits(squared, told)]
+        matches = self._matches(crops, crops)
+        loss = float(self._experiment.objective(squared, matches))
+        return [loss, *top_hits(squared, matches)]
 
     def _distances(
         self, network: TextMotionNetworks, sentences: Sequence[str], crops: Sequence[Crop]
@@ -175,10 +175,10 @@ class EvaluatorStage(Stage[TextMotionNetworks]):
         texts = network.texts(words.to(device), parts.to(device), seen.to(device))
         return squared_distances(texts, motions)
 
-    def _told(
+    def _matches(
         self, sentences: Sequence[Crop], motions: Sequence[Crop]
     ) -> Bool[torch.Tensor, "sentences motions"]:
-        rows = [[s.caption in self._tell_of[m.clip.id] for m in motions] for s in sentences]
+        rows = [[s.caption in self._captions_of[m.clip.id] for m in motions] for s in sentences]
         return torch.tensor(rows, device=self._context.device)
 
 
@@ -224,7 +224,7 @@ def train_evaluator(
     context: DistributedContext,
     encoder: Path | None = None,
 ) -> Path:
-    """Trains an evaluator, or goes on with it; returns the evaluator folder.
+    """Trains an evaluator, or resumes its training; returns the evaluator folder.
 
     Args:
         experiment: Sizes and training.

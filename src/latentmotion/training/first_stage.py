@@ -42,7 +42,7 @@ class FirstStage:
     """A trained VAE."""
 
     vae: MotionVAE
-    """The network, which trains no more."""
+    """The network, frozen."""
     card: ModelCard
     """What it is."""
     fingerprint: str

@@ -43,7 +43,7 @@ class LengthRecipe:
 
 @dataclass(frozen=True)
 class LengthFigures:
-    """How well lengths are told."""
+    """Accuracy of predicted lengths."""
 
     sentences: int
     """Number of sentences."""
@@ -70,7 +70,7 @@ def train_lengths(
     x = torch.tensor(pooled_embeddings(encoder, captions.sentences))
     y = torch.tensor(captions.seconds)
     mean, std = x.mean(0), x.std(0, correction=0)
-    std = std.clamp(min=0.1 * float(std.mean()) + 1e-6)  # some numbers are all but constant
+    std = std.clamp(min=0.1 * float(std.mean()) + 1e-6)  # some numbers are nearly constant
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(recipe.seed)
         network = _network(x.shape[1], recipe, captions.seconds)
@@ -86,7 +86,7 @@ def train_lengths(
 def measured(
     model: LengthModel, captions: CaptionLengths, encoder: TextEncoder, constant: float
 ) -> LengthFigures:
-    """Returns how well a model tells the lengths of sentences.
+    """Returns how accurately a model predicts the lengths of sentences.
 
     Args:
         model: The model.

@@ -42,7 +42,7 @@ class Stage(nn.Module, ABC, Generic[Network]):
         """Losses of step number `step`; "total" is minimized, the others are reported."""
 
     def follow(self, average: Network) -> None:
-        """Is shown the averaged network before training, for a loss that asks it."""
+        """Receives the averaged network before training, for losses that evaluate it."""
 
     @abstractmethod
     def validate(self, network: Network) -> Mapping[str, float]:

@@ -122,7 +122,7 @@ class ConditionTable:
         self._starts = self._counts.cumsum(0) - self._counts
 
     def __call__(self, prompts: Sequence[str]) -> Conditioning:
-        """Returns the tokens of each prompt, with no more padding than these need."""
+        """Returns the tokens of each prompt, padded to the longest of them."""
         rows = [self._rows[prompt] for prompt in prompts]
         starts, counts = self._starts[rows, None], self._counts[rows, None]
         positions = torch.arange(int(counts.max()), device=counts.device)

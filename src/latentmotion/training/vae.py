@@ -28,7 +28,7 @@ LOOKED_AT = 64
 
 
 class VAEStage(Stage[MotionVAE]):
-    """The VAE, the crops it is shown, and the clips it is measured on.
+    """Training of the VAE: the network, its training crops and its held-out clips.
 
     Args:
         vae: The network to train.

@@ -85,7 +85,7 @@ class MotionVAE(nn.Module, ABC):
 
         Args:
             latents: As `encode` gives them for as many frames.
-            mask: True on real frames; says how long each motion shall be.
+            mask: True on real frames; sets the length of each motion.
         """
 
     @abstractmethod

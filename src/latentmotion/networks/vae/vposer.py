@@ -3,7 +3,7 @@
     encode:  frames × features → norm → 512, leaky ReLU → norm → 512 → 512 → mean and deviation
     decode:  256 → 512 → 512 → frames × features
 
-It knows one length alone. A shorter motion goes on with its last frame, so what its padding holds
+It has one fixed length. A shorter motion repeats its last frame, so what its padding holds
 changes nothing; a longer one is refused. In training the motions of a batch normalize each other
 (BatchNorm), so a batch of two is two batches of one only in `eval()`.
 """
@@ -88,7 +88,7 @@ class VPoserT(MotionVAE):
 
 
 def _to_length(features: Tensor, mask: Tensor, frames: int) -> Tensor:
-    """Cuts the padding off and goes on with each motion's last real frame."""
+    """Replaces the padding by each motion's last real frame."""
     last = mask.sum(dim=1, keepdim=True) - 1
     positions = torch.arange(frames, device=mask.device).minimum(last)
     return features.gather(1, positions[..., None].expand(-1, -1, features.shape[2]))

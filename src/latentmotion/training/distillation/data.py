@@ -79,7 +79,7 @@ class DistillationData:
     held_out: tuple[Crop, ...]
     """What it is asked to be compared with alone."""
     asked: tuple[tuple[Crop, Instruction], ...]
-    """Drawn prompts with their checks, as crops of the length that motions shall have."""
+    """Drawn prompts with their checks, as crops of the length to generate."""
     settings: Distillation
     """How many of each, and the seed."""
     folder: Path

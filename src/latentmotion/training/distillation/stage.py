@@ -131,7 +131,7 @@ def distill(
     context: DistributedContext,
     start: Path | None = None,
 ) -> Path:
-    """Makes a model of few steps, or goes on with it; returns its folder, with the same VAE.
+    """Trains a few-step model, or resumes its training; returns its folder, with the same VAE.
 
     `encoder` is the teacher's, where it reads sentences; `start` is an earlier student of it.
 
@@ -249,7 +249,7 @@ def first_student(teacher: LatentModel, card: ModelCard, start: Path | None) -> 
 
 
 def student_of(teacher: Denoiser, config: DenoiserConfig) -> Denoiser:
-    """Returns a student that answers as its teacher does without guidance, whatever it is told."""
+    """Returns a student whose output is its teacher's without guidance at any step condition."""
     student = build(config)
     student.load_state_dict({**student.state_dict(), **teacher.state_dict()})
     return student

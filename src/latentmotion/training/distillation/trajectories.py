@@ -75,7 +75,7 @@ class Teacher:
     """A trained model that computes trajectories."""
 
     network: Denoiser
-    """Its denoiser, which trains no more."""
+    """Its denoiser, frozen."""
     card: ModelCard
     """What it is."""
     few_step: FewStepConfig
