@@ -12,7 +12,7 @@ from latentmotion.errors import InputError
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.text.lengths import LengthModel
 from latentmotion.training.experiment import with_changes
-from latentmotion.training.reinforce import Reinforcement, obedient_lengths, reinforce
+from latentmotion.training.reinforce import Reinforcement, reinforce
 from latentmotion.training.stages import train_denoiser
 from latentmotion.training.takes import Takes
 from tests.support.small_training import CONTEXT, LetterCount, killed_at, small
@@ -62,9 +62,5 @@ def test_a_round_goes_on_bit_for_bit(figures: Path, vae_run: Path, tmp_path: Pat
     assert 0 <= model.card.figures["denoiser_takes_obey"] <= 1
     pairs = list(zip(model.denoiser.parameters(), other.denoiser.parameters(), strict=True))
     assert all(torch.equal(one, two) for one, two in pairs)
-    lengths = obedient_lengths(tmp_path / "whole")
-    assert len(lengths.sentences) == len(lengths.seconds)
-    with pytest.raises(InputError, match="holds no takes"):
-        obedient_lengths(tmp_path / "denoiser")
     with pytest.raises(InputError, match=r"differing: settings\.weight"):
         run("whole", weight=3.0)

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import numpy as np
 import torch
-from tyro.conf import OmitArgPrefixes, UseAppendAction, arg
+from tyro.conf import OmitArgPrefixes, arg
 
 from latentmotion.cli import options
 from latentmotion.condition.task import TASKS
@@ -23,8 +23,10 @@ from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import describe_action_classifier
 from latentmotion.evaluation.evaluators.words import EncodedWords, read_glove
 from latentmotion.gpu.backend import find_encoder, text_encoder_named
+from latentmotion.instructions.lengths import LengthTrials, judged_lengths
 from latentmotion.model.card import LENGTHS_FILE, find_model, read_card
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
+from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import check_writable
 from latentmotion.text.cache import CachedTextEncoder
 from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
@@ -37,7 +39,7 @@ from latentmotion.training.distributed import distributed_context
 from latentmotion.training.evaluator import recipe_named
 from latentmotion.training.experiment import TrainingSettings, with_changes
 from latentmotion.training.presets import PRESETS, preset_named
-from latentmotion.training.reinforce import Reinforcement, obedient_lengths, reinforce
+from latentmotion.training.reinforce import Reinforcement, reinforce
 from latentmotion.training.text_encoder import driver as student_training
 from latentmotion.training.text_encoder.corpus import read_captions
 from latentmotion.training.text_encoder.stage import Schedule
@@ -320,9 +322,12 @@ class TrainLength:
     """File to write, e.g. lengths.safetensors."""
     data: options.OptionalData = None
     """Prepared folder whose captions of acts are learned from as well, one per seven others."""
-    takes: Annotated[tuple[Path, ...], UseAppendAction] = ()
-    """Run folder of `latentmotion train reinforce`, whose motions that obeyed tell how long acts
-    and counts of them take; repeatable."""
+    model: str | None = None
+    """Name or folder of a model whose own motions tell how long acts, turns and counts take: drawn
+    prompts are generated at many lengths, and the length at which it most likely obeys is learned
+    (an hour on one core; OUTPUT.trials.jsonl keeps the results)."""
+    trials: LengthTrials = field(default_factory=LengthTrials)
+    """How many prompts are generated, at which lengths."""
     text_encoder: options.TextEncoderName = options.TEXT_ENCODER
     seed: options.Seed = 0
     set: options.Changes = ()
@@ -351,8 +356,11 @@ class TrainLength:
                 dataset, "train", len(train.sentences) // 7, self.seed
             )
             train = captions.joined([train, acts])
-        if self.takes:
-            train = captions.joined([train, *map(obedient_lengths, self.takes)])
+        if self.model:
+            journal = self.output.with_name(f"{self.output.name}.trials.jsonl")
+            pipeline = MotionPipeline.from_pretrained(self.model)
+            verdicts = judged_lengths(pipeline, self.trials, journal)
+            train = captions.joined([train, lengths.best_lengths(verdicts, encoder)])
         lengths.train_lengths(train, encoder, recipe).write(self.output)
         model = LengthModel.read(self.output)  # as it was rounded
         accuracy = lengths.measured(model, test, encoder, float(np.median(train.seconds)))

@@ -1,26 +1,34 @@
 """Training of the length model: quantile regression on pooled embeddings, a minute on one core.
 
 Pinball loss (Koenker & Bassett 1978) at all quantiles together; the embedding's mean and spread are
-folded into the first layer.
+folded into the first layer. Besides captions it learns from a model's own motions: `best_lengths`
+fits how likely a prompt is obeyed at each length and takes the length where that is highest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.captions import TAG_RATE
 from latentmotion.data.lengths import CaptionLengths
+from latentmotion.instructions.drawn import drawn_instructions
+from latentmotion.instructions.lengths import LengthVerdicts
 from latentmotion.text.lengths import QUANTILES, LengthModel
 
 _AT_ONCE = 256
 """Sentences that are encoded together."""
+
+_LENGTHS = 60
+"""Lengths among which the best is chosen."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,61 @@ class LengthRecipe:
     """Of inputs and hidden units."""
     seed: int = 0
     """Seed of first weights, order and dropout."""
+
+
+@dataclass(frozen=True)
+class ObedienceRecipe:
+    """Settings of the model of obedience by prompt and length."""
+
+    hidden: int = 256
+    """Units of the hidden layer."""
+    passes: int = 20
+    """How often each motion is seen."""
+    batch: int = 256
+    """Motions a step."""
+    learning_rate: float = 2e-3
+    """Peak learning rate, of one cycle."""
+    dropout: float = 0.5
+    """Of inputs and hidden units."""
+    prompts: int = 20_000
+    """Drawn prompts whose best length is learned."""
+    seed: int = 0
+    """Seed of first weights, order, dropout and prompts."""
+
+
+class ObedienceNetwork(nn.Module):
+    """The logit of obeying, from a prompt's embedding and the logarithm of a length.
+
+    A sum of bumps over the logarithm, whose heights the embedding decides.
+
+    Args:
+        width: Numbers of an embedding.
+        recipe: Its size.
+    """
+
+    BUMPS = 10
+    """Number of bumps, from 1 to 9.5 s."""
+
+    centers: Tensor
+
+    def __init__(self, width: int, recipe: ObedienceRecipe) -> None:
+        super().__init__()
+        self.heights = nn.Sequential(
+            nn.Dropout(recipe.dropout),
+            nn.Linear(width, recipe.hidden),
+            nn.GELU(),
+            nn.Dropout(recipe.dropout),
+            nn.Linear(recipe.hidden, self.BUMPS + 1),
+        )
+        self.register_buffer("centers", torch.linspace(0.0, math.log(9.5), self.BUMPS))
+
+    def forward(
+        self, embeddings: Float[Tensor, "*prompts width"], log_seconds: Float[Tensor, "*prompts"]
+    ) -> Float[Tensor, "*prompts"]:
+        """Returns the logit of obeying."""
+        bumps = torch.exp(-8 * (log_seconds[..., None] - self.centers) ** 2)
+        heights = self.heights(embeddings)
+        return (heights[..., : self.BUMPS] * bumps).sum(-1) + heights[..., self.BUMPS]
 
 
 @dataclass(frozen=True)
@@ -74,13 +137,54 @@ def train_lengths(
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(recipe.seed)
         network = _network(x.shape[1], recipe, captions.seconds)
-        _fit(network, (x - mean) / std, y, recipe)
+        _minimize(
+            network, lambda rows: _pinball(network((x[rows] - mean) / std), y[rows]), len(y), recipe
+        )
     first, last = network[1], network[4]
     assert isinstance(first, nn.Linear) and isinstance(last, nn.Linear)
     with torch.no_grad():
         weight = first.weight / std
         arrays = weight, first.bias - weight @ mean, last.weight, last.bias
     return LengthModel(encoder.name, *(array.detach().numpy() for array in arrays))
+
+
+def best_lengths(
+    verdicts: LengthVerdicts,
+    encoder: TextEncoder,
+    recipe: ObedienceRecipe = ObedienceRecipe(),
+) -> CaptionLengths:
+    """Returns drawn prompts with the lengths at which a model most likely obeys them.
+
+    Args:
+        verdicts: Motions of the model, of other prompts and many lengths.
+        encoder: Whose embeddings are read.
+        recipe: The settings.
+    """
+    prompts = [one.prompt for one in drawn_instructions(recipe.prompts, recipe.seed)]
+    seen, drawn = (
+        torch.tensor(pooled_embeddings(encoder, some)) for some in (verdicts.prompts, prompts)
+    )
+    mean, std = seen.mean(0), seen.std(0) + 1e-3
+    log_seconds, obeyed = torch.tensor(verdicts.seconds).log(), torch.tensor(verdicts.obeyed)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(recipe.seed)
+        network = ObedienceNetwork(seen.shape[1], recipe)
+        _minimize(
+            network,
+            lambda rows: F.binary_cross_entropy_with_logits(
+                network((seen[rows] - mean) / std, log_seconds[rows]), obeyed[rows].float()
+            ),
+            len(obeyed),
+            recipe,
+        )
+    network.eval()
+    lengths = torch.linspace(float(log_seconds.min()), float(log_seconds.max()), _LENGTHS)
+    with torch.no_grad():
+        best = [
+            lengths[network(row.expand(_LENGTHS, -1), lengths).argmax()]
+            for row in (drawn - mean) / std
+        ]
+    return CaptionLengths(tuple(prompts), torch.stack(best).exp().numpy())
 
 
 def measured(
@@ -130,26 +234,23 @@ def _network(
     return network
 
 
-def _fit(
-    network: nn.Sequential,
-    x: Float[Tensor, "sentences width"],
-    y: Float[Tensor, " sentences"],
-    recipe: LengthRecipe,
+def _minimize(
+    network: nn.Module,
+    loss_of: Callable[[Tensor], Tensor],
+    count: int,
+    recipe: LengthRecipe | ObedienceRecipe,
 ) -> None:
+    """Minimizes the loss of rows, given by their numbers, with AdamW in one cycle."""
     optimizer = torch.optim.AdamW(network.parameters(), recipe.learning_rate, weight_decay=0.01)
-    steps = recipe.passes * -(-len(y) // recipe.batch)
+    steps = recipe.passes * -(-count // recipe.batch)
     cycle = torch.optim.lr_scheduler.OneCycleLR(optimizer, recipe.learning_rate, steps)
-    for rows in _batches(len(y), recipe):
-        loss = _pinball(network(x[rows]), y[rows])
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-        cycle.step()
-
-
-def _batches(count: int, recipe: LengthRecipe) -> Iterator[Tensor]:
     for _ in range(recipe.passes):
-        yield from torch.randperm(count).split(recipe.batch)
+        for rows in torch.randperm(count).split(recipe.batch):
+            loss = loss_of(rows)
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            cycle.step()
 
 
 def _pinball(

@@ -17,17 +17,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.lengths import CaptionLengths
-from latentmotion.describe.facts import FPS
 from latentmotion.diffusion.parametrization import add_noise
-from latentmotion.errors import InputError
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.prompts import Instruction
-from latentmotion.model.vae_config import STRIDE
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel, load_model, save_model
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.storage.files import sha256
@@ -40,8 +35,8 @@ from latentmotion.training.first_stage import FirstStage, check_fit, prepare_lat
 from latentmotion.training.loop import train
 from latentmotion.training.previews import Previews
 from latentmotion.training.rng import StepRandomness
-from latentmotion.training.run_folder import MODEL, NAME, open_run, read_run
-from latentmotion.training.takes import Takes, TakeSettings, cached_takes, joined_takes
+from latentmotion.training.run_folder import MODEL, open_run
+from latentmotion.training.takes import Takes, TakeSettings, cached_takes
 from latentmotion.training.task_conditions import ConditionTable, task_conditioning
 
 
@@ -208,23 +203,6 @@ def reinforce(
         made = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
         save_model(folder / MODEL, LatentModel(made, model.vae.cpu(), denoiser))
     return folder / MODEL
-
-
-def obedient_lengths(folder: Path) -> CaptionLengths:
-    """Returns the prompts of a round with the lengths of the takes that obeyed.
-
-    Raises:
-        InputError: The folder is no run of `reinforce` that has made its takes.
-    """
-    takes = sorted(folder.glob("takes-*.safetensors"))
-    if not takes or not (folder / NAME).is_file():
-        raise InputError(f"{folder} holds no takes: run latentmotion train reinforce")
-    settings = read_run(ReinforceRun, folder).settings.takes
-    asked = drawn_instructions(settings.prompts, settings.seed)
-    made = joined_takes([Takes(**load_file(file)) for file in takes])
-    seconds = made.mask.sum(dim=1) * STRIDE / FPS
-    sentences = tuple(asked[n].prompt for n in made.prompt[made.obeys].tolist())
-    return CaptionLengths(sentences, seconds[made.obeys].numpy().astype(np.float32))
 
 
 def _continued(experiment: Experiment, model: LatentModel, settings: Reinforcement) -> Experiment:

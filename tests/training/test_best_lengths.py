@@ -1,0 +1,50 @@
+"""The length at which a prompt is obeyed is found from motions of other prompts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from latentmotion.condition.interface import TextEmbedding
+from latentmotion.instructions.drawn import drawn_instructions
+from latentmotion.instructions.lengths import LengthVerdicts
+from latentmotion.training.lengths import ObedienceRecipe, best_lengths
+
+RECIPE = ObedienceRecipe(hidden=32, passes=40, dropout=0.1, prompts=200)
+
+
+class Turning:
+    """An encoder whose embeddings hold one fact: whether the sentence is of a turn."""
+
+    name, width = "turning", 3
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        turning = np.array(["turn" in sentence for sentence in sentences], np.float32)
+        pooled = np.stack([turning, 1 - turning, np.ones_like(turning)], axis=1)
+        return TextEmbedding(pooled, pooled[:, None], np.ones((len(sentences), 1), bool))
+
+
+@pytest.fixture
+def verdicts() -> LengthVerdicts:
+    """Turns are obeyed from 1.5 to 2.5 s, everything else from 5 to 7 s."""
+    generator = np.random.default_rng(0)
+    prompts = [one.prompt for one in drawn_instructions(300, 3) for _ in range(8)]
+    seconds = np.exp(generator.uniform(np.log(1.2), np.log(8.6), len(prompts)))
+    turns = np.array(["turn" in prompt for prompt in prompts])
+    obeyed = np.where(turns, (seconds > 1.5) & (seconds < 2.5), (seconds > 5) & (seconds < 7))
+    return LengthVerdicts(tuple(prompts), seconds.astype(np.float32), obeyed)
+
+
+def test_each_kind_of_prompt_gets_the_length_at_which_it_is_obeyed(
+    verdicts: LengthVerdicts,
+) -> None:
+    best = best_lengths(verdicts, Turning(), RECIPE)
+    assert list(best.sentences) == [one.prompt for one in drawn_instructions(200, 0)]
+    turns = np.array(["turn" in sentence for sentence in best.sentences])
+    assert 20 < turns.sum() < 180
+    assert (abs(best.seconds[turns] - 2) < 0.5).all()
+    assert (abs(best.seconds[~turns] - 6) < 1).all()
+    again = best_lengths(verdicts, Turning(), RECIPE)
+    assert (again.seconds == best.seconds).all()
