@@ -24,10 +24,11 @@ from latentmotion.model.vae_config import (
     VPoserTConfig,
 )
 from latentmotion.networks.attention import CrossAttention, SelfAttention
-from latentmotion.networks.context import (
+from latentmotion.networks.denoiser import (
     AcrossContext,
     AttendToPadding,
     ContextFirst,
+    Denoiser,
     InContext,
     LatentsFirst,
     NoStepEmbedding,
@@ -38,7 +39,6 @@ from latentmotion.networks.context import (
     TimeToken,
     WordsAddedToTime,
 )
-from latentmotion.networks.denoiser import Denoiser
 from latentmotion.networks.embeddings import LearnedPosition, NumberEmbedding, SinePosition
 from latentmotion.networks.transformer import (
     DecoderLayer,

@@ -1,20 +1,176 @@
-"""The network that sees noisy latents, the time and the condition (paper, section 3.2).
+"""The denoiser and the parts it is made of (paper, section 3.2): noisy latents, time, condition.
 
     context = [time token, (length token,) condition words]   or the words added to the time
     in context:       encoder([latents, context]), of which the latents are kept
     cross-attention:  decoder(latents, memory = context)
 
-Every part is passed in; `networks.build` makes them of a `DenoiserConfig`.
+Numbers (time, length) become tokens, context and latents get positions, and a transformer reads
+both. Every part is passed in; `networks.build` makes them of a `DenoiserConfig`.
 """
 
 from __future__ import annotations
 
+import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.few_step import StepCondition
-from latentmotion.networks.context import NoStepEmbedding, StepEmbedding
+from latentmotion.networks.embeddings import NumberEmbedding
+
+
+class TimeToken(nn.Module):
+    """The time of the diffusion, as one token."""
+
+    def __init__(self, time: NumberEmbedding) -> None:
+        super().__init__()
+        self.time = time
+
+    def forward(self, t: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, 1, width)."""
+        return self.time(t)[:, None]
+
+
+class TimeAndLengthTokens(nn.Module):
+    """The time of the diffusion and the number of real latent tokens, as two tokens."""
+
+    def __init__(self, time: NumberEmbedding, length: NumberEmbedding) -> None:
+        super().__init__()
+        self.time = time
+        self.length = length
+
+    def forward(self, t: Tensor, mask: Tensor) -> Tensor:
+        """Returns (batch, 2, width)."""
+        count = mask.sum(dim=1).to(t.dtype)
+        return torch.stack([self.time(t), self.length(count)], dim=1)
+
+
+class StepEmbedding(nn.Module):
+    """Guidance scale and step size, added to the token of the time; nothing at first.
+
+    Args:
+        sine_width: Width of their sinusoids.
+        width: Width of the token.
+    """
+
+    inputs = ("guidance", "step_size")
+
+    def __init__(self, sine_width: int, width: int) -> None:
+        super().__init__()
+        self.guidance = NumberEmbedding(sine_width, width, scale=100.0)
+        self.step_size = NumberEmbedding(sine_width, width, scale=1000.0)
+        for embedding in (self.guidance, self.step_size):
+            for weight in embedding.network[-1].parameters():
+                nn.init.zeros_(weight)
+
+    def forward(self, numbers: Tensor, step_condition: StepCondition) -> Tensor:
+        """Returns the numbers' tokens, the first of them moved."""
+        step = self.guidance(step_condition.guidance) + self.step_size(step_condition.step_size)
+        return torch.cat([numbers[:, :1] + step[:, None], numbers[:, 1:]], dim=1)
+
+
+class NoStepEmbedding(nn.Module):
+    """The numbers as they are: a denoiser without a step condition."""
+
+    inputs = ()
+
+    def forward(self, numbers: Tensor, step_condition: None) -> Tensor:
+        """Returns the numbers' tokens."""
+        return numbers
+
+
+class NumbersThenWords(nn.Module):
+    """Words of the condition are tokens of their own."""
+
+    def forward(self, numbers: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns (batch, numbers + words, width), and which of them are real."""
+        always = torch.ones_like(numbers[..., 0], dtype=torch.bool)
+        return torch.cat([numbers, words], dim=1), torch.cat([always, mask], dim=1)
+
+
+class WordsAddedToTime(nn.Module):
+    """The mean of the real words is added to the time's token, as in MDM (Tevet et al. 2023)."""
+
+    def forward(self, numbers: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns the numbers' tokens, all of them real."""
+        weights = mask / mask.sum(dim=1, keepdim=True).clamp(min=1)
+        mean = (words * weights[..., None]).sum(dim=1, keepdim=True)
+        context = torch.cat([numbers[:, :1] + mean, numbers[:, 1:]], dim=1)
+        return context, torch.ones_like(context[..., 0], dtype=torch.bool)
+
+
+class SeparatePositions(nn.Module):
+    """Latents and context have a table each, so padding on either side moves nothing."""
+
+    def __init__(self, latents: nn.Module, context: nn.Module) -> None:
+        super().__init__()
+        self.latents = latents
+        self.context = context
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.latents(latents), self.context(context)
+
+
+class LatentsFirst(nn.Module):
+    """One table over [latents, context], as in the paper's denoiser."""
+
+    def __init__(self, table: nn.Module) -> None:
+        super().__init__()
+        self.table = table
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.table(latents), self.table(context, latents.shape[1])
+
+
+class ContextFirst(nn.Module):
+    """One table over [context, latents], as in the authors' diffusion on raw frames."""
+
+    def __init__(self, table: nn.Module) -> None:
+        super().__init__()
+        self.table = table
+
+    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns both with their positions added."""
+        return self.table(latents, context.shape[1]), self.table(context)
+
+
+class InContext(nn.Module):
+    """Latents and context are one sequence; attention does not care about its order."""
+
+    def __init__(self, encoder: nn.Module) -> None:
+        super().__init__()
+        self.encoder = encoder
+
+    def forward(
+        self, latents: Tensor, mask: Tensor, context: Tensor, context_mask: Tensor
+    ) -> Tensor:
+        """Returns the latents' part of the encoder's output."""
+        both = torch.cat([latents, context], dim=1)
+        return self.encoder(both, torch.cat([mask, context_mask], dim=1))[:, : latents.shape[1]]
+
+
+class AcrossContext(nn.Module):
+    """Latents look at the context by cross-attention: the decoder as it is."""
+
+    def __init__(self, decoder: nn.Module) -> None:
+        super().__init__()
+        self.decoder = decoder
+
+    def forward(
+        self, latents: Tensor, mask: Tensor, context: Tensor, context_mask: Tensor
+    ) -> Tensor:
+        """Returns the decoder's output."""
+        return self.decoder(latents, mask, context, context_mask)
+
+
+class AttendToPadding(nn.Module):
+    """Attention sees padded latents as well: a quirk of the authors' diffusion on raw frames."""
+
+    def forward(self, mask: Tensor) -> Tensor:
+        """Returns a mask that is True everywhere."""
+        return torch.ones_like(mask)
 
 
 class Denoiser(nn.Module):
