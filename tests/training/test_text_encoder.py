@@ -1,32 +1,46 @@
-"""The student from a tiny teacher: first weights, loss, resuming, files, the inner ring's side."""
+"""The student of a tiny teacher: first weights, losses, batches, run folder, exported files."""
 
 from __future__ import annotations
 
-import itertools
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from latentmotion.errors import InputError, ModelError
+from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.export.text_encoder import load_student
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, pack, teacher_state
 from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
-from latentmotion.training.text_encoder.corpus import compare, parse_line
-from latentmotion.training.text_encoder.driver import StudentRecipe, train_student
-from latentmotion.training.text_encoder.stage import (
+from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.journal import read_journal
+from latentmotion.training.loop import train
+from latentmotion.training.rng import Ranks
+from latentmotion.training.text_encoder.corpus import GROUP, TaggedCaption, compare, parse_line
+from latentmotion.training.text_encoder.data import (
     Batch,
-    Schedule,
+    HeldOut,
+    SentenceSampler,
+    Targets,
     TrainingSet,
-    batches,
-    distill,
-    distillation_loss,
+    padded,
 )
-from latentmotion.training.text_encoder.targets import Targets, padded
+from latentmotion.training.text_encoder.stage import (
+    StudentRecipe,
+    TextEncoderStage,
+    distillation_losses,
+    train_text_encoder,
+)
+from tests.support.small_training import CONTEXT, killed_at
 from tests.support.tiny_text import CAPTIONS, teacher_tokenizer, tiny_teacher
+
+SETTINGS = TrainingSettings(
+    steps=6, batch_size=4, warm_up=2, ema_decay=0.0, precision="bfloat16", report_every=1,
+    validate_every=3, snapshot_every=2, sample_every=0,
+)  # fmt: skip
 
 
 def test_student_with_all_layers_is_its_teacher() -> None:
@@ -43,66 +57,69 @@ def test_student_with_all_layers_is_its_teacher() -> None:
     np.testing.assert_allclose(words[mask], expected.words[mask], atol=1e-5)
 
 
-def test_loss_is_zero_for_the_teacher_itself() -> None:
+def test_losses_are_zero_for_the_teacher_itself() -> None:
     words = torch.randn(2, 3, 4)
     mask = torch.tensor([[True, True, True], [True, True, False]])
     pooled = torch.nn.functional.normalize(torch.randn(2, 4), dim=1)
     batch = Batch(torch.zeros(2, 3, dtype=torch.long), mask, pooled, mask, words[mask])
-    assert float(distillation_loss(pooled, words, batch)) == 0
-    assert float(distillation_loss(-pooled, words, batch)) == pytest.approx(80)
+    assert not any(distillation_losses(pooled, words, batch).values())
+    losses = distillation_losses(-pooled, words, batch)
+    assert float(losses["total"]) == pytest.approx(80)
+    assert float(losses["sentence"]) == pytest.approx(4)
 
 
-def test_batches_go_on_from_any_step_and_cover_everything() -> None:
+def test_batches_follow_from_the_step_alone_and_cover_everything() -> None:
     lengths = np.arange(100) % 7
-    whole = list(itertools.islice(batches(lengths, 10, 3, 0), 25))
-    later = list(itertools.islice(batches(lengths, 10, 3, 13), 12))
-    np.testing.assert_array_equal(whole[13:], later)
+    sampler = SentenceSampler(lengths, 10, seed=3)
+    whole = [sampler(step) for step in range(25)]
     assert sorted(np.concatenate(whole[:10])) == list(range(100))
+    np.testing.assert_array_equal(whole[13], SentenceSampler(lengths, 10, seed=3)(13))
+    assert not np.array_equal(whole[0], whole[10])
+    assert max(np.ptp(lengths[rows]) for rows in whole) <= 1  # of similar length
 
 
-def tiny_set() -> tuple[StudentNetwork, TrainingSet]:
-    rows = teacher_tokenizer().encode_batch(list(CAPTIONS) * 4)
-    ids = [row.ids for row in rows]
+def test_few_sentences_make_one_smaller_batch() -> None:
+    assert sorted(SentenceSampler(np.array([4, 2, 3]), 10, seed=0)(5)) == [0, 1, 2]
+
+
+def tiny_stage(ranks: Ranks = CONTEXT.ranks) -> TextEncoderStage:
+    ids = [row.ids for row in teacher_tokenizer().encode_batch(list(CAPTIONS) * 9)]
     starts = np.concatenate([[0], np.cumsum([len(row) for row in ids])])
     random = np.random.default_rng(0)
     words = random.standard_normal((starts[-1], 8)).astype(np.float16)
     pooled = random.standard_normal((len(ids), 8)).astype(np.float32)
     torch.manual_seed(0)
     network = StudentNetwork(NetworkShape(teacher_tokenizer().get_vocab_size(), 8, 1, 2, 16, 16))
-    aligned = [place % 3 > 0 for place in range(len(ids))]
-    return network, TrainingSet(ids, aligned, Targets(pooled, words, starts))
+    aligned = [row % 3 > 0 for row in range(len(ids))]
+    data = TrainingSet(ids, aligned, Targets(pooled, words, starts))
+    context = replace(CONTEXT, ranks=ranks)
+    return TextEncoderStage(network, data, HeldOut(CAPTIONS, ids, pooled), SETTINGS, context)
 
 
-def test_interrupted_run_ends_with_the_same_numbers(tmp_path: Path) -> None:
-    schedule = Schedule(steps=6, batch=4, warmup=2)
-
-    def silent(line: str) -> None:
-        pass
-
-    unbroken, data = tiny_set()
-    distill(unbroken, data, schedule, tmp_path / "unbroken.pt", silent)
-    broken, data = tiny_set()
-    data_until_killed = _KilledAfter(data, batches=5)
-    with pytest.raises(KeyboardInterrupt):
-        distill(broken, data_until_killed, schedule, tmp_path / "broken.pt", silent, 3)
-    resumed, data = tiny_set()
-    distill(resumed, data, schedule, tmp_path / "broken.pt", silent, 3)
-    for one, other in zip(unbroken.parameters(), resumed.parameters(), strict=True):
+def test_an_interrupted_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    whole.mkdir()
+    parts.mkdir()
+    expected, _ = train(tiny_stage(), SETTINGS, whole, CONTEXT)
+    with killed_at(5):
+        train(tiny_stage(), SETTINGS, parts, CONTEXT)
+    found, _ = train(tiny_stage(), SETTINGS, parts, CONTEXT)
+    for one, other in zip(expected.parameters(), found.parameters(), strict=True):
         assert torch.equal(one, other)
+    assert read_journal(whole) == read_journal(parts)
 
 
-class _KilledAfter(TrainingSet):
-    """A training set whose reader is interrupted after some batches."""
+def test_ranks_share_a_batch() -> None:
+    with torch.no_grad():
+        whole = tiny_stage()(0)["sentence"]
+        parts = [tiny_stage(Ranks(rank, 2))(0)["sentence"] for rank in range(2)]
+    torch.testing.assert_close(sum(parts) / 2, whole)
 
-    def __init__(self, data: TrainingSet, batches: int) -> None:
-        super().__init__(data.ids, data.aligned, data.targets)
-        object.__setattr__(self, "left", batches)
 
-    def batch(self, rows: np.ndarray) -> Batch:
-        object.__setattr__(self, "left", self.left - 1)
-        if self.left < 0:
-            raise KeyboardInterrupt
-        return super().batch(rows)
+def test_losses_are_in_float32_where_the_network_is_not() -> None:
+    with torch.autocast("cpu", torch.bfloat16):
+        losses = tiny_stage()(0)
+    assert {loss.dtype for loss in losses.values()} == {torch.float32}
 
 
 def test_packed_rows_are_within_half_a_step() -> None:
@@ -123,24 +140,58 @@ def test_figures_of_the_teacher_itself_are_perfect() -> None:
     assert turned.own_first < 0.5
 
 
+RECIPE = StudentRecipe(
+    layers=(0, 3), positions=16, training=replace(SETTINGS, steps=3, batch_size=8)
+)
+
+
+def numbered_captions(count: int) -> list[TaggedCaption]:
+    texts = [f"person {chr(97 + n % 26)} walks {n}" for n in range(count)] + list(CAPTIONS)
+    return [parse_line(f"{text}#person/NOUN walk/VERB") for text in texts]
+
+
 @pytest.fixture(scope="module")
 def encoder_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A whole run with a tiny teacher: sentences, targets, training, files, card."""
     folder = tmp_path_factory.mktemp("student")
-    recipe = StudentRecipe(Schedule(steps=3, batch=8, warmup=1), layers=(0, 3), positions=16)
-    # Many numbered captions, so that the held-out ones fill a group of the measures.
-    texts = [f"person {chr(97 + n % 26)} walks {n}" for n in range(800)] + list(CAPTIONS)
-    captions = [parse_line(f"{text}#person/NOUN walk/VERB") for text in texts]
-    lines: list[str] = []
-    return train_student(recipe, captions, tiny_teacher(), folder, lines.append)
+    return train_text_encoder(RECIPE, numbered_captions(800), tiny_teacher(), folder, CONTEXT)
 
 
 def test_run_leaves_all_files_and_a_card(encoder_folder: Path) -> None:
     files = {"text_encoder.onnx", "text_encoder.safetensors", "tokenizer.json", "card.json"}
     assert {path.name for path in encoder_folder.iterdir()} == files
     card = json.loads((encoder_folder / "card.json").read_text())
-    assert card["held_out"]["sentences"] > 33
+    assert card["held_out"]["sentences"] > GROUP
     assert set(card["bytes"]) == files - {"card.json"}
+
+
+def test_journal_has_losses_and_agreement_on_held_out_captions(encoder_folder: Path) -> None:
+    lines = read_journal(encoder_folder.parent)
+    assert [line["step"] for line in lines] == [1, 2, 3, 3]
+    assert {"total", "sentence", "words", "relation", "rate"} <= lines[0].keys()
+    card = json.loads((encoder_folder / "card.json").read_text())
+    assert lines[-1]["cosine"] == pytest.approx(card["held_out"]["cosine"], abs=0.02)  # of 8 bits
+
+
+def test_a_run_with_other_settings_is_refused(encoder_folder: Path) -> None:
+    captions, teacher = numbered_captions(800), tiny_teacher()
+    changed = replace(RECIPE, training=replace(RECIPE.training, learning_rate=1.0))
+    with pytest.raises(InputError, match=r"training\.learning_rate"):
+        train_text_encoder(changed, captions, teacher, encoder_folder.parent, CONTEXT)
+    with pytest.raises(InputError, match="differing: captions"):
+        train_text_encoder(RECIPE, captions[1:], teacher, encoder_folder.parent, CONTEXT)
+
+
+def test_a_run_of_an_earlier_version_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "state.pt").touch()
+    with pytest.raises(InputError, match=r"earlier version \(state.pt\)"):
+        train_text_encoder(RECIPE, numbered_captions(800), tiny_teacher(), tmp_path, CONTEXT)
+
+
+def test_too_few_captions_are_refused_before_training(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="held out for validation, expected 33 or more"):
+        train_text_encoder(RECIPE, numbered_captions(20), tiny_teacher(), tmp_path, CONTEXT)
+    assert not list(tmp_path.iterdir())
 
 
 def test_graph_says_what_the_network_says(encoder_folder: Path) -> None:

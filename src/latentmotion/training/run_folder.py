@@ -47,8 +47,8 @@ FORMAT = 2
 
 AnyRun = TypeVar("AnyRun")
 
-_OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json")
-"""What other folders of this package have."""
+_OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json", "state.pt")
+"""What other folders of this package have; `state.pt` is of text encoders trained earlier."""
 
 MODEL = "model"
 """Where in a run folder the trained model is put."""
@@ -114,7 +114,8 @@ def _check_free(folder: Path) -> None:
     found = next((name for name in _OTHERS if (folder / name).is_file()), None)
     if found:
         raise InputError(
-            f"{folder} holds data or a model ({found}), no run; choose another folder to train in"
+            f"{folder} holds data or a model, or a run of an earlier version ({found}); choose "
+            "another folder to train in"
         )
 
 

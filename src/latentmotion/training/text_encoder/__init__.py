@@ -1,1 +1,1 @@
-"""The small text encoder, distilled from a large one."""
+"""Distillation of the small text encoder: captions, variations, teacher targets, training."""

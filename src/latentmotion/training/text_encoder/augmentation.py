@@ -1,7 +1,7 @@
-"""Variations of captions, in the words people type: other subjects, synonyms, bare verbs, slips.
+"""Augmentation of captions: other subjects, synonyms, imperatives, single clauses, typos.
 
-The student learns what its teacher says about each variation, so a variation need not keep the
-meaning of its caption; it has to be something a user may write.
+The student learns the teacher's embedding of each variation, so a variation need not keep the
+meaning of its caption; it only has to look like a prompt that a user may type.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random)
 
     Args:
         caption: The caption.
-        words: English words for the places that may hold any word.
-        generator: Source of every choice.
+        words: English words, one of which replaces a random word in one variation of five.
+        generator: Draws every choice.
     """
     text = generator.choice((_as_is, _one_clause, _imperative))(caption, generator)
     if generator.random() < 0.6:
@@ -100,14 +100,20 @@ def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random)
     if generator.random() < 0.2:
         text = _with_any_word(text, words, generator)
     if generator.random() < 0.15:
-        text = _with_slip(text, generator)
+        text = _with_typo(text, generator)
     return _with_ending(text, generator)
 
 
 def plain_phrases(
     captions: Iterable[TaggedCaption], words: Sequence[str], generator: random.Random
 ) -> list[str]:
-    """Returns short prompts: every verb of the captions in plain frames, activities, lone words."""
+    """Returns short prompts, such as "a person is walking", "play tennis" or "chair".
+
+    Args:
+        captions: Captions whose verbs and nouns are used.
+        words: English words, each of which is a prompt of its own.
+        generator: Draws manners ("backwards") and pairs of verb and noun.
+    """
     tags = [tag for caption in captions for tag in caption.tags]
     verbs = sorted({lemma for lemma, tag in tags if tag == "VERB" and lemma.isalpha()})
     nouns = sorted({lemma for lemma, tag in tags if tag == "NOUN" and lemma.isalpha()})
@@ -156,7 +162,7 @@ def _with_any_word(text: str, words: Sequence[str], generator: random.Random) ->
     return " ".join(parts)
 
 
-def _with_slip(text: str, generator: random.Random) -> str:
+def _with_typo(text: str, generator: random.Random) -> str:
     """Drops, doubles or swaps one letter."""
     if len(text) < 4:
         return text

@@ -1,14 +1,8 @@
-"""The sentences a text encoder is distilled on, and the agreement of student and teacher.
+"""Captions of HumanML3D, which of them are held out, and how student and teacher are compared.
 
-A caption line is `caption#word/POS word/POS …#from#to` (HumanML3D's text files). One sentence in
-twenty is held out by the hash of its text, with left and right made equal, so that neither a
-caption's mirrored twin nor a variation that equals it is trained on. On the held-out ones:
-
-* `cosine`: mean cosine between both embeddings of a sentence.
-* `nearest`: in groups of 33, which of the 32 others is nearest, by the student's embeddings alone
-  and by the teacher's alone; the share of equal answers.
-* `own_first`: among the teacher's embeddings of a group, the share of sentences whose own is the
-  nearest to the student's.
+A line of HumanML3D's text files is `caption#word/POS word/POS …#from#to`, with times in seconds.
+One sentence in twenty is held out, by the hash of its text in which left and right are made equal:
+a caption and its mirrored copy, or an equal variation, are never on different sides.
 """
 
 from __future__ import annotations
@@ -28,27 +22,30 @@ from jaxtyping import Float
 from latentmotion.errors import DataError
 
 HELD_OUT_PERCENT = 5
+"""Share of sentences that are held out, in percent."""
+
+GROUP = 33
+"""Sentences among which the nearest one is looked for."""
 
 
 @dataclass(frozen=True)
 class TaggedCaption:
-    """A caption and what HumanML3D's tagger said of it."""
+    """A caption with HumanML3D's part-of-speech tags."""
 
     text: str
-    """The sentence, lower case, without blanks at its ends."""
-
+    """The sentence in lower case, words separated by one blank each."""
     tags: tuple[tuple[str, str], ...]
     """(lemma, part of speech) of each word, such as ("walk", "VERB")."""
 
 
 def read_captions(path: str | Path) -> list[TaggedCaption]:
-    """Reads captions, each text once, in the order of the file.
+    """Reads captions, each text once, in the order of the files.
 
     Args:
         path: `texts.json.xz` or `.json` (clip id → lines) or a folder of HumanML3D's `.txt` files.
 
     Raises:
-        DataError: There is no caption at this place.
+        DataError: The path does not exist or holds no caption.
     """
     lines = (line for text in _caption_files(Path(path)) for line in text.splitlines())
     captions = {caption.text: caption for line in lines if (caption := parse_line(line)).text}
@@ -66,7 +63,7 @@ def parse_line(line: str) -> TaggedCaption:
 
 
 def is_held_out(sentence: str) -> bool:
-    """Whether a sentence belongs to the held-out 5 %, decided by its text alone."""
+    """Returns whether a sentence belongs to the held-out 5 %, decided by its text alone."""
     side_blind = re.sub(r"\b(left|right)", "side", " ".join(sentence.lower().split()))
     digest = hashlib.sha256(side_blind.encode()).digest()
     return int.from_bytes(digest[:4], "big") % 100 < HELD_OUT_PERCENT
@@ -83,33 +80,32 @@ def _caption_files(path: Path) -> Iterable[str]:
     return (text if isinstance(text, str) else "\n".join(text) for text in entries.values())
 
 
-GROUP = 33
-
-
 @dataclass(frozen=True)
 class Figures:
-    """Figures of one student, as its card tells them."""
+    """Agreement of a student's sentence embeddings with its teacher's."""
 
     sentences: int
     """Number of held-out sentences."""
-
     cosine: float
-    """Mean cosine to the teacher."""
-
+    """Mean cosine of both embeddings of a sentence."""
     cosine_5_percent: float
-    """The cosine that one sentence in twenty stays below."""
-
+    """5th percentile of the cosines."""
     nearest: float
-    """Share of sentences with the same nearest among 32 others, by student and by teacher."""
-
+    """Share of sentences whose nearest among 32 others is the same for student and teacher."""
     own_first: float
-    """Share of sentences whose own teacher embedding is the nearest among 33."""
+    """Share of sentences whose student embedding is nearest to their own teacher embedding, among
+    33 teacher embeddings."""
 
 
 def compare(
     student: Float[np.ndarray, "sentences width"], teacher: Float[np.ndarray, "sentences width"]
 ) -> Figures:
-    """Returns the figures of embeddings of unit length, in an order without meaning."""
+    """Compares embeddings of at least 33 sentences.
+
+    Args:
+        student: The student's embeddings of unit length, in random order.
+        teacher: The teacher's of the same sentences.
+    """
     cosines = (student * teacher).sum(1)
     groups = [slice(first, first + GROUP) for first in range(0, len(student) - GROUP + 1, GROUP)]
     same = [_nearest_other(student[part]) == _nearest_other(teacher[part]) for part in groups]
@@ -124,9 +120,9 @@ def compare(
 
 
 def milliseconds(encode: Callable[[list[str]], object], sentences: Sequence[str]) -> float:
-    """Returns the median processor time of encoding one sentence.
+    """Returns the median time of encoding one sentence, in milliseconds of processor time.
 
-    Processor time leaves out what other programs do on the same cores.
+    Unlike wall time it does not grow when other programs use the same cores.
     """
     encode([sentences[0]])
     times = []

@@ -1,210 +1,302 @@
-"""Distillation of a small text encoder from a large one: the losses and the training loop.
+"""Distillation of a small text encoder from a large one (all-MiniLM-L6-v2).
 
-For a batch of sentences with teacher embeddings p (unit length) and states h, and the student's
-p̂ and ĥ:
+The student is a BERT-like transformer, 3 layers of width 384 by default. It starts from some of the
+teacher's layers and from the teacher's piece embeddings (`StudentRecipe.layers`). With the
+teacher's sentence embeddings p (unit length) and piece states h, and the student's p̂ and ĥ:
 
-    loss = 20 · mean ‖p̂ − p‖²  +  mean ‖ĥ − h‖² / ‖h‖²  +  20 · mean (p̂ p̂ᵀ − p pᵀ)²
+    total = 20 · mean ‖p̂ − p‖²  +  mean ‖ĥ − h‖² / ‖h‖²  +  20 · mean (p̂ p̂ᵀ − p pᵀ)²
 
-The last term keeps the distances between sentences (relational distillation, Park et al. 2019),
-which decide what the nearest caption is. States are compared only where both tokenizers cut a
-sentence alike.
+The last term is relational distillation (Park et al. 2019): it keeps the similarities between the
+sentences of a batch. With several ranks each compares the sentences of its own share.
 """
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+import dataclasses
+import hashlib
+import json
+import random
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
+from tokenizers import Tokenizer
 
-from latentmotion.networks.text_encoder import StudentNetwork
+from latentmotion.errors import DataError
+from latentmotion.export.text_encoder import export_student
+from latentmotion.motion import Motion
+from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
+from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.storage.files import atomic_file
-from latentmotion.training.text_encoder.targets import Targets, padded
+from latentmotion.text import vocabulary
+from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning, split_words
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.loop import Stage, train
+from latentmotion.training.run_folder import open_run
+from latentmotion.training.text_encoder.augmentation import plain_phrases, vary
+from latentmotion.training.text_encoder.corpus import (
+    GROUP,
+    TaggedCaption,
+    compare,
+    is_held_out,
+    milliseconds,
+)
+from latentmotion.training.text_encoder.data import (
+    Batch,
+    HeldOut,
+    SentenceSampler,
+    TrainingSet,
+    padded,
+    teacher_targets,
+)
 
 POOLED_WEIGHT = 20.0
 RELATION_WEIGHT = 20.0
-CPU = torch.device("cpu")
+CARD_FILE = "card.json"
+LICENSE = "Apache-2.0 (started from all-MiniLM-L6-v2, Apache-2.0; captions HumanML3D, MIT)"
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Sentences of similar length with what the teacher says of them."""
+class StudentRecipe:
+    """Everything that decides what the distillation yields, but captions and teacher."""
 
-    tokens: Int[torch.Tensor, "batch words"]
-    mask: Bool[torch.Tensor, "batch words"]
-    pooled: Float[torch.Tensor, "batch width"]
-    aligned: Bool[torch.Tensor, "batch words"]
-    """True on pieces that the teacher has too."""
-
-    words: Float[torch.Tensor, "pieces width"]
-    """The teacher's states of the aligned pieces, in their order."""
-
-    def to(self, device: torch.device) -> Batch:
-        """Returns the batch on a device."""
-        parts = (self.tokens, self.mask, self.pooled, self.aligned, self.words)
-        return Batch(*(part.to(device) for part in parts))
-
-
-@dataclass(frozen=True)
-class TrainingSet:
-    """Sentences in the student's pieces and the teacher's targets."""
-
-    ids: Sequence[Sequence[int]]
-    aligned: Sequence[bool]
-    """Whether student and teacher cut the sentence alike."""
-
-    targets: Targets
-
-    def batch(self, rows: Int[np.ndarray, " batch"]) -> Batch:
-        """Returns the sentences at these rows."""
-        tokens, mask = padded([self.ids[row] for row in rows])
-        alike = torch.tensor([self.aligned[row] for row in rows])
-        starts = self.targets.starts
-        words = [
-            self.targets.words[starts[row] : starts[row + 1]] for row in rows if self.aligned[row]
-        ]
-        width = self.targets.words.shape[1]
-        states = np.concatenate([np.zeros((0, width), np.float16), *words]).astype(np.float32)
-        pooled = torch.from_numpy(self.targets.pooled[rows])
-        return Batch(tokens, mask, pooled, mask & alike[:, None], torch.from_numpy(states))
+    layers: tuple[int, ...] = (0, 2, 5)
+    """The teacher's layer that each layer of the student starts from."""
+    words: int = 8000
+    """Frequent English words in the vocabulary, besides the pieces of the captions."""
+    continuations: int = 1200
+    """Frequent word ends (`##ing`) in the vocabulary, besides those of the captions."""
+    positions: int = 128
+    """Longest sentence in pieces; longer ones are cut."""
+    training: TrainingSettings = field(
+        default_factory=lambda: TrainingSettings(
+            steps=7000, batch_size=64, learning_rate=5e-4, warm_up=200, ema_decay=0.0,
+            precision="bfloat16", report_every=100, snapshot_every=500, sample_every=0,
+        )
+    )  # fmt: skip
+    """How it is optimized; the seed also decides the variations of captions."""
 
 
-@dataclass(frozen=True)
-class Schedule:
-    """Length and pace of a distillation run."""
-
-    steps: int
-    """Optimizer steps in all."""
-
-    batch: int = 64
-    """Sentences a step."""
-
-    learning_rate: float = 4e-4
-    """Peak of the rate, reached after `warmup` steps, then falling to 0 along a cosine."""
-
-    warmup: int = 200
-    """Steps of linear rise."""
-
-    seed: int = 0
-    """Seed of the order of sentences."""
-
-    def rate(self, step: int) -> float:
-        """The learning rate at a step."""
-        rise = min(1.0, (step + 1) / self.warmup)
-        return rise * self.learning_rate * 0.5 * (1 + math.cos(math.pi * step / self.steps))
-
-
-def distillation_loss(
+def distillation_losses(
     pooled: Float[torch.Tensor, "batch width"],
     states: Float[torch.Tensor, "batch words width"],
     batch: Batch,
-) -> Float[torch.Tensor, ""]:
-    """The loss of one batch, see the head of this file."""
-    sentence = (pooled - batch.pooled).square().sum(1).mean()
-    relation = (pooled @ pooled.T - batch.pooled @ batch.pooled.T).square().mean()
-    error = (states.float()[batch.aligned] - batch.words).square().sum(1)
-    words = (error / batch.words.square().sum(1)).sum() / max(1, len(batch.words))
-    return POOLED_WEIGHT * sentence + words + RELATION_WEIGHT * relation
-
-
-def batches(
-    lengths: Int[np.ndarray, " sentences"], size: int, seed: int, step: int
-) -> Iterator[Int[np.ndarray, " batch"]]:
-    """Yields the rows of each batch from a step on, forever; the order depends on no state."""
-    count = len(lengths) // size
-    for epoch in range(step // count, 2**31):
-        order = np.random.default_rng((seed, epoch)).permutation(len(lengths))[: count * size]
-        yield from _by_length(order, lengths, size, (seed, epoch))[step % count :]
-        step = 0
-
-
-def _by_length(
-    order: Int[np.ndarray, " rows"],
-    lengths: Int[np.ndarray, " sentences"],
-    size: int,
-    seed: tuple[int, int],
-) -> list[Int[np.ndarray, " batch"]]:
-    """Sorts a shuffled order by length in windows of 50 batches, so that padding stays small."""
-    window = 50 * size
-    parts = [order[first : first + window] for first in range(0, len(order), window)]
-    rows = [row for part in parts for row in _rows(part[np.argsort(lengths[part])], size)]
-    shuffled = np.random.default_rng((*seed, 1)).permutation(len(rows))
-    return [rows[row] for row in shuffled]
-
-
-def _rows(rows: np.ndarray, size: int) -> list[np.ndarray]:
-    return np.split(rows, len(rows) // size)
-
-
-def distill(
-    network: StudentNetwork,
-    data: TrainingSet,
-    schedule: Schedule,
-    checkpoint: Path,
-    report: Callable[[str], None] = print,
-    save_every: int = 500,
-    device: torch.device = CPU,
-) -> None:
-    """Trains `network` in place, resuming from `checkpoint` if there is one.
-
-    On one machine an interrupted and resumed run ends with the very numbers of an unbroken one.
+) -> dict[str, torch.Tensor]:
+    """Returns the losses of one batch; "total" weights the others as stated at the top.
 
     Args:
-        network: The student.
-        data: What it learns.
-        schedule: Steps, batch, rate, seed.
-        checkpoint: File for weights, optimizer and step.
-        report: Called with a line of progress every 100 steps.
-        save_every: Steps between checkpoints.
-        device: Where the network and its batches are; the network stays there.
+        pooled: The student's sentence embeddings of unit length.
+        states: The student's piece states.
+        batch: The sentences with the teacher's outputs.
     """
-    network.to(device)
-    optimizer = torch.optim.AdamW(network.parameters(), weight_decay=0.01, betas=(0.9, 0.98))
-    first = _resume(checkpoint, network, optimizer)
-    lengths = np.array([len(row) for row in data.ids])
-    order = batches(lengths, schedule.batch, schedule.seed, first)
-    started, total = time.monotonic(), 0.0
-    for step, rows in zip(range(first, schedule.steps), order, strict=False):
-        total += _step(network, optimizer, data.batch(rows).to(device), schedule.rate(step))
-        if (step + 1) % 100 == 0:
-            pace = (time.monotonic() - started) / (step + 1 - first)
-            left = pace * (schedule.steps - step - 1) / 60
-            report(f"step {step + 1} loss {total / 100:.4f} {pace:.3f} s/step {left:.1f} min left")
-            total = 0.0
-        if (step + 1) % save_every == 0 or step + 1 == schedule.steps:
-            _save(checkpoint, network, optimizer, step + 1)
+    sentence = (pooled - batch.pooled).square().sum(1).mean()
+    relation = (pooled @ pooled.T - batch.pooled @ batch.pooled.T).square().mean()
+    error = (states[batch.aligned] - batch.words).square().sum(1)
+    words = (error / batch.words.square().sum(1)).sum() / max(1, len(batch.words))
+    total = POOLED_WEIGHT * sentence + words + RELATION_WEIGHT * relation
+    return {"total": total, "sentence": sentence, "words": words, "relation": relation}
 
 
-def _step(
-    network: StudentNetwork, optimizer: torch.optim.Optimizer, batch: Batch, rate: float
-) -> float:
-    for group in optimizer.param_groups:
-        group["lr"] = rate
-    with torch.autocast(batch.tokens.device.type, torch.bfloat16):
-        pooled, states = network(batch.tokens, batch.mask)
-    loss = distillation_loss(pooled, states, batch)
-    optimizer.zero_grad()
-    loss.backward()
-    torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-    optimizer.step()
-    return float(loss.detach())
+class TextEncoderStage(Stage[StudentNetwork]):
+    """The student, the sentences it is trained on, and those it is validated on.
+
+    Args:
+        network: The network to train.
+        data: Sentences with the teacher's outputs.
+        held_out: At least 33 other sentences.
+        settings: Batch size and seed.
+        context: The device and rank.
+    """
+
+    def __init__(
+        self,
+        network: StudentNetwork,
+        data: TrainingSet,
+        held_out: HeldOut,
+        settings: TrainingSettings,
+        context: DistributedContext,
+    ) -> None:
+        super().__init__()
+        self.network = network
+        self._data, self._held_out, self._context = data, held_out, context
+        lengths = np.array([len(row) for row in data.ids])
+        self._sampler = SentenceSampler(lengths, settings.batch_size, settings.seed)
+
+    def forward(self, step: int) -> dict[str, torch.Tensor]:
+        """Losses of step number `step`."""
+        rows, device = self._sampler(step), self._context.device
+        batch = self._data.batch(rows[self._context.ranks.shard(len(rows))]).to(device)
+        pooled, states = self.network(batch.tokens, batch.mask)
+        with torch.autocast(device.type, enabled=False):
+            return distillation_losses(pooled, states.float(), batch)
+
+    @torch.no_grad()
+    def validate(self, network: StudentNetwork) -> dict[str, float]:
+        """Agreement with the teacher on held-out sentences, see `Figures`."""
+        ids, device = self._held_out.ids, self._context.device
+        batches = (padded(ids[first : first + AT_ONCE]) for first in range(0, len(ids), AT_ONCE))
+        pooled = [network(tokens.to(device), mask.to(device))[0] for tokens, mask in batches]
+        figures = compare(torch.cat(pooled).cpu().numpy(), self._held_out.pooled)
+        return {k: v for k, v in dataclasses.asdict(figures).items() if k != "sentences"}
+
+    def sample(self, network: StudentNetwork) -> list[Motion]:
+        """Nothing: a text encoder makes no motions."""
+        return []
 
 
-def _save(path: Path, network: StudentNetwork, optimizer: torch.optim.Optimizer, step: int) -> None:
-    state = {"network": network.state_dict(), "optimizer": optimizer.state_dict(), "step": step}
-    with atomic_file(path) as temporary:
-        torch.save(state, temporary)
+@dataclass(frozen=True)
+class TextEncoderRun:
+    """What the run folder of a text encoder was made with."""
+
+    captions: str
+    """Fingerprint of the captions."""
+    teacher: str
+    """Kind and source of the teacher."""
+    recipe: StudentRecipe
+    """Everything else that decides what the run yields."""
+    stage: str = "text-encoder"
+    """What distinguishes it from other runs."""
 
 
-def _resume(path: Path, network: StudentNetwork, optimizer: torch.optim.Optimizer) -> int:
-    if not path.is_file():
-        return 0
-    state = torch.load(path, map_location="cpu", weights_only=True)
-    network.load_state_dict(state["network"])
-    optimizer.load_state_dict(state["optimizer"])
-    return int(state["step"])
+def train_text_encoder(
+    recipe: StudentRecipe,
+    captions: Sequence[TaggedCaption],
+    teacher: PretrainedTextEncoder,
+    folder: Path,
+    context: DistributedContext,
+) -> Path:
+    """Distills a text encoder, or resumes it; returns the folder with its files and card.
+
+    Args:
+        recipe: What to make.
+        captions: Captions of motions; one in twenty is held out for validation.
+        teacher: MiniLM or another BERT whose sentence embedding is the mean of the piece states.
+        folder: Run folder; the encoder is written to `encoder/` in it.
+        context: The device and rank.
+
+    Raises:
+        DataError: Fewer than 33 captions are held out.
+        InputError: The run folder holds another run.
+    """
+    held_out = held_out_sentences(captions)
+    seen = json.dumps([(caption.text, caption.tags) for caption in captions])
+    digest = hashlib.sha256(seen.encode()).hexdigest()
+    open_run(folder, TextEncoderRun(digest, teacher.name, recipe), context)
+    large = Tokenizer.from_str(teacher.tokenizer.backend_tokenizer.to_str())
+    large.no_padding()
+    large.enable_truncation(recipe.positions)
+    texts = [caption.text for caption in captions]
+    pieces = vocabulary.pieces_to_keep(large, texts, recipe.words, recipe.continuations)
+    small = vocabulary.restrict(large, pieces, recipe.positions)
+    sentences = training_sentences(captions, large, recipe)
+    targets = teacher_targets(folder / "targets", sentences, large, teacher, context)
+    data = TrainingSet(_ids(small, sentences), aligned(sentences, large, small), targets)
+    measured = HeldOut(held_out, _ids(small, held_out), teacher(held_out).pooled)
+    network = first_network(recipe, teacher.model, vocabulary.places_in(large, small))
+    stage = TextEncoderStage(network, data, measured, recipe.training, context)
+    network, _ = train(stage, recipe.training, folder, context)
+    encoder = folder / "encoder"
+    if context.is_main:
+        encoder.mkdir(exist_ok=True)
+        export_student(network.cpu(), small, known_words(small, texts), encoder)
+        write_card(encoder, recipe, teacher.name, measured)
+    return encoder
+
+
+def held_out_sentences(captions: Sequence[TaggedCaption]) -> list[str]:
+    """Returns the held-out captions in random order.
+
+    Raises:
+        DataError: There are fewer than 33, one group of the validation.
+    """
+    found = sorted(caption.text for caption in captions if is_held_out(caption.text))
+    if len(found) < GROUP:
+        raise DataError(
+            f"{len(found)} of {len(captions)} captions are held out for validation, expected "
+            f"{GROUP} or more; use more captions"
+        )
+    random.Random(0).shuffle(found)
+    return found
+
+
+def training_sentences(
+    captions: Sequence[TaggedCaption], tokenizer: Tokenizer, recipe: StudentRecipe
+) -> list[str]:
+    """Returns captions, a variation of each, short phrases and the empty sentence, sorted.
+
+    Args:
+        captions: All captions; held-out ones are left out.
+        tokenizer: The teacher's tokenizer.
+        recipe: Number of frequent words, and the seed of the variations.
+    """
+    generator = random.Random(recipe.training.seed)
+    words = vocabulary.frequent_words(tokenizer, recipe.words)
+    train = [caption for caption in captions if not is_held_out(caption.text)]
+    sentences = [caption.text for caption in train]
+    sentences += [vary(caption, words, generator) for caption in train]
+    sentences += plain_phrases(train, words, generator)
+    return sorted({text for text in sentences if not is_held_out(text)} | {""})
+
+
+def aligned(sentences: Sequence[str], large: Tokenizer, small: Tokenizer) -> list[bool]:
+    """Returns for each sentence whether both tokenizers split it into the same pieces."""
+    texts = list(sentences)
+    pairs = zip(large.encode_batch(texts), small.encode_batch(texts), strict=True)
+    return [theirs.tokens == ours.tokens for theirs, ours in pairs]
+
+
+def first_network(recipe: StudentRecipe, teacher: Any, pieces_kept: np.ndarray) -> StudentNetwork:
+    """Returns the untrained student, made of the teacher's layers and piece embeddings.
+
+    Args:
+        recipe: Which layers, and how many positions.
+        teacher: Hugging Face's `BertModel`.
+        pieces_kept: The teacher's id of each piece of the student.
+    """
+    config = teacher.config
+    shape = NetworkShape(
+        len(pieces_kept), config.hidden_size, len(recipe.layers), config.num_attention_heads,
+        config.intermediate_size, recipe.positions,
+    )  # fmt: skip
+    network = StudentNetwork(shape)
+    pieces = pieces_kept.tolist()
+    state = teacher_state(teacher.state_dict(), pieces, recipe.layers, recipe.positions)
+    network.load_state_dict(state)
+    return network
+
+
+def known_words(tokenizer: Tokenizer, texts: Sequence[str]) -> list[str]:
+    """Returns words that the tokenizer splits but that occur twice or more, so are no typos."""
+    split = Counter(word for text in texts for word in split_words(tokenizer, text))
+    return [word for word, count in split.items() if count > 1]
+
+
+def write_card(folder: Path, recipe: StudentRecipe, teacher: str, held_out: HeldOut) -> None:
+    """Writes the card of an exported student: origin, agreement with the teacher, speed, sizes."""
+    student = StudentTextEncoder.load(folder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnknownWordsWarning)
+        figures = compare(student(held_out.sentences).pooled, held_out.pooled)
+        pace = milliseconds(student, held_out.sentences[:300])
+    card = {
+        "name": student.name,
+        "teacher": "all-MiniLM-L6-v2" if teacher.startswith("minilm") else teacher,
+        "license": LICENSE,
+        "recipe": dataclasses.asdict(recipe),
+        "held_out": dataclasses.asdict(figures),
+        "milliseconds_a_sentence": pace,
+        "bytes": {p.name: p.stat().st_size for p in folder.iterdir() if p.name != CARD_FILE},
+    }
+    with atomic_file(folder / CARD_FILE) as temporary:
+        temporary.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+
+
+def _ids(tokenizer: Tokenizer, sentences: Sequence[str]) -> list[list[int]]:
+    return [encoding.ids for encoding in tokenizer.encode_batch(list(sentences))]
