@@ -1,4 +1,4 @@
-"""The loop of both stages: losses of step k → gradients, clipped → AdamW → moving average.
+"""The training loop of every network: losses of step k → clipped gradients → AdamW → average.
 
 A stage is a module whose forward takes a step's number and returns that step's losses; it finds
 batch and random numbers from the number alone, so weights and number are the whole state.
