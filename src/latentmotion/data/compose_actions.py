@@ -83,13 +83,13 @@ class Shot:
     """The action; its frames count from the shot's own first one."""
     joints: Joints
     """Positions in its window, meters."""
-    begins: Int[np.ndarray, " some"]
+    begins: Int[np.ndarray, " begins"]
     """Frames at which it may begin."""
-    ends: Int[np.ndarray, " some"]
+    ends: Int[np.ndarray, " ends"]
     """Frames that may be its last."""
-    first: Float[np.ndarray, "some numbers"]
+    first: Float[np.ndarray, "begins numbers"]
     """Poses where it may begin."""
-    last: Float[np.ndarray, "some numbers"]
+    last: Float[np.ndarray, "ends numbers"]
     """Poses where it may end."""
 
     def nearest(self, following: Shot) -> tuple[float, int, int]:
