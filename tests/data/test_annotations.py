@@ -15,7 +15,7 @@ from latentmotion.data.held_out import TEST, VAL, held_out, pieces_of, split_of
 from latentmotion.data.lengths import (
     read_caption_lengths,
 )
-from latentmotion.data.sources.cmu import native_fps, read_exercises, trial_of
+from latentmotion.data.sources.cmu import native_fps, trial_of
 from latentmotion.data.sources.hdm05 import CLASSES
 from latentmotion.data.sources.humanml3d import (
     official_normalizer,
@@ -23,8 +23,7 @@ from latentmotion.data.sources.humanml3d import (
     read_splits,
     read_texts,
 )
-from latentmotion.data.sources.uestc import Video, depth_shifts
-from latentmotion.errors import DataError, FileFormatError
+from latentmotion.errors import DataError
 
 
 @pytest.mark.parametrize(
@@ -48,26 +47,6 @@ def test_native_rates(trial: str, fps: float) -> None:
 )
 def test_trials_behind_paths(path: str, trial: str | None) -> None:
     assert trial_of(path) == trial
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("1 1 1 2\n2", [(0, 6, "does jumping jacks"), (6, 10, "jogs in place")]),
-        ("", []),
-        ("1 13", "found '13', expected numbers from 1 to 12"),
-    ],
-)
-def test_labels_of_tenths_of_a_second(tmp_path: Path, text: str, expected: list | str) -> None:
-    folder = tmp_path / "deep" / "mocap6_labels"
-    folder.mkdir(parents=True)
-    (folder / "13_29.txt").write_text(text)
-    (tmp_path / "deep" / "13_30.txt").write_text("no labels")
-    if isinstance(expected, str):
-        with pytest.raises(FileFormatError, match=expected):
-            read_exercises(tmp_path, 20)
-    else:
-        assert read_exercises(tmp_path, 20) == {"13_29": expected}
 
 
 @pytest.mark.parametrize(
@@ -112,24 +91,6 @@ def test_statistics_that_cannot_be(tmp_path: Path, mean, std, message: str) -> N
     np.save(tmp_path / "Std.npy", std)
     with pytest.raises(DataError, match=message):
         official_normalizer(tmp_path, 4)
-
-
-@pytest.mark.parametrize("side", [1, 2])
-@pytest.mark.parametrize("view", range(8))
-def test_views_are_turned_to_the_front_by_eighths(side: int, view: int) -> None:
-    turn = Video(0, view, 1, side).to_front
-    eighth = Video(0, 1, 1, 2).to_front
-    expected = np.linalg.matrix_power(eighth, view if side == 2 else 0)
-    np.testing.assert_allclose(turn, expected, atol=1e-12)
-    np.testing.assert_allclose(eighth @ [0.0, 1, 0], [0, 1, 0], atol=1e-12)
-    assert np.degrees(np.arccos((np.trace(eighth) - 1) / 2)) == pytest.approx(45)
-
-
-def test_who_is_drawn_half_as_large_is_twice_as_far() -> None:
-    camera = np.array([[0.5, 9, 0.1, 0.2], [0.25, 9, 0.1, 0.2], [0.5, 9, 0.3, 0.1]])
-    distance = 2 * 500 / (540 * 0.5)
-    expected = [[0, 0, 0], [0, 0, distance], [0.2, -0.1, 0]]
-    np.testing.assert_allclose(depth_shifts(camera), expected, atol=1e-12)
 
 
 def test_classes_are_mirrored_twice_to_themselves() -> None:

@@ -243,14 +243,15 @@ def prompt(frames: int) -> TestPrompt:
 
 
 @pytest.mark.parametrize("count", [1, 5, TIMED, TIMED + 1, 3 * TIMED + 5])
-def test_timed_prompts_are_the_longest_and_others_spread_over_all(count: int) -> None:
-    prompts = [prompt(20 + n) for n in range(count)]
+@pytest.mark.parametrize("longest_first", [False, True])
+def test_timed_prompts_are_the_longest_and_others_spread_over_all(
+    count: int, longest_first: bool
+) -> None:
+    prompts = [prompt(20 + n) for n in range(count)][:: -1 if longest_first else 1]
     timed = timed_prompts(prompts)
-    assert longest_of(prompts) is prompts[-1] is timed[0]
-    assert len(timed) == min(count + 1, TIMED)
-    assert timed[1] is prompts[0] and len(set(map(id, timed[1:]))) == len(timed) - 1
-    gaps = np.diff([one.frames for one in timed[1:]])
-    assert len(set(gaps)) <= 1
+    assert longest_of(prompts) is timed[0] and timed[0].frames == 19 + count
+    assert len(timed) == len(set(map(id, timed))) == min(count, TIMED), "each is timed once"
+    assert len(set(np.diff([one.frames for one in timed[1:]]))) <= 1
 
 
 @pytest.mark.parametrize("steps", [1, 2, 9])

@@ -10,12 +10,9 @@ import pytest
 from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats import npz
-from latentmotion.formats.asf import read_asf, turned_in_order
-from latentmotion.formats.bvh import continuous_euler, read_bvh
+from latentmotion.formats.bvh import continuous_euler
 from latentmotion.formats.bvh_hierarchy import hierarchy_lines, read_hierarchy
 from latentmotion.formats.lines import (
-    METERS_PER_UNIT,
-    meters_per_unit,
     numbers,
     read_lines,
     table,
@@ -77,19 +74,6 @@ def test_a_table_skips_blank_lines_and_names_the_line_of_a_mistake() -> None:
 def test_rounded_times_are_whole_rates(fps: float, whole: float) -> None:
     assert whole_rate(fps) == pytest.approx(whole)
     assert (whole_rate(fps) == whole) is True
-
-
-@pytest.mark.parametrize(
-    ("unit", "meters"), [*METERS_PER_UNIT.items(), (0.5, 0.5), (2, 2.0)], ids=str
-)
-def test_units_by_name_or_number(unit: str | float, meters: float) -> None:
-    assert meters_per_unit(unit) == meters
-
-
-@pytest.mark.parametrize("unit", ["meter", "", 0, -1.0, float("nan"), float("inf")])
-def test_units_that_are_none(unit: str | float) -> None:
-    with pytest.raises(InputError, match=r"unknown unit of length .*; use meters, centimeters"):
-        meters_per_unit(unit)
 
 
 @pytest.mark.parametrize(
@@ -193,97 +177,3 @@ def test_angles_follow_a_spin_over_many_turns(order: str) -> None:
     np.testing.assert_allclose(angles[:, 0, 0], vectors[:, 0, axis], atol=1e-9)
     np.testing.assert_allclose(angles[:, 0, 1:], 0, atol=1e-9)
     np.testing.assert_allclose(matrix_from_euler(angles, order), rotations, atol=1e-9)
-
-
-@pytest.mark.parametrize("order", ["XYZ", "ZYX", "YX", "Z"])
-def test_angles_in_order_turn_about_fixed_axes(order: str) -> None:
-    angles = np.array([0.3, -0.8, 1.1])[: len(order)]
-    expected = np.eye(3)
-    for axis, angle in zip(order, angles, strict=True):
-        expected = matrix_from_axis_angle(angle * np.eye(3)["XYZ".index(axis)]) @ expected
-    np.testing.assert_allclose(turned_in_order(angles, order), expected, atol=1e-12)
-
-
-BVH = """HIERARCHY
-ROOT hips
-{{
-  OFFSET 0 0 0
-  CHANNELS 6 Xposition Yposition Zposition {order}
-  JOINT spine
-  {{
-    OFFSET 0 10 0
-    CHANNELS 3 {order}
-    End Site
-    {{
-      OFFSET 0 0 20
-    }}
-  }}
-}}
-MOTION
-Frames: 1
-Frame Time: {time}
-1 2 3 {angles} 0 0 0
-"""
-
-
-@pytest.mark.parametrize(
-    ("order", "angles", "tip"),
-    [
-        ("Zrotation Xrotation Yrotation", "0 0 0", (1, 12, 23)),
-        ("Zrotation Xrotation Yrotation", "90 0 0", (-9, 2, 23)),
-        ("Zrotation Xrotation Yrotation", "0 90 0", (1, -18, 13)),
-        ("Zrotation Xrotation Yrotation", "0 0 90", (21, 12, 3)),
-        ("Xrotation Yrotation Zrotation", "90 90 0", (21, 2, 13)),
-        ("Yrotation Xrotation Zrotation", "90 90 0", (11, -18, 3)),
-    ],
-)
-def test_a_small_file_by_hand(tmp_path: Path, order: str, angles: str, tip: tuple) -> None:
-    path = tmp_path / "small.bvh"
-    path.write_text(BVH.format(order=order, angles=angles, time="0.0083333"))
-    animation = read_bvh(path)
-    assert animation.fps == 120 and animation.skeleton.names == ("hips", "spine", "spine_end")
-    np.testing.assert_allclose(100 * animation.joints()[0, 2], tip, atol=1e-9)
-
-
-ASF = """:units
-  mass 1.0
-  length {length}
-  angle {angle}
-:root
-  order TX TY TZ RX RY RZ
-  axis XYZ
-  position 1 2 3
-  orientation 0 0 {quarter}
-:bonedata
-  begin
-    id 1
-    name leg
-    direction 0 -3 4
-    length 2
-    axis {quarter} 0 0 XYZ
-    dof rz rx
-  end
-:hierarchy
-  begin
-    root leg
-  end
-"""
-
-
-@pytest.mark.parametrize(
-    ("length", "meters"), [("0.45", 0.0254 / 0.45), ("1.0", 0.0254), ("2", 0.0127)]
-)
-@pytest.mark.parametrize(("angle", "quarter"), [("deg", "90"), ("rad", "1.5707963267948966")])
-def test_a_small_skeleton_by_hand(
-    tmp_path: Path, length: str, meters: float, angle: str, quarter: str
-) -> None:
-    path = tmp_path / "small.asf"
-    path.write_text(ASF.format(length=length, angle=angle, quarter=quarter))
-    figure_read = read_asf(path)
-    leg = figure_read.bones["leg"]
-    assert figure_read.meters == pytest.approx(meters) and figure_read.parents == {"leg": "root"}
-    assert (leg.order, leg.channels) == ("ZX", ("RZ", "RX"))
-    np.testing.assert_allclose(leg.vector, 2 * meters * np.array([0, -0.6, 0.8]))
-    np.testing.assert_allclose(leg.axes @ [0, 1, 0], [0, 0, 1], atol=1e-12)
-    np.testing.assert_allclose(figure_read.bones["root"].axes @ [1, 0, 0], [0, 1, 0], atol=1e-12)
-    np.testing.assert_array_equal(figure_read.position, [1, 2, 3])

@@ -109,6 +109,6 @@ def longest_of(prompts: Sequence[TestPrompt]) -> TestPrompt:
 
 
 def timed_prompts(prompts: Sequence[TestPrompt]) -> list[TestPrompt]:
-    """Returns the longest prompt and others spread over the set, `TIMED` at most."""
-    stride = max(len(prompts) // TIMED, 1)
-    return [longest_of(prompts), *prompts[::stride][: TIMED - 1]]
+    """Returns the longest prompt and others spread over the set, `TIMED` at most, each once."""
+    stride, longest = max(len(prompts) // TIMED, 1), longest_of(prompts)
+    return [longest, *(one for one in prompts[::stride] if one is not longest)][:TIMED]
