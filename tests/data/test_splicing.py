@@ -52,6 +52,13 @@ def test_a_steady_motion_goes_on_as_itself(seconds: float, speed: float) -> None
     np.testing.assert_allclose(found, moving, atol=1e-6)
 
 
+def test_speed_fades_and_does_not_stop_at_the_seam() -> None:
+    moving = STAND + TIME * [0.05, 0.0, 0.0]
+    steps = np.diff(splice(moving, STAND, 1.0, HUMANML3D_FEATURES)[:, 0, 0])
+    assert steps[len(moving) - 1] == pytest.approx(0.05, rel=0.05)
+    np.testing.assert_allclose(steps[len(moving) + 19 :], 0, atol=1e-9)
+
+
 def test_the_whole_pair_may_be_turned() -> None:
     expected = turned(splice(WALK, STAND, 0.4, HUMANML3D_FEATURES), 55, 1, 2)
     found = splice(turned(WALK, 55, 1, 2), STAND, 0.4, HUMANML3D_FEATURES)

@@ -29,7 +29,7 @@ from latentmotion.evaluation.embedding_scores import (
 )
 from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.metrics.distribution import Gaussian, frechet_distance, kid
-from latentmotion.evaluation.metrics.diversity import diversity, multimodality
+from latentmotion.evaluation.metrics.diversity import diversity, drawn_diversity, multimodality
 from latentmotion.evaluation.protocol import CLEAN, PAPER, Quirks, Repeats
 from latentmotion.evaluation.test_set import Replication, TestItem, TestPrompt
 from latentmotion.model.card import ModelCard, find_model, read_card
@@ -157,6 +157,18 @@ def test_draws_depend_on_seed_and_replication(real: Embeddings, protocol) -> Non
     assert first == same
     assert first["KID"] != other["KID"]
     assert (first["Diversity"] == other["Diversity"]) == (protocol is CLEAN)
+
+
+@pytest.mark.parametrize(("real_ones", "pairs"), [(True, 200), (False, 300)])
+def test_the_authors_draw_fewer_pairs_of_real_motions(
+    real: Embeddings, real_ones: bool, pairs: int
+) -> None:
+    one, other = PAPER.generator("diversity", 4).integers(40, size=(2, pairs))
+    if real_ones:
+        scores = ground_truth_scores(real, PAPER, 4)
+    else:
+        scores = embedding_scores(real, real, False, PAPER, 4)
+    assert scores["Diversity"] == drawn_diversity(real.motions, one, other)
 
 
 def test_the_authors_drop_what_fills_no_group(real: Embeddings) -> None:
