@@ -34,8 +34,8 @@ def raises_of(signals: Signals) -> list[Event]:
         for right in raises[RIGHT]:
             if left.overlap(right) > 0.6 * min(left.frames, right.frames) and id(right) not in used:
                 start, end = min(left.start, right.start), max(left.end, right.end)
-                amount = min(left.amount, right.amount)
-                joint.append(Event("raise", start, end, BOTH, left.direction, amount))
+                lower = min(left, right, key=lambda one: one.amount)
+                joint.append(Event("raise", start, end, BOTH, lower.direction, lower.amount))
                 used |= {id(left), id(right)}
                 break
     return joint + [one for side in SIDES for one in raises[side] if id(one) not in used]
@@ -189,9 +189,8 @@ def _paired(events: list[Event], share: float) -> list[Event]:
                 rights.remove(right)
                 start, end = min(left.start, right.start), max(left.end, right.end)
                 count = max(left.count, right.count)
-                paired.append(
-                    Event(left.kind, start, end, BOTH, left.direction, left.amount, count)
-                )
+                direction = left.direction if left.direction == right.direction else ""
+                paired.append(Event(left.kind, start, end, BOTH, direction, left.amount, count))
                 break
         else:
             paired.append(left)

@@ -81,6 +81,15 @@ def changes_of(postures: tuple[Event, ...]) -> list[Event]:
     """Returns `sit_down`, `stand_up` and so on, from the end of one posture to the next."""
     changes: list[Event] = []
     held = [posture for posture in postures if posture.kind not in _PASSING]
+    # Who gets up from the floor passes the height of a seat.
+    rises = [
+        seat
+        for below, seat, above in zip(held, held[1:], held[2:], strict=False)
+        if (seat.kind, above.kind) == ("sit", "stand")
+        and below.kind in ("floor", "lie")
+        and seat.frames < FPS
+    ]
+    held = [posture for posture in held if posture not in rises]
     for before, after in pairwise(held):
         kind = _CHANGES.get((before.kind, after.kind))
         continued = _FIRST_HALF.get(changes[-1].kind) if changes else None
