@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
-from latentmotion.describe.facts import LEFT, RIGHT, SIDES
+from latentmotion.describe.facts import LEFT, RIGHT, SIDES, Description
 from latentmotion.describe.reading import describe
 from tests.support import acted
 
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 
 
-def once_per(kind: str, found: object, count: int) -> None:
-    events = found.find(kind)  # type: ignore[attr-defined]
+def happens_times(count: int, kind: str, found: Description) -> None:
+    events = found.find(kind)
     assert len(events) == count
-    assert all(a.end <= b.start for a, b in zip(events[:-1], events[1:], strict=True))
+    assert all(a.end <= b.start for a, b in pairwise(events))
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
@@ -23,9 +26,11 @@ def once_per(kind: str, found: object, count: int) -> None:
 @pytest.mark.parametrize(
     ("kind", "make"), [("kick", acted.kick), ("knee", acted.knee_up), ("hop", acted.hop)]
 )
-def test_repetitions_of_one_leg_are_counted(kind: str, make, side: str, count: int) -> None:
+def test_repetitions_of_one_leg_are_counted(
+    kind: str, make: Callable[..., np.ndarray], side: str, count: int
+) -> None:
     found = describe(make(side, count))
-    once_per(kind, found, count)
+    happens_times(count, kind, found)
     assert found.count(kind, side) == count
     assert found.count(kind, OTHER[side]) == 0
     others = {"kick", "knee", "hop", "jump"} - {kind}
@@ -69,7 +74,7 @@ def test_a_knee_counts_from_the_hip_up(height: float, found: bool) -> None:
 @pytest.mark.parametrize("count", [1, 2, 4])
 def test_jumps_are_counted(count: int) -> None:
     found = describe(acted.jump(count))
-    once_per("jump", found, count)
+    happens_times(count, "jump", found)
     assert {(jump.side, jump.direction) for jump in found.find("jump")} == {("both", "place")}
     assert not found.find("hop")
 

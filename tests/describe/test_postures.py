@@ -1,6 +1,8 @@
-"""Postures and the changes between them; squats, bows, reaches to the floor; crawling, stillness."""
+"""Postures and the changes between them; squats, bows, reaches to the floor; stillness."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -80,7 +82,9 @@ def test_a_long_rest_divides_a_change() -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize(("kind", "make"), [("squat", acted.squat), ("bow", acted.bow)])
-def test_squats_and_bows_are_counted(kind: str, make, count: int) -> None:
+def test_squats_and_bows_are_counted(
+    kind: str, make: Callable[..., np.ndarray], count: int
+) -> None:
     found = describe(make(count))
     assert [event.kind for event in found.events] == [kind] * count
 

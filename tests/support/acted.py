@@ -104,7 +104,7 @@ class Body:
         knee, ankle = _bent(hip, target, (0.392, 0.428), pole)
         for name, points in (("hip", hip), ("knee", knee), ("ankle", ankle)):
             local[:, JOINT[f"{side}_{name}"]] = points
-        local[:, JOINT[f"{side}_foot"]] = ankle + (0, -0.06, 0.13)
+        local[:, JOINT[f"{side}_foot"]] = ankle + np.array((0, -0.06, 0.13))
 
 
 def _turned(frames: int, axis: int, degrees: Curve) -> np.ndarray:

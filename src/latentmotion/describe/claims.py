@@ -217,8 +217,8 @@ def claims_of(sentence: str) -> tuple[Claim, ...]:
                 claims[-1] = replace(last, direction="place")
             continue
         # Words right before a verb may belong to it, e.g. "slowly" or "two".
-        before = _BOUNDARY.split(gap)[-1]
-        claim = _claim(kind, before, match.group(), text[match.end() : end])
+        before = _BOUNDARY.split(gap)[-1].strip()
+        claim = _claim(kind, before, match.group(), text[match.end() : end].strip())
         if claim.kind == "circle" and last and last.kind == "arm_circle":
             continue
         claims.append(replace(claim, then=index > 0 and bool(_THEN.search(gap))))
