@@ -92,6 +92,10 @@ def test_words_that_only_look_like_a_claim(sentence: str) -> None:
         ("turns counter-clockwise", "left"),
         ("spins anti-clockwise", "left"),
         ("walks in a clockwise circle", "right"),
+        ("stands on his right leg", "right"),
+        ("balances on the left foot", "left"),
+        ("swings the left arm in circles", "left"),
+        ("rotates both arms in circles", "both"),
     ],
 )
 def test_sides(sentence: str, side: str) -> None:
@@ -192,6 +196,34 @@ def test_words_that_tell_an_order(join: str) -> None:
 @pytest.mark.parametrize("join", [" and ", " while she ", ", "])
 def test_words_that_tell_no_order(join: str) -> None:
     assert not any(one.then for one in claims_of(f"a person walks{join}kicks"))
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "walks and then throws a left punch",
+        "walks and slowly sits down",
+        "walks forward and two hops follow",
+        "walks then backwards jumps",
+    ],
+)
+def test_words_before_a_verb_are_not_of_the_verb_before(sentence: str) -> None:
+    walk = claims_of(sentence)[0]
+    assert (walk.kind, walk.direction in ("", "forward")) == ("walk", True)
+    assert (walk.pace, walk.count) == ("", 0)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "kinds"),
+    [
+        ("a person runs and jumps", ["run", "jump"]),
+        ("a person runs and then stops", ["run", "stop"]),
+        ("he runs his hands over the wall, then walks", ["walk"]),
+        ("a person is running, then kicks", ["run", "kick"]),
+    ],
+)
+def test_running_is_told_from_running_a_hand_over_things(sentence: str, kinds: list[str]) -> None:
+    assert [one.kind for one in claims_of(sentence)] == kinds
 
 
 def test_words_belong_to_their_own_verb() -> None:

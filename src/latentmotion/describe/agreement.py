@@ -119,7 +119,8 @@ def check_claim(
                 each_side = {LEFT, RIGHT} <= {event.side for event in events}
                 missing = "silent" if claim.kind in ("raise", "wave") else "contradicts"
                 return ("agrees" if each_side else missing), f"found {sides}"
-        events = tuple(event for event in events if event.side in (claim.side, BOTH, ""))
+        sided = tuple(event for event in events if event.side)  # a bent trunk has no side
+        events = tuple(event for event in sided or events if event.side in (claim.side, BOTH, ""))
         if not events:
             return "contradicts", f"found {sides}, expected {claim.side}"
     if claim.count and claim.kind in _COUNTED:

@@ -35,7 +35,7 @@ class Claim:
 
 _NOT_MEANT = (
     r"jumping[- ]jacks?|jump ?(?:shot|rop)\w*|sit[- ]?ups?|push[- ]?ups?|run ?ways?|foot ?step\w*",
-    r"run\w* (?:his|her|their|its|both|one|the|a|them|it) ?(?:\w+ )?(?:hands?|fingers?|arms?)?",
+    r"run\w* (?:his|her|their|its|both|one|the|a|them|it)\b ?(?:\w+ )?(?:hands?|fingers?|arms?)?",
     r"(?:left|right|upper) (?:hand )?side(?= of)|walkman|stand ?point|in ?position",
 )
 """Words with a verb in them that mean something else."""
@@ -216,9 +216,12 @@ def claims_of(sentence: str) -> tuple[Claim, ...]:
             if last and last.kind in ("walk", "jog", "run", "jump", "hop", "move"):
                 claims[-1] = replace(last, direction="place")
             continue
-        # Words right before a verb may belong to it, e.g. "slowly" or "two".
+        # Words right before a verb belong to it, not to the verb before, e.g. "slowly" or "two".
         before = _BOUNDARY.split(gap)[-1].strip()
-        claim = _claim(kind, before, match.group(), text[match.end() : end].strip())
+        after = text[match.end() : end]
+        parts = list(_BOUNDARY.finditer(after)) if end < len(text) else []
+        after = after[: parts[-1].start()] if parts else after
+        claim = _claim(kind, before, match.group(), after.strip())
         if claim.kind == "circle" and last and last.kind == "arm_circle":
             continue
         claims.append(replace(claim, then=index > 0 and bool(_THEN.search(gap))))
@@ -276,7 +279,7 @@ def _kind_by_object(kind: str, before: str, verb: str, near: str, after: str) ->
 
 def _side_and_direction(kind: str, before: str, verb: str, after: str) -> tuple[str, str]:
     """Returns side and direction of the action of a verb."""
-    limb = None if kind in _GAITS else _LIMB.search(after) or _LIMB.search(before)
+    limb = None if kind in _GAITS else _LIMB.search(f"{verb} {after}") or _LIMB.search(before)
     rest = after if limb is None else after.replace(limb.group(), " ")
     if kind in ("turn", "circle") and (side := _SIDE.search(f"{before} {rest}")):
         return _CLOCK.get(side[1][:5], side[1]), ""
