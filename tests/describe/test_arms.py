@@ -132,6 +132,13 @@ def test_arm_circles_have_side_direction_and_rounds(side: str, direction: str, c
     assert (circle.side, circle.direction, circle.count) == (side, direction, count)
 
 
+def test_an_arm_that_hangs_does_not_circle_yet() -> None:
+    rest, circles = acted.stand(3), acted.arm_circle(RIGHT, 2)
+    (circle,) = describe(acted.in_sequence(rest, circles, rest)).find("arm_circle")
+    assert len(rest) <= circle.start < circle.end <= len(rest) + len(circles) + 12
+    assert circle.count == 2
+
+
 def test_arms_that_circle_against_each_other_have_no_direction() -> None:
     joints = acted.arm_circle(LEFT, 2, "forward")
     backward = acted.arm_circle(RIGHT, 2, "backward")

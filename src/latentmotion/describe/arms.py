@@ -109,6 +109,10 @@ def arm_circles_of(signals: Signals) -> list[Event]:
                 if abs(total) >= 290 and not known and radius[start:end].mean() > 0.3:
                     direction = positive if total > 0 else negative
                     count = max(1, round(abs(total) / 360))
+                    # An arm that hangs before and after is stretched as well.
+                    left = np.abs(np.degrees(angle[start:end] - angle[start])) > 30
+                    right = np.abs(np.degrees(angle[start:end] - angle[end - 1])) > 30
+                    start, end = start + int(left.argmax()), end - int(right[::-1].argmax())
                     of_side.append(Event("arm_circle", start, end, side, direction, count=count))
         circles += of_side
     return _paired(circles, 0.4)
