@@ -65,7 +65,7 @@ def wilson(share: float, count: float) -> tuple[float, float]:
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
-def effective_size(rows: Sequence[Bool[np.ndarray, " takes"]]) -> float:
+def effective_size(rows: Sequence[Bool[np.ndarray, " _"]]) -> float:
     """Returns the effective number of independent motions, at least one per prompt."""
     sizes = np.array([len(row) for row in rows], float)
     count, groups = sizes.sum(), len(rows)

@@ -133,10 +133,9 @@ def fulfills(scene: Scene, check: Check) -> bool:
 
 def happens(scene: Scene, term: Term) -> bool:
     """Returns whether a motion has an act as often as required, and of no other side."""
-    act, side = ACTS[term.name], term.words[0] if term.words else "any"
-    every_side = act.find(scene)
-    events = [event for event in every_side if _is_of(event, side)]
-    if side in (LEFT, RIGHT) and len(events) < len(every_side):
+    act, events = ACTS[term.name], events_of(scene, term)
+    one_sided = term.name != "go" and term.words[:1] in ((LEFT,), (RIGHT,))
+    if one_sided and len(events) < len(act.find(scene)):
         return False
     number = sum(event.count for event in events) if act.repeats else len(events)
     least, most = term.often

@@ -81,8 +81,8 @@ _PLAIN = {
 class _Asked:
     """One action, or two in order, with what a motion must show.
 
-    A single action's check has `{side}`, `{way}`, `{count}` and `{often}`, a count if one is said,
-    where the sentence decides what it demands.
+    A single action's check has `{side}`, `{way}`, `{count}`, `{steps}` and `{often}`, a count if
+    one is said, where the sentence decides what it demands.
     """
 
     actions: tuple[SingleAction, ...]
@@ -121,11 +121,12 @@ def _demanded(asked: _Asked, text: str) -> str:
         side = "either"
     way = action.direction if says_side else "sideways"
     count = "3, 99" if _OFTEN.search(text) else "2, 5" if _SOME.search(text) else action.count
+    steps = f"{count}, {count + 1}" if isinstance(count, int) else count
     often = f", {count}" if action.count > 1 or _ONCE.search(text) else ""
     if len(asked.actions) > 1 and not _SIDE_WORDS.search(text):
         check = re.sub(r"turn\((?:left|right)", "turn(either", asked.check)
         return re.sub(r"(?<!go)\((?:left|right)\)", "(any)", check)
-    return asked.check.format(side=side, often=often, count=count, way=way)
+    return asked.check.format(side=side, often=often, count=count, steps=steps, way=way)
 
 
 def _pick(generator: np.random.Generator, some: tuple | list | dict) -> object:
@@ -179,7 +180,7 @@ def _counts(generator: np.random.Generator) -> _Asked:
         count, way = int(generator.integers(1, 6)), str(_pick(generator, ("forward", "backward")))
         action = _action("steps", count=count, direction=way)
         far = f"{0.15 * count:.2f}"
-        return _Asked((action,), f"step({count}, {count + 1}) & move({way}, {far})")
+        return _Asked((action,), f"step({{steps}}) & move({way}, {far})")
     name, most = _COUNTED[kind]
     count = int(generator.integers(1, most + 1))
     if kind in ("jump", "squat", "jack", "bow", "clap"):
