@@ -36,6 +36,8 @@ ASKED = (
 class AskedModel(MotionPipeline):
     """Writes down what it is asked, and gives motions of as many frames as their seeds say."""
 
+    asked: list[tuple]
+
     def __init__(
         self,
         fps: float = 20.0,

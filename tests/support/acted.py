@@ -6,7 +6,7 @@ of HumanML3D, meters and y up; they begin at the origin, facing +z. Sides are th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -59,8 +59,8 @@ class Body:
     """Degrees by which the trunk leans forward."""
     twist: Curve = 0.0
     """Degrees by which the shoulders turn to the left of the hips."""
-    hands: dict[str, Points] = field(default_factory=dict)
-    feet: dict[str, Points] = field(default_factory=dict)
+    hands: Mapping[str, Points] = field(default_factory=dict)
+    feet: Mapping[str, Points] = field(default_factory=dict)
     stoop: float = 0.0
     """Degrees by which thighs and shins hang backward, as of a body that kneels."""
 
