@@ -87,6 +87,7 @@ def test_an_unconditional_model_generates(nothing: Path) -> None:
         generate("a person walks")
 
 
+@pytest.mark.usefixtures("without_pullback")
 @pytest.mark.parametrize("task", ["actions", "nothing"])
 def test_models_without_sentences_run_as_graphs(
     task: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -8,64 +8,17 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
-import torch
 
 from latentmotion import Heading, Motion, MotionPipeline, Path, Pose, Reach
 from latentmotion.cli.main import main
-from latentmotion.condition.task import ActionTask
 from latentmotion.control.direct import goal_report
-from latentmotion.diffusion.few_step import FewStepConfig
-from latentmotion.diffusion.parametrization import Velocity
-from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.errors import InputError, ModelError
-from latentmotion.export.package import package_model
-from latentmotion.model.card import ModelCard
-from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
-from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import LatentModel, save_model
-from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.walker import walker
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    torch.manual_seed(0)
-    vae = ConvolutionalVAEConfig(width=16, channels=8)
-    denoiser = DenoiserConfig(
-        latent_width=8,
-        condition_width=6,
-        transformer=TransformerConfig(width=16, layers=3, heads=2, hidden=24),
-        sine_width=16,
-        length_token=True,
-        few_step=FewStepConfig(guidance=(1.0, 4.0), steps=(8,), solver_steps=8),
-    )
-    features = HUMANML3D_FEATURES.encode(walker(60).joints())
-    card = ModelCard(
-        name="untrained",
-        representation="humanml3d",
-        normalizer_mean=tuple(features.mean(axis=0).tolist()),
-        normalizer_std=(0.05,) * 263,
-        latents=LatentSpace(8, frames_per_token=4, mean=(0.1,) * 8, std=(1.5,) * 8),
-        schedule=LinearPath(),
-        parametrization=Velocity(),
-        vae=vae,
-        denoiser=denoiser,
-        condition=ActionTask(labels=tuple("012345")),
-        sampling=Sampling(steps=8, guidance=1.0),
-    )
-    networks = build(vae), build(denoiser)
-    for weight in networks[0].decoder.parameters():  # some of which are nothing at first
-        torch.nn.init.normal_(weight, std=0.1)
-    path = tmp_path_factory.mktemp("student")
-    save_model(path / "run", LatentModel(card, *networks))
-    package_model(path / "run", card, None, path / "model")
-    return path / "model"
-
-
-@pytest.fixture(scope="module")
-def generate(folder: FilePath) -> MotionPipeline:
-    return MotionPipeline.from_pretrained(folder, "onnxruntime", 1)
+def generate(student: FilePath) -> MotionPipeline:
+    return MotionPipeline.from_pretrained(student, "onnxruntime", 1)
 
 
 def test_goals_are_met_exactly_in_the_cleaned_motion(generate: MotionPipeline) -> None:
@@ -130,13 +83,13 @@ def test_a_model_without_a_pullback_says_so(generate: MotionPipeline) -> None:
 
 
 def test_the_command_line(
-    folder: FilePath,
+    student: FilePath,
     tmp_path: FilePath,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    common = ["--model", str(folder), "--runtime", "onnxruntime"]
+    common = ["--model", str(student), "--runtime", "onnxruntime"]
     goals = ["--path", "0,0@0 0,.2@1", "--heading", "0@1", "--reach", "head@1=0,1.5,.2"]
     main(["generate", "1", "--seconds", "2", *goals, *common, "-o", "one.npz"])
     printed = capsys.readouterr()

@@ -176,7 +176,7 @@ def test_the_graph_of_the_pullback_is_the_network(tmp_path: Path) -> None:
     from latentmotion.engine.session import open_session
     from latentmotion.export.pullback import export_pullback
 
-    network = vae(QuarterRateDecoder())
+    network = vae(QuarterRateDecoder(dilations=(3, 1)))
     export_pullback(network, tmp_path / "pullback.onnx")
     session = open_session(tmp_path / "pullback.onnx", threads=1)
     for frames, rows, width in ((26, 3, 67), (12, 1, 263), (80, 7, 67)):

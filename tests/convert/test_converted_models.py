@@ -47,15 +47,15 @@ def write_text_model(folder: Path) -> None:
         16, 16, SMALL, project_latents=False, condition_projection="relu_linear",
         positions="latents_first", sine_width=16,
     )  # fmt: skip
-    vae = TransformerVAEConfig(features=251, transformer=SMALL)
+    vae = TransformerVAEConfig(features=251, transformer=replace(SMALL, layers=1))
     about = card(251, "kit", LatentSpace(16, tokens=1))
     save_model(folder, untrained(about, vae, denoiser))
 
 
 def write_raw_model(folder: Path) -> None:
     denoiser = DenoiserConfig(
-        263, 3, SMALL, condition_projection="table", positions="context_first", sine_width=16,
-        position="sine", attends_to_padding=True,
+        263, 3, replace(SMALL, layers=1), condition_projection="table",
+        positions="context_first", sine_width=16, position="sine", attends_to_padding=True,
     )  # fmt: skip
     about = card(263, "humanml3d", LatentSpace(263, frames_per_token=1))
     about = replace(

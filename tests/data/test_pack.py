@@ -3,6 +3,7 @@ from __future__ import annotations
 import hashlib
 import json
 import lzma
+import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -29,17 +30,25 @@ from tests.support.moving_figures import write_moving_figures
 HEAD = struct.Struct("<8s32sII")
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(store, "SHARD_FRAMES", 200)
-    merge([write_moving_figures(tmp_path / "made")], tmp_path / "set")
-    return tmp_path / "set"
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of several shards, and its pack beside it."""
+    place = tmp_path_factory.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store, "SHARD_FRAMES", 200)
+        merge([write_moving_figures(place / "made", train=6, val=2)], place / "set")
+    pack(place / "set", place / "set.pack")
+    return place
 
 
 @pytest.fixture
-def packed(folder: Path, tmp_path: Path) -> Path:
-    pack(folder, tmp_path / "set.pack")
-    return tmp_path / "set.pack"
+def folder(made: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(made / "set", tmp_path / "set"))
+
+
+@pytest.fixture
+def packed(made: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copyfile(made / "set.pack", tmp_path / "set.pack"))
 
 
 def every(dataset: Dataset) -> list[np.ndarray]:
@@ -141,7 +150,7 @@ def test_commands(
     assert "source synthetic\n  terms: CC0-1.0\n  credit: nobody" in printed
     main(["data", "unpack", str(tmp_path / "a.pack"), "-o", str(tmp_path / "b")])
     assert "synthetic" in capsys.readouterr().out
-    assert len(Dataset.load(tmp_path / "b").clips("train")) == 10
+    assert len(Dataset.load(tmp_path / "b").clips("train")) == 6
 
 
 def test_sources_and_terms_come_along(folder: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from latentmotion.training.stages import train_denoiser, train_vae
 from tests.support.moving_figures import write_moving_figures
 from tests.support.small_training import CONTEXT, small
+from tests.support.students import write_student
 
 
 @pytest.fixture(scope="session")
@@ -23,6 +24,18 @@ def vae_run(figures: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "vae"
     train_vae(small(), figures, folder, CONTEXT)
     return folder
+
+
+@pytest.fixture(scope="session")
+def student(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The exported folder of a small untrained student."""
+    return write_student(tmp_path_factory.mktemp("student"))
+
+
+@pytest.fixture
+def without_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exports leave the decoder's pullback out, which takes longest to trace."""
+    monkeypatch.setattr("latentmotion.export.package.has_pullback", lambda vae: False)
 
 
 @pytest.fixture(scope="session")

@@ -73,14 +73,12 @@ def test_quantiles_rise_and_do_not_depend_on_company(model: LengthModel) -> None
     assert model.usual(x) == found[:, 2].clip(SHORTEST_USUAL).tolist()
 
 
-def test_the_same_seed_gives_the_same_model(
-    model: LengthModel, captions: CaptionLengths, recipe: LengthRecipe
-) -> None:
-    encoder = load_text_encoder(find_model("starter"))
-    again = train_lengths(captions, encoder, recipe)
-    other = train_lengths(captions, encoder, replace(recipe, seed=1))
-    np.testing.assert_array_equal(model.hidden, again.hidden)
-    assert not np.array_equal(model.hidden, other.hidden)
+def test_the_same_seed_gives_the_same_model(captions: CaptionLengths, recipe: LengthRecipe) -> None:
+    encoder, short = load_text_encoder(find_model("starter")), replace(recipe, passes=2)
+    first, again = (train_lengths(captions, encoder, short) for _ in range(2))
+    other = train_lengths(captions, encoder, replace(short, seed=1))
+    np.testing.assert_array_equal(first.hidden, again.hidden)
+    assert not np.array_equal(first.hidden, other.hidden)
 
 
 def test_a_file_is_checked(model: LengthModel, tmp_path: Path) -> None:
@@ -141,6 +139,7 @@ def test_an_older_folder_makes_four_seconds(tmp_path: Path) -> None:
     assert len(generate("a person walks", steps=1)) == 80
 
 
+@pytest.mark.usefixtures("without_pullback")
 def test_lengths_go_with_an_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     starter = read_card(find_model("starter"))
     small = card(263, "humanml3d", LatentSpace(4, frames_per_token=4))
@@ -151,7 +150,9 @@ def test_lengths_go_with_an_export(tmp_path: Path, capsys: pytest.CaptureFixture
     save_model(tmp_path / "run", untrained(small, vae, denoiser))
     mine = tmp_path / "mine.safetensors"
     constant_model(6.0).write(mine)
-    main(["export", str(tmp_path / "run"), "-o", str(tmp_path / "plain")])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("latentmotion.export.package._write_graphs", lambda *_: None)
+        main(["export", str(tmp_path / "run"), "-o", str(tmp_path / "plain")])
     shipped = find_model("starter") / LENGTHS_FILE
     assert (tmp_path / "plain" / LENGTHS_FILE).read_bytes() == shipped.read_bytes()
     main(["export", str(tmp_path / "run"), "--length", str(mine), "-o", str(tmp_path / "own")])
