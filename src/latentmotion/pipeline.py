@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from latentmotion.control.goals import Goal
     from latentmotion.control.reach import DecodedMotion, Sample
     from latentmotion.control.stream import MotionStream, SampleKnown, StreamState
+    from latentmotion.control.timeline import Span
 
 MAX_BATCH_SIZE = 32
 """Maximum number of motions that go through the networks at once, which bounds memory."""
@@ -411,6 +412,53 @@ class MotionPipeline:
         features = looped(z, self._sample_known(request), self._decoded, sees, seed)
         joints = np.asarray(space.decode(features), np.float32)
         return Motion(joints, space.fps, space.skeleton, prompt, self._about(seed, sampling))
+
+    def timeline(
+        self,
+        spans: Sequence[str | tuple[str, float] | Span],
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+    ) -> Motion:
+        """Generates one motion for several prompts, one after the other.
+
+        Args:
+            spans: Prompts, `(prompt, seconds)` or `Span`s; where the length is left out, it is
+                predicted from the prompt.
+            seed: As for one motion.
+            steps: As for one motion; 2 or more.
+            guidance: As for one motion.
+
+        Raises:
+            InputError: A prompt is not of the model's kind or a number is out of range.
+            ModelError: The model has no `pullback.onnx`.
+        """
+        from latentmotion.control.stream import STRIDE, decode_in_windows
+        from latentmotion.control.timeline import sampled_spans, spans_of, tokens_of
+
+        space, sees, every = self.representation, self._margin(), spans_of(spans)
+        sampling = self.card.sampling.but(steps, guidance, None)
+        prompts = [span.prompt for span in every]
+        usual = self.usual_seconds(prompts) or [requests.USUAL_SECONDS] * len(every)
+        tokens, (shortest, longest) = tokens_of(every, usual, space.fps), self.card.frames
+        frames = [min(max(STRIDE * count, shortest), longest) for count in tokens]
+        request = GenerationRequest(tuple(prompts), tuple(frames), (seed,) * len(every), sampling)
+        request.check(self.card, space.fps)
+        z = sampled_spans(
+            tokens,
+            lambda number: self._sample_known(request.take([number])),
+            longest // STRIDE,
+            self.card.latents.width,
+            seed,
+        )
+        joints = np.asarray(space.decode(decode_in_windows(z, self._decoded, sees)), np.float32)
+        ends = (np.cumsum(tokens) * STRIDE / space.fps).tolist()
+        found = [
+            {"prompt": prompt, "start": start, "end": end}
+            for prompt, start, end in zip(prompts, [0.0, *ends], ends, strict=False)
+        ]
+        about = {**self._about(seed, sampling), "spans": found}
+        return Motion(joints, space.fps, space.skeleton, ", then ".join(prompts), about)
 
     def stream(
         self,

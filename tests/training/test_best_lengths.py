@@ -12,7 +12,7 @@ from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.lengths import LengthVerdicts
 from latentmotion.training.lengths import ObedienceRecipe, best_lengths
 
-RECIPE = ObedienceRecipe(hidden=32, passes=40, dropout=0.1, prompts=200)
+RECIPE = ObedienceRecipe(hidden=32, passes=40, dropout=0.1, prompts=200, copies=1)
 
 
 class Turning:

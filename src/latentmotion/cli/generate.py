@@ -83,7 +83,10 @@ class Generate:
     path: str | None = None
     """Path of the pelvis: points X,Z@SECONDS with spaces between, or X,Z without times."""
     scene: Path | None = None
-    """JSON file with a prompt and goals."""
+    """JSON file with a prompt and goals, or with a timeline."""
+    timeline: options.Goals = ()
+    """Prompts that follow each other in one motion: PROMPT@SECONDS, or PROMPT for the length that
+    the model predicts."""
     clean: bool = True
     """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
     (docs/guide/cleanup.md)."""
@@ -144,7 +147,13 @@ class Generate:
         return goals
 
     def _checked_prompts(self, scene: Scene | None) -> list[str]:
-        """Returns the prompts; for an unconditional model an empty one."""
+        """Returns the prompts; for an unconditional model or a timeline an empty one."""
+        alone = [self.prompts, self.file, self.prior, self.scene, self.reach, self.heading]
+        if self.timeline and any([*alone, self.path, self.seconds, self.sampler]):
+            raise InputError(
+                "--timeline stands alone: leave prompts, --file, --prior, --scene, --seconds, "
+                "--sampler and goals out"
+            )
         if scene is not None and (self.prompts or self.file or self.prior):
             raise InputError("--scene has the prompt; leave prompts, --file and --prior out")
         if scene is not None:
@@ -158,6 +167,8 @@ class Generate:
             raise InputError(f"--prior takes no prompt; leave {given[0]!r} out")
         if self.prior or given:
             return given
+        if self.timeline:
+            return [""]
         card = read_card(find_model(self.model))
         if card.condition.prompted:
             raise card.condition.no_prompt(card.name)
@@ -167,6 +178,8 @@ class Generate:
         self, prompts: list[str], scene: Scene | None, goals: list[Goal]
     ) -> list[Motion]:
         """Loads the model and generates the motions."""
+        from latentmotion.control.timeline import parse_span
+
         execution = ExecutionOptions(self.device, self.precision, self.launch)
         body = representation_of(smpl.load_smpl(self.body)) if self.body else None
         if self.prior:
@@ -187,6 +200,12 @@ class Generate:
         seeds = range(first, first + len(repeated))
         generator = replace(generator, body=body)
         sampling = self.steps, self.guidance, self.sampler
+        spans = scene.spans() if scene else [parse_span(text) for text in self.timeline]
+        if spans:
+            return [
+                generator.timeline(spans, seed, self.steps, self.guidance)
+                for seed in range(first, first + self.count)
+            ]
         if not goals:
             return generator.batch(repeated, seconds, seeds, *sampling)
         return [

@@ -20,6 +20,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from latentmotion.control.goals import Goal, Heading, Path, Pose, Reach
+from latentmotion.control.timeline import Span
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.storage.configuration import read_json
@@ -76,8 +77,18 @@ class ScenePose:
 
 
 @dataclass(frozen=True)
+class SceneSpan:
+    """A prompt of a timeline."""
+
+    prompt: str
+    """What the person does."""
+    seconds: float | None = None
+    """How long; by default as predicted from the prompt."""
+
+
+@dataclass(frozen=True)
 class Scene:
-    """A prompt with goals."""
+    """A prompt with goals, or a timeline of prompts."""
 
     format: int
     """Version of the file: 1."""
@@ -95,6 +106,12 @@ class Scene:
     """Directions of the body."""
     poses: tuple[ScenePose, ...] = ()
     """Whole poses."""
+    timeline: tuple[SceneSpan, ...] = ()
+    """Prompts one after the other, in place of prompt, seconds and goals."""
+
+    def spans(self) -> list[Span]:
+        """Returns the timeline for `MotionPipeline.timeline`."""
+        return [Span(span.prompt, span.seconds) for span in self.timeline]
 
     def all_goals(self, folder: FilePath) -> list[Goal]:
         """Returns the goals for `MotionPipeline`, poses read.
@@ -124,6 +141,11 @@ def read_scene(path: FilePath) -> Scene:
     scene = read_json(Scene, path)
     if scene.format != FORMAT:
         raise InputError(f"{path}: format {scene.format}, expected {FORMAT}; update latentmotion")
+    single = scene.prompt or scene.seconds is not None or scene.path or scene.goals
+    if scene.timeline and (single or scene.headings or scene.poses):
+        raise InputError(
+            f"{path}: a timeline has no prompt, length or goals"
+        )
     return scene
 
 

@@ -35,7 +35,7 @@ _LENGTHS = 60
 class LengthRecipe:
     """Settings of the training."""
 
-    hidden: int = 192
+    hidden: int = 384
     """Units of the hidden layer."""
     passes: int = 20
     """How often each sentence is seen."""
@@ -65,6 +65,8 @@ class ObedienceRecipe:
     """Of inputs and hidden units."""
     prompts: int = 20_000
     """Drawn prompts whose best length is learned."""
+    copies: int = 3
+    """How often each of them stands beside each caption of the data."""
     seed: int = 0
     """Seed of first weights, order, dropout and prompts."""
 
@@ -184,7 +186,8 @@ def best_lengths(
             lengths[network(row.expand(_LENGTHS, -1), lengths).argmax()]
             for row in (drawn - mean) / std
         ]
-    return CaptionLengths(tuple(prompts), torch.stack(best).exp().numpy())
+    seconds = torch.stack(best).exp().numpy()
+    return CaptionLengths(tuple(prompts) * recipe.copies, np.tile(seconds, recipe.copies))
 
 
 def measured(

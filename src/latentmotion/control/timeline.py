@@ -1,0 +1,113 @@
+"""Timelines: several prompts in one motion, each of which begins where the one before ends.
+
+The tokens of a span are sampled with the last second of what is there already as known tokens, so
+that the transition is part of what the denoiser generates. All are decoded as one motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.control.stream import KNOWN, SampleKnown
+from latentmotion.errors import InputError
+from latentmotion.model.vae_config import STRIDE
+
+
+@dataclass(frozen=True)
+class Span:
+    """A prompt and how long it is followed.
+
+    Raises:
+        InputError: The length is no positive number.
+    """
+
+    prompt: str
+    """What the person does."""
+    seconds: float | None = None
+    """Length of the span; by default as predicted from the prompt."""
+
+    def __post_init__(self) -> None:
+        if self.seconds is not None and not 0 < self.seconds < np.inf:
+            raise InputError(
+                f"{self.prompt!r}: {self.seconds:g} seconds; expected more than 0 s for each span"
+            )
+
+
+def spans_of(timeline: Sequence[str | tuple[str, float] | Span]) -> tuple[Span, ...]:
+    """Returns the spans of a timeline, given as prompts, prompts with seconds, or spans.
+
+    Raises:
+        InputError: There are none, or a length is no positive number.
+    """
+    if not timeline:
+        raise InputError("the timeline is empty; expected one prompt or more")
+    return tuple(
+        Span(one) if isinstance(one, str) else one if isinstance(one, Span) else Span(*one)
+        for one in timeline
+    )
+
+
+def parse_span(text: str) -> Span:
+    """Reads `a person walks @3`, as the command line has it, or a prompt without a length.
+
+    Raises:
+        InputError: What stands behind the last @ is no number of seconds.
+    """
+    prompt, at, seconds = text.rpartition("@")
+    try:
+        return Span(prompt.strip(), float(seconds)) if at else Span(text.strip())
+    except ValueError as error:
+        raise InputError(
+            f"--timeline {text!r}: expected PROMPT or PROMPT@SECONDS, such as 'a person walks@3'"
+        ) from error
+
+
+def sampled_spans(
+    tokens: Sequence[int],
+    sample_of: Callable[[int], SampleKnown],
+    longest: int,
+    width: int,
+    seed: int,
+) -> Float[np.ndarray, "tokens width"]:
+    """Returns the latents of all spans, one after the other.
+
+    Args:
+        tokens: Number of tokens of each span.
+        sample_of: Returns what samples tokens with known ones, by the number of the span.
+        longest: Most tokens that the model generates at once; a longer span is made in parts.
+        width: Numbers per token.
+        seed: Of the whole timeline.
+    """
+    z = np.zeros((0, width))
+    for number, count in enumerate(tokens):
+        parts = -(-count // (longest - KNOWN))
+        for part in range(parts):
+            fresh = count * (part + 1) // parts - count * part // parts
+            kept = min(KNOWN, len(z))
+            window = np.zeros((kept + fresh, width))
+            window[:kept] = z[len(z) - kept :]
+            drawn = np.random.SeedSequence([seed, number, part]).generate_state(1)
+            known = np.arange(kept + fresh) < kept
+            found = sample_of(number)(window, known, int(drawn[0]))
+            z = np.concatenate([z, found[kept:]])
+    return z
+
+
+def tokens_of(spans: Sequence[Span], seconds: Sequence[float], fps: float) -> list[int]:
+    """Returns the number of tokens of each span, so that none begins more than 0.1 s off.
+
+    Args:
+        spans: The spans.
+        seconds: Length of each where it is left out.
+        fps: Frames per second.
+    """
+    given = [
+        usual if span.seconds is None else span.seconds
+        for span, usual in zip(spans, seconds, strict=True)
+    ]
+    ends = np.round(np.cumsum(given) * fps / STRIDE).astype(int)
+    return np.maximum(np.diff(ends, prepend=0), 1).tolist()
