@@ -5,7 +5,7 @@ import json
 import lzma
 import shutil
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +30,18 @@ from tests.support.moving_figures import write_moving_figures
 HEAD = struct.Struct("<8s32sII")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def short_shards() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store, "SHARD_FRAMES", 120)
+        yield
+
+
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(short_shards: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of several shards, and its pack beside it."""
     place = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store, "SHARD_FRAMES", 200)
-        merge([write_moving_figures(place / "made", train=6, val=2)], place / "set")
+    merge([write_moving_figures(place / "made", train=6, val=2)], place / "set")
     pack(place / "set", place / "set.pack")
     return place
 
