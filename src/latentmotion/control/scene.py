@@ -143,9 +143,7 @@ def read_scene(path: FilePath) -> Scene:
         raise InputError(f"{path}: format {scene.format}, expected {FORMAT}; update latentmotion")
     single = scene.prompt or scene.seconds is not None or scene.path or scene.goals
     if scene.timeline and (single or scene.headings or scene.poses):
-        raise InputError(
-            f"{path}: a timeline has no prompt, length or goals"
-        )
+        raise InputError(f"{path}: a timeline has no prompt, length or goals")
     return scene
 
 

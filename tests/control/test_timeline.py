@@ -1,0 +1,151 @@
+"""Timelines: spans as users write them, tokens with a known past, one motion of several prompts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from latentmotion import MotionPipeline
+from latentmotion.cli.main import main
+from latentmotion.control.scene import read_scene
+from latentmotion.control.stream import KNOWN
+from latentmotion.control.timeline import Span, parse_span, sampled_spans, spans_of, tokens_of
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
+
+WALK, SIT = "a person walks forward", "a person sits down"
+
+
+@pytest.fixture(scope="module")
+def generate() -> MotionPipeline:
+    return MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+
+
+@pytest.fixture(scope="module")
+def motion(generate: MotionPipeline) -> Motion:
+    return generate.timeline([(WALK, 3), ("a person jumps", 2), (SIT, 3)], seed=2)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a person walks@3", Span("a person walks", 3.0)),
+        ("a person walks @ 2.5", Span("a person walks", 2.5)),
+        (" a person walks ", Span("a person walks")),
+        ("meet @ the door@1", Span("meet @ the door", 1.0)),
+    ],
+)
+def test_spans_are_read_as_written(text: str, expected: Span) -> None:
+    assert parse_span(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("walk@soon", "--timeline 'walk@soon': expected PROMPT or PROMPT@SECONDS"),
+        ("walk@0", "'walk': 0 seconds; expected more than 0 s"),
+        ("walk@-2", "-2 seconds"),
+        ("walk@nan", "nan seconds"),
+        ("walk@inf", "inf seconds"),
+    ],
+)
+def test_wrong_spans_are_refused(text: str, error: str) -> None:
+    with pytest.raises(InputError, match=error):
+        parse_span(text)
+
+
+def test_a_timeline_is_prompts_pairs_or_spans() -> None:
+    spans = spans_of([WALK, (SIT, 2.0), Span("a person waves", 1.0)])
+    assert spans == (Span(WALK), Span(SIT, 2.0), Span("a person waves", 1.0))
+    with pytest.raises(InputError, match="the timeline is empty"):
+        spans_of([])
+
+
+def test_spans_begin_within_a_tenth_of_a_second() -> None:
+    spans = [Span("a", seconds) for seconds in (1.1, 0.7, 2.33, 0.9, 1.0)] + [Span("b")]
+    tokens = tokens_of(spans, [4.0] * 6, 20.0)
+    starts = np.cumsum([1.1, 0.7, 2.33, 0.9, 1.0, 4.0])
+    assert np.abs(np.cumsum(tokens) * 4 / 20 - starts).max() <= 0.1 + 1e-9
+    assert tokens_of([Span("a", 0.01)], [4.0], 20.0) == [1]
+
+
+def test_each_span_knows_the_last_second_and_long_ones_are_made_in_parts() -> None:
+    calls: list[tuple[int, int, int]] = []
+
+    def sample_of(number: int):  # type: ignore[no-untyped-def]
+        def sample(z: np.ndarray, known: np.ndarray, seed: int) -> np.ndarray:
+            calls.append((number, int(known.sum()), len(z)))
+            drawn = np.random.default_rng(seed).standard_normal(z.shape)
+            return np.where(known[:, None], z, drawn)
+
+        return sample
+
+    z = sampled_spans([12, 30, 3], sample_of, 20, 4, 7)
+    assert z.shape == (45, 4)
+    assert [number for number, *_ in calls] == [0, 1, 1, 2]
+    assert [known for _, known, _ in calls] == [0, KNOWN, KNOWN, KNOWN]
+    assert max(length for *_, length in calls) <= 20
+    assert (sampled_spans([12, 30, 3], sample_of, 20, 4, 7) == z).all()
+    assert (sampled_spans([12, 30, 3], sample_of, 20, 4, 8) != z).any()
+    assert (sampled_spans([12, 8], sample_of, 20, 4, 7)[:12] == z[:12]).all()
+
+
+def test_a_timeline_is_one_motion_with_its_spans(generate: MotionPipeline, motion: Motion) -> None:
+    assert len(motion) == 160 and motion.caption == f"{WALK}, then a person jumps, then {SIT}"
+    spans = motion.metadata["spans"]
+    assert [(span["start"], span["end"]) for span in spans] == [(0, 3), (3, 5), (5, 8)]
+    again = generate.timeline([(WALK, 3), ("a person jumps", 2), (SIT, 3)], seed=2)
+    assert (again.joints == motion.joints).all()
+    assert (generate.timeline([(WALK, 3)], seed=3).joints != motion.joints[:60]).any()
+
+
+def test_transitions_are_smooth(motion: Motion) -> None:
+    jerk = np.linalg.norm(np.diff(motion.joints, n=3, axis=0), axis=-1).max(axis=1)
+    seams = max(jerk[start - 4 : start + 4].max() for start in (60, 100))
+    assert 20**3 * seams < 1000  # m/s³; a jump or a kick has as much
+    step = np.linalg.norm(np.diff(motion.joints[:, 0, [0, 2]], axis=0), axis=1)
+    assert step.max() < 0.15  # 3 m/s: no jump of the place
+
+
+def test_each_span_does_what_its_prompt_says(motion: Motion) -> None:
+    pelvis = motion.joints[:, 0]
+    assert np.linalg.norm(pelvis[55, [0, 2]] - pelvis[0, [0, 2]]) > 1.5
+    assert pelvis[60:105, 1].max() > pelvis[:40, 1].mean() + 0.08
+    assert pelvis[150:, 1].mean() < pelvis[:40, 1].mean() - 0.2
+
+
+def test_lengths_left_out_are_predicted(generate: MotionPipeline) -> None:
+    usual = generate.usual_seconds([WALK, SIT])
+    assert usual is not None
+    ends = [span["end"] for span in generate.timeline([WALK, SIT]).metadata["spans"]]
+    assert np.abs(np.array(ends) - np.cumsum(usual)).max() <= 0.1 + 1e-9
+
+
+def test_the_command_writes_a_timeline(tmp_path: Path) -> None:
+    order = ["--timeline", f"{WALK}@2", "--timeline", f"{SIT}@2"]
+    main(["generate", *order, "-o", str(tmp_path / "both.npz")])
+    motion = Motion.load(tmp_path / "both.npz")
+    assert len(motion) == 80 and motion.caption == f"{WALK}, then {SIT}"
+
+
+@pytest.mark.parametrize(
+    "more", [[WALK], ["--seconds", "3"], ["--reach", "head@1=0,1,0"], ["--path", "0,0 0,1"]]
+)
+def test_a_timeline_stands_alone(more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["generate", "--timeline", WALK, *more])
+    assert stop.value.code and "--timeline stands alone" in capsys.readouterr().err
+
+
+def test_a_scene_may_hold_a_timeline_instead_of_a_prompt(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.json"
+    spans = [{"prompt": WALK, "seconds": 2}, {"prompt": SIT}]
+    scene.write_text(json.dumps({"format": 1, "timeline": spans}))
+    assert read_scene(scene).spans() == [Span(WALK, 2.0), Span(SIT)]
+    for key, value in (("prompt", "a"), ("seconds", 3), ("headings", [{"at": 1, "degrees": 0}])):
+        scene.write_text(json.dumps({"format": 1, "timeline": spans, key: value}))
+        with pytest.raises(InputError, match="a timeline has no prompt, length or goals"):
+            read_scene(scene)
