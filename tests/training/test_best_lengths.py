@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from latentmotion.condition.interface import TextEmbedding
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.lengths import LengthVerdicts
+from latentmotion.text.lengths import LengthModel
 from latentmotion.training.lengths import ObedienceRecipe, best_lengths
 
 RECIPE = ObedienceRecipe(hidden=32, passes=40, dropout=0.1, prompts=200, copies=1)
@@ -37,14 +39,30 @@ def verdicts() -> LengthVerdicts:
     return LengthVerdicts(tuple(prompts), seconds.astype(np.float32), obeyed)
 
 
+def usual(seconds: float) -> LengthModel:
+    """A model of lengths that knows one, give or take a third."""
+    bias = (seconds * np.array([0.6, 0.8, 1, 1.25, 1.7])).astype(np.float32)
+    hidden, out = np.zeros((2, 3), np.float32), np.zeros((5, 2), np.float32)
+    return LengthModel("turning", hidden, np.zeros(2, np.float32), out, bias)
+
+
 def test_each_kind_of_prompt_gets_the_length_at_which_it_is_obeyed(
     verdicts: LengthVerdicts,
 ) -> None:
-    best = best_lengths(verdicts, Turning(), RECIPE)
+    best = best_lengths(verdicts, usual(3.5), Turning(), RECIPE)
     assert list(best.sentences) == [one.prompt for one in drawn_instructions(200, 0)]
     turns = np.array(["turn" in sentence for sentence in best.sentences])
     assert 20 < turns.sum() < 180
     assert (abs(best.seconds[turns] - 2) < 0.5).all()
     assert (abs(best.seconds[~turns] - 6) < 1).all()
-    again = best_lengths(verdicts, Turning(), RECIPE)
+    again = best_lengths(verdicts, usual(3.5), Turning(), RECIPE)
     assert (again.seconds == best.seconds).all()
+
+
+@pytest.mark.parametrize("seconds", [2.0, 4.0, 7.0])
+def test_of_lengths_as_good_the_usual_one_is_taken(
+    verdicts: LengthVerdicts, seconds: float
+) -> None:
+    always = replace(verdicts, obeyed=np.ones_like(verdicts.obeyed))
+    best = best_lengths(always, usual(seconds), Turning(), replace(RECIPE, prior=1.0))
+    assert (abs(np.log(best.seconds / seconds)) < 0.1).all()

@@ -348,7 +348,9 @@ class TrainLength:
             journal = self.output.with_name(f"{self.output.name}.trials.jsonl")
             pipeline = MotionPipeline.from_pretrained(self.model)
             verdicts = judged_lengths(pipeline, self.trials, journal)
-            train = captions.joined([train, lengths.best_lengths(verdicts, encoder)])
+            usual = lengths.train_lengths(train, encoder, recipe)
+            best = lengths.best_lengths(verdicts, usual, encoder)
+            train = captions.joined([train, best])
         lengths.train_lengths(train, encoder, recipe).write(self.output)
         model = LengthModel.read(self.output)  # as it was rounded
         accuracy = lengths.measured(model, test, encoder, float(np.median(train.seconds)))

@@ -2,7 +2,8 @@
 
 Pinball loss (Koenker & Bassett 1978) at all quantiles together; the embedding's mean and spread are
 folded into the first layer. Besides captions it learns from a model's own motions: `best_lengths`
-fits how likely a prompt is obeyed at each length and takes the length where that is highest.
+fits how likely a prompt is obeyed at each length, and takes the length where that is highest; of
+lengths that are about as good, one near those of captions.
 """
 
 from __future__ import annotations
@@ -67,6 +68,8 @@ class ObedienceRecipe:
     """Drawn prompts whose best length is learned."""
     copies: int = 3
     """How often each of them stands beside each caption of the data."""
+    prior: float = 0.2
+    """Weight of the logarithm of the density of captions' lengths beside that of obeying."""
     seed: int = 0
     """Seed of first weights, order, dropout and prompts."""
 
@@ -152,6 +155,7 @@ def train_lengths(
 
 def best_lengths(
     verdicts: LengthVerdicts,
+    usual: LengthModel,
     encoder: TextEncoder,
     recipe: ObedienceRecipe = ObedienceRecipe(),
 ) -> CaptionLengths:
@@ -159,6 +163,7 @@ def best_lengths(
 
     Args:
         verdicts: Motions of the model, of other prompts and many lengths.
+        usual: Trained on captions alone; it decides between lengths that are about as good.
         encoder: Whose embeddings are read.
         recipe: The settings.
     """
@@ -181,13 +186,30 @@ def best_lengths(
         )
     network.eval()
     lengths = torch.linspace(float(log_seconds.min()), float(log_seconds.max()), _LENGTHS)
+    priors = torch.tensor(_log_density(usual(drawn.numpy()), lengths.numpy()))
     with torch.no_grad():
         best = [
-            lengths[network(row.expand(_LENGTHS, -1), lengths).argmax()]
-            for row in (drawn - mean) / std
+            lengths[
+                (
+                    F.logsigmoid(network(row.expand(_LENGTHS, -1), lengths)) + recipe.prior * prior
+                ).argmax()
+            ]
+            for row, prior in zip((drawn - mean) / std, priors, strict=True)
         ]
     seconds = torch.stack(best).exp().numpy()
     return CaptionLengths(tuple(prompts) * recipe.copies, np.tile(seconds, recipe.copies))
+
+
+def _log_density(
+    quantiles: Float[np.ndarray, "sentences quantiles"], log_seconds: Float[np.ndarray, " lengths"]
+) -> Float[np.ndarray, "sentences lengths"]:
+    """Returns the logarithm of a log-normal density, up to a constant, with these quartiles."""
+    low, middle, high = (
+        np.log(quantiles[:, QUANTILES.index(share)].clip(0.5))[:, None]
+        for share in (0.25, 0.5, 0.75)
+    )
+    spread = np.maximum((high - low) / 1.349, 0.15)
+    return (-0.5 * ((log_seconds - middle) / spread) ** 2).astype(np.float32)
 
 
 def measured(
