@@ -14,6 +14,7 @@ from jaxtyping import Float
 from latentmotion.errors import InputError
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
+from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS
 
 if TYPE_CHECKING:
     from latentmotion.cleanup import CleanUp
@@ -42,7 +43,8 @@ class Motion:
     """Places of joints to which clean-up yields."""
 
     def __post_init__(self) -> None:
-        joints = np.asarray(self.joints, dtype=np.float32)
+        with np.errstate(over="ignore"):  # told below
+            joints = np.asarray(self.joints, dtype=np.float32)
         expected = (len(self.skeleton), 3)
         if joints.ndim != 3 or joints.shape[1:] != expected or not len(joints):
             raise InputError(
@@ -55,8 +57,11 @@ class Motion:
                 f"{int((~finite).sum())} of {len(joints)} frames hold NaN or infinite positions, "
                 f"first in frame {int(np.argmin(finite))}; cut or repair them"
             )
-        if not (np.isfinite(self.fps) and self.fps > 0):
-            raise InputError(f"fps is {self.fps}, expected a positive number")
+        if np.abs(joints).max() > FARTHEST:
+            raise InputError(f"joints are beyond {FARTHEST:,.0f} m; check the unit of length")
+        if not LEAST_FPS <= self.fps <= MOST_FPS:
+            expected = f"expected a positive number, {LEAST_FPS:g} to {MOST_FPS:,.0f}"
+            raise InputError(f"fps is {self.fps}, {expected}")
         object.__setattr__(self, "joints", joints)
 
     def __len__(self) -> int:

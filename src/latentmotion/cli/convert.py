@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from latentmotion.cli import options
 from latentmotion.errors import InputError
+from latentmotion.storage.array_files import read_array
 from latentmotion.storage.files import read_lines
 
 
@@ -58,10 +57,7 @@ class Convert:
             raise InputError("--mean and --std belong together: pass both")
         arrays = []
         for path in (self.mean, self.std):
-            try:
-                arrays += [] if path is None else [np.load(path, allow_pickle=False)]
-            except (OSError, ValueError, EOFError) as error:
-                raise InputError(f"{path} is not a readable .npy file: {error}") from error
+            arrays += [] if path is None else [read_array(path)]
         unstated = mld.Unstated(
             heads=self.heads,
             activation=self.activation,

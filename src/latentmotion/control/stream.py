@@ -8,6 +8,7 @@ it remembers is its state: immutable, saved and resumed to the bit.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from latentmotion.model.vae_config import (
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.interface import Representation
+from latentmotion.storage.array_files import read_arrays
 from latentmotion.storage.files import atomic_file
 
 Latents = Float[np.ndarray, "tokens width"]
@@ -97,12 +99,16 @@ class StreamState:
             FileFormatError: The file is missing or holds something else.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
-                emitted, calls = file["numbers"].tolist()
-                yaw, x, z = file["pose"].tolist()
-                return cls(file["latents"], emitted, yaw, (x, z), calls)
-        except (OSError, ValueError, KeyError) as error:
+            arrays = read_arrays(path, ("latents", "numbers", "pose"))
+            emitted, calls = map(operator.index, arrays["numbers"].tolist())
+            yaw, x, z = map(float, arrays["pose"].tolist())
+            latents = np.asarray(arrays["latents"], np.float64)
+        except (FileFormatError, ValueError, TypeError, KeyError) as error:
             raise FileFormatError(path, f"not the state of a stream: {error}") from error
+        finite = np.isfinite([yaw, x, z]).all() and np.isfinite(latents).all()
+        if latents.ndim != 2 or not finite or min(emitted, calls) < 0:
+            raise FileFormatError(path, "not the state of a stream: numbers out of range")
+        return cls(latents, emitted, yaw, (x, z), calls)
 
 
 def advanced(

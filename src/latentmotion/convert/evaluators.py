@@ -20,7 +20,7 @@ import numpy as np
 from torch import Tensor
 
 from latentmotion.convert.reading import read_content, tensors_of
-from latentmotion.errors import InputError, ModelError
+from latentmotion.errors import FileFormatError, InputError, ModelError
 from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
 from latentmotion.evaluation.evaluators.gru import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE
@@ -35,6 +35,7 @@ from latentmotion.evaluation.evaluators.words import read_glove
 from latentmotion.model.card import Provenance
 from latentmotion.networks.checkpoint import load_weights
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.array_files import read_array
 from latentmotion.storage.files import check_replaceable, sha256
 
 GRU_WEIGHT, GRAPH_WEIGHT = "recurrent.weight_ih_l0", "st_gcn_networks.0.gcn.conv.weight"
@@ -176,8 +177,8 @@ def read_statistic(folder: Path, name: str, features: int) -> np.ndarray:
             "own statistics, Comp_v6_KLD01/meta (KIT: Comp_v6_KLD005/meta) of the T2M code"
         )
     try:
-        values = np.load(path, allow_pickle=False).astype(np.float32).ravel()
-    except (OSError, ValueError, EOFError) as error:
+        values = read_array(path).astype(np.float32).ravel()
+    except (FileFormatError, ValueError) as error:
         raise InputError(f"{path} is not a readable .npy file: {error}") from error
     if len(values) != features:
         raise InputError(f"{path} has {len(values)} numbers, the evaluator {features} features")

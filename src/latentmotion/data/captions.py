@@ -16,6 +16,9 @@ from latentmotion.data.clip import Caption
 TAG_RATE = 20
 """Frames per second by which HumanML3D turns `from` and `to` into frames."""
 
+_MOST_SECONDS = 1e6
+"""Seconds from which a time is taken for damage, infinite ones too."""
+
 _OTHER_SIDE = {"left": "right", "right": "left", "clockwise": "counterclockwise"}
 """Replacements of words; all spellings of counterclockwise become clockwise."""
 
@@ -82,7 +85,9 @@ def fit_sentences(
     """
     captions, reasons = [], []
     for sentence in sentences:
-        start, end = int(sentence.start * TAG_RATE), int(sentence.end * TAG_RATE)
+        finite = abs(sentence.start) < _MOST_SECONDS and abs(sentence.end) < _MOST_SECONDS
+        start = int(sentence.start * TAG_RATE) if finite else -1
+        end = int(sentence.end * TAG_RATE) if finite else -1
         if sentence.start == sentence.end == 0:
             captions.append(Caption(sentence.text, 0, frames, sentence.tokens))
         elif not 0 <= start < end:

@@ -55,8 +55,18 @@ class Dataset:
     def normalizer(self) -> Normalizer:
         """Mean and standard deviation of its features."""
         stored = self.manifest.normalizer
-        mean, std = (np.array(values, np.float32) for values in (stored.mean, stored.std))
-        return Normalizer(mean, std)
+        with np.errstate(over="ignore"):
+            mean, std = (np.array(values, np.float32) for values in (stored.mean, stored.std))
+        width = self.representation.width
+        if mean.shape != (width,) or std.shape != (width,):
+            raise DataError(
+                f"{self.folder}: a normalizer of {len(mean)} and {len(std)} numbers, expected "
+                f"{width}; prepare the folder again"
+            )
+        try:
+            return Normalizer(mean, std)
+        except InputError as error:
+            raise DataError(f"{self.folder}: {error}; prepare the folder again") from error
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -94,13 +104,23 @@ class Dataset:
         if name not in self._stored:
             raise DataError(f"{self.folder} has no clip {clip.id!r}")
         stored = self._stored[name]
-        path = self.folder / self.manifest.shards[stored.shard].file
+        shard = self.manifest.shards[stored.shard]
+        path, expected = self.folder / shard.file, [shard.frames, self.representation.width]
         try:
-            with safe_open(path, "np") as shard:
-                rows = shard.get_slice("features")
+            with safe_open(path, "np") as opened:
+                rows = opened.get_slice("features")
+                if rows.get_dtype() != "F32" or rows.get_shape() != expected:
+                    found = f"features {rows.get_shape()} of {rows.get_dtype()}"
+                    raise DataError(
+                        f"{path}: {found}, expected {expected} of F32; prepare it again"
+                    )
                 features = rows[stored.offset : stored.offset + stored.frames]
         except (OSError, SafetensorError) as error:
             raise DataError(f"{path} is damaged ({error}); copy or prepare it again") from error
+        if not np.isfinite(features).all():
+            raise DataError(
+                f"{path}: clip {clip.id} holds NaN or infinity; copy or prepare it again"
+            )
         return self.representation.mirror(features) if clip.mirrored else features
 
     def actions(self) -> list[str]:

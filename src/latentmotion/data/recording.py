@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -14,6 +15,14 @@ from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.representation.smpl import smpl_features
 
 SMPL_JOINTS = 24
+
+
+def as_numbers(values: Any) -> np.ndarray:
+    """Returns an array; raises ValueError where there are not numbers alone."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"found {array.dtype}")
+    return array
 
 
 @dataclass(frozen=True)

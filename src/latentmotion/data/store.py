@@ -169,9 +169,15 @@ def read_manifest(folder: str | Path) -> Manifest:
     for shard in manifest.shards:
         if not (path.parent / shard.file).is_file():
             raise DataError(f"{path.parent}: lacks {shard.file}; copy it there or prepare again")
+        if (path.parent / shard.file).resolve().parent != path.parent.resolve():
+            raise DataError(
+                f"{path.parent}: the shard {shard.file} lies in another folder; such links are not "
+                "followed, since data from others could name any file: copy it there"
+            )
     for clip in manifest.clips:
-        rows = manifest.shards[clip.shard].frames if clip.shard < len(manifest.shards) else 0
-        if not 0 <= clip.offset <= clip.offset + clip.frames <= rows:
+        known = 0 <= clip.shard < len(manifest.shards)
+        rows = manifest.shards[clip.shard].frames if known else 0
+        if not 0 < clip.frames <= rows or not 0 <= clip.offset <= clip.offset + clip.frames <= rows:
             raise DataError(f"{path}: clip {clip.id} lies outside its shard; prepare again")
         if clip.source == COMPOSED and clip.split != "train":
             raise DataError(

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import DataError
+from latentmotion.errors import DataError, InputError
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.humanoid import JointMap, to_humanml3d
+from latentmotion.storage.limits import MOST_FRAMES, UNPACKED_FACTOR
 
 FPS = 20
 """Frames per second of prepared data, as in HumanML3D."""
@@ -88,7 +89,13 @@ def every(animation: Animation, step: int, start: int = 0) -> Animation:
 def interpolate(
     joints: Float[np.ndarray, "frames joints 3"], step: float
 ) -> Float[np.ndarray, "times joints 3"]:
-    """Returns joints at every `step`-th frame, in between frames by straight lines."""
+    """Returns joints at every `step`-th frame, in between frames by straight lines.
+
+    Raises:
+        InputError: They would be too many.
+    """
+    if not (len(joints) - 1) / step <= max(MOST_FRAMES, UNPACKED_FACTOR * len(joints)):
+        raise InputError(f"{len(joints):,} frames at {step:g} times the rate; check the frame rate")
     times = np.arange(0, len(joints) - 1 + 1e-6, step)
     before = np.minimum(times.astype(int), len(joints) - 2)
     weight = (times - before)[:, None, None].astype(joints.dtype)

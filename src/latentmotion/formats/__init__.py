@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from latentmotion.errors import InputError
+from latentmotion.errors import DataError, InputError
 from latentmotion.motion import Motion
 
 ENDINGS: Mapping[str, str] = MappingProxyType(
@@ -86,7 +86,10 @@ def load(path: str | Path) -> list[Motion]:
     reader = _function(source, READABLE, "read")
     if not source.is_file():
         raise InputError(f"there is no file {source}")
-    return reader(source)
+    try:
+        return reader(source)
+    except (InputError, DataError) as error:  # of what it holds
+        raise type(error)(f"{source}: {error}") from error
 
 
 def check_ending(path: str | Path) -> None:

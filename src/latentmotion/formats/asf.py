@@ -11,8 +11,12 @@ from jaxtyping import Float
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.lines import numbers, read_lines
 from latentmotion.kinematics.rotations import matrix_from_euler
+from latentmotion.storage.limits import MOST_JOINTS
 
 _INCH = 0.0254
+_UNITS = 1e-6, 1e6
+"""Inverse of inches per unit of length; CMU's files have 0.45."""
+
 _ROTATIONS = frozenset({"RX", "RY", "RZ"})
 _TRANSLATIONS = frozenset({"TX", "TY", "TZ"})
 _Line = tuple[int, list[str]]
@@ -82,8 +86,9 @@ def read_asf(path: str | Path) -> Figure:
     units = {words[0].lower(): (line, words[1:]) for line, words in sections.get("units", [])}
     line, length = units.get("length", (1, ["1"]))
     unit = float(numbers(path, line, length, 1)[0])
-    if unit <= 0:
-        raise FileFormatError(path, f"found a unit of length of {unit}, expected more", line)
+    if not _UNITS[0] <= unit <= _UNITS[1]:
+        expected = f"expected {_UNITS[0]:g} to {_UNITS[1]:g}"
+        raise FileFormatError(path, f"found a unit of length of {unit}, {expected}", line)
     degrees = not " ".join(units.get("angle", (1, []))[1]).lower().startswith("rad")
     reader = _Reader(Path(path), degrees, _INCH / unit)
     position = reader.root(sections["root"])
@@ -156,6 +161,8 @@ class _Reader:
                         raise FileFormatError(self.path, problem, line)
                     if bone.name in self.bones:
                         raise FileFormatError(self.path, f"found bone {bone.name!r} twice", line)
+                    if len(self.bones) >= MOST_JOINTS:
+                        raise FileFormatError(self.path, f"more than {MOST_JOINTS:,} bones", line)
                     self.bones[bone.name] = bone
                     bone = None
         if bone is not None:

@@ -18,9 +18,12 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats.asf import Figure, read_asf, turned_in_order
+from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.lines import numbers, read_lines
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.storage.limits import LEAST_FPS, MOST_FPS, MOST_NUMBER
+from latentmotion.storage.reading import blamed_on
 
 
 def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 120.0) -> Animation:
@@ -39,12 +42,16 @@ def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 12
         FileFormatError: A file is damaged, or there is no skeleton, or it has other bones.
         InputError: The frame rate is not positive.
     """
-    if not (np.isfinite(fps) and fps > 0):
-        raise InputError(f"found a frame rate of {fps}; expected a positive number")
+    if not LEAST_FPS <= fps <= MOST_FPS:
+        problem = f"found a frame rate of {fps}; expected a positive number"
+        raise InputError(f"{problem}, {LEAST_FPS:g} to {MOST_FPS:,.0f}")
     path, lines = Path(amc), read_lines(amc)
     figure = read_asf(find_asf(path) if asf is None else asf)
     degrees, values = _read_frames(path, lines, figure)
-    skeleton = figure_skeleton(path.stem, figure)
+    with blamed_on(path):
+        skeleton = figure_skeleton(path.stem, figure)
+    stated = sum(block.size for block in values.values())
+    check_filled(path, len(values["root"]), len(skeleton), stated)
     rotations = np.tile(np.eye(3), (len(values["root"]), len(skeleton), 1, 1))
     for order in {figure.bones[name].order for name in values} - {""}:  # all bones of it at once
         bones = [figure.bones[name] for name in values if figure.bones[name].order == order]
@@ -61,7 +68,8 @@ def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 12
     for column, channel in enumerate(figure.bones["root"].channels):
         if channel[0] == "T":
             positions[:, "XYZ".index(channel[1])] += values["root"][:, column]
-    return Animation(skeleton, rotations, figure.meters * positions, float(fps))
+    animation = Animation(skeleton, rotations, figure.meters * positions, float(fps))
+    return checked_animation(path, animation)
 
 
 def find_asf(amc: str | Path) -> Path:
@@ -117,7 +125,7 @@ def _read_frames(
         }
     except ValueError:
         values = {}
-    if not (same and values and all(np.isfinite(block).all() for block in values.values())):
+    if not (same and values and all((np.abs(v) <= MOST_NUMBER).all() for v in values.values())):
         raise _first_problem(path, lines, start, layout, figure)
     return degrees, values
 
@@ -175,12 +183,13 @@ def _first_problem(
 def figure_skeleton(name: str, figure: Figure) -> Skeleton:
     """Returns the bones of an ASF file as joints; see the top of this file."""
     names, parents = list(figure.bones), figure.parents
-    tips = [bone for bone in names if bone not in parents.values()]
+    inner, rank = set(parents.values()), {name: number for number, name in enumerate(names)}
+    tips = [bone for bone in names if bone not in inner]
     starts = [*(parents[bone] for bone in names[1:]), *tips]
     return Skeleton(
         name=name,
         names=(*names, *(f"{tip}_end" for tip in tips)),
-        parents=(-1, *(names.index(bone) for bone in starts)),
+        parents=(-1, *(rank[bone] for bone in starts)),
         offsets=np.stack([np.zeros(3), *(figure.bones[bone].vector for bone in starts)]),
         end_sites=tuple(range(len(names), len(names) + len(tips))),
     )

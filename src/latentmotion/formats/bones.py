@@ -25,6 +25,7 @@ from jaxtyping import Float
 from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.storage.limits import MOST_FRAMES
 
 _AHEAD, _UP = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
 
@@ -33,9 +34,6 @@ _STILL = 1e-5
 
 _LEAST_FPS, _MOST_FPS = 8.0, 1000.0
 """Rates that keys can have been sampled at; others are those of keys set by hand."""
-
-MOST_FRAMES = 200_000
-"""Frames to which keys far apart are filled in at most: nearly two hours at 30 fps."""
 
 
 @dataclass(frozen=True, eq=False)

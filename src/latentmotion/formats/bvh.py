@@ -15,11 +15,13 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.bvh_hierarchy import hierarchy_lines, read_hierarchy
+from latentmotion.formats.checks import check_filled, checked_animation, checked_rate
 from latentmotion.formats.lines import meters_per_unit, numbers, read_lines, table, whole_rate
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.storage.files import atomic_file
+from latentmotion.storage.reading import blamed_on
 
 WRITTEN_ORDER = "ZXY"
 """Rotation order of the files we write: an upright body is far from its singularity."""
@@ -27,7 +29,7 @@ WRITTEN_ORDER = "ZXY"
 _SAME = 1e-7
 """Meters up to which a joint counts as staying at its offset."""
 
-_FRAMES = re.compile(r"\s*frames\s*:?\s*(\d+)\s*", re.IGNORECASE)
+_FRAMES = re.compile(r"\s*frames\s*:?\s*(\d{1,12})\s*", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*frame\s*time\s*:?\s*(\S+)\s*", re.IGNORECASE)
 
 
@@ -55,6 +57,7 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
     if len(values) != count:
         problem = f"found {len(values)} frames, expected {count} as 'Frames:' says"
         raise FileFormatError(path, problem, len(lines))
+    check_filled(path, count, len(nodes), values.size)
     offsets = scale * np.array([node.offset for node in nodes])
     translations = np.repeat(offsets[None], count, axis=0)
     rotation_columns: dict[int, list[int]] = {}
@@ -69,16 +72,18 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
         angles = np.deg2rad(values[:, [rotation_columns[joint] for joint in joints]])
         rotations[:, joints] = matrix_from_euler(angles, order)
     offsets[0] = 0
-    skeleton = Skeleton(
-        name=Path(path).stem,
-        names=tuple(node.name for node in nodes),
-        parents=tuple(node.parent for node in nodes),
-        offsets=offsets,
-        end_sites=tuple(joint for joint, node in enumerate(nodes) if node.is_end),
-    )
+    with blamed_on(path):
+        skeleton = Skeleton(
+            name=Path(path).stem,
+            names=tuple(node.name for node in nodes),
+            parents=tuple(node.parent for node in nodes),
+            offsets=offsets,
+            end_sites=tuple(joint for joint, node in enumerate(nodes) if node.is_end),
+        )
     moves = any(kind == "position" for node in nodes[1:] for _, kind in node.channels)
     root = translations[:, 0].copy()
-    return Animation(skeleton, rotations, root, fps, translations if moves else None)
+    animation = Animation(skeleton, rotations, root, fps, translations if moves else None)
+    return checked_animation(path, animation)
 
 
 def write_bvh(path: str | Path, animation: Animation) -> None:
@@ -133,7 +138,8 @@ def _read_timing(path: Path, lines: Sequence[str], start: int) -> tuple[int, flo
     seconds = float(numbers(path, then + 1, [time[1]], 1)[0])
     if seconds <= 0:
         raise FileFormatError(path, f"a frame time of {seconds} s; expected more", then + 1)
-    return int(frames[1]), whole_rate(1 / seconds), then + 1
+    fps = checked_rate(path, 1 / max(seconds, 1e-300), then + 1)
+    return int(frames[1]), whole_rate(fps), then + 1
 
 
 def _depth_first(skeleton: Skeleton, joint: int = 0) -> list[int]:

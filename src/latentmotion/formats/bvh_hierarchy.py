@@ -13,6 +13,7 @@ from jaxtyping import Float
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.lines import numbers
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.storage.limits import MOST_JOINTS
 
 _STATEMENT = re.compile(r"([{}])|(?=\b(?:OFFSET|CHANNELS)\b)", re.IGNORECASE)
 _KEYWORDS = frozenset({"ROOT", "JOINT", "END", "{", "}", "OFFSET", "CHANNELS", "MOTION"})
@@ -108,6 +109,8 @@ class _Reader:
         self.ended = False
         self._line = 0
         self._open: list[int] = []
+        self._taken: set[str] = set()
+        self._copies: dict[str, int] = {}
         self._unopened: int | None = None
         """The joint whose `{` must come next."""
 
@@ -159,10 +162,12 @@ class _Reader:
         node.channels = [(match[1].upper(), match[2].lower()) for match in matches]
 
     def _add(self, node: Node) -> None:
-        taken = {other.name for other in self.nodes}
-        name, copy = node.name, 2
-        while node.name in taken:
+        self._check(len(self.nodes) < MOST_JOINTS, f"more than {MOST_JOINTS:,} joints")
+        name, copy = node.name, self._copies.get(node.name, 2)
+        while node.name in self._taken:
             node.name, copy = f"{name}_{copy}", copy + 1
+        self._copies[name] = copy
+        self._taken.add(node.name)
         self._unopened = len(self.nodes)
         self.nodes.append(node)
 

@@ -15,11 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.errors import FileFormatError
+from latentmotion.formats.checks import checked_rate
 from latentmotion.formats.lines import numbers, read_lines, whole_rate
 from latentmotion.formats.takes import OURS, numbered
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file
+from latentmotion.storage.reading import blamed_on
 
 _TIME = "time"
 _SINGLE_FPS = 20.0
@@ -52,7 +54,10 @@ def read(path: str | Path) -> list[Motion]:
         FileFormatError: A number is missing or not finite, times are uneven, or joints unknown.
     """
     lines = read_lines(path)
-    rows = list(csv.reader(lines))
+    try:
+        rows = list(csv.reader(lines))
+    except csv.Error as error:
+        raise FileFormatError(path, f"not CSV ({error})") from error
     header = [name.strip() for name in rows[0]]
     skeleton = _skeleton(path, header)
     columns = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
@@ -70,11 +75,14 @@ def read(path: str | Path) -> list[Motion]:
     joints = table[:, 1:].reshape(len(table), len(skeleton), 3).astype("f4")
     times = table[:, 0]
     if len(times) == 1:
-        return [Motion(joints, _SINGLE_FPS, skeleton)]
-    fps = (len(times) - 1) / float(times[-1] - times[0]) if times[-1] > times[0] else 0.0
+        with blamed_on(path):
+            return [Motion(joints, _SINGLE_FPS, skeleton)]
+    length = float(times[-1] - times[0])
+    fps = checked_rate(path, (len(times) - 1) / length) if length > 1e-9 else 0.0
     if np.abs(np.diff(times) * fps - 1).max() > 0.01:
         raise FileFormatError(path, "the times of the frames are not evenly apart; resample them")
-    return [Motion(joints, whole_rate(fps), skeleton)]
+    with blamed_on(path):
+        return [Motion(joints, whole_rate(fps), skeleton)]
 
 
 def _columns(names: Sequence[str]) -> list[str]:

@@ -13,15 +13,19 @@ import base64
 import binascii
 import json
 import math
+import operator
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
-from latentmotion.errors import FileFormatError
+from latentmotion.errors import FileFormatError, InputError
+from latentmotion.storage import limits
 from latentmotion.storage.files import atomic_file
+from latentmotion.storage.reading import parse_json, read_bytes
 
 VERTICES, INDICES = 34962, 34963
 """Targets of `add_array` for the arrays of a mesh."""
@@ -34,7 +38,7 @@ _SHAPES: dict[str, tuple[int, ...]] = {
 }
 _KINDS = {shape: kind for kind, shape in _SHAPES.items()}
 _PICTURES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
-_DAMAGE = (KeyError, IndexError, TypeError, ValueError, AttributeError, struct.error)
+_DAMAGE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, struct.error)
 
 
 class Document:
@@ -61,15 +65,13 @@ class Document:
             FileFormatError: The file, or one that it names, is damaged, missing or not glTF 2.0.
         """
         source = Path(path)
-        content = _content(source, source)
+        content = read_bytes(source)
         text, chunk = _chunks(source, content) if content[:4] == b"glTF" else (content, None)
-        try:
-            parsed = json.loads(text)
-        except ValueError as error:
-            raise FileFormatError(source, f"not glTF: its JSON cannot be read ({error})") from error
-        version = parsed.get("asset", {}).get("version") if isinstance(parsed, dict) else None
-        if not str(version).startswith("2."):
-            raise FileFormatError(source, f"found glTF of version {version}, expected 2.0")
+        parsed = parse_json(text, source)
+        asset = parsed.get("asset") if isinstance(parsed, dict) else None
+        version = str(asset.get("version") if isinstance(asset, dict) else None)
+        if not version.startswith("2."):
+            raise FileFormatError(source, f"found glTF of version {version:.20}, expected 2.0")
         document = cls(parsed, b"", source)
         try:
             document._collect(chunk)
@@ -81,25 +83,31 @@ class Document:
         """Writes `.gltf` where the path ends so, with the buffer inside, else `.glb`.
 
         Raises:
-            InputError: The folder does not exist or cannot be written.
+            InputError: The folder does not exist or cannot be written, or there is a number that is
+                not finite.
         """
+        try:
+            content = self._encoded(Path(path).suffix.lower() == ".gltf")
+        except ValueError as error:
+            raise InputError(f"cannot write {path}: {error}; glTF has finite numbers") from error
+        with atomic_file(path) as temporary:
+            temporary.write_bytes(content)
+
+    def _encoded(self, as_text: bool) -> bytes:
         entries = {key: value for key, value in self.json.items() if key != "buffers"}
         buffer: dict[str, Any] = {"byteLength": len(self.binary)}
-        if Path(path).suffix.lower() == ".gltf":
+        if as_text:
             data = base64.b64encode(self.binary).decode()
             buffer["uri"] = "data:application/octet-stream;base64," + data
             whole = entries | ({"buffers": [buffer]} if self.binary else {})
-            content = json.dumps(whole, indent=1, allow_nan=False).encode()
-        else:
-            whole = entries | ({"buffers": [buffer]} if self.binary else {})
-            text = json.dumps(whole, separators=(",", ":"), allow_nan=False).encode()
-            chunks = [(b"JSON", text + b" " * (-len(text) % 4))]
-            if self.binary:
-                chunks += [(b"BIN\0", bytes(self.binary) + bytes(-len(self.binary) % 4))]
-            body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in chunks)
-            content = struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
-        with atomic_file(path) as temporary:
-            temporary.write_bytes(content)
+            return json.dumps(whole, indent=1, allow_nan=False).encode()
+        whole = entries | ({"buffers": [buffer]} if self.binary else {})
+        text = json.dumps(whole, separators=(",", ":"), allow_nan=False).encode()
+        chunks = [(b"JSON", text + b" " * (-len(text) % 4))]
+        if self.binary:
+            chunks += [(b"BIN\0", bytes(self.binary) + bytes(-len(self.binary) % 4))]
+        body = b"".join(struct.pack("<I4s", len(data), kind) + data for kind, data in chunks)
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
     def array(self, accessor: int) -> np.ndarray:
         """Returns the values of an accessor: (count, ...), matrices in rows; fractions as floats.
@@ -108,16 +116,21 @@ class Document:
             FileFormatError: It reaches past the end of the buffer, or its type is unknown.
         """
         try:
-            entry = self.json["accessors"][accessor]
-            shape = (entry["count"], *_SHAPES[entry["type"]])
+            entry = self.entry("accessors", accessor)
+            shape = (operator.index(entry["count"]), *_SHAPES[entry["type"]])
             dtype = np.dtype(_DTYPES[entry["componentType"]])
-            values = np.zeros(shape, dtype)
+            most = max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(self.binary))
             if "bufferView" in entry:
                 values = self._values(entry, shape, dtype)
+            elif 0 <= math.prod(shape) * dtype.itemsize <= most:
+                values = np.zeros(shape, dtype)
+            else:
+                raise ValueError(f"has {shape[0]:,} zeros, of which the file has none")
             if "sparse" in entry:  # some values are replaced
                 count, indices = entry["sparse"]["count"], entry["sparse"]["indices"]
                 rows = self._values(indices, (count,), np.dtype(_DTYPES[indices["componentType"]]))
-                values = values.copy()
+                if count < 0 or (len(rows) and rows.max() >= len(values)):
+                    raise ValueError("replaces values that it does not have")
                 values[rows] = self._values(entry["sparse"]["values"], (count, *shape[1:]), dtype)
         except _DAMAGE as error:
             problem = f"damaged glTF: accessor {accessor}: {_reason(error)}"
@@ -163,55 +176,92 @@ class Document:
         entries.append(entry)
         return len(entries) - 1
 
+    def entry(self, kind: str, index: Any) -> dict[str, Any]:
+        """Returns an entry of one of the lists.
+
+        Raises:
+            TypeError: The index is no whole number, or the entry no object.
+            IndexError: There is no such entry.
+        """
+        entries = self.json[kind]
+        if isinstance(index, bool) or not 0 <= operator.index(index) < len(entries):
+            raise IndexError(f"there is no {index} among {len(entries)} {kind}")
+        if not isinstance(entries[index], dict):
+            raise TypeError(f"{kind} {index} is no object")
+        return entries[index]
+
     def _collect(self, chunk: bytes | None) -> None:
         """Gathers all buffers and pictures, inside and beside the file, in the one buffer."""
-        starts = []
+        starts, linked = [], {}
         for number, buffer in enumerate(self.json.get("buffers", [])):
-            content = chunk if number == 0 and "uri" not in buffer else self._linked(buffer["uri"])
+            inside = number == 0 and "uri" not in buffer
+            content = chunk if inside else self._linked(buffer["uri"], linked)
             if content is None or len(content) < buffer["byteLength"]:
                 found = 0 if content is None else len(content)
                 raise ValueError(f"buffer {number} has {found} of {buffer['byteLength']} bytes")
+            self._check_size(linked, chunk)
             self.binary += bytes(-len(self.binary) % 8)
             starts.append(len(self.binary))
             self.binary += content[: buffer["byteLength"]]
         for view in self.json.get("bufferViews", []):
-            view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
+            self.entry("buffers", view["buffer"])
+            start = starts[view["buffer"]]
+            view["byteOffset"] = operator.index(view.get("byteOffset", 0)) + start
             view["buffer"] = 0
         for picture in self.json.get("images", []):
             uri = picture.get("uri", "data:")
             if not uri.startswith("data:"):
                 kind = _PICTURES.get(Path(unquote(uri)).suffix.lower())
-                picture["bufferView"] = self.add_view(self._linked(uri))
+                self._check_size(linked, chunk)
+                picture["bufferView"] = self.add_view(self._linked(uri, linked))
                 picture["mimeType"] = picture.get("mimeType", kind)
                 del picture["uri"]
 
-    def _linked(self, uri: str) -> bytes:
+    def _check_size(self, linked: Mapping[str, bytes], chunk: bytes | None) -> None:
+        """Checks that files that are named again and again do not add up."""
+        read = sum(map(len, linked.values())) + len(chunk or b"")
+        if len(self.binary) > max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * read):
+            raise ValueError("its buffers and pictures name the same files too often")
+
+    def _linked(self, uri: str, known: dict[str, bytes]) -> bytes:
         """Returns the content of a data URI or of a file beside this one; refuses others."""
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2], validate=True)
+        if uri in known:
+            return known[uri]
         assert self.path is not None
         name = Path(unquote(uri))
         if "://" in uri or name.is_absolute() or ".." in name.parts:
             raise ValueError(f"names {uri!r}; expected a file in its own folder")
-        return _content(self.path, self.path.parent / name)
+        beside = self.path.parent / name
+        if beside.exists() and not beside.resolve().is_relative_to(self.path.parent.resolve()):
+            raise ValueError(f"names {uri!r}, a link to another folder; copy the file here")
+        if not beside.is_file():
+            raise ValueError(f"it names {beside.name}, which cannot be read: there is no such file")
+        known[uri] = read_bytes(beside)
+        return known[uri]
 
     def _values(
         self, source: dict[str, Any], shape: tuple[int, ...], dtype: np.dtype
     ) -> np.ndarray:
         """Reads from the buffer view and the offset that `source` names."""
-        view, offset = self.json["bufferViews"][source["bufferView"]], source.get("byteOffset", 0)
+        view = self.entry("bufferViews", source["bufferView"])
+        offset = operator.index(source.get("byteOffset", 0))
         if "extensions" in view:
             raise ValueError(f"is compressed ({', '.join(view['extensions'])}); save it without")
         size = math.prod(shape[1:]) * dtype.itemsize
-        stride = view.get("byteStride", size)
+        stride = operator.index(view.get("byteStride", size))
+        if stride < size:
+            raise ValueError(f"has a stride of {stride} bytes, expected {size} or more")
         start = view.get("byteOffset", 0)
-        end = start + view["byteLength"]
+        end = start + operator.index(view["byteLength"])
         if min(start, offset, shape[0] - 1) < 0 or end > len(self.binary):
             raise ValueError("reaches past the end of the buffer")
         if offset + stride * (shape[0] - 1) + size > view["byteLength"]:
             raise ValueError("reaches past the end of its buffer view")
-        at = start + offset + stride * np.arange(shape[0])[:, None] + np.arange(size)
-        return np.frombuffer(self.binary, np.uint8)[at].view(dtype).reshape(shape)
+        inner = np.zeros(shape[1:], dtype).strides
+        rows = np.ndarray(shape, dtype, self.binary, start + offset, (stride, *inner))
+        return rows.copy()
 
 
 def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes | None]:
@@ -227,15 +277,6 @@ def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes | None]:
         chunks.setdefault(kind, content[at + 8 : at + 8 + size])
         at += 8 + size
     return chunks.get(b"JSON", b""), chunks.get(b"BIN\0")
-
-
-def _content(document: Path, path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        which = "" if path == document else f"it names {path.name}, which "
-        problem = f"{which}cannot be read: {error.strerror or error}"
-        raise FileFormatError(document, problem) from error
 
 
 def _reason(error: Exception) -> str:

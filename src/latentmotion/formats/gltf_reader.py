@@ -10,7 +10,9 @@ tangents d b_k and d a_{k+1}; its keys are triples (in-tangent a, value, out-tan
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import reprlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,12 +22,16 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
+from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.gltf_document import Document
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
 from latentmotion.motion import Motion
+from latentmotion.storage.limits import MOST_DEPTH, MOST_JOINTS, MOST_NODES, MOST_NUMBER
+from latentmotion.storage.reading import blamed_on
 
 _PATHS = ("translation", "rotation", "scale")
+_DAMAGE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)
 
 Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
 """A node in the world: its position, its rotation, and its matrix with all scales."""
@@ -46,12 +52,25 @@ def read_animations(path: str | Path) -> list[Animation]:
 def animations_of(document: Document) -> list[Animation]:
     """Returns the animations of a document that was read; see `read_animations`."""
     path = document.path or Path("glTF")
-    try:
+    with damage(path):
         scene = Scene(document, path)
         takes = [read_tracks(document, take) for take in document.json.get("animations", [])]
-        return [scene.animation(tracks) for tracks in takes if tracks] or [scene.animation([])]
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-        raise FileFormatError(path, f"damaged glTF: {error!r}") from error
+        animations = [scene.animation(tracks) for tracks in takes if tracks]
+        return animations or [scene.animation([])]
+
+
+@contextmanager
+def damage(path: Path) -> Iterator[None]:
+    """Turns the errors of JSON of other types than glTF's into errors of the file.
+
+    Raises:
+        FileFormatError: The block raised one of them.
+    """
+    try:
+        with np.errstate(all="ignore"), blamed_on(path):  # results are checked to be finite
+            yield
+    except _DAMAGE as error:
+        raise FileFormatError(path, f"damaged glTF: {error!r:.300}") from error
 
 
 def read_takes(path: str | Path) -> list[Motion]:
@@ -64,13 +83,14 @@ def read_takes(path: str | Path) -> list[Motion]:
     from latentmotion.formats.takes import motion_of
 
     document = Document.read(path)
-    notes = [take.get("extras") for take in document.json.get("animations", [])]
     animations = animations_of(document)
-    notes = notes if len(notes) == len(animations) else [None] * len(animations)
-    return [
-        motion_of(animation, note if isinstance(note, dict) else {})
-        for animation, note in zip(animations, notes, strict=True)
-    ]
+    with blamed_on(path):
+        notes = [take.get("extras") for take in document.json.get("animations", [])]
+        notes = notes if len(notes) == len(animations) else [None] * len(animations)
+        return [
+            motion_of(animation, note if isinstance(note, dict) else {})
+            for animation, note in zip(animations, notes, strict=True)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,16 +105,16 @@ class _Transform:
     def of(cls, node: Mapping[str, Any]) -> _Transform:
         """Returns the rest transform of a node."""
         if "matrix" in node:
-            matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+            matrix = _numbers(node["matrix"], 16).reshape(4, 4).T
             scale = np.linalg.norm(matrix[:3, :3], axis=0)
             scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
             rotation = matrix[:3, :3] / np.where(scale == 0, 1, scale)
             rotation = matrix_from_quaternion(quaternion_from_matrix(rotation))
             return cls(matrix[:3, 3], rotation, scale)
         return cls(
-            np.array(node.get("translation", (0, 0, 0)), dtype=np.float64),
-            _matrix(np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)),
-            np.array(node.get("scale", (1, 1, 1)), dtype=np.float64),
+            _numbers(node.get("translation", (0, 0, 0)), 3),
+            _matrix(_numbers(node.get("rotation", (0, 0, 0, 1)), 4)),
+            _numbers(node.get("scale", (1, 1, 1)), 3),
         )
 
 
@@ -109,24 +129,24 @@ class Scene:
     def __init__(self, document: Document, path: Path) -> None:
         self.nodes: list[dict[str, Any]] = document.json.get("nodes", [])
         self.path = path
+        if len(self.nodes) > MOST_NODES:
+            raise FileFormatError(path, f"{len(self.nodes):,} nodes, at most {MOST_NODES:,}")
         self.parents = [-1] * len(self.nodes)
         for number, node in enumerate(self.nodes):
             for child in node.get("children", []):
+                document.entry("nodes", child)
                 if self.parents[child] != -1:
                     raise FileFormatError(path, f"node {child} has two parents, expected a tree")
                 self.parents[child] = number
-        for node in range(len(self.nodes)):
-            above, steps = node, 0
-            while above >= 0:
-                above, steps = self.parents[above], steps + 1
-                if steps > len(self.nodes):
-                    raise FileFormatError(path, f"node {node} is its own ancestor, expected a tree")
-        self.transforms = [_Transform.of(node) for node in self.nodes]
         self.bones = self._bones(document, path)
+        needed = {node for bone in self.bones for node in self._line(bone)}
+        self.transforms = {node: _Transform.of(self.nodes[node]) for node in sorted(needed)}
+        self._stated = len(document.binary) // 4
+        self._frames_made = 0
         rank = {node: number for number, node in enumerate(self.bones)}
         self.bone_parents = tuple(rank[self.parents[b]] if n else -1 for n, b in enumerate(rank))
         self.rest = self._world(self.transforms)
-        names = [self.nodes[bone].get("name") or f"node_{bone}" for bone in self.bones]
+        names = [str(self.nodes[bone].get("name") or f"node_{bone}") for bone in self.bones]
         self.skeleton = plain_skeleton(path.stem, names, self.bone_parents, self.rest)
 
     def animation(self, tracks: Sequence[Track]) -> Animation:
@@ -134,25 +154,27 @@ class Scene:
         keys = [track.times for track in tracks]
         seconds = np.unique(np.concatenate(keys)) if keys else np.zeros(0)
         fps, times = even_rate(self.path, seconds)
+        self._frames_made += len(times)
+        check_filled(self.path, self._frames_made, len(self.transforms), self._stated)
+        tracks = [track for track in tracks if track.node in self.transforms]
         values = {(track.node, track.path): track.sample(times) for track in tracks}
-        transforms = []
-        for node, rest in enumerate(self.transforms):
+        transforms = {}
+        for node, rest in self.transforms.items():
             quaternions = values.get((node, "rotation"))
-            transforms.append(
-                _Transform(
-                    values.get((node, "translation"), rest.translation),
-                    rest.rotation if quaternions is None else _matrix(quaternions),
-                    values.get((node, "scale"), rest.scale),
-                )
+            transforms[node] = _Transform(
+                values.get((node, "translation"), rest.translation),
+                rest.rotation if quaternions is None else _matrix(quaternions),
+                values.get((node, "scale"), rest.scale),
             )
         pose = self._world(transforms)
         moved = WorldPose(
             np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
             np.broadcast_to(pose.rotations, (len(times), *pose.rotations.shape[-3:])),
         )
-        return plain_animation(self.skeleton, self.rest, moved, fps)
+        animation = plain_animation(self.skeleton, self.rest, moved, fps)
+        return checked_animation(self.path, animation)
 
-    def _world(self, transforms: Sequence[_Transform]) -> WorldPose:
+    def _world(self, transforms: Mapping[int, _Transform]) -> WorldPose:
         """Returns positions and rotations of the bones in the world."""
         frames = self._frames(transforms, self.bones)
         bones = [frames[bone] for bone in self.bones]
@@ -164,7 +186,9 @@ class Scene:
         """Returns the frame of a node in rest pose; -1 is the world itself."""
         return self._frames(self.transforms, [node])[node]
 
-    def _frames(self, transforms: Sequence[_Transform], nodes: Sequence[int]) -> dict[int, Frame]:
+    def _frames(
+        self, transforms: Mapping[int, _Transform], nodes: Sequence[int]
+    ) -> dict[int, Frame]:
         """Returns the frames of nodes and of all their ancestors."""
         frames: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
         needed = {ancestor for node in nodes for ancestor in self._line(node)}
@@ -184,6 +208,11 @@ class Scene:
         while node >= 0:
             line.append(node)
             node = self.parents[node]
+            if len(line) > MOST_DEPTH:
+                problem = (
+                    "is its own ancestor" if node in line else f"is below {len(line):,} others"
+                )
+                raise FileFormatError(self.path, f"node {line[0]} {problem}, expected a tree")
         return line
 
     def _bones(self, document: Document, path: Path) -> list[int]:
@@ -193,7 +222,12 @@ class Scene:
             takes = document.json.get("animations", [])
             targets = [channel["target"] for take in takes for channel in take["channels"]]
             groups = [sorted({target["node"] for target in targets if "node" in target})]
+        joints = {node for group in groups for node in group}
+        for node in joints:
+            document.entry("nodes", node)
         main = max(groups, key=len)
+        if len(joints) > MOST_JOINTS:
+            raise FileFormatError(path, f"has more than {MOST_JOINTS:,} bones")
         if not main:
             raise FileFormatError(path, "has neither a skin nor an animation; expected a figure")
         shared = set(self._line(main[0])).intersection(*(self._line(bone) for bone in main[1:]))
@@ -215,6 +249,14 @@ def _matrix(quaternions: Float[np.ndarray, "*frames 4"]) -> Float[np.ndarray, "*
     """Converts glTF's quaternions (x, y, z, w) to matrices."""
     length = np.linalg.norm(quaternions, axis=-1, keepdims=True)
     return matrix_from_quaternion((quaternions / length)[..., [3, 0, 1, 2]])
+
+
+def _numbers(values: Any, count: int) -> Float[np.ndarray, " count"]:
+    """Returns numbers of the JSON; raises ValueError for others."""
+    numbers = np.array(values, dtype=np.float64)
+    if numbers.shape != (count,) or not (np.abs(numbers) <= MOST_NUMBER).all():
+        raise ValueError(f"found {reprlib.repr(values)}, expected {count} numbers")
+    return numbers
 
 
 def _stacked(arrays: Sequence[np.ndarray], dimensions: int) -> np.ndarray:
@@ -266,20 +308,26 @@ class Track:
 
 def read_tracks(document: Document, animation: Mapping[str, Any]) -> list[Track]:
     """Returns the channels of one animation that move nodes; morph targets are left out."""
-    tracks = []
+    tracks: dict[tuple[int, str], Track] = {}
+    arrays: dict[int, np.ndarray] = {}  # several channels share their times
     for channel in animation["channels"]:
         target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
         if "node" in target and target["path"] in _PATHS:
-            times, values = (document.array(sampler[side]) for side in ("input", "output"))
             node, path = target["node"], target["path"]
+            document.entry("nodes", node)
+            if (node, path) in tracks:
+                raise ValueError(f"{path} of node {node} has two channels")
+            for accessor in (sampler["input"], sampler["output"]):
+                if accessor not in arrays:
+                    arrays[accessor] = document.array(accessor).astype(np.float64)
+            times, values = arrays[sampler["input"]], arrays[sampler["output"]]
             kind = sampler.get("interpolation", "LINEAR")
             rows = len(times) * (3 if kind == "CUBICSPLINE" else 1)
             expected = (rows, 4 if path == "rotation" else 3)
-            if values.shape != expected or not len(times):
+            if values.shape != expected or times.ndim != 1 or not len(times):
                 raise ValueError(f"{path} of node {node} has {values.shape}, expected {expected}")
-            times, values = times.astype(np.float64), values.astype(np.float64)
-            finite = np.isfinite(times).all() and np.isfinite(values).all()
+            finite = np.isfinite(times).all() and (np.abs(values) <= MOST_NUMBER).all()
             if not (finite and (np.diff(times) > 0).all()):
                 raise ValueError(f"{path} of node {node} has NaN, or times that do not rise")
-            tracks.append(Track(node, path, times, values, kind))
-    return tracks
+            tracks[node, path] = Track(node, path, times, values, kind)
+    return list(tracks.values())

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError
+from latentmotion.storage.limits import MOST_NUMBER
+from latentmotion.storage.reading import read_text
 
 METERS_PER_UNIT = {
     "meters": 1.0,
@@ -44,16 +46,7 @@ def read_lines(path: str | Path) -> list[str]:
     Raises:
         FileFormatError: The file cannot be read, is empty or is not text.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise FileFormatError(path, f"cannot be read: {error.strerror or error}") from error
-    if b"\0" in content:
-        raise FileFormatError(path, "holds binary data; expected a text file")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("latin-1")
+    text = read_text(path, "latin-1")  # names of bones, which older programs wrote so
     if not text.strip():
         raise FileFormatError(path, "the file is empty")
     # str.splitlines would also break at form feeds and the like, and the count would be off.
@@ -80,8 +73,9 @@ def numbers(
     for number, word in enumerate(words):
         with suppress(ValueError):
             values[number] = float(word)
-        if not np.isfinite(values[number]):
-            raise FileFormatError(path, f"found {word!r}, expected a finite number", line)
+        if not abs(values[number]) <= MOST_NUMBER:
+            problem = f"found {word[:40]!r}, expected a finite number up to {MOST_NUMBER:g}"
+            raise FileFormatError(path, problem, line)
     return values
 
 
@@ -109,7 +103,7 @@ def table(
         values = np.array(rows, dtype=np.float64).reshape(len(rows), width)
     except ValueError:
         values = np.full((1, width), np.nan)
-    if np.isfinite(values).all():
+    if (np.abs(values) <= MOST_NUMBER).all():
         return values
     # Something is wrong: read line by line to find it.
     filled = [

@@ -14,17 +14,21 @@ One take is read back by `numpy.load(path)["joints"]`, several by
 from __future__ import annotations
 
 import json
-import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError
+from latentmotion.formats.takes import parse_notes
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.array_files import names_in, read_array, read_arrays, write_arrays
+from latentmotion.storage.reading import blamed_on
 
+_KEYS = frozenset(
+    {"joints", "frames", "fps", "caption", "metadata", "skeleton", "names", "parents", "offsets"}
+)
 _KNOWN = {len(skeleton): skeleton for skeleton in (HUMANML3D, KIT)}
 
 
@@ -48,8 +52,7 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         "parents": np.array(skeleton.parents),
         "offsets": np.asarray(skeleton.offsets),
     }
-    with atomic_file(path) as temporary:
-        np.savez_compressed(temporary, **arrays)
+    write_arrays(path, arrays)
     return [Path(path)]
 
 
@@ -61,38 +64,39 @@ def read(path: str | Path) -> list[Motion]:
     """
     from latentmotion.formats import smpl_npz
 
+    if smpl_npz.is_smpl(names_in(path)):
+        return [smpl_npz.read_arrays(path, read_arrays(path, smpl_npz.KEYS))]
+    arrays = read_arrays(path, _KEYS)
     try:
-        with Path(path).open("rb") as opened:
-            if not zipfile.is_zipfile(opened):
-                raise FileFormatError(path, "not a motion file: cut short, or no .npz at all")
-            opened.seek(0)
-            file = np.load(opened, allow_pickle=False)
-            if smpl_npz.is_smpl(file.files):
-                return [smpl_npz.read_arrays(path, file)]
-            arrays = {name: file[name] for name in file.files}
-        names = tuple(str(name) for name in arrays["names"])
-        skeleton = next((known for known in _KNOWN.values() if known.names == names), None)
-        if skeleton is None:
-            parents = tuple(int(parent) for parent in arrays["parents"])
-            skeleton = Skeleton(str(arrays["skeleton"]), names, parents, arrays["offsets"])
-        takes = np.split(arrays["joints"], np.cumsum(arrays["frames"])[:-1])
-        facts = zip(arrays["fps"], arrays["caption"], arrays["metadata"], strict=True)
-        return [
-            Motion(joints, float(fps), skeleton, str(caption), json.loads(str(metadata)))
-            for joints, (fps, caption, metadata) in zip(takes, facts, strict=True)
-        ]
-    except FileFormatError:
-        raise
+        with blamed_on(path):
+            motions = _motions(path, arrays)
     except KeyError as error:
         known = " or ".join(map(str, _KNOWN))
         lack = f"not a motion file of Latent Motion: it lacks {error}"
         raise FileFormatError(
             path, f"{lack}; bare joints (frames, {known}, 3) go in .npy"
         ) from error
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, TypeError) as error:
         raise FileFormatError(path, f"not a motion file of Latent Motion ({error})") from error
-    except LatentMotionError as error:
-        raise FileFormatError(path, str(error)) from error
+    return motions
+
+
+def _motions(path: str | Path, arrays: Mapping[str, np.ndarray]) -> list[Motion]:
+    names = tuple(str(name) for name in arrays["names"])
+    skeleton = next((known for known in _KNOWN.values() if known.names == names), None)
+    if skeleton is None:
+        parents = tuple(int(parent) for parent in arrays["parents"])
+        skeleton = Skeleton(str(arrays["skeleton"]), names, parents, arrays["offsets"])
+    joints, frames = arrays["joints"], arrays["frames"]
+    if frames.dtype.kind not in "iu" or not (frames > 0).all() or frames.sum() != len(joints):
+        raise FileFormatError(path, f"its takes do not add up to the {len(joints)} frames")
+    takes = np.split(joints, np.cumsum(frames)[:-1])
+    facts = zip(arrays["fps"], arrays["caption"], arrays["metadata"], strict=True)
+    motions = []
+    for take, (fps, caption, metadata) in zip(takes, facts, strict=True):
+        notes = parse_notes(path, metadata)
+        motions.append(Motion(take, float(fps), skeleton, str(caption), notes))
+    return motions
 
 
 def read_joints(path: str | Path) -> list[Motion]:
@@ -102,10 +106,9 @@ def read_joints(path: str | Path) -> list[Motion]:
         FileFormatError: The file is damaged, or holds something else.
     """
     try:
-        with Path(path).open("rb") as opened:
-            joints = np.load(opened, allow_pickle=False)
+        joints = read_array(path)
         skeleton = _KNOWN[joints.shape[1]]
         return [Motion(joints, fps=12.5 if skeleton is KIT else 20.0, skeleton=skeleton)]
-    except (ValueError, KeyError, IndexError, OSError, EOFError, LatentMotionError) as error:
+    except (ValueError, KeyError, IndexError, LatentMotionError) as error:
         expected = f"expected an array (frames, {' or '.join(map(str, _KNOWN))}, 3)"
         raise FileFormatError(path, f"{expected} of joint positions ({error})") from error

@@ -27,13 +27,16 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.formats.takes import numbered
+from latentmotion.formats.takes import numbered, parse_notes
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import rotations_from
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.array_files import write_arrays
+from latentmotion.storage.limits import MOST_NUMBER
+from latentmotion.storage.reading import blamed_on
 
+_RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
 _JOINTS, _SMPLX_JOINTS = len(HUMANML3D), 55
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """From our axes, y up, to AMASS's, z up."""
@@ -128,6 +131,13 @@ def write_smpl(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     return _write(path, motions, layouts)
 
 
+KEYS = frozenset(
+    {"poses", "trans", "global_orient", "body_pose", "transl", "caption", "metadata"}
+    | {"mocap_framerate", "mocap_frame_rate", "fps"}
+)
+"""Arrays that are read."""
+
+
 def is_smpl(keys: Collection[str]) -> bool:
     """Returns whether a file has the keys of one of these layouts."""
     return {"poses", "trans"} <= set(keys) or {"global_orient", "body_pose"} <= set(keys)
@@ -141,29 +151,33 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     """
     is_z_up = "poses" in arrays
     keys = ("poses",) if is_z_up else ("global_orient", "body_pose")
-    blocks = [np.asarray(arrays[key], np.float64) for key in keys]
-    poses = np.concatenate(
-        [block.reshape(len(block), math.prod(block.shape[1:])) for block in blocks], axis=1
-    )
-    still = np.zeros((len(poses), 3))
-    trans = arrays["trans"] if is_z_up else arrays.get("transl", still)
-    trans = np.asarray(trans, np.float64)
+    try:
+        blocks = [np.asarray(arrays[key], np.float64) for key in keys]
+        poses = np.concatenate(
+            [block.reshape(len(block), math.prod(block.shape[1:])) for block in blocks], axis=1
+        )
+        still = np.zeros((len(poses), 3))
+        trans = arrays["trans"] if is_z_up else arrays.get("transl", still)
+        trans = np.asarray(trans, np.float64)
+        rates = [float(arrays[key]) for key in _RATES if key in arrays]
+    except (ValueError, TypeError) as error:
+        raise FileFormatError(path, f"no poses of SMPL ({error})") from error
     if not len(poses) or poses.shape[1] < 3 * _JOINTS or trans.shape != (len(poses), 3):
         found = f"found poses {poses.shape} and trans {trans.shape}"
         raise FileFormatError(path, f"{found}, expected (frames, 66 or more) and (frames, 3)")
-    if not (np.isfinite(poses).all() and np.isfinite(trans).all()):
+    if not ((np.abs(poses) < MOST_NUMBER).all() and (np.abs(trans) < MOST_NUMBER).all()):
         raise FileFormatError(path, "holds NaN or infinite numbers; cut or repair them")
     axes = _Z_UP if is_z_up else np.eye(3)
     rotations = matrix_from_axis_angle(poses[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
     rotations[:, 0] = axes.T @ rotations[:, 0]
     pelvis = _PELVIS_X if poses.shape[1] == 3 * _SMPLX_JOINTS else _PELVIS
     joints = _body(_JOINTS).forward_kinematics(rotations, (trans + pelvis) @ axes)
-    notes = json.loads(str(arrays["metadata"])) if "metadata" in arrays else {}
+    notes = parse_notes(path, arrays["metadata"]) if "metadata" in arrays else {}
     caption = str(arrays["caption"]) if "caption" in arrays else ""
-    for key in ("mocap_framerate", "mocap_frame_rate", "fps"):
-        if key in arrays:
-            return Motion(joints.astype("f4"), float(arrays[key]), caption=caption, metadata=notes)
-    raise FileFormatError(path, "says no frame rate; expected mocap_framerate or fps")
+    if not rates:
+        raise FileFormatError(path, "says no frame rate; expected mocap_framerate or fps")
+    with blamed_on(path):
+        return Motion(joints, rates[0], caption=caption, metadata=notes)
 
 
 def _parameters(
@@ -186,8 +200,7 @@ def _write(
     for target, motion, arrays in zip(paths, motions, layouts, strict=True):
         notes = json.dumps(dict(motion.metadata))
         arrays |= {"caption": np.array(motion.caption), "metadata": np.array(notes)}
-        with atomic_file(target) as temporary:
-            np.savez_compressed(temporary, **arrays)
+        write_arrays(target, arrays)
     return paths
 
 

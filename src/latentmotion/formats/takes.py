@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from latentmotion.errors import FileFormatError
 from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT
 from latentmotion.motion import Motion
+from latentmotion.storage.reading import blamed_on, parse_json
 
 OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
 """Our own skeletons by the names of their joints."""
@@ -39,7 +41,9 @@ def read_bvh_file(path: str | Path) -> list[Motion]:
         FileFormatError: The file is damaged.
         DataError: No joint map fits the skeleton.
     """
-    return [motion_of(read_bvh(path))]
+    with blamed_on(path):
+        motion = motion_of(read_bvh(path))
+    return [motion]
 
 
 def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> Motion:
@@ -61,7 +65,21 @@ def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> M
         joints, known = to_humanml3d(animation), HUMANML3D
     else:
         joints = animation.joints()[:, [j for j in range(len(animation.skeleton)) if j not in tips]]
-    return Motion(joints.astype("f4"), animation.fps, known, caption, metadata)
+    return Motion(joints, animation.fps, known, caption, metadata)
+
+
+def parse_notes(path: str | Path, text: Any) -> dict[str, Any]:
+    """Returns the metadata that a file keeps as JSON.
+
+    Raises:
+        FileFormatError: It is no JSON, or no object.
+    """
+    notes = parse_json(str(text), path)
+    if not isinstance(notes, dict):
+        raise FileFormatError(
+            path, f"its metadata are a {type(notes).__name__}, expected an object"
+        )
+    return notes
 
 
 def numbered(path: Path, count: int) -> list[Path]:

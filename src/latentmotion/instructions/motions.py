@@ -7,7 +7,6 @@ FOLDER/side-01_1.npz   the same as `joints`, and optionally `fps`
 from __future__ import annotations
 
 import warnings
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,8 @@ from latentmotion.instructions.prompts import Instruction
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.config import Sampling
 from latentmotion.pipeline import MotionPipeline
+from latentmotion.storage.array_files import read_array, read_arrays
+from latentmotion.storage.limits import FARTHEST
 
 Joints = Float[np.ndarray, "_ 22 3"]
 
@@ -135,14 +136,13 @@ def read_joints_folder(
 def _read(path: Path, fps: float) -> Joints:
     """Reads and checks one file, and resamples it to 20 frames per second."""
     try:
-        with path.open("rb") as opened:
-            loaded = np.load(opened, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                joints = loaded
-            else:
-                joints = loaded["joints"]
-                fps = float(np.ravel(loaded["fps"])[0]) if "fps" in loaded.files else fps
-    except (ValueError, KeyError, IndexError, OSError, EOFError, zipfile.BadZipFile) as error:
+        if path.suffix == ".npz":
+            arrays = read_arrays(path, ("joints", "fps"))
+            joints = arrays["joints"]
+            fps = float(np.ravel(arrays["fps"])[0]) if "fps" in arrays else fps
+        else:
+            joints = read_array(path)
+    except (ValueError, KeyError, IndexError, FileFormatError) as error:
         expected = "expected an array `joints` of shape (frames, 22, 3)"
         raise FileFormatError(path, f"{expected} ({error})") from error
     if joints.ndim != 3 or joints.shape[1:] != (22, 3) or joints.dtype.kind != "f":
@@ -154,7 +154,7 @@ def _read(path: Path, fps: float) -> Joints:
         raise FileFormatError(
             path, f"found {len(joints)} frames, expected {MIN_FRAMES} to {MAX_FRAMES}"
         )
-    if not np.isfinite(joints).all():
+    if not (np.abs(joints) <= FARTHEST).all():
         raise FileFormatError(path, "found NaN or infinite positions, expected numbers")
     if not (np.isfinite(fps) and 1 <= fps <= 1000):
         raise FileFormatError(path, f"found fps {fps:g}, expected 1 to 1000")

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from latentmotion.errors import InputError
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.storage.limits import MOST_FRAMES, UNPACKED_FACTOR
 
 MOST_FPS = 1000.0
 """Frames per second above which a rate is taken for a mistake."""
@@ -53,6 +54,9 @@ class Animation:
         """
         check_fps(fps)
         last = len(self) - 1
+        if last * fps / self.fps > max(MOST_FRAMES, UNPACKED_FACTOR * last):
+            problem = f"{last * fps / self.fps:,.0f} frames from {last + 1:,}"
+            raise InputError(f"{problem}; check the frame rates {self.fps:g} and {fps:g}")
         times = np.arange(int(last * fps / self.fps + 1e-6) + 1) * (self.fps / fps)
         before = np.minimum(times.astype(int), max(last - 1, 0))
         after, share = np.minimum(before + 1, last), np.minimum(times - before, 1.0)

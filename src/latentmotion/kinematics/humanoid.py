@@ -13,7 +13,6 @@ between pelvis and chest.
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -25,6 +24,7 @@ from jaxtyping import Float
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.storage.reading import read_json_file
 
 JointMap = Mapping[str, str | Mapping[str, float]]
 """HumanML3D's name → a source joint, or the weights of several that sum to 1."""
@@ -213,14 +213,7 @@ def load_joint_map(path: str | Path) -> JointMap:
     Raises:
         FileFormatError: The file cannot be read or holds something else.
     """
-    try:
-        joint_map = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileFormatError(path, f"cannot be read: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise FileFormatError(path, "is not UTF-8 text; expected a JSON joint map") from error
-    except json.JSONDecodeError as error:
-        raise FileFormatError(path, f"not JSON: {error.msg}", error.lineno) from error
+    joint_map = read_json_file(path)
     valid = isinstance(joint_map, dict)
     for source in joint_map.values() if valid else ():
         weights = source.values() if isinstance(source, dict) else ()

@@ -13,11 +13,17 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
+from latentmotion.errors import InputError
+from latentmotion.storage.limits import MOST_DEPTH, MOST_JOINTS
 
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """A tree of joints in rest pose. A parent always comes before its children."""
+    """A tree of joints in rest pose. A parent always comes before its children.
+
+    Raises:
+        InputError: They are no such tree, are too many or too deep, or an offset is not finite.
+    """
 
     name: str
     """Its name, e.g. `humanml3d`."""
@@ -33,6 +39,26 @@ class Skeleton:
     """Joints of the right foot that touch the floor (ankle, toe)."""
     end_sites: tuple[int, ...] = ()
     """Joints that are only tips of bones (BVH's `End Site`) and never rotate."""
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        if not 0 < count <= MOST_JOINTS:
+            raise InputError(f"a skeleton of {count:,} joints, expected 1 to {MOST_JOINTS:,}")
+        if len(self.parents) != count or np.shape(self.offsets) != (count, 3):
+            found = f"{len(self.parents)} parents and offsets of shape {np.shape(self.offsets)}"
+            raise InputError(f"a skeleton of {count} joints with {found}")
+        depths = [0]
+        for joint, parent in enumerate(self.parents):
+            if not (0 <= parent < joint if joint else parent == -1):
+                raise InputError(f"joint {joint} has the parent {parent}, expected one before it")
+            if joint:
+                depths.append(depths[parent] + 1)
+        if max(depths) >= MOST_DEPTH:
+            raise InputError(
+                f"a chain of {max(depths) + 1:,} joints, expected at most {MOST_DEPTH}"
+            )
+        if not np.isfinite(self.offsets).all():
+            raise InputError("a skeleton with offsets that are not finite")
 
     def __len__(self) -> int:
         return len(self.names)

@@ -19,7 +19,6 @@ W_j and p_j are the rotation and position of joint j in the world, by forward ki
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,7 +31,9 @@ from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.skeleton import BODY, Skeleton
 from latentmotion.storage import pickles
+from latentmotion.storage.array_files import read_arrays
 from latentmotion.storage.files import sha256
+from latentmotion.storage.limits import MOST_NUMBER
 
 _SHAPES = {
     "v_template": ("V", 3),
@@ -154,10 +155,12 @@ def load_smpl(path: str | Path) -> SmplModel:
             raise FileFormatError(
                 path, f"{name} has the shape {found}, expected {shape}; {_HOW} (SMPL, not SMPL-X)"
             )
-        if not np.isfinite(arrays[name]).all():
+        if name != "kintree_table" and not (np.abs(arrays[name]) <= MOST_NUMBER).all():
             raise FileFormatError(path, f"{name} holds numbers that are not finite; {_HOW}")
-    if arrays["f"].size and arrays["f"].max() >= sizes["V"]:
-        raise FileFormatError(path, f"a triangle names vertex {arrays['f'].max()} of {sizes['V']}")
+    faces = arrays["f"]
+    if faces.size and not 0 <= faces.min() <= faces.max() < sizes["V"]:
+        problem = f"a triangle names vertex {faces.max()} of {sizes['V']}, or one below 0"
+        raise FileFormatError(path, problem)
     # The root's parent is the largest unsigned number, which is -1.
     parents = (-1, *(int(parent) for parent in arrays["kintree_table"][0, 1:]))
     if parents != BODY.parents:
@@ -179,9 +182,8 @@ def _content(path: Path) -> Mapping[str, Any]:
         raise FileFormatError(path, f"there is no such file; {_HOW}")
     if path.suffix.lower() == ".npz":
         try:
-            with np.load(path, allow_pickle=False) as file:
-                content: Any = {name: file[name] for name in file.files if name in _SHAPES}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            content: Any = read_arrays(path, _SHAPES)
+        except FileFormatError as error:
             raise FileFormatError(path, f"no .npz of plain arrays ({error}); {_HOW}") from error
     elif path.suffix.lower() == ".pkl":
         content = pickles.load(path)

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from latentmotion.condition.task import TASKS, ActionTask, Task
 from latentmotion.errors import InputError
+from latentmotion.storage.limits import MOST_WIDTH
 
 Value = TypeVar("Value")
 
@@ -68,10 +69,13 @@ def upgraded(data: Any) -> Any:
         return [upgraded(item) for item in data]
     if not isinstance(data, Mapping):
         return data
-    kind = KINDS.get(data.get("kind", ""), data.get("kind"))
-    keys = KEYS.get(kind or "", {})
+    kind = data.get("kind")
+    if not isinstance(kind, str):  # told where it is read as a dataclass
+        return {key: upgraded(value) for key, value in data.items()}
+    kind = KINDS.get(kind, kind)
+    keys = KEYS.get(kind, {})
     fields = {keys.get(key, key): upgraded(value) for key, value in data.items()}
-    return fields | {"kind": kind} if kind else fields
+    return fields | {"kind": kind}
 
 
 def upgraded_card(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -86,13 +90,15 @@ def upgraded_card(data: Mapping[str, Any]) -> dict[str, Any]:
     if "task" not in card:
         raise InputError("missing key 'task'")
     name = card.pop("task")
-    if name not in TASKS:
+    if not isinstance(name, str) or name not in TASKS:
         raise InputError(f"task: expected one of {', '.join(TASKS)}, found {name!r}")
     sampling = {key: card.pop(key) for key in SAMPLING if key in card}
     card |= {"sampling": {"guidance": 1.0, **sampling}, "format": 2}
     if "denoiser" in card:
         denoiser = card["denoiser"] or None
-        card["denoiser"] = upgraded({**denoiser, "kind": "DenoiserConfig"}) if denoiser else None
+        if isinstance(denoiser, Mapping):
+            denoiser = upgraded({**denoiser, "kind": "DenoiserConfig"})
+        card["denoiser"] = denoiser
     if card.get("vae") == {} and isinstance(card.get("latents"), Mapping):
         # A converted diffusion on raw frames.
         card["vae"] = {"kind": "IdentityVAEConfig", "features": card["latents"].get("width")}
@@ -110,6 +116,7 @@ def _condition(task: type[Task], condition: Mapping[str, Any], denoiser: Any) ->
     if task is ActionTask and isinstance(denoiser, Mapping):
         fields.pop("classes", None)
         width = denoiser.get("condition_width", 0)
+        width = width if isinstance(width, int) and 0 <= width <= MOST_WIDTH else 0
         fields["labels"] = fields.get("labels") or [str(number) for number in range(width)]
     return upgraded(fields)
 

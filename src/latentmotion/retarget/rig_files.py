@@ -20,19 +20,20 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import FileFormatError, InputError
+from latentmotion.errors import InputError
 from latentmotion.formats.asf import read_asf
 from latentmotion.formats.asf_amc import figure_skeleton
 from latentmotion.formats.bvh import continuous_euler, write_bvh
 from latentmotion.formats.bvh_hierarchy import read_hierarchy
 from latentmotion.formats.gltf_document import Document
-from latentmotion.formats.gltf_reader import Scene
+from latentmotion.formats.gltf_reader import Scene, damage
 from latentmotion.formats.lines import read_lines
 from latentmotion.formats.takes import numbered
 from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.storage.files import atomic_file
+from latentmotion.storage.reading import blamed_on
 
 _STILL = 1e-6
 """Changes of a rotation or a position up to which a bone counts as resting."""
@@ -128,7 +129,7 @@ class GltfFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.document = Document.read(path)
-        try:
+        with damage(path):
             self.scene = Scene(self.document, path)
             # The bones that VRM's extension names, 1.0 or 0.x.
             extensions = self.document.json.get("extensions", {})
@@ -138,8 +139,6 @@ class GltfFile:
             nodes |= {bone["bone"]: bone["node"] for bone in older}
             index = {node: joint for joint, node in enumerate(self.scene.bones)}
             self.declared = {name: index[node] for name, node in nodes.items() if node in index}
-        except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-            raise FileFormatError(path, f"damaged glTF: {error!r}") from error
         self.skeleton = self.scene.skeleton
         self.root = self.scene.rest.positions[0]
         self.movable = frozenset(range(len(self.skeleton)))
@@ -213,13 +212,14 @@ class BvhFile:
         offsets = np.array([node.offset for node in self.nodes], dtype=np.float64)
         self.root = offsets[0].copy()
         offsets[0] = 0
-        self.skeleton = Skeleton(
-            name=path.stem,
-            names=tuple(node.name for node in self.nodes),
-            parents=tuple(node.parent for node in self.nodes),
-            offsets=offsets,
-            end_sites=tuple(joint for joint, node in enumerate(self.nodes) if node.is_end),
-        )
+        with blamed_on(path):
+            self.skeleton = Skeleton(
+                name=path.stem,
+                names=tuple(node.name for node in self.nodes),
+                parents=tuple(node.parent for node in self.nodes),
+                offsets=offsets,
+                end_sites=tuple(joint for joint, node in enumerate(self.nodes) if node.is_end),
+            )
         self.movable = frozenset(
             joint
             for joint, node in enumerate(self.nodes)
@@ -270,7 +270,8 @@ class AsfFile:
     def __init__(self, path: Path) -> None:
         figure = read_asf(path)
         self.path, self.unit = path, 1.0
-        self.skeleton = figure_skeleton(path.stem, figure)
+        with blamed_on(path):
+            self.skeleton = figure_skeleton(path.stem, figure)
         self.root = figure.meters * np.asarray(figure.position)
 
     def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import reprlib
 import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import FileFormatError, InputError, hint
 from latentmotion.storage.files import atomic_file
+from latentmotion.storage.reading import read_json_file
 
 T = TypeVar("T")
 
@@ -35,12 +37,14 @@ def from_json(cls: type[T], data: Any, where: str = "") -> T:
         InputError: A key is unknown, missing or of the wrong type; the message names the nearest.
     """
     if not isinstance(data, Mapping):
-        raise InputError(f"{where or cls.__name__}: expected an object, found {data!r}")
+        raise InputError(f"{where or cls.__name__}: expected an object, found {reprlib.repr(data)}")
     found = {key: value for key, value in data.items() if key != "kind"}
     fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     for key in found:
         if key not in fields:
-            raise InputError(f"{where or cls.__name__}: unknown key {key!r}; {hint(key, fields)}")
+            raise InputError(
+                f"{where or cls.__name__}: unknown key {key[:80]!r}; {hint(key, fields)}"
+            )
     absent = dataclasses.MISSING
     needed = [n for n, f in fields.items() if f.default is absent and f.default_factory is absent]
     missing = ", ".join(repr(name) for name in needed if name not in found)
@@ -78,11 +82,9 @@ def read_plain(path: str | Path) -> Any:
         InputError: The file is missing or is not JSON.
     """
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise InputError(f"{path} is not JSON: {error}") from error
+        return read_json_file(path)
+    except FileFormatError as error:
+        raise InputError(str(error)) from error
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:
@@ -118,7 +120,12 @@ def _convert_union(members: tuple[Any, ...], value: Any, where: str) -> Any:
     }
     if classes and isinstance(value, Mapping):
         kind = value.get("kind", next(iter(classes)) if len(classes) == 1 else None)
-        _check(kind in classes, kind, f"kind to be one of {', '.join(classes)}", where)
+        _check(
+            isinstance(kind, str) and kind in classes,
+            kind,
+            f"kind to be one of {', '.join(classes)}",
+            where,
+        )
         return from_json(typing.cast(type, classes[typing.cast(str, kind)]), value, where)
     plain = [m for m in members if m is not type(None) and not dataclasses.is_dataclass(m)]
     _check(bool(plain), value, " or ".join(classes) or "null", where)
@@ -127,5 +134,5 @@ def _convert_union(members: tuple[Any, ...], value: Any, where: str) -> Any:
 
 def _check(fits: bool, value: Any, expected: str, where: str) -> Any:
     if not fits:
-        raise InputError(f"{where}: expected {expected}, found {value!r}")
+        raise InputError(f"{where}: expected {expected}, found {reprlib.repr(value)}")
     return value

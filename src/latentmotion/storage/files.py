@@ -1,21 +1,30 @@
 """Atomic writes: a failure leaves the old file, or none, but never half of one.
 
 Files get the user's default permissions; safetensors alone would make its own unreadable to others.
+What a killed process left is removed when the same is written again; a temporary file is named
+after the machine and the process that writes it, so that writers at the same time keep theirs.
 """
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import os
+import platform
+import re
 import secrets
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 from safetensors import SafetensorError
 
-from latentmotion.errors import InputError
+from latentmotion.errors import FileFormatError, InputError
+from latentmotion.storage.limits import STALE_SECONDS
+from latentmotion.storage.reading import read_text
 
 _FAILURES = (OSError, SafetensorError)
 """Errors of writing, as on a full disk; safetensors has its own."""
@@ -91,6 +100,12 @@ def check_writable(path: str | Path) -> None:
     Raises:
         InputError: The folder does not exist or cannot be written, or the file is read-only.
     """
+    if "\0" in str(path):
+        raise InputError(f"cannot write {str(path)!r}: a name cannot hold NUL")
+    try:
+        Path(path).exists()
+    except OSError as error:  # a name too long
+        raise _unwritable(Path(path), error) from error
     folder = Path(path).absolute().parent
     if not folder.is_dir():
         raise InputError(f"cannot write {path}: the folder {folder} does not exist; create it")
@@ -111,9 +126,9 @@ def read_lines(path: str | Path, what: str) -> list[str]:
         InputError: It cannot be read as text, or has no line.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read {what}s from {path}: {error}") from error
+        text = read_text(path)
+    except FileFormatError as error:
+        raise InputError(f"cannot read {what}s from {error}") from error
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if not lines:
         raise InputError(f"{path} holds no {what}; expected one per line")
@@ -136,6 +151,40 @@ def _permit(path: Path, mode: int) -> None:
 
 
 def _temporary_name(target: Path) -> Path:
+    """Returns an unused name beside a file, and removes what killed writers left of the same."""
     check_writable(target)
+    folder, token = target.absolute().parent, f"{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
+    for entry in folder.glob(f".{glob.escape(target.stem)}.*{glob.escape(target.suffix)}"):
+        middle = entry.name[len(target.stem) + 2 : len(entry.name) - len(target.suffix)]
+        if (named := _TOKEN.fullmatch(middle)) and _is_left(entry, named[1], int(named[2])):
+            with suppress(OSError):
+                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
     # The ending is kept last, since many writers choose their format by it.
-    return target.absolute().parent / f".{target.stem}.{secrets.token_hex(4)}{target.suffix}"
+    return folder / f".{target.stem}.{token}{target.suffix}"
+
+
+_TOKEN = re.compile(r"([0-9a-f]{8})-(\d{1,10})-[0-9a-f]{8}")
+"""Machine and process that write a temporary file, and what tells its files apart."""
+
+
+@cache
+def _machine() -> str:
+    """Returns what tells this machine, or this container, from others on a shared disk."""
+    try:
+        space = str(Path("/proc/self/ns/pid").readlink())
+    except OSError:
+        space = ""
+    return hashlib.sha256(f"{platform.node()} {space}".encode()).hexdigest()[:8]
+
+
+def _is_left(entry: Path, machine: str, process: int) -> bool:
+    """Returns whether nobody writes a temporary file any more."""
+    try:
+        if machine == _machine() and os.name == "posix":
+            os.kill(process, 0)  # asks whether it runs
+            return False
+        return time.time() - entry.stat().st_mtime > STALE_SECONDS
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False

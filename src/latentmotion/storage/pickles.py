@@ -2,13 +2,20 @@
 
 A pickle is a program that may call any function by name. A `RestrictedUnpickler` looks each name up
 in its own list and imports nothing; any other name is an error. `load` allows only what rebuilds
-plain values (`ALLOWED`); SciPy's sparse matrices, such as SMPL's joint regressor, become dense
-arrays.
+plain values (`ALLOWED`). NumPy's own functions are not among them, since they trust sizes, types
+and addresses: stand-ins collect what arrays are made of, and it is checked. SciPy's sparse
+matrices, such as SMPL's joint regressor, become dense arrays.
 """
 
 from __future__ import annotations
 
+import io
+import math
+import operator
 import pickle
+import pickletools
+import re
+import reprlib
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +24,65 @@ from typing import Any
 import numpy as np
 
 from latentmotion.errors import FileFormatError
+from latentmotion.storage import limits
+from latentmotion.storage.reading import read_bytes
+
+
+class _Type:
+    """Stands for `numpy.dtype` while a pickle is read.
+
+    Args:
+        name: Kind and size, as `f4`.
+
+    Raises:
+        UnpicklingError: It is not of numbers, text, bytes or objects.
+    """
+
+    def __init__(self, name: Any, *_: Any) -> None:
+        name = name.decode("ascii") if isinstance(name, bytes) else name
+        if not (isinstance(name, str) and _TYPE.fullmatch(name)):
+            raise pickle.UnpicklingError(f"it holds an array of {reprlib.repr(name)}")
+        self.dtype = np.dtype(name)
+
+    def __setstate__(self, state: Any) -> None:
+        """Takes the order of bytes; refuses types of several fields."""
+        if any(part is not None for part in state[2:5]):
+            raise pickle.UnpicklingError("it holds an array of several fields")
+        if self.dtype.kind != "O" and state[1] in ("<", ">"):
+            self.dtype = self.dtype.newbyteorder(state[1])
+
+    def values(self, raw: Any, shape: Any) -> np.ndarray:
+        """Returns an array of contents that are as many as its shape says."""
+        count = math.prod(shape)
+        if min(shape, default=0) < 0 or len(shape) > _MOST_AXES:
+            raise pickle.UnpicklingError(f"it holds an array of shape {shape}")
+        if self.dtype.kind == "O":
+            if not isinstance(raw, list) or len(raw) != count:
+                raise pickle.UnpicklingError("it holds an array of objects without its objects")
+            values = np.empty(count, object)
+            for number, item in enumerate(raw):
+                values[number] = item
+            return values
+        raw = raw.encode("latin1") if isinstance(raw, str) else raw
+        if not isinstance(raw, bytes | bytearray) or len(raw) != count * self.dtype.itemsize:
+            problem = f"an array of shape {shape} with other contents"
+            raise pickle.UnpicklingError(f"it holds {problem} than {count} of {self.dtype}")
+        return np.frombuffer(raw, self.dtype) if count else np.zeros(0, self.dtype)
+
+
+class _Array:
+    """Stands for `numpy.ndarray` while a pickle is read: nothing is there before its contents."""
+
+    __hash__ = None  # type: ignore[assignment]
+    shape: tuple[int, ...]
+    fortran: bool
+    values: np.ndarray | None = None
+
+    def __setstate__(self, state: Any) -> None:
+        """Takes shape, type, order of axes and contents."""
+        *_, shape, kind, self.fortran, raw = state
+        self.shape = tuple(operator.index(size) for size in shape)
+        self.values = kind.values(raw, self.shape)
 
 
 class _SparseColumns:
@@ -30,12 +96,56 @@ class _SparseColumns:
     """Where each column begins."""
     _shape: tuple[int, int]
 
-    def dense(self) -> np.ndarray:
-        """Returns the whole matrix."""
-        whole = np.zeros(self._shape, self.data.dtype)
-        columns = np.repeat(np.arange(self._shape[1]), np.diff(self.indptr))
-        whole[self.indices, columns] = self.data
+    def dense(self, most: int) -> np.ndarray:
+        """Returns the whole matrix.
+
+        Args:
+            most: Bytes that it may have.
+        """
+        rows, columns = (operator.index(size) for size in self._shape)
+        size = rows * columns * self.data.dtype.itemsize
+        if min(rows, columns) < 0 or size > most or self.data.dtype.kind not in "fiu":
+            raise pickle.UnpicklingError(f"it holds a sparse matrix of shape {self._shape}")
+        counts = np.diff(self.indptr)
+        if len(counts) != columns or len(self.indices) != len(self.data) or (counts < 0).any():
+            raise pickle.UnpicklingError("it holds a sparse matrix that contradicts itself")
+        if len(self.indices) and not 0 <= self.indices.min() <= self.indices.max() < rows:
+            raise pickle.UnpicklingError("it holds a sparse matrix with rows outside of it")
+        whole = np.zeros((rows, columns), self.data.dtype)
+        whole[self.indices, np.repeat(np.arange(columns), counts)] = self.data
         return whole
+
+
+def _reconstruct(cls: type, *_: Any) -> _Array:
+    """Makes an array that has no contents yet, as NumPy's pickles do."""
+    if cls is not _Array:
+        raise pickle.UnpicklingError(f"it makes an array of {cls!r}")
+    return _Array()
+
+
+def _from_buffer(raw: Any, kind: _Type, shape: Any, order: str) -> _Array:
+    """Makes an array as protocol 5 does."""
+    array = _Array()
+    array.__setstate__((shape, kind, order == "F", raw))
+    return array
+
+
+def _scalar(kind: _Type, raw: Any = None) -> Any:
+    """Makes a number of NumPy's."""
+    if kind.dtype.kind == "O":
+        raise pickle.UnpicklingError("it holds an object as a number")
+    return kind.values(raw, (1,))[0]
+
+
+def _bytes(cls: type) -> Callable[..., Any]:
+    """Returns what makes bytes, of given contents but not of a number."""
+
+    def make(*contents: Any) -> Any:
+        if contents and not isinstance(contents[0], bytes | bytearray | str):
+            raise pickle.UnpicklingError(f"it makes {cls.__name__} of a {type(contents[0])}")
+        return cls(*contents)
+
+    return make
 
 
 def _encode(text: str, encoding: str) -> bytes:
@@ -50,26 +160,29 @@ def _reconstructor(cls: type, base: type, state: Any) -> Any:
     return _SparseColumns()
 
 
+_TYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f(2|4|8|16)|c(8|16)|[SU]\d{1,6}|O8?|[?bhilqBHILQefdg])")
+_MOST_AXES = 32
+
 _PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
 """Names of modules in pickles of Python 2."""
 
 _REBUILDERS = {
-    "multiarray._reconstruct": np.zeros(1).__reduce__()[0],
-    "multiarray.scalar": np.float64(1).__reduce__()[0],
-    "numeric._frombuffer": np.zeros(1).__reduce_ex__(5)[0],
+    "multiarray._reconstruct": _reconstruct,
+    "multiarray.scalar": _scalar,
+    "numeric._frombuffer": _from_buffer,
 }
 """Functions that NumPy's own pickles call, by their names in all its versions."""
 
 ALLOWED: dict[tuple[str, str], Any] = {
-    ("numpy", "ndarray"): np.ndarray,
-    ("numpy", "dtype"): np.dtype,
+    ("numpy", "ndarray"): _Array,
+    ("numpy", "dtype"): _Type,
     ("_codecs", "encode"): _encode,
     ("collections", "OrderedDict"): OrderedDict,
-    ("builtins", "bytes"): bytes,
+    ("builtins", "bytes"): _bytes(bytes),
     ("builtins", "set"): set,
     ("builtins", "frozenset"): frozenset,
     ("builtins", "complex"): complex,
-    ("builtins", "bytearray"): bytearray,
+    ("builtins", "bytearray"): _bytes(bytearray),
     ("builtins", "object"): object,
     ("copyreg", "_reconstructor"): _reconstructor,
     **{
@@ -142,28 +255,119 @@ def load(path: str | Path) -> Any:
             is named; nothing of it was run.
     """
     try:
-        with Path(path).open("rb") as file:
-            content = RestrictedUnpickler(file, lambda *name: ALLOWED[name], "latin1").load()
-            return _plain(content)
+        content = read_bytes(path)
+        check_program(content)
+        loaded = RestrictedUnpickler(io.BytesIO(content), lambda *name: ALLOWED[name], "latin1")
+        return _Plain(len(content)).value(loaded.load())
+    except FileFormatError:
+        raise
     except ForbiddenName as error:
         chumpy = error.name.startswith("chumpy")
         problem = (_CHUMPY if chumpy else _NOT_PLAIN).format(name=error.name, path=path)
         raise FileFormatError(path, problem) from error
-    except OSError as error:
-        raise FileFormatError(path, f"cannot be read ({error.strerror or error})") from error
     except Exception as error:  # a damaged pickle fails anywhere inside pickle and NumPy
         problem = f"no pickle of plain values, or damaged ({type(error).__name__}: {error})"
         raise FileFormatError(path, f"{problem}; download it again") from error
 
 
-def _plain(value: Any) -> Any:
-    """Replaces stand-ins, in dictionaries and lists."""
-    if isinstance(value, _SparseColumns):
-        return value.dense()
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list) else value
+def check_program(content: bytes) -> None:
+    """Checks the places in memory that a pickle takes by number, before any of it runs.
 
+    Raises:
+        UnpicklingError: One is beyond what the pickle could fill, or it is no pickle.
+        ValueError: A size is beyond its end.
+    """
+    file, count = io.BytesIO(content), 0
+    while True:
+        opcode = _OPCODES.get(file.read(1))
+        if opcode is None or opcode.name == "STOP":
+            break
+        # `STRING` of Python 2 may hold any bytes, which its own reader does not take.
+        read = io.BytesIO.readline if opcode.name == "STRING" else opcode.arg and opcode.arg.reader
+        argument = read(file) if read else None
+        if opcode.name in _PLACES and int(argument or 0) > count:
+            raise pickle.UnpicklingError(f"it uses the place {argument} in memory too early")
+        count += 1
+    if opcode is None:
+        raise pickle.UnpicklingError("pickle data was truncated, or is none")
+
+
+_OPCODES = {opcode.code.encode("latin1"): opcode for opcode in pickletools.opcodes}
+_PLACES = ("PUT", "BINPUT", "LONG_BINPUT")
+
+
+class _Plain:
+    """Replaces stand-ins by what they stand for, each once however often it is referred to.
+
+    Args:
+        size: Bytes of the pickle, which bound what it may hold.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._free = 2 * size + 1024  # bytes of arrays; contents may be referred to twice
+        self._most = max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * size)
+        self._made: dict[int, tuple[Any, Any, int]] = {}
+        self._open: set[int] = set()
+
+    def value(self, value: Any) -> Any:
+        """Returns a value without stand-ins.
+
+        Raises:
+            UnpicklingError: It refers to itself, or to its parts so often that it has far more
+                than the pickle.
+        """
+        return self._sized(value)[0]
+
+    def _sized(self, value: Any) -> tuple[Any, int]:
+        """Returns the plain value, and how many values it has, counted at every reference."""
+        if not isinstance(value, _CONTAINERS):
+            return value, 1
+        known = self._made.get(id(value))
+        if known is not None:
+            return known[1], known[2]
+        if id(value) in self._open:
+            raise pickle.UnpicklingError("it holds something that holds itself")
+        self._open.add(id(value))
+        made, size = self._replaced(value)
+        if size > self._most:
+            raise pickle.UnpicklingError("it repeats its contents by reference too often")
+        self._open.remove(id(value))
+        self._made[id(value)] = value, made, size  # kept, so that no other gets its id
+        return made, size
+
+    def _replaced(self, value: Any) -> tuple[Any, int]:
+        if isinstance(value, _Array):
+            return self._array(value)
+        if isinstance(value, _SparseColumns):
+            for name, part in list(vars(value).items()):
+                setattr(value, name, self._sized(part)[0])
+            whole = value.dense(self._most)
+            return whole, whole.size
+        if isinstance(value, dict):
+            pairs = [(self._sized(key)[0], self._sized(item)) for key, item in value.items()]
+            return {key: item for key, (item, _) in pairs}, 1 + sum(n for _, (_, n) in pairs)
+        items = [self._sized(item) for item in value]
+        size = 1 + sum(count for _, count in items)
+        made = (item for item, _ in items)
+        return (list(made) if isinstance(value, list) else tuple(made)), size
+
+    def _array(self, array: _Array) -> tuple[np.ndarray, int]:
+        values, size = array.values, 0
+        if values is None:
+            raise pickle.UnpicklingError("it holds an array without contents")
+        self._free -= values.nbytes
+        if self._free < 0:
+            raise pickle.UnpicklingError("it repeats its contents by reference too often")
+        values = values.copy()
+        if values.dtype == object:
+            for number, item in enumerate(values):
+                values[number], count = self._sized(item)
+                size += count
+        order = "F" if array.fortran else "C"
+        return values.reshape(array.shape, order=order), 1 + size + values.size
+
+
+_CONTAINERS = (list, tuple, dict, _Array, _SparseColumns)
 
 _NOT_PLAIN = (
     "holds {name}, expected only arrays, lists, dictionaries, text and numbers; it was not read, "

@@ -13,7 +13,6 @@ Six trials have labels of exercises, ten a second, by Fox and Hughes (BSD 2-clau
 
 from __future__ import annotations
 
-import json
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -40,6 +39,7 @@ from latentmotion.data.takes import FPS, every, files_below, joints_at
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
+from latentmotion.storage.reading import read_json_file, read_text
 
 CMU = Source(
     name="cmu",
@@ -281,15 +281,15 @@ def read_rates(path: Path) -> dict[str, float]:
     """
     expected = 'expected frames per second by trial, such as {"05_18": 120}'
     try:
-        rates = json.loads(path.read_text(encoding="utf-8"))
+        rates = read_json_file(path)
         checked = {}
         for trial, rate in rates.items():
             if isinstance(rate, bool) or not 1 <= rate <= 1000:
                 raise ValueError(f"a rate of {rate}")
             checked[trial] = float(rate)
         return checked
-    except OSError as error:
-        raise DataError(f"cannot read {path}: {error.strerror}; {expected}") from error
+    except FileFormatError as error:
+        raise DataError(f"{error}; {expected}") from error
     except (ValueError, TypeError, AttributeError) as error:
         raise DataError(f"{path}: {expected}, found something else ({error})") from error
 
@@ -309,7 +309,7 @@ def read_exercises(folder: Path, fps: int) -> dict[str, list[tuple[int, int, str
     for path in files_below(folder, [".txt"]):
         if path.parent.name != _LABEL_FOLDER:
             continue
-        labels = path.read_text(encoding="utf-8", errors="replace").split()
+        labels = read_text(path, "latin-1").split()
         if unknown := sorted(set(labels) - set(texts)):
             raise FileFormatError(path, f"found {unknown[0][:40]!r}, expected numbers from 1 to 12")
         stretches, start = [], 0

@@ -21,6 +21,7 @@ from latentmotion.data.recording import (
     EncodedRecording,
     Label,
     PosedRecording,
+    as_numbers,
 )
 from latentmotion.errors import FileFormatError
 from latentmotion.storage import pickles
@@ -61,9 +62,15 @@ def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | 
         raise FileFormatError(
             path, f"expected {', '.join(_NEEDED)} of humanact12poses.pkl, found {found}"
         )
+    for key in _NEEDED:
+        if not isinstance(content[key], list | tuple | np.ndarray) or np.shape(content[key]) == ():
+            found = type(content[key]).__name__
+            raise FileFormatError(path, f"{key} is a {found}, expected a list by clip")
     counts = [len(content[key]) for key in _NEEDED]
     if len(set(counts)) > 1:
         raise FileFormatError(path, f"{' and '.join(map(str, counts))} clips; expected as many")
+    if not all(isinstance(y, int | np.integer) for y in content["y"]):
+        raise FileFormatError(path, "its actions are no whole numbers; is it another data set?")
     unknown = sorted({int(y) for y in content["y"]} - set(range(len(ACTIONS))))
     if unknown:
         raise FileFormatError(
@@ -78,9 +85,13 @@ def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | 
             action=ACTIONS[int(action)],
             mirrored_action=ACTIONS[int(action)],
         )
-        shapes = np.shape(pose), np.shape(joints)
-        if shapes == ((len(pose), 3 * SMPL_JOINTS), (len(pose), SMPL_JOINTS, 3)):
-            yield PosedRecording(label, np.asarray(pose), np.asarray(joints)[:, 0]).encode(hold)
+        try:
+            pose, joints = map(as_numbers, (pose, joints))
+        except (ValueError, TypeError) as error:
+            raise FileFormatError(path, f"clip {number} holds no numbers ({error})") from error
+        shapes = pose.shape, joints.shape
+        if pose.ndim and shapes == ((len(pose), 3 * SMPL_JOINTS), (len(pose), SMPL_JOINTS, 3)):
+            yield PosedRecording(label, pose, joints[:, 0]).encode(hold)
         else:
             found = f"poses {shapes[0]} and joints {shapes[1]}"
             yield Dropped(label.id, "clip", f"{found}, expected (n, 72) and (n, {SMPL_JOINTS}, 3)")

@@ -16,9 +16,6 @@ https://github.com/EricGuo5513/HumanML3D (MIT, captions included)
 
 from __future__ import annotations
 
-import csv
-import json
-import lzma
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,8 +26,10 @@ from latentmotion.data.captions import TaggedSentence, mirror_sentence, parse_se
 from latentmotion.data.clip import SPLITS, Source, Split
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.store import StoredNormalizer, stored_normalizer
-from latentmotion.errors import DataError, InputError
+from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.representation.normalizer import Normalizer
+from latentmotion.storage.array_files import read_array
+from latentmotion.storage.reading import parse_json, read_table, read_text, unpack_xz
 
 GET_IT = "get it from https://github.com/EricGuo5513/HumanML3D"
 
@@ -82,22 +81,18 @@ def read_index(folder: Path) -> tuple[IndexRow, ...]:
     """
     path = folder / "index.csv"
     rows = []
-    with _existing(path).open(newline="", encoding="utf-8") as file:
-        table = csv.DictReader(file)
-        missing = [name for name in _COLUMNS if name not in (table.fieldnames or ())]
-        if missing:
+    try:
+        table = read_table(_existing(path), _COLUMNS)
+    except FileFormatError as error:
+        raise DataError(f"{error}; {GET_IT}") from error
+    for line, row in table:
+        try:
+            start, end = int(row["start_frame"]), int(row["end_frame"])
+        except ValueError as error:
             raise DataError(
-                f"{path}: lacks the column {', '.join(missing)}; found "
-                f"{', '.join(table.fieldnames or ()) or 'nothing'}; {GET_IT}"
-            )
-        for row in table:
-            try:
-                start, end = int(row["start_frame"]), int(row["end_frame"])
-            except (TypeError, ValueError) as error:
-                raise DataError(
-                    f"{path}:{table.line_num}: expected numbers of frames ({error}); {GET_IT}"
-                ) from error
-            rows.append(IndexRow(Path(row["new_name"]).stem, row["source_path"], start, end))
+                f"{path}:{line}: expected numbers of frames ({error!s:.80}); {GET_IT}"
+            ) from error
+        rows.append(IndexRow(Path(row["new_name"]).stem, row["source_path"], start, end))
     return tuple(rows)
 
 
@@ -110,7 +105,7 @@ def read_splits(folder: Path) -> dict[str, Split]:
     splits: dict[str, Split] = {
         name: split
         for split in SPLITS
-        for name in _existing(folder / f"{split}.txt").read_text(encoding="utf-8").split()
+        for name in read_text(_existing(folder / f"{split}.txt")).split()
     }
     if not splits:
         raise DataError(f"{folder}: train.txt, val.txt and test.txt are empty; {GET_IT}")
@@ -121,20 +116,18 @@ def read_texts(folder: Path) -> Mapping[str, str]:
     """Reads all caption files, by id.
 
     Raises:
-        DataError: There are none, or the archive is damaged.
+        DataError: There are none, or the archive holds something else.
+        FileFormatError: A file is damaged.
     """
     loose, archive = folder / "texts", folder / "texts.json.xz"
     if loose.is_dir():
-        texts = {p.stem: p.read_text(encoding="utf-8") for p in sorted(loose.glob("*.txt"))}
+        texts = {p.stem: read_text(p) for p in sorted(loose.glob("*.txt"))}
     elif archive.is_file():
-        try:
-            with lzma.open(archive, "rt", encoding="utf-8") as file:
-                texts = json.load(file)
-        except (lzma.LZMAError, ValueError, EOFError, OSError) as error:
-            raise DataError(f"{archive} is damaged ({error}); copy it again") from error
-        if not isinstance(texts, dict):
+        texts = parse_json(unpack_xz(archive), archive)
+        is_texts = isinstance(texts, dict) and all(isinstance(t, str) for t in texts.values())
+        if not is_texts:
             kind = type(texts).__name__
-            raise DataError(f"{archive}: expected captions by id, found a {kind}")
+            raise DataError(f"{archive}: expected captions by id, found a {kind} of others")
     else:
         raise DataError(
             f"{folder}: expected captions in texts/*.txt or texts.json.xz, found neither; {GET_IT} "
@@ -192,8 +185,10 @@ def official_recordings(
                 f"{path}: features of the shape {features.shape}, expected (frames, {width}); "
                 "HumanML3D has 263 and KIT-ML 251"
             )
+        with np.errstate(over="ignore"):
+            features = features.astype(np.float32)
         if np.isfinite(features).all():
-            yield EncodedRecording(label, features.astype(np.float32))
+            yield EncodedRecording(label, features)
         else:
             yield Dropped(name, "clip", "features that are not finite")
 
@@ -211,7 +206,8 @@ def official_normalizer(folder: Path, width: int) -> StoredNormalizer:
             f"expected ({width},); is it the other data set's?"
         )
     try:
-        normalizer = Normalizer(mean.astype(np.float32), std.astype(np.float32))
+        with np.errstate(over="ignore"):
+            normalizer = Normalizer(mean.astype(np.float32), std.astype(np.float32))
     except InputError as error:
         raise DataError(f"{folder}: Mean.npy and Std.npy hold {error}") from error
     return stored_normalizer(normalizer, "Mean.npy and Std.npy of the official folder")
@@ -227,6 +223,9 @@ def _existing(path: Path) -> Path:
 
 def _array(path: Path) -> np.ndarray:
     try:
-        return np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise DataError(f"{path}: expected a NumPy array, found {error}; copy it again") from error
+        array = read_array(path)
+    except FileFormatError as error:
+        raise DataError(f"{error}; expected a NumPy array: copy it again") from error
+    if array.dtype.kind not in "fiu":
+        raise DataError(f"{path}: expected numbers, found {array.dtype}; copy it again")
+    return array

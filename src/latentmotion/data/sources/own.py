@@ -10,8 +10,8 @@ Each file becomes one clip. Mirrored copies get the same sentences with left and
 
 from __future__ import annotations
 
-import csv
 import hashlib
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -29,12 +29,13 @@ from latentmotion.data.captions import (
 from latentmotion.data.clip import SPLITS, Source, Split
 from latentmotion.data.recording import Dropped, Label, Recording
 from latentmotion.data.takes import FPS, files_below, interpolate, joints_at, whole_step
-from latentmotion.errors import DataError, FileFormatError
+from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats import npz
 from latentmotion.formats.asf_amc import find_asf, read_asf_amc
 from latentmotion.formats.bvh import read_bvh
 from latentmotion.kinematics.humanoid import JointMap
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.storage.reading import read_table, read_text
 
 ENDINGS = (".bvh", ".amc", ".npz")
 
@@ -90,7 +91,7 @@ class OwnMotions:
             try:
                 known = listed.get(name) or self._annotations_beside(path)
                 joints = self._joints(path)
-            except (FileFormatError, DataError) as error:
+            except (FileFormatError, DataError, InputError) as error:
                 yield Dropped(name, "clip", str(error))
                 continue
             action = known.action
@@ -113,7 +114,7 @@ class OwnMotions:
     def _annotations_beside(self, path: Path) -> _Annotations:
         """Returns the sentences beside a file, and the labels that its folders are."""
         texts = path.with_suffix(".txt")
-        found = parse_sentences(texts.read_text(encoding="utf-8")) if texts.is_file() else ()
+        found = parse_sentences(read_text(texts)) if texts.is_file() else ()
         if not self.labelled:
             return _Annotations(list(found))
         folders = path.relative_to(self.folder).parts[:-1]
@@ -162,36 +163,35 @@ def _read_csv(path: Path) -> dict[str, _Annotations]:
     if not path.is_file():
         raise DataError(f"no file {path}; expected a CSV with the columns {', '.join(_NEEDED)}")
     by_file: dict[str, _Annotations] = defaultdict(_Annotations)
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        table = csv.DictReader(file)
-        missing = [name for name in _NEEDED if name not in (table.fieldnames or ())]
-        if missing:
-            raise DataError(
-                f"{path}: lacks the column {', '.join(missing)}; found "
-                f"{', '.join(table.fieldnames or ()) or 'nothing'}; expected "
-                f"{', '.join(_NEEDED)} and, if you like, {', '.join(_OPTIONAL)}"
-            )
-        for row in table:
-            where = f"{path}:{table.line_num}"
-            cells = {name: (row.get(name) or "").strip() for name in (*_NEEDED, *_OPTIONAL)}
-            motion = Path(cells["file"])
-            is_motion = motion.suffix.lower() in ENDINGS
-            known = by_file[(motion.with_suffix("") if is_motion else motion).as_posix()]
-            if cells["caption"]:
-                start, end = (_seconds(row.get(name), where) for name in ("from", "to"))
-                known.sentences.append(TaggedSentence(cells["caption"], "", start, end))
-            known.action = cells["action"] or known.action
-            if cells["split"]:
-                split: Split | None = next((s for s in SPLITS if s == cells["split"]), None)
-                if split is None:
-                    expected = f"expected one of {', '.join(SPLITS)}"
-                    raise DataError(f"{where}: split {cells['split']!r}; {expected}")
-                known.split = split
+    try:
+        table = read_table(path, _NEEDED)
+    except FileFormatError as error:
+        columns = f"{', '.join(_NEEDED)} and, if you like, {', '.join(_OPTIONAL)}"
+        raise DataError(f"{error}; expected a CSV with the columns {columns}") from error
+    for line, row in table:
+        where = f"{path}:{line}"
+        cells = {name: row.get(name, "").strip() for name in (*_NEEDED, *_OPTIONAL)}
+        motion = Path(cells["file"])
+        is_motion = motion.suffix.lower() in ENDINGS
+        known = by_file[(motion.with_suffix("") if is_motion else motion).as_posix()]
+        if cells["caption"]:
+            start, end = (_seconds(cells[name], where) for name in ("from", "to"))
+            known.sentences.append(TaggedSentence(cells["caption"], "", start, end))
+        known.action = cells["action"] or known.action
+        if cells["split"]:
+            split: Split | None = next((s for s in SPLITS if s == cells["split"]), None)
+            if split is None:
+                expected = f"expected one of {', '.join(SPLITS)}"
+                raise DataError(f"{where}: split {cells['split']!r}; {expected}")
+            known.split = split
     return dict(by_file)
 
 
-def _seconds(text: str | None, where: str) -> float:
+def _seconds(text: str, where: str) -> float:
     try:
-        return float(text) if text and text.strip() else 0.0
-    except ValueError as error:
-        raise DataError(f"{where}: expected seconds in from and to, found {text!r}") from error
+        seconds = float(text or 0)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise DataError(f"{where}: expected seconds in from and to, found {text[:40]!r}")
+    return seconds

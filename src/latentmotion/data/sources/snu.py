@@ -40,6 +40,7 @@ from latentmotion.data.takes import FPS, files_below, joints_at
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
+from latentmotion.storage.reading import read_text
 
 SNU = Source(
     name="snu",
@@ -289,7 +290,7 @@ def read_annotations(folder: Path) -> dict[str, list[Span]]:
     for path in files_below(folder, [".lab"]):
         if path.parent.name != "annotation":  # The others mark where takes may be joined.
             continue
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_text(path, "latin-1")
         for block in text.split("{")[1:]:
             pairs = (line.partition(":") for line in block.partition("}")[0].splitlines())
             values = {key.strip(): value.strip() for key, _, value in pairs if key.strip()}

@@ -24,10 +24,11 @@ from jaxtyping import Float
 
 from latentmotion.data.captions import mirror_words
 from latentmotion.data.clip import Source, Split
-from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording
+from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording, as_numbers
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
 from latentmotion.storage import pickles
+from latentmotion.storage.reading import read_text
 
 UESTC = Source(
     name="uestc",
@@ -114,7 +115,13 @@ def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dro
                 f"{folder / NAMES}: {name!r}; expected names like a0_d2_p013_c1_color.avi, with "
                 f"actions below {len(actions)}, of which {ACTIONS} has a line each"
             )
-        pose, joints, camera = arrays = [np.asarray(poses[key][number]) for key in _KEYS]
+        try:
+            arrays = [as_numbers(poses[key][number]) for key in _KEYS]
+            shift = None if shifts is None else as_numbers(shifts[number])
+        except (ValueError, TypeError) as error:
+            problem = f"{name} has no arrays of numbers ({error})"
+            raise FileFormatError(folder / POSES, problem) from error
+        pose, joints, camera = arrays
         length = len(pose) if pose.ndim else 0
         found, expected = [a.shape for a in arrays], [(length, 72), (length, 49, 3), (length, 4)]
         if found != expected:
@@ -122,8 +129,12 @@ def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dro
             raise FileFormatError(
                 folder / POSES, f"{name}: {keys} of the shapes {found}, expected {expected}"
             )
-        shift = depth_shifts(camera) if shifts is None else shifts[number]
-        count = min(int(frames[number]), length)
+        with np.errstate(all="ignore"):  # what is not finite is left out below
+            shift = depth_shifts(camera) if shift is None else shift
+        if shift.shape != (length, 3):
+            problem = f"{name}: shifts {shift.shape}, expected ({length}, 3)"
+            raise FileFormatError(folder / SHIFTS, problem)
+        count = min(int(frames[number].strip()[:12]), length)
         root = joints[:count, _MID_HIP] + shift[:count]
         yield _recording(name, video, actions[video.action], pose[:count], root, hold)
 
@@ -171,9 +182,9 @@ def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:
                 f"{POSES}, from {UESTC.url}"
             )
         try:
-            texts.append(path.read_text(encoding="utf-8").splitlines())
-        except (OSError, UnicodeDecodeError) as error:
-            raise DataError(f"{path} cannot be read as text: {error}; download it again") from error
+            texts.append(read_text(path).splitlines())
+        except FileFormatError as error:
+            raise DataError(f"{error}; it cannot be read as text: download it again") from error
     path, videos = folder / POSES, len(texts[0])
     poses = pickles.load(path)
     if not isinstance(poses, Mapping) or any(key not in poses for key in _KEYS):
@@ -191,5 +202,7 @@ def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:
 
 
 def _check_count(path: Path, what: str, values: Any, videos: int) -> None:
+    if not isinstance(values, list | tuple | np.ndarray) or np.shape(values) == ():
+        raise FileFormatError(path, f"{what} are a {type(values).__name__}, expected a list")
     if len(values) != videos:
         raise FileFormatError(path, f"{what} of {len(values)} videos, {NAMES} has {videos}")

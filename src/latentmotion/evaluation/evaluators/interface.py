@@ -6,7 +6,6 @@ An evaluator is a folder: `evaluator.json`, whose "kind" names its loader, and
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -17,7 +16,8 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.clip import Caption
-from latentmotion.errors import ModelError
+from latentmotion.errors import FileFormatError, ModelError
+from latentmotion.storage.reading import read_json_file
 
 EVALUATOR_FILE = "evaluator.json"
 """File that makes a folder an evaluator."""
@@ -120,6 +120,6 @@ def evaluator_kind(folder: Path) -> str:
             "latentmotion train evaluator or latentmotion convert"
         )
     try:
-        return str(json.loads(path.read_text(encoding="utf-8"))["kind"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return str(read_json_file(path)["kind"])
+    except (FileFormatError, KeyError, TypeError) as error:
         raise ModelError(f"{path} is damaged: {error!r}; make the evaluator again") from error

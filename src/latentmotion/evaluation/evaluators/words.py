@@ -24,6 +24,7 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import Caption
 from latentmotion.errors import FileFormatError, ModelError
 from latentmotion.storage import pickles
+from latentmotion.storage.array_files import read_array
 from latentmotion.text.encoder import UnknownWordsWarning
 
 MAX_WORDS = 20
@@ -233,10 +234,7 @@ def read_glove(folder: str | Path) -> GloveWords:
             "distributes"
         )
     path = folder / VECTORS
-    try:
-        vectors = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise FileFormatError(path, f"no readable array: {error}; download it again") from error
+    vectors = read_array(path)
     if vectors.ndim != 2 or not np.issubdtype(vectors.dtype, np.floating):
         found = f"{vectors.dtype} of shape {vectors.shape}"
         raise FileFormatError(path, f"found {found}, expected one vector of numbers per word")
@@ -251,7 +249,9 @@ def read_glove(folder: str | Path) -> GloveWords:
     if lacking:
         raise FileFormatError(folder / WORDS, f"lacks the words {', '.join(lacking)}")
     rows = range(len(vectors))
-    lost = next((word for word in words if numbers.get(word) not in rows), None)
+    found = (numbers.get(word) for word in words)
+    fits = (isinstance(number, int) and number in rows for number in found)
+    lost = next((word for word, fit in zip(words, fits, strict=True) if not fit), None)
     if lost is not None:
         raise FileFormatError(
             folder / NUMBERS,

@@ -8,8 +8,6 @@ a caption and its mirrored copy, or an equal variation, are never on different s
 from __future__ import annotations
 
 import hashlib
-import json
-import lzma
 import re
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -20,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import DataError
+from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz
 
 HELD_OUT_PERCENT = 5
 """Share of sentences that are held out, in percent."""
@@ -71,12 +70,15 @@ def is_held_out(sentence: str) -> bool:
 
 def _caption_files(path: Path) -> Iterable[str]:
     if path.is_dir():
-        return (file.read_text(encoding="utf-8") for file in sorted(path.rglob("*.txt")))
+        return (read_text(file) for file in sorted(path.rglob("*.txt")))
     if not path.is_file():
         raise DataError(f"{path} does not exist; expected HumanML3D's texts folder or JSON file")
-    opener = lzma.open if path.suffix == ".xz" else open
-    with opener(path, "rt", encoding="utf-8") as file:
-        entries = json.load(file)
+    packed = path.suffix == ".xz"
+    entries = parse_json(unpack_xz(path), path) if packed else read_json_file(path)
+    if not isinstance(entries, dict) or not all(
+        isinstance(e, str | list) for e in entries.values()
+    ):
+        raise DataError(f"{path}: expected captions by id, found something else")
     return (text if isinstance(text, str) else "\n".join(text) for text in entries.values())
 
 

@@ -1,0 +1,186 @@
+"""Reading files from anywhere: text, tables, JSON and xz, each in one way, within `limits`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import lzma
+import math
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from latentmotion.errors import FileFormatError, InputError
+from latentmotion.storage import limits
+
+_OUTSIDE_BRACKETS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"|[^][{}"]+', re.DOTALL)
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+_CELL_LIMIT = 131_072
+"""Characters of a field, from Python's own reader."""
+
+
+@contextmanager
+def blamed_on(path: str | Path) -> Iterator[None]:
+    """Turns errors of what a file holds into errors of the file.
+
+    Raises:
+        FileFormatError: The block raised an InputError.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise FileFormatError(path, str(error)) from error
+
+
+def read_bytes(path: str | Path, most: int = limits.MOST_UNPACKED) -> bytes:
+    """Reads a file.
+
+    Args:
+        path: The file.
+        most: Bytes that it may have.
+
+    Raises:
+        FileFormatError: It cannot be read, or is larger.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(most + 1)
+    except (OSError, ValueError) as error:  # ValueError: a name with NUL
+        reason = getattr(error, "strerror", None) or error
+        raise FileFormatError(path, f"cannot read it: {reason}") from error
+    if len(content) > most:
+        raise FileFormatError(path, f"has more than {most:,} bytes, the most that is read")
+    return content
+
+
+def read_text(path: str | Path, otherwise: str | None = None) -> str:
+    """Reads a text file in UTF-8.
+
+    Args:
+        path: The file.
+        otherwise: The encoding of files that are not in UTF-8, if they may have another.
+
+    Raises:
+        FileFormatError: It cannot be read, is too large or is no text.
+    """
+    content = read_bytes(path, limits.MOST_TEXT)
+    if b"\0" in content:
+        raise FileFormatError(path, "holds binary data; expected a text file")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        if otherwise:
+            return content.decode(otherwise)
+        line = content.count(b"\n", 0, error.start) + 1
+        found = f"found the byte 0x{content[error.start]:02x}, which is not UTF-8"
+        raise FileFormatError(path, f"{found}; save it as UTF-8", line) from error
+
+
+def read_table(path: str | Path, needed: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
+    """Reads a CSV file with a header.
+
+    Args:
+        path: The file.
+        needed: Columns that it must have.
+
+    Returns:
+        The line and the cells of each row; cells that a row lacks are empty.
+
+    Raises:
+        FileFormatError: It cannot be read, is no CSV or lacks a column.
+    """
+    table = csv.DictReader(io.StringIO(read_text(path), newline=""), restval="")
+    try:
+        found = table.fieldnames or ()
+        missing = [name for name in needed if name not in found]
+        if missing:
+            raise FileFormatError(
+                path,
+                f"lacks the column {', '.join(missing)}; found {', '.join(found) or 'nothing'}",
+            )
+        return [(table.line_num, row) for row in table]
+    except csv.Error as error:
+        problem = f"not CSV ({error}); a cell has at most {_CELL_LIMIT:,} characters"
+        raise FileFormatError(path, problem, table.line_num) from error
+
+
+def read_json_file(path: str | Path) -> Any:
+    """Reads a JSON file as plain values; see `parse_json`."""
+    return parse_json(read_bytes(path, limits.MOST_JSON), path)
+
+
+def parse_json(content: str | bytes, path: str | Path) -> Any:
+    """Returns JSON as plain values, whose numbers are finite and whose text can be written.
+
+    Args:
+        content: The JSON; bytes are UTF-8.
+        path: The file that it is from, for errors.
+
+    Raises:
+        FileFormatError: It is no JSON, too large or nested too deep.
+    """
+    if len(content) > limits.MOST_JSON:
+        problem = f"JSON of {len(content):,} characters, at most {limits.MOST_JSON:,} are read"
+        raise FileFormatError(path, problem)
+    try:
+        text = content if isinstance(content, str) else content.decode("utf-8-sig")
+        value = json.loads(text, parse_constant=_number, parse_float=_number, parse_int=_whole)
+        if _SURROGATE.search(text):  # halves of a character, which cannot be written
+            json.dumps(value, ensure_ascii=False).encode()
+    except UnicodeError as error:
+        raise FileFormatError(path, f"is not JSON: it holds no UTF-8 text ({error})") from error
+    except json.JSONDecodeError as error:
+        raise FileFormatError(path, f"is not JSON: {error.msg}", error.lineno) from error
+    except ValueError as error:
+        raise FileFormatError(path, f"is not JSON that can be read: {error}") from error
+    except RecursionError as error:
+        raise FileFormatError(path, _TOO_DEEP) from error
+    brackets = _OUTSIDE_BRACKETS.sub("", text)
+    for _ in range(limits.MOST_NESTING):
+        brackets = brackets.replace("[]", "").replace("{}", "")
+    if brackets:
+        raise FileFormatError(path, _TOO_DEEP)
+    return value
+
+
+def unpack_xz(path: str | Path, most: int = limits.MOST_JSON) -> bytes:
+    """Returns the content of an `.xz` file.
+
+    Args:
+        path: The file.
+        most: Bytes that it may become.
+
+    Raises:
+        FileFormatError: It cannot be read, is damaged, or becomes too large.
+    """
+    packed = read_bytes(path)
+    most = min(most, max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(packed)))
+    decompressor = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=limits.UNPACKED_FREE)
+    try:
+        plain = decompressor.decompress(packed, max_length=most + 1)
+    except (lzma.LZMAError, EOFError) as error:
+        raise FileFormatError(path, f"damaged ({error}); copy it again") from error
+    if len(plain) > most:
+        raise FileFormatError(path, f"{len(packed):,} bytes unpack to more than {most:,}")
+    if not decompressor.eof:
+        raise FileFormatError(path, "damaged (it is cut short); copy it again")
+    return plain
+
+
+def _number(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"found {text}, expected a finite number")
+    return number
+
+
+def _whole(text: str) -> int:
+    if len(text) > limits.MOST_DIGITS + 1 or not -(2**63) <= (number := int(text)) < 2**63:
+        raise ValueError(f"found a whole number of {len(text)} digits, expected one of 64 bits")
+    return number
+
+
+_TOO_DEEP = f"JSON nested more than {limits.MOST_NESTING} levels deep; expected fewer"
