@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from latentmotion.cli import options
-from latentmotion.errors import InputError
+from latentmotion.errors import FileFormatError, InputError
 from latentmotion.storage.array_files import read_array
 from latentmotion.storage.files import read_lines
 
@@ -57,7 +57,10 @@ class Convert:
             raise InputError("--mean and --std belong together: pass both")
         arrays = []
         for path in (self.mean, self.std):
-            arrays += [] if path is None else [read_array(path)]
+            try:
+                arrays += [] if path is None else [read_array(path)]
+            except FileFormatError as error:
+                raise InputError(f"{error}; not a readable .npy file") from error
         unstated = mld.Unstated(
             heads=self.heads,
             activation=self.activation,

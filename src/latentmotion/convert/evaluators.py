@@ -33,7 +33,7 @@ from latentmotion.evaluation.evaluators.text_motion import (
 from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig
 from latentmotion.evaluation.evaluators.words import read_glove
 from latentmotion.model.card import Provenance
-from latentmotion.networks.checkpoint import load_weights
+from latentmotion.networks.checkpoint import check_sizes, load_weights
 from latentmotion.representation.normalizer import Normalizer
 from latentmotion.storage.array_files import read_array
 from latentmotion.storage.files import check_replaceable, sha256
@@ -77,6 +77,7 @@ def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> TextMotionCa
     """
     weights = evaluator_weights(files.checkpoint)
     config = evaluator_config(weights, files.checkpoint)
+    check_sizes(config.build, weights, str(files.checkpoint))
     networks, features = config.build(), config.features
     load_weights(networks, weights, str(files.checkpoint))
     vectors = read_glove(files.glove)
@@ -149,7 +150,7 @@ def evaluator_config(weights: Mapping[str, Tensor], source: str | Path) -> TextM
             text_hidden=weights["text_encoder.hidden"].shape[-1],
             width=weights["motion_encoder.output_net.3.weight"].shape[0],
         )
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, IndexError) as error:
         raise ModelError(f"{source} is no evaluator of the T2M code: {error!r}") from error
     if config.features not in _KNOWN:
         raise ModelError(
@@ -248,5 +249,5 @@ def action_classifier_config(
             layers=sum(key.startswith("recurrent.weight_ih_l") for key in weights),
             width=width,
         )
-    except (KeyError, IndexError) as error:
+    except (KeyError, IndexError, ValueError, TypeError) as error:
         raise ModelError(f"{source}: a weight is missing: {error}; download it again") from error

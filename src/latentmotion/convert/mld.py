@@ -28,7 +28,13 @@ from latentmotion.model.card import ModelCard, Provenance
 from latentmotion.model.config import DenoiserConfig, PositionKind, Sampling, TransformerConfig
 from latentmotion.model.vae_config import IdentityVAEConfig, TransformerVAEConfig
 from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import FirstStageModel, LatentModel, load_weights, save_model
+from latentmotion.networks.checkpoint import (
+    FirstStageModel,
+    LatentModel,
+    check_sizes,
+    load_weights,
+    save_model,
+)
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.networks.embeddings import LEARNED_LENGTH
 from latentmotion.networks.vae.interface import MotionVAE
@@ -96,7 +102,13 @@ def convert_checkpoint(
         ModelError: The file cannot be opened safely, or is no checkpoint of MLD's code.
         InputError: The normalizer is missing or does not fit.
     """
-    origin = origin or Origin()
+    try:
+        return _converted(Path(path), Path(output), origin or Origin())
+    except (ValueError, IndexError, KeyError, RuntimeError) as error:  # of weights of other shapes
+        raise ModelError(f"{path} is no checkpoint of MLD's code ({error!r:.200})") from error
+
+
+def _converted(path: Path, output: Path, origin: Origin) -> dict[str, int]:
     parts, others = split_parts(read_checkpoint(path))
     if not any(parts.values()):
         found = ", ".join(list(others)[:5]) or "nothing"
@@ -109,7 +121,7 @@ def convert_checkpoint(
     else:  # the diffusion is on raw frames, as wide as the denoiser's latents
         first_stage = IdentityVAEConfig(config.latent_width)
         vae = build(first_stage)
-    card = model_card(Path(path), first_stage, config, origin)
+    card = model_card(path, first_stage, config, origin)
     model = LatentModel(card, vae, denoiser) if denoiser else FirstStageModel(card, vae)
     save_model(output, model)
     return others
@@ -132,8 +144,10 @@ def load_vae(
     rules = weight_names.MLD_VAE_JOINT if config.decoding == "joint" else weight_names.MLD_VAE
     if is_actor(weights):
         rules = weight_names.ACTOR_VAE
+    renamed = weight_names.rename(weights, rules)
+    check_sizes(lambda: build(config), renamed, f"{path}, vae")
     network = build(config)
-    load_weights(network, weight_names.rename(weights, rules), f"{path}, vae")
+    load_weights(network, renamed, f"{path}, vae")
     return network, config
 
 
@@ -155,11 +169,13 @@ def load_denoiser(
     # Left over from older versions, or written but never used without cross-attention.
     unused = {"sequence_pos_encoding.pe"} | (set() if cross else {"mem_pos.pe"})
     used = {name: tensor for name, tensor in weights.items() if name not in unused}
-    network = build(config)
     rules = weight_names.DENOISER_CROSS if cross else weight_names.DENOISER_IN_CONTEXT
     if config.condition_projection == "linear":
         rules = weight_names.LINEAR_TEXT + rules
-    load_weights(network, weight_names.rename(used, rules), f"{path}, denoiser")
+    renamed = weight_names.rename(used, rules)
+    check_sizes(lambda: build(config), renamed, f"{path}, denoiser")
+    network = build(config)
+    load_weights(network, renamed, f"{path}, denoiser")
     return network, config
 
 

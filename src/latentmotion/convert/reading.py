@@ -8,18 +8,23 @@ nothing that is named is ever imported or run.
 
 from __future__ import annotations
 
+import io
+import math
 import pickle
+import pickletools
+import warnings
 from collections import Counter, OrderedDict
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
+from zipfile import ZipFile, is_zipfile
 
 import torch
 from torch import Tensor
 
 from latentmotion.errors import ModelError
-from latentmotion.storage.pickles import RestrictedUnpickler
+from latentmotion.storage.array_files import check_members
+from latentmotion.storage.pickles import ForbiddenName, RestrictedUnpickler, check_program
 
 PARTS = ("vae", "denoiser")
 """Networks that are converted, by the first part of their weights' names; all others are not."""
@@ -53,6 +58,10 @@ _STORAGES = {
 }
 
 
+_MOST_SHARED = 8
+"""Times that tensors may repeat what is stored, as weights that two networks share."""
+
+
 def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
     """Returns the tensors of a Lightning file's `state_dict`, or of a plain dictionary of tensors.
 
@@ -68,9 +77,26 @@ def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
 
 
 def tensors_of(state: Any) -> dict[str, Tensor]:
-    """Returns the tensors of a dictionary by name; none for anything else."""
+    """Returns the tensors of a dictionary by name; none for anything else.
+
+    Raises:
+        ModelError: One is sparse, ragged, quantized, empty or larger than what is stored of it.
+    """
     items = state.items() if isinstance(state, Mapping) else ()
-    return {str(name): value for name, value in items if isinstance(value, Tensor)}
+    tensors = {str(name): value for name, value in items if isinstance(value, Tensor)}
+    for name, tensor in tensors.items():
+        usual = tensor.layout == torch.strided and not tensor.is_nested and not tensor.is_quantized
+        if not usual or tensor.device.type != "cpu" or tensor.dtype not in _STORAGES.values():
+            raise ModelError(f"{name} is sparse, ragged or quantized, expected a plain tensor")
+        if not 0 < tensor.nbytes <= tensor.untyped_storage().nbytes():
+            shape = tuple(tensor.shape)
+            raise ModelError(f"{name} of shape {shape} has no numbers of its own in the file")
+    stored = {
+        t.untyped_storage().data_ptr(): t.untyped_storage().nbytes() for t in tensors.values()
+    }
+    if sum(tensor.nbytes for tensor in tensors.values()) > _MOST_SHARED * sum(stored.values()):
+        raise ModelError("its tensors share the same numbers too often")
+    return tensors
 
 
 def split_parts(
@@ -95,28 +121,52 @@ def read_content(path: Path) -> Any:
     Raises:
         ModelError: The file is missing, damaged, of another kind, or holds code.
     """
+    if not path.exists():
+        raise ModelError(f"{path} does not exist")
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except FileNotFoundError as error:
-        raise ModelError(f"{path} does not exist") from error
+        if is_zipfile(path):
+            return read_with_placeholders(path)
+        _check_old(path)
+        with warnings.catch_warnings(action="ignore"):
+            return torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
-        unsafe = error
-    except Exception as error:  # a damaged file fails anywhere inside zip, pickle or torch
-        raise ModelError(
-            f"{path} is no PyTorch checkpoint, or is damaged ({type(error).__name__}: {error}); "
-            "download it again"
-        ) from error
-    try:
-        return read_with_placeholders(path)
-    except Exception as error:  # a damaged file, or one of PyTorch before 1.6, which is no zip
-        unsafe = error if isinstance(error, pickle.UnpicklingError) else unsafe
-        first_line = str(unsafe).strip().splitlines()[0]
+        first_line = (str(error).strip().splitlines() or [""])[0]
         raise ModelError(
             f"{path} is damaged, or holds more than tensors and was not opened, because that could "
             f"run code ({first_line}). If you trust the file, keep its weights alone: python -c "
             f"\"import torch; torch.save({{'state_dict': torch.load('{path}', map_location='cpu', "
             "weights_only=False)['state_dict']}, 'weights.ckpt')\""
         ) from error
+    except Exception as error:  # a damaged file fails anywhere inside zip, pickle or torch
+        raise ModelError(
+            f"{path} is no PyTorch checkpoint, or is damaged ({type(error).__name__}: "
+            f"{error!s:.200}); download it again"
+        ) from error
+
+
+def _check_old(path: Path) -> None:
+    """Checks what a file of PyTorch before 1.6, which is no zip, names in its four pickles.
+
+    Raises:
+        UnpicklingError: It names something unknown, or is no pickle.
+    """
+    allowed = _TensorUnpickler(io.BytesIO(), None, "").allowed
+    with path.open("rb") as file:
+        for _ in range(4):
+            for opcode, argument, _ in pickletools.genops(file):
+                if opcode.name == "STACK_GLOBAL" or opcode.name.startswith("EXT"):
+                    raise ForbiddenName(f"something by {opcode.name}")
+                if opcode.name in ("GLOBAL", "INST"):
+                    module, _, name = str(argument).partition(" ")
+                    try:
+                        if allowed(module, name) is Placeholder and name not in _OLD:
+                            raise KeyError
+                    except KeyError as error:
+                        raise ForbiddenName(f"{module}.{name}") from error
+
+
+_OLD = ("Size", "dtype", "ndarray", "scalar", "_reconstruct", "encode", "defaultdict")
+"""Placeholders whose own functions PyTorch calls in old files, with no sizes to choose."""
 
 
 class Placeholder:
@@ -140,26 +190,28 @@ def read_with_placeholders(path: Path) -> Any:
         Exception: The file is damaged, or no zip file.
     """
     with ZipFile(path) as archive:
+        check_members(path, archive.infolist())
         names = [name for name in archive.namelist() if name.endswith("/data.pkl")]
-        with archive.open(names[0]) as file:
-            return _TensorUnpickler(file, archive, names[0].removesuffix(".pkl")).load()
+        content = archive.read(names[0])
+        check_program(content)
+        file = io.BytesIO(content)
+        return _TensorUnpickler(file, archive, names[0].removesuffix(".pkl")).load()
 
 
 class _TensorUnpickler(RestrictedUnpickler):
     """Reads the tensors of a PyTorch file beside plain values."""
 
-    def __init__(self, file: Any, archive: ZipFile, folder: str) -> None:
+    def __init__(self, file: Any, archive: ZipFile | None, folder: str) -> None:
         super().__init__(file, self.allowed, encoding="utf-8")
         self._archive, self._folder = archive, folder
+        self._storages: dict[tuple[str, torch.dtype], Tensor] = {}
 
     def allowed(self, module: str, name: str) -> Any:
         """Returns what a pickle gets for a name; raises KeyError for names that it must not use."""
         if module == "torch" and name in _STORAGES:
             return _STORAGES[name]
         if (module, name) == ("torch._utils", "_rebuild_tensor_v2"):
-            return lambda storage, offset, size, stride, *_: storage.as_strided(
-                size, stride, offset
-            )
+            return _rebuilt
         if (module, name) == ("torch._utils", "_rebuild_parameter"):
             return lambda tensor, *_: tensor
         if (module, name) == ("collections", "OrderedDict"):
@@ -173,5 +225,15 @@ class _TensorUnpickler(RestrictedUnpickler):
         _, dtype, key, _, count = pid
         if count == 0:
             return torch.empty(0, dtype=dtype)
-        content = bytearray(self._archive.read(f"{self._folder}/{int(key)}"))
-        return torch.frombuffer(content, dtype=dtype, count=count)
+        if (key, dtype) not in self._storages:
+            assert self._archive is not None
+            content = bytearray(self._archive.read(f"{self._folder}/{int(key)}"))
+            self._storages[key, dtype] = torch.frombuffer(content, dtype=dtype, count=count)
+        return self._storages[key, dtype]
+
+
+def _rebuilt(storage: Tensor, offset: int, size: Any, stride: Any, *_: Any) -> Tensor:
+    """Returns a tensor of a storage; raises ValueError for one that repeats its numbers."""
+    if math.prod(size) > storage.numel():
+        raise ValueError(f"a tensor of shape {tuple(size)} of {storage.numel()} stored numbers")
+    return storage.as_strided(size, stride, offset)

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from latentmotion.diffusion.schedule import Schedule, Time
 from latentmotion.errors import InputError
+from latentmotion.storage.limits import MOST_STEPS
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,10 @@ class FewStepConfig:
     """Steps of the teacher's solver, which all of these divide."""
 
     def __post_init__(self) -> None:
+        if not 1 <= self.solver_steps <= MOST_STEPS or len(self.steps) > self.solver_steps:
+            raise InputError(
+                f"few_step.solver_steps {self.solver_steps}: expected 1 to {MOST_STEPS:,}"
+            )
         odd = [count for count in self.steps if count < 1 or self.solver_steps % count]
         if odd or not self.steps:
             found = odd[0] if odd else "none"

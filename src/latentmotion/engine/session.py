@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
@@ -194,7 +194,10 @@ def _on_onnxruntime(path: Path, threads: int) -> Session:
     names = [value.name for value in session.get_inputs()]
 
     def run(**inputs: np.ndarray) -> np.ndarray:
-        return np.asarray(session.run(None, version_1.inputs_of(names, inputs))[0])
+        try:
+            return np.asarray(session.run(None, version_1.inputs_of(names, inputs))[0])
+        except Exception as error:  # ONNX Runtime has error classes of its own
+            raise _unfit(path, inputs, error) from error
 
     return run
 
@@ -216,9 +219,20 @@ def _on_openvino(path: Path, threads: int) -> Session:
     def run(**inputs: np.ndarray) -> np.ndarray:
         # A request of its own for each call keeps sessions safe to share between threads.
         renamed = version_1.inputs_of(names, inputs)
-        return np.array(model.create_infer_request().infer(renamed)[0])
+        try:
+            return np.array(model.create_infer_request().infer(renamed)[0])
+        except Exception as error:  # OpenVINO has error classes of its own
+            raise _unfit(path, inputs, error) from error
 
     return run
+
+
+def _unfit(path: Path, inputs: Mapping[str, np.ndarray], error: Exception) -> ModelError:
+    shapes = ", ".join(f"{name} {np.shape(array)}" for name, array in inputs.items())
+    return ModelError(
+        f"{path} cannot take {shapes}, which the model's card says ({error!s:.200}): the graph is "
+        "of another model; copy or export the folder again"
+    )
 
 
 _ENGINES: dict[str, Callable[[Path, int], Session]] = {

@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 from latentmotion.errors import DataError, InputError
 from latentmotion.motion import Motion
+from latentmotion.storage.files import check_writable
 
 ENDINGS: Mapping[str, str] = MappingProxyType(
     {
@@ -69,6 +70,7 @@ def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) 
     if not motions:
         raise InputError(f"no motion to write to {target}, expected at least one")
     writer = _function(target, ENDINGS, "written")
+    check_writable(target)
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")
     takes = motions if fps is None else [motion.resampled(fps) for motion in motions]

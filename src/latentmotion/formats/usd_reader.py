@@ -1,36 +1,36 @@
-"""USD reader: the bones of any UsdSkel figure and each SkelAnimation that moves them.
+"""USD reader: the animations of a file, read by a process of its own with limits.
 
-Positions include the file's unit, its up axis and all prims above the skeleton; `bones.py` turns
-them into bones whose rest pose has neither rotation nor scale.
+USD's library crashes on some damaged files and takes gigabytes for others. `usd_figure` runs as a
+program with bounded memory and time, and hands its result over as arrays.
 """
-
-# pyright: reportAttributeAccessIssue=false
-# (usd-core's modules define their names when they are imported.)
 
 from __future__ import annotations
 
-import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from latentmotion.errors import FileFormatError, MissingExtraError
-from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
+from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
 from latentmotion.formats.takes import motion_of
 from latentmotion.kinematics.animation import Animation
-from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
+from latentmotion.storage.array_files import read_arrays
+from latentmotion.storage.limits import USD_SECONDS
+from latentmotion.storage.reading import blamed_on, parse_json
 
-try:
-    from pxr import Tf, Usd, UsdGeom, UsdSkel
-except ImportError as error:
-    raise MissingExtraError("USD", "usd-core", "usd") from error
-
-_NOTES = "latentmotion"
-_Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-"""From axes with z up to ours."""
+_PROGRAM = "latentmotion.formats.usd_figure"
+_REFUSED = 3
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "PXR_WORK_THREAD_LIMIT"), "1"
+)
 
 
 def read_takes(path: str | Path) -> list[Motion]:
@@ -40,14 +40,15 @@ def read_takes(path: str | Path) -> list[Motion]:
         FileFormatError: The file is damaged, or has no skeleton.
         DataError: No joint map fits the skeleton.
     """
-    figure, motions = _Figure(Path(path)), []
-    for take in figure.takes:
-        text = None if take is None else take.GetPrim().GetCustomDataByKey(_NOTES)
+    arrays = _arrays(Path(path))
+    motions = []
+    for number, animation in enumerate(_animations(Path(path), arrays)):
         try:
-            notes = json.loads(text) if isinstance(text, str) else {}
-        except ValueError:
+            notes = parse_json(str(arrays[f"notes_{number}"]), path)
+        except LatentMotionError:  # another program's
             notes = {}
-        motions.append(motion_of(figure.animation(take), notes if isinstance(notes, dict) else {}))
+        with blamed_on(path):
+            motions.append(motion_of(animation, notes if isinstance(notes, dict) else {}))
     return motions
 
 
@@ -57,126 +58,44 @@ def read_animations(path: str | Path) -> list[Animation]:
     Raises:
         FileFormatError: The file is damaged, or has no skeleton.
     """
-    figure = _Figure(Path(path))
-    return [figure.animation(take) for take in figure.takes]
+    return _animations(Path(path), _arrays(Path(path)))
 
 
-class _Figure:
-    """The largest skeleton of a file and its animations."""
+def _animations(path: Path, arrays: Mapping[str, np.ndarray]) -> list[Animation]:
+    names = tuple(map(str, arrays["names"]))
+    skeleton = Skeleton(path.stem, names, tuple(arrays["parents"].tolist()), arrays["offsets"])
+    return [
+        Animation(
+            skeleton,
+            arrays[f"rotations_{number}"],
+            arrays[f"root_{number}"],
+            float(arrays[f"fps_{number}"]),
+            arrays.get(f"translations_{number}"),
+        )
+        for number in range(int(arrays["takes"]))
+    ]
 
-    def __init__(self, path: Path) -> None:
-        self.path, self.stage = path, _opened(path)
-        prims = [*self.stage.Traverse(Usd.TraverseInstanceProxies())]
-        skeletons = [UsdSkel.Skeleton(prim) for prim in prims if prim.IsA(UsdSkel.Skeleton)]
-        bones = max(skeletons, key=lambda each: len(each.GetJointsAttr().Get() or ()), default=None)
-        self.joints = [] if bones is None else [str(j) for j in bones.GetJointsAttr().Get() or ()]
-        if bones is None or not self.joints:
-            raise FileFormatError(path, "has no skeleton; expected a figure of UsdSkel")
-        topology = UsdSkel.Topology(self.joints)
-        valid, why = topology.Validate()
-        self.parents = tuple(topology.GetParent(joint) for joint in range(len(self.joints)))
-        if not valid or self.parents.count(-1) != 1 or self.parents[0] != -1:
-            raise FileFormatError(path, f"its joints make no tree: {why or 'several roots'}")
-        axes = np.eye(4)  # from the file's units and axes to ours
-        up = np.eye(3) if UsdGeom.GetStageUpAxis(self.stage) == "Y" else _Y_FROM_Z
-        axes[:3, :3] = up * UsdGeom.GetStageMetersPerUnit(self.stage)
-        above = UsdGeom.XformCache().GetLocalToWorldTransform(bones.GetPrim())
-        self.above = axes @ _columns(above)
-        self.local = self._rest(bones)
-        rest = self._pose(*(values[None] for values in _decomposed(self.local)))
-        self.rest = WorldPose(rest.positions[0], rest.rotations[0])
-        names = [joint.rpartition("/")[2] for joint in self.joints]
-        self.skeleton = plain_skeleton(path.stem, names, self.parents, self.rest)
-        takes = [UsdSkel.Animation(prim) for prim in prims if prim.IsA(UsdSkel.Animation)]
-        self.takes = [take for take in takes if self._known(take)] or [None]
 
-    def animation(self, take: Any | None) -> Animation:
-        """Returns how one animation moves the skeleton."""
-        tracks: list[Any] = []
-        if take is not None:
-            tracks = [take.GetTranslationsAttr(), take.GetRotationsAttr(), take.GetScalesAttr()]
-        codes = sorted({code for track in tracks for code in track.GetTimeSamples()})
-        rate = self.stage.GetTimeCodesPerSecond()
-        fps, seconds = even_rate(self.path, np.array(codes, dtype=np.float64) / rate)
-        # Translations, rotations and scales of all joints relative to their parents.
-        local = [np.repeat(rest[None], len(seconds), axis=0) for rest in _decomposed(self.local)]
-        if take is not None:
-            columns = [self.joints.index(joint) for joint in self._known(take)]
-            rows = [n for n, j in enumerate(take.GetJointsAttr().Get()) if str(j) in self.joints]
-            for values, track in zip(local, tracks, strict=True):
-                for frame, code in enumerate((seconds * rate).tolist()):
-                    keys = np.array(track.Get(code) or (), dtype=np.float64)
-                    if keys.shape[-1] == 4:  # quaternions
-                        length = np.linalg.norm(keys, axis=-1, keepdims=True)
-                        keys = (keys / np.where(length > 0, length, 1))[..., [3, 0, 1, 2]]
-                        keys = matrix_from_quaternion(keys)
-                    if len(keys):
-                        values[frame, columns] = keys[rows]
-            if not all(np.isfinite(values).all() for values in local):
-                problem = f"{take.GetPath()} holds NaN or infinite numbers"
-                raise FileFormatError(self.path, problem)
-        return plain_animation(self.skeleton, self.rest, self._pose(*local), fps)
-
-    def _pose(
-        self, translations: np.ndarray, rotations: np.ndarray, scales: np.ndarray
-    ) -> WorldPose:
-        """Returns positions and rotations in the world."""
-        base = self.above[:3, :3]
-        world = {-1: (self.above[:3, 3], _rotation(base), base)}
-        for joint, parent in enumerate(self.parents):
-            position, rotation, linear = world[parent]
-            world[joint] = (
-                position + np.einsum("...ab,...b->...a", linear, translations[:, joint]),
-                rotation @ rotations[:, joint],
-                linear @ (rotations[:, joint] * scales[:, joint, None, :]),
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    """Runs the program that reads the file."""
+    if find_spec("pxr") is None:
+        raise MissingExtraError("USD", "usd-core", "usd")
+    places = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    environment: dict[str, Any] = os.environ | _ONE_THREAD | places
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "animations.npz"
+        command = [sys.executable, "-m", _PROGRAM, str(path.absolute()), str(target)]
+        try:
+            done = subprocess.run(
+                command, env=environment, capture_output=True, timeout=2 * USD_SECONDS, check=False
             )
-        joints = [world[joint] for joint in range(len(self.joints))]
-        return WorldPose(*(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1)))
-
-    def _known(self, take: Any) -> list[str]:
-        """Returns the joints of an animation that are joints of the skeleton."""
-        names = [str(joint) for joint in take.GetJointsAttr().Get() or ()]
-        return [name for name in names if name in self.joints]
-
-    def _rest(self, bones: Any) -> Float[np.ndarray, "joints 4 4"]:
-        """Returns the rest pose relative to the parents; from the bind pose where there is none."""
-        rest = bones.GetRestTransformsAttr().Get()
-        if rest is not None and len(rest) == len(self.joints):
-            return np.stack([_columns(matrix) for matrix in rest])
-        bind = bones.GetBindTransformsAttr().Get()
-        if bind is None or len(bind) != len(self.joints):
-            raise FileFormatError(self.path, "its skeleton has neither a rest nor a bind pose")
-        world = np.stack([_columns(matrix) for matrix in bind])
-        above = [np.eye(4) if p < 0 else world[p] for p in self.parents]
-        return np.linalg.inv(np.stack(above)) @ world
-
-
-def _opened(path: Path) -> Any:
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        reason = lines[-1][:200] if lines else "no reason given"
-        raise FileFormatError(path, f"damaged, or not USD ({reason})") from error
-    if stage is None:
-        raise FileFormatError(path, "damaged, or not USD")
-    return stage
-
-
-def _columns(matrix: Any) -> Float[np.ndarray, "4 4"]:
-    """Returns a matrix that acts on columns; USD's act on rows."""
-    return np.array(matrix, dtype=np.float64).T
-
-
-def _decomposed(
-    matrices: Float[np.ndarray, "joints 4 4"],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns translations, rotations and scales."""
-    scales = np.linalg.norm(matrices[:, :3, :3], axis=1)
-    return matrices[:, :3, 3], np.stack([_rotation(m[:3, :3]) for m in matrices]), scales
-
-
-def _rotation(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
-    """Returns a matrix without its scale."""
-    length = np.linalg.norm(matrix, axis=0)
-    return matrix_from_quaternion(quaternion_from_matrix(matrix / np.where(length > 0, length, 1)))
+        except subprocess.TimeoutExpired as error:
+            raise FileFormatError(path, f"not read in {2 * USD_SECONDS} s; damaged?") from error
+        if done.returncode == _REFUSED:
+            lines = done.stdout.decode(errors="replace").strip().splitlines()
+            raise FileFormatError(path, lines[-1] if lines else "damaged, or not USD")
+        if done.returncode:
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            problem = f"USD's library ended with {done.returncode} ({(lines or [''])[-1]:.200})"
+            raise FileFormatError(path, f"{problem}; the file is damaged, or too large")
+        return read_arrays(target, lambda name: True)

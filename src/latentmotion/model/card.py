@@ -30,6 +30,7 @@ from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.model.vae_config import LatentSpace, VAEConfig
 from latentmotion.model.version_1 import upgraded_card
+from latentmotion.storage import limits
 from latentmotion.storage.configuration import from_json, read_plain, write_json
 
 FORMAT = 2
@@ -180,9 +181,34 @@ def read_card(folder: Path) -> ModelCard:
     if version not in (1, FORMAT):
         raise ModelError(f"{path}: format {version}, expected {FORMAT}; update latentmotion")
     try:
-        return from_json(ModelCard, upgraded_card(data) if version == 1 else data)
+        card = from_json(ModelCard, upgraded_card(data) if version == 1 else data)
+        check_card(card)
+        return card
     except InputError as error:
         raise ModelError(f"{path}: {error}") from error
+
+
+def check_card(card: ModelCard) -> None:
+    """Checks that the parts of a card fit each other.
+
+    Raises:
+        InputError: They do not.
+    """
+    shortest, longest = card.frames
+    if not 1 <= shortest <= longest <= limits.MOST_TOKENS:
+        raise InputError(f"frames {card.frames}: expected the shortest and the longest motion")
+    mean, std = card.normalizer_mean, card.normalizer_std
+    scales = all(0 < scale < limits.MOST_NUMBER for scale in std)
+    if not len(mean) == len(std) == card.vae.features or not scales:
+        raise InputError(
+            f"a normalizer of {len(mean)} and {len(std)} numbers for {card.vae.features} "
+            "features; expected a mean and a positive scale for each"
+        )
+    needed = card.vae.latent_space()
+    for name in ("width", "tokens", "frames_per_token"):
+        found, expected = getattr(card.latents, name), getattr(needed, name)
+        if found != expected:
+            raise InputError(f"latents.{name} {found}: this kind of VAE has {expected}")
 
 
 def shipped_models() -> tuple[str, ...]:

@@ -12,14 +12,26 @@ from typing import Literal
 from latentmotion.diffusion.few_step import FewStepConfig
 from latentmotion.diffusion.guidance import GuidanceRule
 from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.errors import InputError
+from latentmotion.storage import limits
 
 PositionKind = Literal["learned", "sine"]
 """Position tables learned as in the paper, or sines as in ACTOR."""
 
 
+def check_range(name: str, number: int, most: int, found: str = "{name} {number}") -> None:
+    """Raises InputError for a size that is not from 1 to `most`."""
+    if not 1 <= number <= most:
+        raise InputError(f"{found.format(name=name, number=number)}: expected 1 to {most:,}")
+
+
 @dataclass(frozen=True)
 class TransformerConfig:
-    """Size and shape of a stack; the defaults are the paper's."""
+    """Size and shape of a stack; the defaults are the paper's.
+
+    Raises:
+        InputError: A size is out of range.
+    """
 
     width: int = 256
     """Numbers per token."""
@@ -41,6 +53,14 @@ class TransformerConfig:
     """Whether first and last layers are joined."""
     final_norm: bool = True
     """Whether a last normalization closes the stack."""
+
+    def __post_init__(self) -> None:
+        check_range("width", self.width, limits.MOST_WIDTH)
+        check_range("layers", self.layers, limits.MOST_LAYERS)
+        check_range("heads", self.heads, self.width)
+        check_range("hidden", self.hidden, limits.MOST_WIDTH)
+        if self.width % self.heads:
+            raise InputError(f"{self.heads} heads of a width of {self.width}; expected a divisor")
 
     def scaled(self, width: int, layers: Mapping[int, int]) -> TransformerConfig:
         """Returns the same stack in another size.
@@ -89,6 +109,10 @@ class DenoiserConfig:
     """Step counts of a distilled model, which has guidance and step size as inputs; null for any
     other."""
 
+    def __post_init__(self) -> None:
+        for name in ("latent_width", "condition_width", "sine_width"):
+            check_range(name, getattr(self, name), limits.MOST_WIDTH)
+
 
 @dataclass(frozen=True)
 class Sampling:
@@ -102,6 +126,9 @@ class Sampling:
     """Rule of a sampling step."""
     guidance_rule: GuidanceRule = "classifier_free"
     """Kind of guidance; a distilled model learned it from its teacher."""
+
+    def __post_init__(self) -> None:
+        check_range("steps", self.steps, limits.MOST_STEPS, "{number} sampling steps")
 
     def but(
         self,

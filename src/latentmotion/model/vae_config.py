@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, TypeVar
 
 from latentmotion.errors import InputError
-from latentmotion.model.config import PositionKind, TransformerConfig
+from latentmotion.model.config import PositionKind, TransformerConfig, check_range
+from latentmotion.storage import limits
 
 STRIDE = 4
 """Frames per latent token of a `ConvolutionalVAEConfig`."""
@@ -20,7 +21,11 @@ STRIDE = 4
 
 @dataclass(frozen=True)
 class LatentSpace:
-    """Shape and scale of the latents."""
+    """Shape and scale of the latents.
+
+    Raises:
+        InputError: A size or scale is out of range.
+    """
 
     width: int
     """Numbers per token."""
@@ -32,6 +37,15 @@ class LatentSpace:
     """Mean per channel; the denoiser sees (latent - mean) / std."""
     std: tuple[float, ...] = (1.0,)
     """Standard deviation per channel."""
+
+    def __post_init__(self) -> None:
+        check_range("latents.width", self.width, limits.MOST_WIDTH)
+        for name in ("tokens", "frames_per_token"):
+            if (number := getattr(self, name)) is not None:
+                check_range(f"latents.{name}", number, limits.MOST_TOKENS)
+        fits = {len(self.mean), len(self.std)} <= {1, self.width}
+        if not fits or not all(0 < scale < limits.MOST_NUMBER for scale in self.std):
+            raise InputError("latents.mean and latents.std: expected a number, or one per channel")
 
     def tokens_of(self, frames: int) -> int:
         """Returns how many tokens a motion of so many frames has."""
@@ -105,6 +119,12 @@ class TransformerVAEConfig(MotionVAEConfig):
     latent_width: int | None = None
     """Numbers per latent token; by default as many as the transformer has."""
 
+    def __post_init__(self) -> None:
+        check_range("vae.features", self.features, limits.MOST_WIDTH)
+        check_range("vae.tokens", self.tokens, limits.MOST_WIDTH)
+        check_range("vae.fine_layers", self.fine_layers + 1, limits.MOST_LAYERS)
+        check_range("vae.latent_width", self.latent_width or 1, limits.MOST_WIDTH)
+
     def latent_space(self) -> LatentSpace:
         """Returns tokens that each stand for the whole motion."""
         return LatentSpace(self.latent_width or self.transformer.width, tokens=self.tokens)
@@ -136,6 +156,11 @@ class QuarterRateDecoder:
     dilations: tuple[int, ...] = (9, 3, 1, 1)
     """Dilation of each residual block; the first three are those of the mirrored decoder."""
 
+    def __post_init__(self) -> None:
+        check_range("vae.decoder.dilations", len(self.dilations), limits.MOST_LAYERS)
+        for dilation in self.dilations:
+            check_range("vae.decoder.dilations", dilation, limits.MOST_WIDTH)
+
     def margin(self, dilations: tuple[int, ...]) -> int:
         """Returns how many tokens to either side a frame depends on."""
         return 2 + sum(self.dilations)
@@ -155,6 +180,13 @@ class ConvolutionalVAEConfig(MotionVAEConfig):
     """Dilation of each residual block at half and at quarter rate."""
     decoder: MirroredDecoder | QuarterRateDecoder = field(default_factory=MirroredDecoder)
     """The way back."""
+
+    def __post_init__(self) -> None:
+        for name in ("features", "width", "channels"):
+            check_range(f"vae.{name}", getattr(self, name), limits.MOST_WIDTH)
+        check_range("vae.dilations", len(self.dilations), limits.MOST_LAYERS)
+        for dilation in self.dilations:
+            check_range("vae.dilations", dilation, limits.MOST_WIDTH)
 
     def latent_space(self) -> LatentSpace:
         """Returns latents over time, at a quarter of the frame rate."""
@@ -187,6 +219,10 @@ class VPoserTConfig(MotionVAEConfig):
     """Numbers of the latent token."""
     dropout: float = 0.1
     """Share of numbers dropped in training."""
+
+    def __post_init__(self) -> None:
+        for name in ("features", "frames", "hidden", "width"):
+            check_range(f"vae.{name}", getattr(self, name), limits.MOST_WIDTH)
 
     def latent_space(self) -> LatentSpace:
         """Returns the one token that stands for the whole motion."""
@@ -231,6 +267,9 @@ class IdentityVAEConfig(MotionVAEConfig):
 
     features: int = 263
     """Numbers per frame, and per latent token."""
+
+    def __post_init__(self) -> None:
+        check_range("vae.features", self.features, limits.MOST_WIDTH)
 
     def latent_space(self) -> LatentSpace:
         """Returns one token per frame."""

@@ -6,11 +6,12 @@ Nothing is ever unpickled here; foreign checkpoints are the business of `upstrea
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
+import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
@@ -29,6 +30,10 @@ ENCODER_HASH = "vae_encoder"
 """Where a file of weights says which encoder it leaves to a shipped model."""
 
 _ENCODER = "vae.encoder."
+_DTYPES = {
+    *(torch.float16, torch.bfloat16, torch.float32, torch.float64),
+    *(torch.bool, torch.uint8, torch.int8, torch.int16, torch.int32, torch.int64),
+}
 
 
 @dataclass(frozen=True)
@@ -100,14 +105,41 @@ def load_stages(folder: str | Path) -> FirstStageModel:
     """
     card = read_card(Path(folder))
     weights = model_weights(Path(folder))
+    source = str(Path(folder) / WEIGHTS_FILE)
+    check_sizes(lambda: _networks(card), weights, source)
     vae = build(card.vae)
     model = (
         FirstStageModel(card, vae)
         if card.denoiser is None
         else LatentModel(card, vae, build(card.denoiser))
     )
-    load_weights(nn.ModuleDict(model.networks), weights, str(Path(folder) / WEIGHTS_FILE))
+    load_weights(nn.ModuleDict(model.networks), weights, source)
     return model
+
+
+def _networks(card: ModelCard) -> nn.ModuleDict:
+    parts = {"vae": build(card.vae)}
+    return nn.ModuleDict(parts | ({"denoiser": build(card.denoiser)} if card.denoiser else {}))
+
+
+def check_sizes(make: Callable[[], nn.Module], weights: Mapping[str, Tensor], source: str) -> None:
+    """Compares weights with a network that takes no memory yet.
+
+    Args:
+        make: Builds the network.
+        weights: Its weights.
+        source: Where they are from, for errors.
+
+    Raises:
+        ModelError: A key is missing or unknown, or a shape differs.
+    """
+    with torch.device("meta"):
+        expected = make().state_dict()
+    check_keys(weights, expected, source)
+    for key, tensor in weights.items():
+        if tensor.shape != expected[key].shape:
+            found, wanted = tuple(tensor.shape), tuple(expected[key].shape)
+            raise ModelError(f"{source}: {key} has shape {found}, expected {wanted}")
 
 
 def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> None:
@@ -122,6 +154,8 @@ def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> 
         if tensor.shape != expected[key].shape:
             found, wanted = tuple(tensor.shape), tuple(expected[key].shape)
             raise ModelError(f"{source}: {key} has shape {found}, expected {wanted}")
+        if tensor.dtype not in _DTYPES:
+            raise ModelError(f"{source}: {key} holds {tensor.dtype}, expected floats or integers")
         if not tensor.isfinite().all():
             raise ModelError(f"{source}: {key} holds numbers that are not finite; make it again")
     module.load_state_dict(weights)

@@ -26,6 +26,7 @@ from latentmotion.storage.files import atomic_file
 Wanted = Callable[[str], bool] | Collection[str]
 """Names of arrays, or a function that tells them."""
 
+_NO_ZIP = "not a motion file, nor another .npz: cut short, or no .npz at all"
 _KINDS = "biufU"
 _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
@@ -50,7 +51,7 @@ def read_arrays(path: str | Path, wanted: Wanted) -> dict[str, np.ndarray]:
     is_wanted = wanted if callable(wanted) else wanted.__contains__
     with _damage(path), Path(path).open("rb") as opened:
         if not zipfile.is_zipfile(opened):
-            raise FileFormatError(path, "no .npz file, or cut short")
+            raise FileFormatError(path, _NO_ZIP)
         with zipfile.ZipFile(opened) as archive:
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
             members = {name: info for name, info in members.items() if is_wanted(name)}
@@ -70,7 +71,7 @@ def names_in(path: str | Path) -> list[str]:
     """
     with _damage(path), Path(path).open("rb") as opened:
         if not zipfile.is_zipfile(opened):
-            raise FileFormatError(path, "no .npz file, or cut short")
+            raise FileFormatError(path, _NO_ZIP)
         with zipfile.ZipFile(opened) as archive:
             return [name.removesuffix(".npy") for name in archive.namelist()]
 

@@ -7,6 +7,7 @@ import io
 import json
 import lzma
 import math
+import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -47,11 +48,12 @@ def read_bytes(path: str | Path, most: int = limits.MOST_UNPACKED) -> bytes:
     """
     try:
         with Path(path).open("rb") as file:
-            content = file.read(most + 1)
+            size = os.fstat(file.fileno()).st_size
+            content = b"" if size > most else file.read()
     except (OSError, ValueError) as error:  # ValueError: a name with NUL
         reason = getattr(error, "strerror", None) or error
         raise FileFormatError(path, f"cannot read it: {reason}") from error
-    if len(content) > most:
+    if max(size, len(content)) > most:
         raise FileFormatError(path, f"has more than {most:,} bytes, the most that is read")
     return content
 

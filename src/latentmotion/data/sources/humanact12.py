@@ -63,8 +63,10 @@ def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | 
             path, f"expected {', '.join(_NEEDED)} of humanact12poses.pkl, found {found}"
         )
     for key in _NEEDED:
-        if not isinstance(content[key], list | tuple | np.ndarray) or np.shape(content[key]) == ():
-            found = type(content[key]).__name__
+        values = content[key]
+        is_array = isinstance(values, np.ndarray) and values.ndim > 0
+        if not (is_array or isinstance(values, list | tuple)):
+            found = type(values).__name__
             raise FileFormatError(path, f"{key} is a {found}, expected a list by clip")
     counts = [len(content[key]) for key in _NEEDED]
     if len(set(counts)) > 1:

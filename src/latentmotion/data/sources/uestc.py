@@ -202,7 +202,7 @@ def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:
 
 
 def _check_count(path: Path, what: str, values: Any, videos: int) -> None:
-    if not isinstance(values, list | tuple | np.ndarray) or np.shape(values) == ():
+    if not (isinstance(values, list | tuple) or (isinstance(values, np.ndarray) and values.ndim)):
         raise FileFormatError(path, f"{what} are a {type(values).__name__}, expected a list")
     if len(values) != videos:
         raise FileFormatError(path, f"{what} of {len(values)} videos, {NAMES} has {videos}")
