@@ -121,7 +121,7 @@ GLTF = {
         ]
     }
     | accessor(count=10**9),
-    "a chain of 20,000 nodes": chain(20_000),
+    "a chain of 20,000 nodes": chain(20_000) | {"skins": [{"joints": [0, 19_999]}]},
     "a count that is true": accessor(count="2"),
     "an asset that is a list": {"asset": []},
     "nodes that are numbers": {"nodes": [1, 2, 3]},

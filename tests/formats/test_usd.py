@@ -135,3 +135,27 @@ def test_what_to_install_is_said(tmp_path: Path):
     command = [sys.executable, "-c", code, str(tmp_path / "a.usda")]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert 'pip install "latentmotion[usd]"' in said
+
+
+def test_a_file_that_crashes_the_library_is_an_error(tmp_path: Path, monkeypatch):
+    (tmp_path / "crash.py").write_text("import os; os.abort()")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(usd_reader, "_PROGRAM", "crash")
+    (tmp_path / "a.usdc").write_bytes(b"PXR-USDC")
+    with pytest.raises(FileFormatError, match=r"a\.usdc: USD's library ended with -6"):
+        usd_reader.read_animations(tmp_path / "a.usdc")
+
+
+def test_a_layer_of_another_folder_is_refused(tmp_path: Path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "secret.usda").write_text('#usda 1.0\ndef Skeleton "a" {\n}\n')
+    (tmp_path / "in" / "a.usda").write_text("#usda 1.0\n(\n subLayers = [@../secret.usda@]\n)\n")
+    with pytest.raises(FileFormatError, match="expected files in its own folder"):
+        usd_reader.read_animations(tmp_path / "in" / "a.usda")
+
+
+@pytest.mark.parametrize("content", [b"PXR-USDC" + bytes(80), b"PK\x03\x04", b"#usda 1.0\n(", b""])
+def test_damaged_layers(content: bytes, tmp_path: Path):
+    (tmp_path / "a.usd").write_bytes(content)
+    with pytest.raises(FileFormatError, match=r"a\.usd: "):
+        usd_reader.read_animations(tmp_path / "a.usd")

@@ -24,7 +24,12 @@ from torch import Tensor
 
 from latentmotion.errors import ModelError
 from latentmotion.storage.array_files import check_members
-from latentmotion.storage.pickles import ForbiddenName, RestrictedUnpickler, check_program
+from latentmotion.storage.pickles import (
+    PYTHON_2,
+    ForbiddenName,
+    RestrictedUnpickler,
+    check_program,
+)
 
 PARTS = ("vae", "denoiser")
 """Networks that are converted, by the first part of their weights' names; all others are not."""
@@ -158,6 +163,7 @@ def _check_old(path: Path) -> None:
                     raise ForbiddenName(f"something by {opcode.name}")
                 if opcode.name in ("GLOBAL", "INST"):
                     module, _, name = str(argument).partition(" ")
+                    module = PYTHON_2.get(module, module)
                     try:
                         if allowed(module, name) is Placeholder and name not in _OLD:
                             raise KeyError
@@ -165,7 +171,7 @@ def _check_old(path: Path) -> None:
                         raise ForbiddenName(f"{module}.{name}") from error
 
 
-_OLD = ("Size", "dtype", "ndarray", "scalar", "_reconstruct", "encode", "defaultdict")
+_OLD = ("Size", "dtype", "scalar", "encode", "defaultdict", "set", "dict", "list")
 """Placeholders whose own functions PyTorch calls in old files, with no sizes to choose."""
 
 

@@ -163,7 +163,7 @@ def _reconstructor(cls: type, base: type, state: Any) -> Any:
 _TYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f(2|4|8|16)|c(8|16)|[SU]\d{1,6}|O8?|[?bhilqBHILQefdg])")
 _MOST_AXES = 32
 
-_PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
+PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
 """Names of modules in pickles of Python 2."""
 
 _REBUILDERS = {
@@ -229,7 +229,7 @@ class RestrictedUnpickler(pickle.Unpickler):
         Raises:
             ForbiddenName: It is not allowed.
         """
-        module = _PYTHON_2.get(module, module)
+        module = PYTHON_2.get(module, module)
         try:
             return self._allowed(module, name)
         except KeyError as error:

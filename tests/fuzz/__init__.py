@@ -1,0 +1,1 @@
+"""What several tests share: made-up people, files and folders, tiny models."""

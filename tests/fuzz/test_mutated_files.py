@@ -1,0 +1,202 @@
+"""Every reader and mutated files: finite valid data or our own error, and no other exception.
+
+Seeds are fixed. LATENTMOTION_FUZZ=N tries N inputs for each reader in place of a few.
+"""
+
+from __future__ import annotations
+
+import json
+import lzma
+import os
+import random
+import shutil
+import struct
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import save_file
+
+from latentmotion import formats
+from latentmotion.convert.reading import read_checkpoint
+from latentmotion.data.captions import fit_sentences, parse_sentences
+from latentmotion.data.clip import Source
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.pack.packing import pack, unpack
+from latentmotion.data.sources.humanact12 import humanact12_recordings
+from latentmotion.data.sources.humanml3d import read_texts
+from latentmotion.data.sources.own import OwnMotions
+from latentmotion.errors import LatentMotionError
+from latentmotion.formats.asf_amc import read_asf_amc
+from latentmotion.formats.gltf_reader import read_animations
+from latentmotion.kinematics.smpl import load_smpl
+from latentmotion.model.card import find_model, read_card
+from latentmotion.motion import Motion
+from latentmotion.networks.checkpoint import read_weights
+from tests.support import damaged
+from tests.support.action_files import write_humanact12
+from tests.support.moving_figures import write_moving_figures
+from tests.support.synthetic_smpl import write_synthetic_smpl
+from tests.support.walker import walker
+
+INPUTS = int(os.environ.get("LATENTMOTION_FUZZ", "6"))
+
+PIECES = [
+    *(b"nan", b"inf", b"-1", b"0", b"1e999", b"1e-320", b"99999999999", b"null", b"[]", b"{}"),
+    *(b"\xff\xfe", b"\0", b'"', b"\n", b"#", b"{", b"}", b"true", b"1e30", b"-0.0"),
+    *(struct.pack("<I", n) for n in (0, 1, 0x7FFFFFFF, 0xFFFFFFFF)),
+    *(struct.pack("<d", x) for x in (np.nan, np.inf, 1e300, 1e-320)),
+    *(struct.pack("<f", x) for x in (np.nan, np.inf, 1e30)),
+]
+
+
+def mutated(content: bytes, draw: random.Random) -> bytes:
+    """Bytes with some cut, doubled, flipped, or exchanged for others that readers fear."""
+    data = bytearray(content)
+    for _ in range(draw.choice((1, 1, 2, 4))):
+        at = draw.randrange(len(data) + 1)
+        if draw.random() < 0.5:  # heads and lists at the end decide most
+            at = draw.choice((at % 300, max(len(data) - at % 300, 0)))
+        end = min(at + draw.choice((1, 2, 4, 8, 40, 400)), len(data))
+        match draw.randrange(6):
+            case 0:
+                del data[at:end]
+            case 1:
+                data[at:at] = data[at:end] * draw.choice((1, 2, 20))
+            case 2:
+                data[at:end] = draw.randbytes(end - at)
+            case 3:
+                piece = draw.choice(PIECES)
+                data[at : at + len(piece)] = piece
+            case 4:
+                data[at:at] = draw.choice(PIECES)
+            case 5 if at < len(data):
+                data[at] ^= 1 << draw.randrange(8)
+    return bytes(data if draw.random() > 0.1 else data[: draw.randrange(len(data) + 1)])
+
+
+def finite(*values: object) -> None:
+    for value in values:
+        assert np.isfinite(np.asarray(value, np.float64)).all()
+
+
+def load_motions(path: Path) -> None:
+    for motion in formats.load(path):
+        finite(motion.joints, motion.fps, motion.skeleton.offsets)
+        json.dumps(dict(motion.metadata), allow_nan=False)
+
+
+def load_asf(path: Path) -> None:
+    animation = read_asf_amc(path.with_suffix(".amc"), path.with_suffix(".asf"))
+    finite(animation.joints(), animation.fps)
+
+
+def load_gltf(path: Path) -> None:
+    for animation in read_animations(path):
+        finite(animation.joints(), animation.fps)
+
+
+def load_dataset(path: Path) -> None:
+    dataset = Dataset.load(path.parent)
+    finite(dataset.normalizer.mean, dataset.normalizer.std)
+    for clip in dataset.clips("train") + dataset.clips("val"):
+        finite(dataset.features(clip))
+
+
+def load_pack(path: Path) -> None:
+    target = path.parent / "unpacked"
+    shutil.rmtree(target, ignore_errors=True)
+    unpack(path, target)
+
+
+def load_captions(path: Path) -> None:
+    (path.parent / "a.bvh").write_text("no motion")
+    source = Source("own", "mine", "me")
+    list(OwnMotions(path.parent, source, path if path.suffix == ".csv" else None).recordings())
+    fit_sentences(parse_sentences(path.read_text("utf-8", "replace")), 40)
+
+
+def load_weights(path: Path) -> None:
+    for tensor in read_weights(path).values():
+        assert tensor.nbytes <= path.stat().st_size
+
+
+def load_actions(path: Path) -> None:
+    for item in humanact12_recordings(path, 60):
+        finite(getattr(item, "features", 0))
+
+
+def load_body(path: Path) -> None:
+    body = load_smpl(path)
+    finite(body.body.template, body.body.weights, body.skeleton.offsets)
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    **dict.fromkeys(("a.bvh", "a.csv", "a.npz", "a.npy", "a.amass.npz"), load_motions),
+    **dict.fromkeys(("bones.glb", "bones.gltf", "ours.glb"), load_gltf),
+    **dict.fromkeys(("figure/a.asf", "figure/a.amc"), load_asf),
+    **dict.fromkeys(("data/manifest.json", "data/motions-000.safetensors"), load_dataset),
+    **dict.fromkeys(("captions/captions.csv", "captions/a.txt"), load_captions),
+    "data.lmpack": load_pack,
+    "card/model.json": lambda path: read_card(path.parent),
+    "card/weights.safetensors": load_weights,
+    **dict.fromkeys(("new.ckpt", "old.ckpt"), read_checkpoint),
+    "poses.pkl": load_actions,
+    **dict.fromkeys(("body.pkl", "body.npz"), load_body),
+    "texts/texts.json.xz": lambda path: read_texts(path.parent),
+}
+
+
+@pytest.fixture(scope="module")
+def valid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """One valid file for every reader."""
+    folder = tmp_path_factory.mktemp("valid")
+    for name in ("figure", "captions", "card", "texts"):
+        (folder / name).mkdir()
+    motion = Motion(walker(6).joints().astype("f4"), caption="a person walks")
+    for name in ("a.bvh", "a.csv", "a.npz", "a.amass.npz", "ours.glb"):
+        motion.save(folder / name)
+    np.save(folder / "a.npy", motion.joints)
+    damaged.gltf(folder / "bones.glb")
+    motion.save(folder / "bones.gltf")
+    damaged.asf(folder / "figure" / "a.asf")
+    write_moving_figures(folder / "data", train=1, val=1)
+    pack(folder / "data", folder / "data.lmpack")
+    (folder / "captions" / "captions.csv").write_text("file,caption,from,to\na,he waves,0,1.5\n")
+    (folder / "captions" / "a.txt").write_text("he waves.#he/PRON wave/VERB#0.0#1.5\nhe stops\n")
+    shutil.copy(find_model("starter") / "model.json", folder / "card")
+    save_file({"vae.a": np.ones((3, 4), "f4")}, folder / "card" / "weights.safetensors")
+    state = {"state_dict": {"vae.a": torch.ones(3, 4), "vae.b": torch.ones(4)}, "epoch": 3}
+    torch.save(state, folder / "new.ckpt")
+    torch.save(state, folder / "old.ckpt", _use_new_zipfile_serialization=False)
+    write_humanact12(folder / "poses.pkl", frames=(4, 5), actions=(1, 2))
+    for name in ("body.pkl", "body.npz"):
+        write_synthetic_smpl(folder / name)
+    (folder / "texts" / "texts.json.xz").write_bytes(lzma.compress(b'{"000001": "he waves"}'))
+    yield folder
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_mutations(name: str, valid: Path, tmp_path: Path) -> None:
+    content, read = (valid / name).read_bytes(), READERS[name]
+    place = tmp_path / name
+    if place.parent == tmp_path:
+        shutil.copy(valid / name, place)
+    else:
+        shutil.copytree((valid / name).parent, place.parent)
+    read(place)
+    draw = random.Random(f"{name} 13")
+    for number in range(INPUTS):
+        place.write_bytes(mutated(content, draw))
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # torch's, of old files
+                read(place)
+        except LatentMotionError:
+            continue
+        except Exception as error:
+            kept = shutil.copy(place, f"{tmp_path}/found-{number}{place.suffix}")
+            raise AssertionError(f"input {number} of {name}, kept as {kept}: {error!r}") from error
