@@ -5,6 +5,7 @@ Seeds are fixed. LATENTMOTION_FUZZ=N tries N inputs for each reader in place of 
 
 from __future__ import annotations
 
+import hashlib
 import json
 import lzma
 import os
@@ -12,7 +13,9 @@ import random
 import shutil
 import struct
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,9 +110,27 @@ def load_dataset(path: Path) -> None:
 
 
 def load_pack(path: Path) -> None:
+    content = path.read_bytes()  # as of somebody who knows the hash
+    path.write_bytes(content[:8] + hashlib.sha256(content[40:]).digest() + content[40:])
     target = path.parent / "unpacked"
     shutil.rmtree(target, ignore_errors=True)
     unpack(path, target)
+
+
+def zipped(path: Path, folder: Path, target: Path) -> Path:
+    """Packs a folder again, whose check sums are right then."""
+    with zipfile.ZipFile(target, "w") as archive:
+        for file in sorted(folder.rglob("*")):
+            archive.write(file, file.relative_to(folder))
+    return target
+
+
+def load_member(path: Path) -> None:
+    load_motions(zipped(path, path.parent, path.parents[1] / "again.npz"))
+
+
+def load_tensors(path: Path) -> None:
+    read_checkpoint(zipped(path, path.parents[1], path.parents[2] / "again.ckpt"))
 
 
 def load_captions(path: Path) -> None:
@@ -144,6 +165,9 @@ READERS: dict[str, Callable[[Path], object]] = {
     "card/model.json": lambda path: read_card(path.parent),
     "card/weights.safetensors": load_weights,
     **dict.fromkeys(("new.ckpt", "old.ckpt"), read_checkpoint),
+    "new/archive/data.pkl": load_tensors,
+    **dict.fromkeys(("members/joints.npy", "members/metadata.npy"), load_member),
+    **dict.fromkeys(("members/frames.npy", "members/parents.npy"), load_member),
     "poses.pkl": load_actions,
     **dict.fromkeys(("body.pkl", "body.npz"), load_body),
     "texts/texts.json.xz": lambda path: read_texts(path.parent),
@@ -154,12 +178,16 @@ READERS: dict[str, Callable[[Path], object]] = {
 def valid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """One valid file for every reader."""
     folder = tmp_path_factory.mktemp("valid")
-    for name in ("figure", "captions", "card", "texts"):
+    for name in ("figure", "captions", "card", "texts", "new"):
         (folder / name).mkdir()
     motion = Motion(walker(6).joints().astype("f4"), caption="a person walks")
     for name in ("a.bvh", "a.csv", "a.npz", "a.amass.npz", "ours.glb"):
         motion.save(folder / name)
     np.save(folder / "a.npy", motion.joints)
+    skeleton = replace(motion.skeleton, name="other", names=tuple(f"n{i}" for i in range(22)))
+    replace(motion, skeleton=skeleton).save(folder / "other.npz")
+    with zipfile.ZipFile(folder / "other.npz") as archive:
+        archive.extractall(folder / "members")
     damaged.gltf(folder / "bones.glb")
     motion.save(folder / "bones.gltf")
     damaged.asf(folder / "figure" / "a.asf")
@@ -171,6 +199,9 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     save_file({"vae.a": np.ones((3, 4), "f4")}, folder / "card" / "weights.safetensors")
     state = {"state_dict": {"vae.a": torch.ones(3, 4), "vae.b": torch.ones(4)}, "epoch": 3}
     torch.save(state, folder / "new.ckpt")
+    with zipfile.ZipFile(folder / "new.ckpt") as archive:
+        archive.extractall(folder / "new")
+    (folder / "new" / archive.namelist()[0].split("/")[0]).rename(folder / "new" / "archive")
     torch.save(state, folder / "old.ckpt", _use_new_zipfile_serialization=False)
     write_humanact12(folder / "poses.pkl", frames=(4, 5), actions=(1, 2))
     for name in ("body.pkl", "body.npz"):

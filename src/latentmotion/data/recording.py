@@ -13,6 +13,7 @@ from latentmotion.data.clip import Split
 from latentmotion.errors import InputError
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.representation.smpl import smpl_features
+from latentmotion.storage.limits import FARTHEST, MOST_NUMBER
 
 SMPL_JOINTS = 24
 
@@ -104,7 +105,7 @@ class PosedRecording:
         """
         if hold < 0:
             raise InputError(f"--hold {hold}: expected a number of frames, or 0 for none")
-        finite = np.isfinite(self.pose).all() and np.isfinite(self.root).all()
+        finite = (np.abs(self.pose) <= MOST_NUMBER).all() and (np.abs(self.root) <= FARTHEST).all()
         if not len(self.pose) or not finite:
             reason = "numbers that are not finite" if len(self.pose) else "no frame"
             return Dropped(self.label.id, "clip", reason)
