@@ -84,7 +84,15 @@ def test_a_first_stage_alone(tmp_path: Path) -> None:
 
 
 OLD_CARDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-    "no vae": ({"vae": {}}, {"vae": IdentityVAEConfig(3)}),
+    "no vae": (
+        {
+            "vae": {},
+            "normalizer_mean": [0.0] * 3,
+            "normalizer_std": [1.0] * 3,
+            "latents": {"width": 3, "frames_per_token": 1},
+        },
+        {"vae": IdentityVAEConfig(3)},
+    ),
     "vae alone": ({"denoiser": {}, "condition": {}}, {"denoiser": None}),
     "sentences": (
         {"condition": {"encoder": "clip", "width": 6}},

@@ -15,6 +15,9 @@ UNPACKED_FREE = 1 << 26
 MOST_UNPACKED = 1 << 32
 """Bytes that a packed file may become at most: what a computer for work has."""
 
+XZ_MEMORY = 1 << 27
+"""Bytes that unpacking xz may take for itself: its highest preset needs half."""
+
 MOST_TEXT = 1 << 30
 """Bytes of a text file: a BVH of ten hours is smaller."""
 

@@ -275,7 +275,6 @@ def check_program(content: bytes) -> None:
 
     Raises:
         UnpicklingError: One is beyond what the pickle could fill, or it is no pickle.
-        ValueError: A size is beyond its end.
     """
     file, count = io.BytesIO(content), 0
     while True:
@@ -284,7 +283,10 @@ def check_program(content: bytes) -> None:
             break
         # `STRING` of Python 2 may hold any bytes, which its own reader does not take.
         read = io.BytesIO.readline if opcode.name == "STRING" else opcode.arg and opcode.arg.reader
-        argument = read(file) if read else None
+        try:
+            argument = read(file) if read else None
+        except ValueError as error:
+            raise pickle.UnpicklingError(f"pickle data was truncated: {error}") from error
         if opcode.name in _PLACES and int(argument or 0) > count:
             raise pickle.UnpicklingError(f"it uses the place {argument} in memory too early")
         count += 1

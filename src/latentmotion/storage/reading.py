@@ -52,7 +52,7 @@ def read_bytes(path: str | Path, most: int = limits.MOST_UNPACKED) -> bytes:
             content = b"" if size > most else file.read()
     except (OSError, ValueError) as error:  # ValueError: a name with NUL
         reason = getattr(error, "strerror", None) or error
-        raise FileFormatError(path, f"cannot read it: {reason}") from error
+        raise FileFormatError(path, f"cannot be read: {reason}") from error
     if max(size, len(content)) > most:
         raise FileFormatError(path, f"has more than {most:,} bytes, the most that is read")
     return content
@@ -160,7 +160,7 @@ def unpack_xz(path: str | Path, most: int = limits.MOST_JSON) -> bytes:
     """
     packed = read_bytes(path)
     most = min(most, max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(packed)))
-    decompressor = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=limits.UNPACKED_FREE)
+    decompressor = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=limits.XZ_MEMORY)
     try:
         plain = decompressor.decompress(packed, max_length=most + 1)
     except (lzma.LZMAError, EOFError) as error:

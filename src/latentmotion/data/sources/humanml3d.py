@@ -225,7 +225,7 @@ def _array(path: Path) -> np.ndarray:
     try:
         array = read_array(path)
     except FileFormatError as error:
-        raise DataError(f"{error}; expected a NumPy array: copy it again") from error
+        raise DataError(f"{path}: expected a NumPy array, found {error}; copy it again") from error
     if array.dtype.kind not in "fiu":
         raise DataError(f"{path}: expected numbers, found {array.dtype}; copy it again")
     return array
