@@ -68,7 +68,14 @@ def test_half_models_say_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"train denoiser.*--prior"):
         torch_pipeline(tmp_path / "vae")
     assert torch_prior(tmp_path / "vae").features([20], [0])[0].shape == (20, 263)
-    card = replace(model.card, vae=IdentityVAEConfig(model.card.latents.width))
+    width = model.card.latents.width
+    card = replace(
+        model.card,
+        vae=IdentityVAEConfig(width),
+        latents=replace(model.card.latents, frames_per_token=1),
+        normalizer_mean=(0.0,) * width,
+        normalizer_std=(1.0,) * width,
+    )
     save_model(tmp_path / "raw", LatentModel(card, build(card.vae), model.denoiser))
     with pytest.raises(ModelError, match="has no VAE"):
         torch_prior(tmp_path / "raw").features([20], [0])

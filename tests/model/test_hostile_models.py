@@ -37,7 +37,7 @@ def changed(path: list[str], value: Any) -> dict[str, Any]:
         ["latents", "frames_per_token"],
         ["latents", "tokens"],
         ["latents", "width"],
-        ["denoiser", "transformer", "layers"],
+        ["denoiser", "transformer", "hidden"],
         ["denoiser", "transformer", "heads"],
         ["denoiser", "condition_width"],
         ["vae", "features"],

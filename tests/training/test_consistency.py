@@ -13,7 +13,13 @@ import torch
 from latentmotion.condition.interface import Conditioning
 from latentmotion.data.sampling import Crop
 from latentmotion.diffusion.few_step import FewStepConfig, StepCondition
-from latentmotion.diffusion.parametrization import Epsilon, Parametrization, Sample, Velocity
+from latentmotion.diffusion.parametrization import (
+    Epsilon,
+    Parametrization,
+    ParametrizedDenoiser,
+    Sample,
+    Velocity,
+)
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
 from latentmotion.errors import ModelError
 from latentmotion.model.card import ModelCard
@@ -86,7 +92,7 @@ def source(schedule: Schedule, teacher: Any, parametrization: Parametrization) -
         card=Mock(spec=ModelCard, schedule=schedule, parametrization=parametrization),
         few_step=FEW_STEP,
         prompts=lambda captions: nobody,
-        guided=lambda scale: teacher,
+        guided=lambda scale: ParametrizedDenoiser(teacher, parametrization, schedule),
     )
     spread = torch.full((ROWS, TOKENS, WIDTH), 2.0)
     posteriors = Posteriors(0 * spread, spread, MASK)

@@ -165,7 +165,8 @@ def test_what_does_not_fit_is_refused(
         load_imitation(decoded.parent, load_model(decoded))
     with pytest.raises(InputError, match="different encoders"):
         load_imitation(generated, other)
-    save_model(tmp_path / "raw", raw)
+    space = frames.latent_space()
+    save_model(tmp_path / "raw", replace(raw, card=replace(raw.card, latents=space)))
     with pytest.raises(ModelError, match="no cheaper decoder"):
         light_decoder_config(tmp_path / "raw")
 

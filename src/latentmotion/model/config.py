@@ -19,10 +19,10 @@ PositionKind = Literal["learned", "sine"]
 """Position tables learned as in the paper, or sines as in ACTOR."""
 
 
-def check_range(name: str, number: int, most: int, found: str = "{name} {number}") -> None:
-    """Raises InputError for a size that is not from 1 to `most`."""
-    if not 1 <= number <= most:
-        raise InputError(f"{found.format(name=name, number=number)}: expected 1 to {most:,}")
+def check_range(name: str, number: int, most: int, least: int = 1) -> None:
+    """Raises InputError for a size that is not from `least` to `most`."""
+    if not least <= number <= most:
+        raise InputError(f"{name} {number}: expected {least} to {most:,}")
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class TransformerConfig:
 
     def __post_init__(self) -> None:
         check_range("width", self.width, limits.MOST_WIDTH)
-        check_range("layers", self.layers, limits.MOST_LAYERS)
+        check_range("layers", self.layers, limits.MOST_LAYERS, least=0)
         check_range("heads", self.heads, self.width)
         check_range("hidden", self.hidden, limits.MOST_WIDTH)
         if self.width % self.heads:
@@ -128,7 +128,8 @@ class Sampling:
     """Kind of guidance; a distilled model learned it from its teacher."""
 
     def __post_init__(self) -> None:
-        check_range("steps", self.steps, limits.MOST_STEPS, "{number} sampling steps")
+        if not 1 <= self.steps <= limits.MOST_STEPS:
+            raise InputError(f"{self.steps} sampling steps: expected 1 to {limits.MOST_STEPS:,}")
 
     def but(
         self,
