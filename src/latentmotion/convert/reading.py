@@ -14,9 +14,9 @@ import pickle
 import pickletools
 import warnings
 from collections import Counter, OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from zipfile import ZipFile, is_zipfile
 
 import torch
@@ -157,18 +157,23 @@ def _check_old(path: Path) -> None:
     """
     allowed = _TensorUnpickler(io.BytesIO(), None, "").allowed
     with path.open("rb") as file:
-        for _ in range(4):
-            for opcode, argument, _ in pickletools.genops(file):
-                if opcode.name == "STACK_GLOBAL" or opcode.name.startswith("EXT"):
-                    raise ForbiddenName(f"something by {opcode.name}")
-                if opcode.name in ("GLOBAL", "INST"):
-                    module, _, name = str(argument).partition(" ")
-                    module = PYTHON_2.get(module, module)
-                    try:
-                        if allowed(module, name) is Placeholder and name not in _OLD:
-                            raise KeyError
-                    except KeyError as error:
-                        raise ForbiddenName(f"{module}.{name}") from error
+        for module, name in (named for _ in range(4) for named in _named(file)):
+            try:
+                kind = allowed(module, name)
+            except KeyError as error:
+                raise ForbiddenName(f"{module}.{name}") from error
+            if kind is Placeholder and name not in _OLD:
+                raise ForbiddenName(f"{module}.{name}")
+
+
+def _named(file: BinaryIO) -> Iterator[tuple[str, str]]:
+    """Yields module and name of all that the next pickle of a file names."""
+    for opcode, argument, _ in pickletools.genops(file):
+        if opcode.name == "STACK_GLOBAL" or opcode.name.startswith("EXT"):
+            raise ForbiddenName(f"something by {opcode.name}")
+        if opcode.name in ("GLOBAL", "INST"):
+            module, _, name = str(argument).partition(" ")
+            yield PYTHON_2.get(module, module), name
 
 
 _OLD = ("Size", "dtype", "scalar", "encode", "defaultdict", "set", "dict", "list")
