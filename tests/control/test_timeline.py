@@ -70,6 +70,8 @@ def test_spans_begin_within_a_tenth_of_a_second() -> None:
     starts = np.cumsum([1.1, 0.7, 2.33, 0.9, 1.0, 4.0])
     assert np.abs(np.cumsum(tokens) * 4 / 20 - starts).max() <= 0.1 + 1e-9
     assert tokens_of([Span("a", 0.01)], [4.0], 20.0) == [1]
+    with pytest.raises(InputError, match=r"a timeline of 1e\+09 seconds; expected at most 600"):
+        tokens_of([Span("a", 1e9)], [4.0], 20.0)
 
 
 def test_each_span_knows_the_last_second_and_long_ones_are_made_in_parts() -> None:

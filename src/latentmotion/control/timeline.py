@@ -16,6 +16,9 @@ from latentmotion.control.stream import KNOWN, SampleKnown
 from latentmotion.errors import InputError
 from latentmotion.model.vae_config import STRIDE
 
+LONGEST = 600.0
+"""Most seconds of a timeline; a stream has no end."""
+
 
 @dataclass(frozen=True)
 class Span:
@@ -104,10 +107,17 @@ def tokens_of(spans: Sequence[Span], seconds: Sequence[float], fps: float) -> li
         spans: The spans.
         seconds: Length of each where it is left out.
         fps: Frames per second.
+
+    Raises:
+        InputError: The timeline is too long.
     """
     given = [
         usual if span.seconds is None else span.seconds
         for span, usual in zip(spans, seconds, strict=True)
     ]
+    if sum(given) > LONGEST:
+        raise InputError(
+            f"a timeline of {sum(given):g} seconds; expected at most {LONGEST:g}, or a stream"
+        )
     ends = np.round(np.cumsum(given) * fps / STRIDE).astype(int)
     return np.maximum(np.diff(ends, prepend=0), 1).tolist()
