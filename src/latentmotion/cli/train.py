@@ -313,7 +313,7 @@ class TrainLength:
     model: str | None = None
     """Name or folder of a model whose own motions tell how long acts, turns and counts take: drawn
     prompts are generated at many lengths, and the length at which it most likely obeys is learned
-    (an hour on one core; OUTPUT.trials.jsonl keeps the results)."""
+    (half an hour on one core; OUTPUT.trials.jsonl keeps the results)."""
     trials: LengthTrials = field(default_factory=LengthTrials)
     """How many prompts are generated, at which lengths."""
     text_encoder: options.TextEncoderName = options.TEXT_ENCODER
