@@ -1,0 +1,196 @@
+"""Everything worth a borrowed GPU, by priority, each step within its share of the time.
+
+    PYTHONPATH=src python -m benchmarks.gpu_plan OUT --data data/starter.pack --minutes 30
+    PYTHONPATH=src python -m benchmarks.gpu_plan /tmp/try --data SMALL --device cpu --quick
+
+Steps are commands of their own: speed of generation and training with rooflines, MLD at full size,
+the shipped family larger and longer, its student, the instruction benchmark, tables of the paper.
+A step ends with its share of the minutes; what it has written stays. OUT/plan.jsonl gets a line for
+every step that ended, OUT/NAME.log what it printed. The same command again resumes: steps that
+ended well are skipped, a training continues from its snapshot. How many steps a training takes is
+decided once, from the pace of its first steps, and kept in OUT/steps.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from latentmotion.storage.files import atomic_file
+
+GRACE = 20.0
+"""Seconds between the request to stop and the end of a command."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A command and its share of the time."""
+
+    name: str
+    """What its results are called."""
+    words: tuple[str, ...]
+    """The module to run and its arguments."""
+    share: float
+    """Share of all minutes."""
+    training: str = ""
+    """Prefix of the training settings, where the number of steps follows from the pace."""
+    trial: int = 40
+    """Steps from which the pace is measured, the fewest of the training."""
+
+
+def plan(folder: Path, data: Path, device: str, quick: bool) -> list[Step]:
+    """Returns the steps by priority.
+
+    Args:
+        folder: Where results go.
+        data: Prepared folder or data pack.
+        device: Where PyTorch computes.
+        quick: Whether networks are tiny and steps few, to try the plan on a CPU.
+    """
+    on = ("--device", device)
+    generation = ("benchmarks.generation.gpu", *on, *(("--quick",) if quick else ()))
+    batch = {"mld": 4, "family": 4} if quick else {"mld": 128, "family": 256}
+    wide = 32 if quick else 384
+
+    def train(stage: str, family: str, *words: str) -> tuple[str, ...]:
+        prefix = f"{stage}_training"
+        settings = [f"{prefix}.batch_size={batch[family]}", f"{prefix}.snapshot_every=200"]
+        if not quick:
+            settings.append(f"{prefix}.precision=bfloat16")
+        output = ("-o", str(folder / f"{family}_{stage}"), "--data", str(data), *on)
+        flags = [flag for setting in settings for flag in ("--set", setting)]
+        return ("latentmotion", "train", stage, *output, *flags, *words)
+
+    def denoiser(family: str, *words: str) -> tuple[str, ...]:
+        first = ("--vae", str(folder / f"{family}_vae"), "--text-encoder", "starter")
+        return train("denoiser", family, *first, "--set", "denoiser.condition_width=384", *words)
+
+    mld = ("--preset", "mld_humanml3d")
+    family = ("--preset", "starter", "--set", f"vae.width={wide}")
+    larger = (
+        *("--preset", "starter", "--set", f"denoiser.transformer.width={wide}"),
+        *("--set", f"denoiser.transformer.hidden={3 * wide}"),
+    )
+    student = folder / "student"
+    distill = ("--teacher", str(folder / "family_denoiser" / "model"), "--data", str(data))
+    few = ("--set", "objective.trajectories=64") if quick else ()
+    evaluated = ("--instructions", "--output", str(folder / "instructions"), *on)
+    tables = ("--data", str(data), "--budget", "small", "-o", str(folder / "tables"), *on)
+    fewer = ("--set", "vae_training.steps=2", "--set", "vae_training.batch_size=4")
+    steps = [
+        Step("generation", (*generation, "starter", "fast", "-o", f"{folder}/generation"), 0.2),
+        Step("training", (*generation, "--training", "-o", f"{folder}/training"), 0.06),
+        Step("mld_vae", train("vae", "mld", *mld), 0.16, "vae_training"),
+        Step("mld_denoiser", denoiser("mld", *mld), 0.1, "denoiser_training"),
+        Step("family_vae", train("vae", "family", *family), 0.14, "vae_training"),
+        Step("family_denoiser", denoiser("family", *larger), 0.16, "denoiser_training"),
+        Step(
+            "student",
+            ("latentmotion", "train", "distill", *distill, "-o", str(student), *few, *on),
+            0.06,
+            "training",
+        ),
+        Step("instructions", ("latentmotion", "evaluate", f"{student}/model", *evaluated), 0.04),
+        Step(
+            "tables",
+            ("latentmotion", "experiment", "run", "vae", *tables, *(fewer if quick else ())),
+            0.08,
+        ),
+    ]
+    return [replace(step, trial=4) for step in steps] if quick else steps
+
+
+def run(step: Step, folder: Path, seconds: float) -> int | None:
+    """Runs a step for at most some seconds; returns its exit status, None where time ran out."""
+    words = list(step.words)
+    if step.training:
+        words += ["--set", f"{step.training}.steps={_steps(step, folder, seconds)}"]
+    with (folder / f"{step.name}.log").open("a", encoding="utf-8") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", *words],
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            start_new_session=True,  # a signal reaches what the command started, too
+        )
+        try:
+            return process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return None
+        finally:
+            _stop(process)
+
+
+def _steps(step: Step, folder: Path, seconds: float) -> int:
+    """Returns the steps that fit into some seconds, as decided when the training began."""
+    file = folder / "steps.json"
+    decided = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    if step.name not in decided:
+        start = time.perf_counter()
+        words = list(step.words)
+        words[words.index("-o") + 1] = str(folder / "pace" / step.name)
+        tried = (
+            f"{step.training}.steps={step.trial}",
+            f"{step.training}.report_every={step.trial // 2}",
+        )
+        words += [word for setting in tried for word in ("--set", setting)]
+        trial = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True)
+        paces = re.findall(r"\(([\d.]+) s a step", trial.stdout)
+        left = 0.9 * (seconds - 2 * (time.perf_counter() - start))
+        decided[step.name] = max(int(left / float(paces[-1])), step.trial) if paces else step.trial
+        with atomic_file(file) as temporary:
+            temporary.write_text(json.dumps(decided, indent=1), encoding="utf-8")
+    return decided[step.name]
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        try:
+            os.killpg(process.pid, number)
+            process.wait(GRACE)
+        except ProcessLookupError:
+            return
+        except subprocess.TimeoutExpired:
+            continue
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the steps that have not ended well yet."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, help="where results go; resumed if it exists")
+    parser.add_argument("--data", type=Path, required=True, help="prepared folder or data pack")
+    parser.add_argument("--minutes", type=float, default=30.0, help="for all steps together")
+    parser.add_argument("--device", default="cuda")
+    parser.add_argument("--quick", action="store_true", help="tiny, to try the plan")
+    parser.add_argument("--only", nargs="*", help="names of some of the steps")
+    options = parser.parse_args(arguments)
+    steps = plan(options.folder, options.data, options.device, options.quick)
+    names = [step.name for step in steps]
+    if odd := set(options.only or ()) - set(names):
+        parser.error(f"--only {min(odd)}: expected some of {', '.join(names)}")
+    options.folder.mkdir(parents=True, exist_ok=True)
+    journal = options.folder / "plan.jsonl"
+    rows = journal.read_text(encoding="utf-8").splitlines() if journal.is_file() else []
+    done = {row["step"] for row in map(json.loads, rows) if row["status"] == 0}
+    for step in steps:
+        if step.name in done or (options.only and step.name not in options.only):
+            continue
+        start = time.perf_counter()
+        status = run(step, options.folder, 60 * options.minutes * step.share)
+        row = {"step": step.name, "status": status, "seconds": time.perf_counter() - start}
+        with journal.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+        print(f"{step.name}: status {status}, {row['seconds']:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()
