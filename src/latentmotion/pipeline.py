@@ -8,8 +8,8 @@ run, too. A prompt is a sentence, an action label or nothing.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,14 +29,12 @@ from latentmotion.engine.backend import Backend, Batch
 from latentmotion.engine.feature_decoder import FeatureDecoder, representation_of
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import (
-    PULLBACK_FILE,
     LazySession,
     Runtime,
     open_decoder,
     open_fused_samplers,
     open_pullback,
 )
-from latentmotion.errors import InputError, ModelError
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
@@ -48,10 +46,8 @@ from latentmotion.text.encoder import LazyTextEncoder
 from latentmotion.text.lengths import LengthFile
 
 if TYPE_CHECKING:
-    from latentmotion.control.edit import Gap
     from latentmotion.control.goals import Goal
-    from latentmotion.control.reach import DecodedMotion, Sample
-    from latentmotion.control.stream import MotionStream, SampleKnown, StreamState
+    from latentmotion.control.stream import MotionStream, StreamState
     from latentmotion.control.timeline import Span
 
 MAX_BATCH_SIZE = 32
@@ -177,7 +173,9 @@ class MotionPipeline:
         sampling = self.card.sampling.but(steps, guidance, sampler)
         request = GenerationRequest((prompt,), (frames,), (seed,), sampling)
         request.check(self.card, self.representation.fps)
-        return self._directed(request, goals)
+        from latentmotion.control.direct import generate_directed
+
+        return generate_directed(self, request, goals)
 
     def batch(
         self,
@@ -282,7 +280,7 @@ class MotionPipeline:
         batch, noise = requests.padded_batch(request, condition, self.card.latents, backend)
         if sampling.steps in backend.fused:
             return backend.run_fused(batch, sampling)
-        chain = self.guided(sampling), self.sampler(sampling), sampling.steps, noise, self._decoder
+        chain = self.guided(sampling), self.sampler(sampling), sampling.steps, noise, self.decoder
         # Fresh noise at every step comes from the host, which a recording cannot read.
         if backend.launch is None or sampling.sampler == "ddpm":
             return features_from_noise(batch, *chain)
@@ -338,12 +336,10 @@ class MotionPipeline:
             InputError: The motion is of another kind, or the times are not within it.
             ModelError: The model has no `pullback.onnx`.
         """
-        from latentmotion.control.edit import gap_between
+        from latentmotion.control.edit import generate_edited
 
-        self._check_like(motion)
-        gap = gap_between(motion, between)
         sampling = self.card.sampling.but(steps, guidance, None)
-        return self._filled(motion, motion.joints, gap, prompt, seed, sampling)
+        return generate_edited(self, motion, prompt, between, seed, sampling)
 
     def between(
         self,
@@ -370,12 +366,10 @@ class MotionPipeline:
             InputError: The motions are of another kind or too far apart.
             ModelError: The model has no `pullback.onnx`.
         """
-        from latentmotion.control.edit import in_between
+        from latentmotion.control.edit import generate_between
 
-        self._check_like(start)
-        joints, gap = in_between(start, end, seconds)
         sampling = self.card.sampling.but(steps, guidance, None)
-        return self._filled(start, joints, gap, prompt, seed, sampling)
+        return generate_between(self, (start, end), seconds, prompt, seed, sampling)
 
     def loop(
         self,
@@ -401,17 +395,10 @@ class MotionPipeline:
             InputError: A number is out of range.
             ModelError: The model has no `pullback.onnx`.
         """
-        from latentmotion.control.stream import STRIDE, looped
+        from latentmotion.control.stream import generate_loop
 
-        space, sees = self.representation, self._margin()
-        tokens = max(1, round(seconds * space.fps / STRIDE))
         sampling = self.card.sampling.but(steps, guidance, None)
-        request = GenerationRequest((prompt,), (STRIDE * tokens,), (seed,), sampling)
-        request.check(self.card, space.fps)
-        z = self._sample_of(request)(STRIDE * tokens, lambda clean: clean)
-        features = looped(z, self._sample_known(request), self._decoded, sees, seed)
-        joints = np.asarray(space.decode(features), np.float32)
-        return Motion(joints, space.fps, space.skeleton, prompt, self._about(seed, sampling))
+        return generate_loop(self, prompt, seconds, seed, sampling)
 
     def timeline(
         self,
@@ -433,32 +420,10 @@ class MotionPipeline:
             InputError: A prompt is not of the model's kind or a number is out of range.
             ModelError: The model has no `pullback.onnx`.
         """
-        from latentmotion.control.stream import STRIDE, decode_in_windows
-        from latentmotion.control.timeline import sampled_spans, spans_of, tokens_of
+        from latentmotion.control.timeline import generate_timeline
 
-        space, sees, every = self.representation, self._margin(), spans_of(spans)
         sampling = self.card.sampling.but(steps, guidance, None)
-        prompts = [span.prompt for span in every]
-        usual = self.usual_seconds(prompts) or [requests.USUAL_SECONDS] * len(every)
-        tokens, (shortest, longest) = tokens_of(every, usual, space.fps), self.card.frames
-        frames = [min(max(STRIDE * count, shortest), longest) for count in tokens]
-        request = GenerationRequest(tuple(prompts), tuple(frames), (seed,) * len(every), sampling)
-        request.check(self.card, space.fps)
-        z = sampled_spans(
-            tokens,
-            lambda number: self._sample_known(request.take([number])),
-            longest // STRIDE,
-            self.card.latents.width,
-            seed,
-        )
-        joints = np.asarray(space.decode(decode_in_windows(z, self._decoded, sees)), np.float32)
-        ends = (np.cumsum(tokens) * STRIDE / space.fps).tolist()
-        found = [
-            {"prompt": prompt, "start": start, "end": end}
-            for prompt, start, end in zip(prompts, [0.0, *ends], ends, strict=False)
-        ]
-        about = {**self._about(seed, sampling), "spans": found}
-        return Motion(joints, space.fps, space.skeleton, ", then ".join(prompts), about)
+        return generate_timeline(self, spans, seed, sampling)
 
     def stream(
         self,
@@ -481,21 +446,10 @@ class MotionPipeline:
             InputError: A number is out of range.
             ModelError: The model has no `pullback.onnx`.
         """
-        from latentmotion.control.stream import CALL, STRIDE, MotionStream, StreamState, advanced
+        from latentmotion.control.stream import generate_stream
 
-        space, sees = self.representation, self._margin()
         sampling = self.card.sampling.but(steps, guidance, None)
-
-        def advance(
-            state: StreamState, prompt: str, seed: int
-        ) -> tuple[Float[np.ndarray, "frames joints 3"], StreamState]:
-            request = GenerationRequest((prompt,), (STRIDE * CALL,), (seed,), sampling)
-            request.check(self.card, space.fps)
-            known = self._sample_known(request)
-            return advanced(state, known, self._decoded, space, sees, seed)
-
-        first = state or StreamState.start(self.card.latents.width)
-        return MotionStream(prompt, seed, first, advance, space)
+        return generate_stream(self, prompt, seed, sampling, state)
 
     def guided(self, sampling: Sampling) -> ParametrizedDenoiser:
         """Returns the denoiser with guidance around it, or inside it for a distilled model."""
@@ -514,110 +468,10 @@ class MotionPipeline:
         """The motion features that the model makes."""
         return representation_of(self.card, self.body)
 
-    def _directed(self, request: GenerationRequest, goals: Sequence[Goal]) -> Motion:
-        from latentmotion.control.direct import directed, direction_of
-
-        (frames,), (prompt,), (seed,) = request.frames, request.prompts, request.seeds
-        motion, space = self._decoded(frames), self.representation
-        direction = direction_of(goals, frames, space.fps, space.skeleton)
-        made = directed(direction, motion, self._sample_of(request), space.fps)
-        about = {**self._about(seed, request.sampling), **made.metadata}
-        return replace(made, caption=prompt, metadata=about)
-
-    def _filled(
-        self,
-        motion: Motion,
-        joints: Float[np.ndarray, "frames joints 3"],
-        gap: Gap,
-        prompt: str,
-        seed: int,
-        sampling: Sampling,
-    ) -> Motion:
-        from latentmotion.control.edit import edited
-
-        first, last = gap.window
-        request = GenerationRequest((prompt,), (last - first,), (seed,), sampling)
-        request.check(self.card, motion.fps)
-        sample_latents = self._sample_of(request)
-        joints = edited(joints, gap, self._decoded, sample_latents, motion.fps, motion.skeleton)
-        caption = ", ".join(text for text in (motion.caption, prompt) if text)
-        about = {**motion.metadata, **self._about(seed, sampling)}
-        return Motion(joints, motion.fps, motion.skeleton, caption, about)
-
-    def _about(self, seed: int, sampling: Sampling) -> dict[str, Any]:
-        settings = {"seed": seed, "steps": sampling.steps, "guidance": sampling.guidance}
-        return {"model": self.card.name, **settings, "license": self.card.provenance.license}
-
-    def _check_like(self, motion: Motion) -> None:
-        fps, skeleton = self.representation.fps, self.representation.skeleton
-        if motion.skeleton.names != skeleton.names:
-            raise InputError(
-                f"the motion's skeleton is {motion.skeleton.name!r}, model {self.card.name!r} "
-                f"moves {skeleton.name!r}; convert it first: latentmotion.to_humanml3d"
-            )
-        if motion.fps != fps:
-            raise InputError(
-                f"the motion has {motion.fps:g} frames per second, model {self.card.name!r} "
-                f"makes {fps:g}; call motion.resampled({fps:g}) first"
-            )
-
-    def _decoded(self, frames: int) -> DecodedMotion:
-        """Returns a motion as a function of its latents.
-
-        Raises:
-            InputError: The model's features are of another kind.
-            ModelError: The model has no pullback.
-        """
-        from latentmotion.control.reach import DecodedMotion
-
-        pullback = self.backend.pullback
-        if pullback is None:
-            raise ModelError(
-                f"model {self.card.name!r} has no {PULLBACK_FILE}, so its motions cannot be "
-                "directed; export it again with this version (latentmotion export), or, if it runs "
-                "on PyTorch, choose --runtime onnxruntime. Only VAEs of convolutions have one."
-            )
-        scales, decoder = self._decoder, self.backend.decoder
-        return DecodedMotion(
-            decoder, pullback, scales.latents, scales.features, self.representation, frames
-        )
-
-    def _margin(self) -> int:
-        self._decoded(1)
-        margin = self.card.vae.decoder_margin()
-        assert margin is not None  # as it has a pullback
-        return margin
-
-    def _sample_known(self, request: GenerationRequest) -> SampleKnown:
-        from latentmotion.control.reach import Correction
-
-        def sample_known(
-            z: Float[np.ndarray, "tokens width"], known: Bool[np.ndarray, " tokens"], seed: int
-        ) -> Float[np.ndarray, "tokens width"]:
-            one, frames = replace(request, seeds=(seed,)), len(z) * 4
-            keep = Correction(self._decoded(frames), known=z, is_known=known)
-            return keep(self._sample_of(one)(frames, keep)[None])[0]
-
-        return sample_known
-
-    def _sample_of(self, request: GenerationRequest) -> Sample:
-        from latentmotion.control.reach import CorrectedDenoiser
-
-        sampling, card = request.sampling, self.card
-        condition = self.condition(request.prompts)
-
-        def sample_latents(
-            frames: int, correct: Callable[[np.ndarray], np.ndarray]
-        ) -> Float[np.ndarray, "tokens width"]:
-            one = replace(request, frames=(frames,))
-            batch, noise = requests.padded_batch(one, condition, card.latents, self.backend)
-            corrected = CorrectedDenoiser(self.guided(sampling), correct)
-            sampler, steps = self.sampler(sampling), sampling.steps
-            return sample(
-                corrected, sampler, batch.noise, batch.condition, batch.tokens, steps, noise
-            )[0]
-
-        return sample_latents
+    @cached_property
+    def decoder(self) -> FeatureDecoder:
+        """The VAE's decoder with the scales of latents and features."""
+        return FeatureDecoder.of(self.card, self.backend.decoder, self.backend.to_device)
 
     def _batches(self, request: GenerationRequest) -> list[list[int]]:
         """Checks a request; returns the motions of each batch."""
@@ -646,10 +500,6 @@ class MotionPipeline:
     def _null(self) -> Conditioning:
         null, to_device = self.condition.null(1), self.backend.to_device
         return Conditioning(to_device(null.tokens), to_device(null.mask))
-
-    @cached_property
-    def _decoder(self) -> FeatureDecoder:
-        return FeatureDecoder.of(self.card, self.backend.decoder, self.backend.to_device)
 
 
 def features_from_noise(

@@ -43,7 +43,7 @@ def latents_of(pipeline: MotionPipeline, request: GenerationRequest) -> np.ndarr
     batch, noise = padded_batch(request, condition, card.latents, pipeline.backend)
     guided, sampler = pipeline.guided(sampling), sampler_of(card, sampling)
     z = sample(guided, sampler, batch.noise, batch.condition, batch.tokens, sampling.steps, noise)
-    return pipeline._decoder.latents.denormalize(z).numpy()
+    return pipeline.decoder.latents.denormalize(z).numpy()
 
 
 def test_joints_found_for_a_batch_are_those_of_each_motion(exact: MotionPipeline) -> None:

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.control.exact import distances, hold_targets
+from latentmotion.control.generator import Generator, decoders_of, latents_of, metadata_of
 from latentmotion.control.goals import (
     Goal,
     Heading,
@@ -36,6 +37,7 @@ from latentmotion.control.reach import (
     Sample,
     reach,
 )
+from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
@@ -113,6 +115,23 @@ class Direction:
         height = np.nan if y is None else y
         ahead = straightened((x, height, z), pelvis, along, curve)
         return replace(goal, to=(ahead[0], y, ahead[2]))
+
+
+def generate_directed(
+    generator: Generator, request: GenerationRequest, goals: Sequence[Goal]
+) -> Motion:
+    """Generates the one motion of a request with goals, as `MotionPipeline.__call__` does.
+
+    Raises:
+        InputError: No person could meet a goal, or goals contradict each other.
+        ModelError: The model has no pullback.
+    """
+    (frames,), (prompt,), (seed,) = request.frames, request.prompts, request.seeds
+    motion, space = decoders_of(generator)(frames), generator.representation
+    direction = direction_of(goals, frames, space.fps, space.skeleton)
+    made = directed(direction, motion, latents_of(generator, request), space.fps)
+    about = {**metadata_of(generator, seed, request.sampling), **made.metadata}
+    return replace(made, caption=prompt, metadata=about)
 
 
 def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: float) -> Motion:

@@ -8,7 +8,7 @@ are pasted with the position and the velocity of both seams.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -16,10 +16,13 @@ from jaxtyping import Bool, Float
 from latentmotion.cleanup import clean
 from latentmotion.control.exact import inertialized
 from latentmotion.control.fit import fit_latents
+from latentmotion.control.generator import Generator, decoders_of, latents_of, metadata_of
 from latentmotion.control.goals import FASTEST, NO_TARGETS, TargetResidual, Targets
 from latentmotion.control.reach import Correction, DecodedMotion, ReachSettings, Sample, reach
+from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
@@ -67,6 +70,60 @@ class Gap:
     def after(self) -> int:
         """Tokens that are known after the gap."""
         return max(0, min(TOKENS, (self.total - self.resumes) // _STRIDE))
+
+
+def generate_edited(
+    generator: Generator,
+    motion: Motion,
+    prompt: str,
+    between: tuple[float, float],
+    seed: int,
+    sampling: Sampling,
+) -> Motion:
+    """Generates a part of a motion again, as `MotionPipeline.edit` does.
+
+    Args:
+        generator: The model.
+        motion: The motion, with the frame rate and skeleton of the model's.
+        prompt: What the person does in that part.
+        between: Its start and end, seconds.
+        seed: Seed of the noise.
+        sampling: Steps, guidance and sampler.
+
+    Raises:
+        InputError: The motion is of another kind, or the times are not within it.
+        ModelError: The model has no pullback.
+    """
+    _check_like(generator, motion)
+    gap = gap_between(motion, between)
+    return _filled(generator, motion, gap, prompt, seed, sampling)
+
+
+def generate_between(
+    generator: Generator,
+    ends: tuple[Motion, Motion],
+    seconds: float,
+    prompt: str,
+    seed: int,
+    sampling: Sampling,
+) -> Motion:
+    """Generates what leads from one motion to another, as `MotionPipeline.between` does.
+
+    Args:
+        generator: The model.
+        ends: Two motions, or poses of one frame, whose frames stay the same numbers.
+        seconds: Length of the transition.
+        prompt: What the person does in between.
+        seed: Seed of the noise.
+        sampling: Steps, guidance and sampler.
+
+    Raises:
+        InputError: The motions are of another kind or too far apart.
+        ModelError: The model has no pullback.
+    """
+    _check_like(generator, ends[0])
+    joints, gap = in_between(*ends, seconds)
+    return _filled(generator, replace(ends[0], joints=joints), gap, prompt, seed, sampling)
 
 
 def gap_between(motion: Motion, between: tuple[float, float]) -> Gap:
@@ -161,6 +218,36 @@ def in_between(start: Motion, end: Motion, seconds: float) -> tuple[Joints, Gap]
     blank = np.zeros((count, *start.joints.shape[1:]), np.float32)
     joints = np.concatenate([start.joints, blank, end.joints])
     return joints, Gap(len(start), len(start) + count, len(joints))
+
+
+def _check_like(generator: Generator, motion: Motion) -> None:
+    """Raises InputError if a motion has another skeleton or frame rate than the model's."""
+    fps, skeleton = generator.representation.fps, generator.representation.skeleton
+    name = generator.card.name
+    if motion.skeleton.names != skeleton.names:
+        raise InputError(
+            f"the motion's skeleton is {motion.skeleton.name!r}, model {name!r} "
+            f"moves {skeleton.name!r}; convert it first: latentmotion.to_humanml3d"
+        )
+    if motion.fps != fps:
+        raise InputError(
+            f"the motion has {motion.fps:g} frames per second, model {name!r} "
+            f"makes {fps:g}; call motion.resampled({fps:g}) first"
+        )
+
+
+def _filled(
+    generator: Generator, motion: Motion, gap: Gap, prompt: str, seed: int, sampling: Sampling
+) -> Motion:
+    """Returns a motion with its gap generated."""
+    first, last = gap.window
+    request = GenerationRequest((prompt,), (last - first,), (seed,), sampling)
+    request.check(generator.card, motion.fps)
+    sample_latents, decoders = latents_of(generator, request), decoders_of(generator)
+    joints = edited(motion.joints, gap, decoders, sample_latents, motion.fps, motion.skeleton)
+    caption = ", ".join(text for text in (motion.caption, prompt) if text)
+    about = {**motion.metadata, **metadata_of(generator, seed, sampling)}
+    return Motion(joints, motion.fps, motion.skeleton, caption, about)
 
 
 def _width(motion: DecodedMotion) -> int:

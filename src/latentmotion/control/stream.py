@@ -14,13 +14,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from latentmotion.control.reach import DecodedMotion
-from latentmotion.errors import FileFormatError
-from latentmotion.model.vae_config import (
-    STRIDE,
+from latentmotion.control.generator import (
+    Generator,
+    SampleKnown,
+    decoders_of,
+    known_latents_of,
+    latents_of,
+    margin_of,
+    metadata_of,
 )
+from latentmotion.control.reach import DecodedMotion
+from latentmotion.engine.request import GenerationRequest
+from latentmotion.errors import FileFormatError
+from latentmotion.model.config import Sampling
+from latentmotion.model.vae_config import STRIDE
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.interface import Representation
@@ -28,8 +37,6 @@ from latentmotion.storage.array_files import read_arrays
 from latentmotion.storage.files import atomic_file
 
 Latents = Float[np.ndarray, "tokens width"]
-SampleKnown = Callable[[Latents, Bool[np.ndarray, " tokens"], int], Latents]
-"""Samples latents with some known ones: the latents, which are known, and a seed."""
 
 KNOWN, CALL = 5, 15
 """Tokens of a call that are known from the call before, and all of them."""
@@ -39,6 +46,64 @@ LOOK_AHEAD = 2
 
 _SEAM = 6
 """Tokens that are sampled again where a loop is joined."""
+
+
+def generate_stream(
+    generator: Generator, prompt: str, seed: int, sampling: Sampling, state: StreamState | None
+) -> MotionStream:
+    """Returns an endless motion, as `MotionPipeline.stream` does.
+
+    Args:
+        generator: The model.
+        prompt: What the person does.
+        seed: Seed of the noise.
+        sampling: Steps, guidance and sampler; 2 steps or more.
+        state: Where an earlier stream is resumed.
+
+    Raises:
+        ModelError: The model has no pullback.
+    """
+    space, motion = generator.representation, decoders_of(generator)
+    sees = margin_of(generator)
+
+    def advance(
+        state: StreamState, prompt: str, seed: int
+    ) -> tuple[Float[np.ndarray, "frames joints 3"], StreamState]:
+        request = GenerationRequest((prompt,), (STRIDE * CALL,), (seed,), sampling)
+        request.check(generator.card, space.fps)
+        known = known_latents_of(generator, request)
+        return advanced(state, known, motion, space, sees, seed)
+
+    first = state or StreamState.start(generator.card.latents.width)
+    return MotionStream(prompt, seed, first, advance, space)
+
+
+def generate_loop(
+    generator: Generator, prompt: str, seconds: float, seed: int, sampling: Sampling
+) -> Motion:
+    """Generates one turn of a seamless cycle, as `MotionPipeline.loop` does.
+
+    Args:
+        generator: The model.
+        prompt: What the person does.
+        seconds: Length of a turn, rounded to 0.2 s.
+        seed: Seed of the noise.
+        sampling: Steps, guidance and sampler; 2 steps or more.
+
+    Raises:
+        InputError: A number is out of range.
+        ModelError: The model has no pullback.
+    """
+    space, motion = generator.representation, decoders_of(generator)
+    tokens = max(1, round(seconds * space.fps / STRIDE))
+    request = GenerationRequest((prompt,), (STRIDE * tokens,), (seed,), sampling)
+    request.check(generator.card, space.fps)
+    z = latents_of(generator, request)(STRIDE * tokens, lambda clean: clean)
+    known = known_latents_of(generator, request)
+    features = looped(z, known, motion, margin_of(generator), seed)
+    joints = np.asarray(space.decode(features), np.float32)
+    about = metadata_of(generator, seed, sampling)
+    return Motion(joints, space.fps, space.skeleton, prompt, about)
 
 
 def decode_in_windows(

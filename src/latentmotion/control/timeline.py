@@ -12,9 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.control.stream import KNOWN, SampleKnown
+from latentmotion.control.generator import (
+    Generator,
+    SampleKnown,
+    decoders_of,
+    known_latents_of,
+    margin_of,
+    metadata_of,
+)
+from latentmotion.control.stream import KNOWN, decode_in_windows
+from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
 from latentmotion.errors import InputError
+from latentmotion.model.config import Sampling
 from latentmotion.model.vae_config import STRIDE
+from latentmotion.motion import Motion
 
 LONGEST = 600.0
 """Most seconds of a timeline; a stream has no end."""
@@ -38,6 +49,50 @@ class Span:
             raise InputError(
                 f"{self.prompt!r}: {self.seconds:g} seconds; expected more than 0 s for each span"
             )
+
+
+def generate_timeline(
+    generator: Generator,
+    spans: Sequence[str | tuple[str, float] | Span],
+    seed: int,
+    sampling: Sampling,
+) -> Motion:
+    """Generates one motion for several prompts, as `MotionPipeline.timeline` does.
+
+    Args:
+        generator: The model.
+        spans: Prompts, `(prompt, seconds)` or `Span`s.
+        seed: Seed of the noise.
+        sampling: Steps, guidance and sampler; 2 steps or more.
+
+    Raises:
+        InputError: A prompt is not of the model's kind or a number is out of range.
+        ModelError: The model has no pullback.
+    """
+    card, space, motion = generator.card, generator.representation, decoders_of(generator)
+    every = spans_of(spans)
+    prompts = [span.prompt for span in every]
+    usual = generator.usual_seconds(prompts) or [USUAL_SECONDS] * len(every)
+    tokens, (shortest, longest) = tokens_of(every, usual, space.fps), card.frames
+    frames = [min(max(STRIDE * count, shortest), longest) for count in tokens]
+    request = GenerationRequest(tuple(prompts), tuple(frames), (seed,) * len(every), sampling)
+    request.check(card, space.fps)
+    z = sampled_spans(
+        tokens,
+        lambda number: known_latents_of(generator, request.take([number])),
+        longest // STRIDE,
+        card.latents.width,
+        seed,
+    )
+    features = decode_in_windows(z, motion, margin_of(generator))
+    joints = np.asarray(space.decode(features), np.float32)
+    ends = (np.cumsum(tokens) * STRIDE / space.fps).tolist()
+    found = [
+        {"prompt": prompt, "start": start, "end": end}
+        for prompt, start, end in zip(prompts, [0.0, *ends], ends, strict=False)
+    ]
+    about = {**metadata_of(generator, seed, sampling), "spans": found}
+    return Motion(joints, space.fps, space.skeleton, ", then ".join(prompts), about)
 
 
 def spans_of(timeline: Sequence[str | tuple[str, float] | Span]) -> tuple[Span, ...]:
