@@ -19,7 +19,7 @@ import torch
 from benchmarks.generation.ours import Model
 from benchmarks.harness.contest import Contender, figure, table, take_turns, whole
 from latentmotion.engine.session import Runtime, open_session
-from latentmotion.evaluation.metrics.cost import flops, parameters
+from latentmotion.evaluation.cost import flops, parameters
 from latentmotion.export.onnx import export_decoder
 from latentmotion.networks.checkpoint import load_stages
 from latentmotion.networks.vae.interface import MotionVAE, decoder_modules

@@ -28,7 +28,7 @@ from benchmarks.generation.roofline import ordered, report
 from benchmarks.harness.contest import figure, table
 from benchmarks.training.device import training_rows
 from latentmotion.condition.interface import Conditioning
-from latentmotion.engine.options import ExecutionOptions
+from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.gpu.device import describe_machine

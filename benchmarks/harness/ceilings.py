@@ -11,8 +11,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from latentmotion.engine.options import ExecutionOptions
-from latentmotion.gpu.network import arithmetic
+from latentmotion.engine.backend import ExecutionOptions
+from latentmotion.gpu.device import arithmetic
 
 LARGEST = {"cpu": 2**28, "cuda": 2**31}
 """Bytes of a buffer that fits no cache."""

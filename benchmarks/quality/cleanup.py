@@ -32,7 +32,7 @@ from benchmarks.quality.starter_motions import starter_features
 from latentmotion.cleanup import CleanUp, clean
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.data.dataset import Dataset
-from latentmotion.evaluation.metrics.physical import (
+from latentmotion.evaluation.metrics.joints import (
     foot_sliding,
     jitter,
     penetration,

@@ -31,10 +31,10 @@ from benchmarks.quality.rigs import RIGS, write_rig
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.data.dataset import Dataset
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.kinematics.animation import Animation
+from latentmotion.kinematics.skeleton import Animation
 from latentmotion.motion import Motion
 from latentmotion.retarget import Rig, read_rig, retarget
-from latentmotion.retarget.source import SourceCharacter
+from latentmotion.retarget.rig import SourceCharacter
 
 SIDES = ("left", "right")
 ARMS = (("shoulder", "elbow"), ("elbow", "wrist"))

@@ -23,7 +23,6 @@ from jaxtyping import Float
 
 from benchmarks.quality.starter_motions import starter_motions
 from latentmotion.data.dataset import Dataset
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.kinematics.rotations import (
     axis_angle_from_matrix,
@@ -31,7 +30,7 @@ from latentmotion.kinematics.rotations import (
     matrix_from_quaternion,
     quaternion_between,
 )
-from latentmotion.kinematics.skeleton import HUMANML3D, HUMANML3D_DIRECTIONS
+from latentmotion.kinematics.skeleton import HUMANML3D, HUMANML3D_DIRECTIONS, Animation
 
 PARENTS = [max(parent, 0) for parent in HUMANML3D.parents]
 REST = np.array(HUMANML3D_DIRECTIONS, dtype=np.float64)

@@ -11,9 +11,8 @@ from statistics import median
 import torch
 
 from benchmarks.training.steps import FirstStage, SecondStage, step_of
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, Ranks
 from latentmotion.training.presets import preset_named
-from latentmotion.training.rng import Ranks
 
 PRESETS = "mld_humanml3d", "starter"
 STAGES = "first", "second"

@@ -9,18 +9,17 @@ from torch import Tensor, nn
 
 from benchmarks.training.steps import CONTEXT
 from latentmotion.data.clip import Clip
-from latentmotion.data.sampling import Cropping, Item
+from latentmotion.data.dataset import Cropping, Item
 from latentmotion.gpu.backend import find_encoder
 from latentmotion.model.card import ModelCard, find_model
 from latentmotion.networks.checkpoint import load_model
-from latentmotion.training.crops import BatchSampler
+from latentmotion.training.denoiser import LatentCache, Posteriors, keep_crops
 from latentmotion.training.denoiser_loss import step_loss
-from latentmotion.training.distillation.config import Distillation
-from latentmotion.training.distillation.phased_consistency import PhaseSteps
+from latentmotion.training.distillation.data import Distillation
 from latentmotion.training.distillation.stage import student_card, student_of
-from latentmotion.training.distillation.trajectories import Teacher
-from latentmotion.training.latents import LatentCache, Posteriors, keep_crops
+from latentmotion.training.distillation.trajectories import PhaseSteps, Teacher
 from latentmotion.training.task_conditions import ConditionTable
+from latentmotion.training.vae import BatchSampler
 
 CAPTIONS = ("a person walks forward", "a person turns to the left and kicks with the right leg")
 

@@ -15,13 +15,12 @@ from torch import Tensor, nn
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.guidance import drop
 from latentmotion.networks.build import build
-from latentmotion.networks.vae.loss import vae_losses
+from latentmotion.networks.vae.interface import vae_losses
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.denoiser_loss import denoiser_loss
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, Ranks, StepRandomness
 from latentmotion.training.experiment import Experiment, TrainingSettings
 from latentmotion.training.loop import optimize
-from latentmotion.training.rng import Ranks, StepRandomness
 
 FEATURES = 263
 CONTEXT = DistributedContext(torch.device("cpu"), Ranks())

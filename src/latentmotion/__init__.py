@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from latentmotion.formats.asf_amc import read_asf_amc as read_asf_amc
     from latentmotion.formats.bvh import read_bvh as read_bvh
     from latentmotion.formats.bvh import write_bvh as write_bvh
-    from latentmotion.kinematics.animation import Animation as Animation
     from latentmotion.kinematics.humanoid import to_humanml3d as to_humanml3d
+    from latentmotion.kinematics.skeleton import Animation as Animation
     from latentmotion.kinematics.skeleton import Skeleton as Skeleton
     from latentmotion.motion import Motion as Motion
     from latentmotion.pipeline import MotionPipeline as MotionPipeline

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.kinematics.animation import Animation
-from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS
 
 if TYPE_CHECKING:

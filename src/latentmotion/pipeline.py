@@ -19,14 +19,12 @@ from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
 from latentmotion.condition.task import SentenceCondition
-from latentmotion.diffusion.few_step import FewStepSchedule, StepCondition
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
-from latentmotion.diffusion.interface import Estimator, Noise
-from latentmotion.diffusion.parametrization import ParametrizedDenoiser
+from latentmotion.diffusion.parametrization import Estimator, Noise, ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, SamplerName, sample, sampler_named
+from latentmotion.diffusion.schedule import FewStepSchedule, StepCondition
 from latentmotion.engine import request as requests
-from latentmotion.engine.backend import Backend, Batch
-from latentmotion.engine.feature_decoder import FeatureDecoder, representation_of
+from latentmotion.engine.backend import Backend, Batch, FeatureDecoder, representation_of
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import (
     LazySession,

@@ -19,7 +19,7 @@ from latentmotion.cleanup.pipeline import ground_path, in_place
 from latentmotion.cleanup.smoothing import smooth, upper_envelope
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError
-from latentmotion.evaluation.metrics.physical import (
+from latentmotion.evaluation.metrics.joints import (
     foot_sliding,
     jitter,
     penetration,

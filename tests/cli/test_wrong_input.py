@@ -12,7 +12,7 @@ import torch
 
 from latentmotion.cli.main import main
 from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
-from latentmotion.evaluation.evaluators.gru import HUMANACT12_LABELS, MotionGRUConfig
+from latentmotion.evaluation.evaluators.action_networks import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.model.card import find_model
 from latentmotion.storage import pickles
 from tests.support.action_files import write_humanact12, write_uestc

@@ -29,15 +29,15 @@ from latentmotion.diffusion.parametrization import (
 from latentmotion.diffusion.samplers import DDIM, DPMSolver, Heun, sample
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.kinematics.skeleton import HUMANML3D
-from latentmotion.model.vae_config import (
+from latentmotion.model.config import (
     ConvolutionalVAEConfig,
     MirroredDecoder,
     QuarterRateDecoder,
 )
 from latentmotion.networks.build import build
-from latentmotion.networks.vae.pullback import Pullback
+from latentmotion.networks.vae.convolutional import Pullback
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
-from latentmotion.representation.normalizer import Scale
+from latentmotion.representation.interface import Scale
 from tests.support.walker import walker
 
 

@@ -17,14 +17,14 @@ from latentmotion.control.stream import (
     placed,
 )
 from latentmotion.errors import FileFormatError
-from latentmotion.model.vae_config import (
+from latentmotion.model.config import (
     ConvolutionalVAEConfig,
     MirroredDecoder,
     QuarterRateDecoder,
 )
 from latentmotion.networks.build import build
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.representation.normalizer import Scale
+from latentmotion.representation.interface import Scale
 
 
 def decoders(config: ConvolutionalVAEConfig) -> object:

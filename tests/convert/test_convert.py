@@ -18,8 +18,7 @@ from torch import Tensor
 from latentmotion.cli.convert import Convert
 from latentmotion.cli.main import main
 from latentmotion.convert.mld import Origin, Unstated, convert_checkpoint
-from latentmotion.convert.reading import read_checkpoint
-from latentmotion.convert.weight_names import rename
+from latentmotion.convert.reading import read_checkpoint, rename
 from latentmotion.errors import InputError, ModelError
 from latentmotion.networks.checkpoint import load_model
 

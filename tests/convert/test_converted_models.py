@@ -16,10 +16,11 @@ from latentmotion.cli.main import main
 from latentmotion.condition.task import ActionTask
 from latentmotion.export.text_encoder import export_pretrained
 from latentmotion.gpu.backend import torch_pipeline
-from latentmotion.model.config import DenoiserConfig, Sampling
-from latentmotion.model.vae_config import (
+from latentmotion.model.config import (
+    DenoiserConfig,
     IdentityVAEConfig,
     LatentSpace,
+    Sampling,
     TransformerVAEConfig,
 )
 from latentmotion.networks.checkpoint import save_model

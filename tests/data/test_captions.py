@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.data.captions import (
+from latentmotion.data.clip import (
+    Caption,
     TaggedSentence,
     fit_sentences,
     mirror_words,
     parse_sentences,
 )
-from latentmotion.data.clip import Caption
 
 
 def test_lines_with_and_without_tags() -> None:

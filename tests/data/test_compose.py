@@ -10,21 +10,19 @@ import numpy as np
 import pytest
 
 from latentmotion.cli.main import main
-from latentmotion.data.captions import TaggedSentence, mirror_sentence
-from latentmotion.data.clip import Source, Split
+from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_sentence
 from latentmotion.data.compose import Composition, compose
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.pairing import action_clips
 from latentmotion.data.prepare import Preparation, encode
 from latentmotion.data.recording import EncodedRecording, Label, Recording
-from latentmotion.data.splicing import splice
+from latentmotion.data.segments import splice
+from latentmotion.data.singles import action_clips
 from latentmotion.data.store import COMPOSED, MANIFEST
 from latentmotion.describe.clauses import read_clauses
 from latentmotion.describe.rewording import in_order
 from latentmotion.errors import DataError
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 
 CAPTIONS = {

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from latentmotion.data.quality import find_glitch, without_blend, without_t_poses
+from latentmotion.data.recording import every, interpolate, whole_step
 from latentmotion.data.sources.evidence import EVIDENCE, floor_of, shows
-from latentmotion.data.takes import every, interpolate, whole_step
 from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.mocap_folders import swaying
 from tests.support.simple_motions import FPS, figure, mirrored, raised

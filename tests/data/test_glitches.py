@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from latentmotion.data.quality import find_glitch
-from latentmotion.data.takes import every
+from latentmotion.data.recording import every
 from tests.support.mocap_folders import swaying
 
 FPS = 20.0

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import mirror_words
 from latentmotion.data.prepare import encode
 from latentmotion.data.recording import EncodedRecording, Recording
 from latentmotion.data.sources.hdm05 import CLASSES, find_clips, hdm05_recordings, split_of

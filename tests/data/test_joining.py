@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.data.captions import TaggedSentence
+from latentmotion.data.clip import TaggedSentence
 from latentmotion.data.recording import Label, Recording
 from latentmotion.data.segments import join_sentences, joined, touching
 from latentmotion.data.sources.cmu import read_exercises

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from latentmotion.data.clip import Source
-from latentmotion.data.recording import Dropped, Recording
+from latentmotion.data.recording import Dropped, Recording, files_below
 from latentmotion.data.sources.own import OwnMotions
-from latentmotion.data.takes import files_below
 from latentmotion.errors import DataError
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.humanoid import load_joint_map
-from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from tests.support.mocap_folders import swaying, write_own
 
 SOURCE = Source("own", "mine", "me")

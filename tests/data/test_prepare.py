@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.data.captions import TaggedSentence
-from latentmotion.data.clip import Caption, Clip, Source
+from latentmotion.data.clip import Caption, Clip, Source, TaggedSentence
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.prepare import (
     MIN_FRAMES,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.data.takes import interpolate, joints_at
+from latentmotion.data.recording import interpolate, joints_at
 from latentmotion.errors import DataError
 from tests.support.mocap_folders import swaying
 

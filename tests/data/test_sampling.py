@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from latentmotion.data.clip import Caption, Clip
-from latentmotion.data.sampling import Crop, Cropping, items_of, plan_epoch
+from latentmotion.data.dataset import Crop, Cropping, items_of, plan_epoch
 from latentmotion.errors import InputError
 
 

@@ -13,9 +13,8 @@ from latentmotion.data.quality import (
     without_blend,
 )
 from latentmotion.data.segments import LONGEST, SHORTEST, pieces
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from tests.support.mocap_folders import swaying, with_t_pose
 
 

@@ -10,14 +10,13 @@ import pytest
 from latentmotion.data import singles
 from latentmotion.data.compose import Composition
 from latentmotion.data.compose_actions import Shot, compose_actions
-from latentmotion.data.dataset import Dataset
+from latentmotion.data.dataset import Cropping, Dataset, Item
 from latentmotion.data.lengths import (
     SHORTEST_ACT,
     CaptionLengths,
     joined,
     prepared_caption_lengths,
 )
-from latentmotion.data.sampling import Cropping, Item
 from latentmotion.data.singles import Balance, Found, balanced_singles, clip_generator, single_rows
 from latentmotion.describe.facts import SingleAction
 from latentmotion.errors import DataError

@@ -9,7 +9,7 @@ import pytest
 
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.compose import Composition, composed_motion, composed_source, objection
-from latentmotion.data.splicing import pose_descriptors, seam_of, splice
+from latentmotion.data.segments import pose_descriptors, seam_of, splice
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES

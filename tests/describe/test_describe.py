@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import mirror_words
 from latentmotion.data.recording import Recording
 from latentmotion.data.sources.hdm05 import hdm05_recordings
 from latentmotion.describe.agreement import check
 from latentmotion.describe.claims import Claim, claims_of
 from latentmotion.describe.facts import Description
-from latentmotion.describe.reading import describe
+from latentmotion.describe.reading import Windows, caption_windows, describe, holds
 from latentmotion.describe.sentences import sentences
-from latentmotion.describe.windows import Windows, caption_windows, holds
 from latentmotion.errors import InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.simple_motions import FPS, figure, mirrored, raised

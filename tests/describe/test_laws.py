@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import mirror_words
 from latentmotion.describe.agreement import check
 from latentmotion.describe.claims import Claim, claims_of
 from latentmotion.describe.facts import Description
-from latentmotion.describe.reading import describe
+from latentmotion.describe.reading import describe, holds
 from latentmotion.describe.sentences import sentences
-from latentmotion.describe.windows import holds
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from tests.support.simple_motions import figure, mirrored, raised
 

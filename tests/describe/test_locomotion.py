@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from latentmotion.describe.facts import Event, joined_moves
-from latentmotion.describe.locomotion import MOVING
 from latentmotion.describe.reading import describe, in_place, meters, scene_of
+from latentmotion.describe.whole_body import MOVING
 from tests.support import acted
 
 

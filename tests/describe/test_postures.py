@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from latentmotion.describe.facts import Event
-from latentmotion.describe.postures import changes_of, stillness
 from latentmotion.describe.reading import describe, scene_of
+from latentmotion.describe.whole_body import changes_of, stillness
 from tests.support import acted
 
 DOWN = {"sit": "sit_down", "floor": "sit_down", "lie": "lie_down", "kneel": "kneel_down"}

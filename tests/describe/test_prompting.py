@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import mirror_words
 from latentmotion.describe.claims import claims_of
 from latentmotion.describe.facts import SingleAction
 from latentmotion.describe.prompting import KINDS, plain, prompts, prompts_in_order, wording

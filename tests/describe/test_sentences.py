@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import mirror_words
 from latentmotion.describe.acts import Act, acts_of
 from latentmotion.describe.agreement import check
 from latentmotion.describe.facts import Event

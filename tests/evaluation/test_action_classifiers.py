@@ -23,18 +23,18 @@ from latentmotion.evaluation.evaluators.action import (
     rotations_of,
     save_action_classifier,
 )
-from latentmotion.evaluation.evaluators.action_network import TemporalClassifierConfig
-from latentmotion.evaluation.evaluators.gru import MotionGRUConfig
-from latentmotion.evaluation.evaluators.interface import ActionEvaluator, load_evaluator
-from latentmotion.evaluation.evaluators.stgcn import (
+from latentmotion.evaluation.evaluators.action_networks import (
     SMPL_PARENTS,
     GraphNetwork,
     GraphNetworkConfig,
+    MotionGRUConfig,
     Nothing,
+    TemporalClassifierConfig,
     neighborhoods,
 )
+from latentmotion.evaluation.evaluators.interface import ActionEvaluator, load_evaluator
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.configuration import write_json
 from latentmotion.training.classifier import (
     BEST,

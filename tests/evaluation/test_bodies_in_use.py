@@ -19,13 +19,12 @@ from latentmotion.evaluation.evaluators.action import (
     Recognizer,
     save_action_classifier,
 )
-from latentmotion.evaluation.evaluators.gru import HUMANACT12_LABELS, MotionGRUConfig
+from latentmotion.evaluation.evaluators.action_networks import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.evaluation.evaluators.interface import load_evaluator
-from latentmotion.evaluation.smpl_joints import with_smpl_joints
+from latentmotion.evaluation.position_scores import with_smpl_joints
 from latentmotion.formats import load
 from latentmotion.kinematics.smpl import load_smpl
-from latentmotion.model.config import DenoiserConfig, Sampling
-from latentmotion.model.vae_config import LatentSpace, TransformerVAEConfig
+from latentmotion.model.config import DenoiserConfig, LatentSpace, Sampling, TransformerVAEConfig
 from latentmotion.networks.checkpoint import save_model
 from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.files import sha256

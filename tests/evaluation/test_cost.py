@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.evaluation.metrics.cost import (
+from latentmotion.evaluation.cost import (
     Traffic,
     aits,
     flops,
@@ -18,10 +18,9 @@ from latentmotion.evaluation.metrics.cost import (
     thop_macs,
     traffic,
 )
-from latentmotion.networks.attention import SelfAttention
 from latentmotion.networks.build import build, encoder_stack
-from latentmotion.training.presets.flow import starter
-from latentmotion.training.presets.mld import mld_humanml3d
+from latentmotion.networks.transformer import SelfAttention
+from latentmotion.training.presets import mld_humanml3d, starter
 
 
 def test_flops_of_a_linear_layer_and_of_attention() -> None:

@@ -14,24 +14,35 @@ from latentmotion.data.clip import Caption, Clip
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.evaluation.candidates import Generated
-from latentmotion.evaluation.embedding_cache import (
+from latentmotion.evaluation.embedding_scores import (
     ActionCache,
     Embeddings,
     TextMotionCache,
-    embedding_cache,
-    reads_text,
-)
-from latentmotion.evaluation.embedding_scores import (
     caption_multimodality,
+    embedding_cache,
     embedding_scores,
     ground_truth_scores,
     measures_multimodality,
+    reads_text,
 )
 from latentmotion.evaluation.evaluators.interface import Recognition
-from latentmotion.evaluation.metrics.distribution import Gaussian, frechet_distance, kid
-from latentmotion.evaluation.metrics.diversity import diversity, drawn_diversity, multimodality
-from latentmotion.evaluation.protocol import CLEAN, PAPER, Quirks, Repeats
-from latentmotion.evaluation.test_set import Replication, TestItem, TestPrompt
+from latentmotion.evaluation.metrics.embeddings import (
+    Gaussian,
+    diversity,
+    drawn_diversity,
+    frechet_distance,
+    kid,
+    multimodality,
+)
+from latentmotion.evaluation.protocol import (
+    CLEAN,
+    PAPER,
+    Quirks,
+    Repeats,
+    Replication,
+    TestItem,
+    TestPrompt,
+)
 from latentmotion.model.card import ModelCard, find_model, read_card
 
 

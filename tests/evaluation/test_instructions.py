@@ -16,14 +16,12 @@ from latentmotion.data.clip import Caption
 from latentmotion.describe.prompting import plain
 from latentmotion.describe.reading import scene_of
 from latentmotion.errors import DataError, FileFormatError, InputError
-from latentmotion.instructions.benchmark import Share, judge, wilson
-from latentmotion.instructions.checking import ACTS, fulfills, validate
-from latentmotion.instructions.conditions import CONDITIONS
+from latentmotion.instructions.benchmark import Share, judge, markdown, wilson
+from latentmotion.instructions.checking import ACTS, CONDITIONS, fulfills, validate
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.ground_truth import patterns
 from latentmotion.instructions.motions import read_joints_folder
 from latentmotion.instructions.prompts import GROUPS, instructions, parse, refused_captions
-from latentmotion.instructions.report import markdown
 from latentmotion.kinematics.skeleton import HUMANML3D
 
 FRAMES = 80

@@ -10,25 +10,32 @@ import torch
 from scipy.spatial.distance import cdist
 from scipy.stats import special_ortho_group
 
-from latentmotion.evaluation.metrics import diversity as diversity_file
-from latentmotion.evaluation.metrics.distribution import Gaussian, fid, frechet_distance, kid
-from latentmotion.evaluation.metrics.diversity import diversity, shared_pairs_multimodality
-from latentmotion.evaluation.metrics.nearest_clip import TrainingClips
-from latentmotion.evaluation.metrics.physical import (
-    foot_sliding,
-    jitter,
-    penetration,
-    skating_ratio,
+from latentmotion.evaluation.metrics import embeddings as diversity_file
+from latentmotion.evaluation.metrics.embeddings import (
+    Gaussian,
+    distances,
+    diversity,
+    fid,
+    frechet_distance,
+    kid,
+    mm_dist,
+    r_precision,
+    ranks,
+    shared_pairs_multimodality,
 )
-from latentmotion.evaluation.metrics.reconstruction import (
+from latentmotion.evaluation.metrics.joints import (
+    TrainingClips,
     acceleration_errors,
     ave,
+    foot_sliding,
+    jitter,
     joint_errors,
     mpjpe,
     pa_errors,
     parts_of,
+    penetration,
+    skating_ratio,
 )
-from latentmotion.evaluation.metrics.retrieval import distances, mm_dist, r_precision, ranks
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.moving_figures import joints_of

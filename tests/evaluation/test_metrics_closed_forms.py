@@ -7,21 +7,22 @@ import pytest
 from scipy.stats import special_ortho_group
 
 from latentmotion.errors import InputError
-from latentmotion.evaluation.metrics.distribution import (
+from latentmotion.evaluation.metrics.embeddings import (
     Gaussian,
+    accuracy,
+    diversity,
+    drawn_diversity,
     drawn_kid,
     fid,
     frechet_distance,
     kid,
-)
-from latentmotion.evaluation.metrics.diversity import (
-    diversity,
-    drawn_diversity,
     label_pairs,
+    mm_dist,
     multimodality,
+    r_precision,
+    ranks,
 )
-from latentmotion.evaluation.metrics.reconstruction import accl, ape, ave, pa_mpjpe, parts_of
-from latentmotion.evaluation.metrics.retrieval import accuracy, mm_dist, r_precision, ranks
+from latentmotion.evaluation.metrics.joints import accl, ape, ave, pa_mpjpe, parts_of
 from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.moving_figures import joints_of
 

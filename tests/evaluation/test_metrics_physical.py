@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.evaluation.metrics.physical import (
+from latentmotion.evaluation.metrics.joints import (
     foot_sliding,
     jitter,
     penetration,

@@ -20,14 +20,14 @@ from latentmotion.evaluation.candidates import Generated, Prior, Reconstructed
 from latentmotion.evaluation.embedding_scores import groups
 from latentmotion.evaluation.evaluate import build_test_set, compare, evaluate
 from latentmotion.evaluation.evaluators.action import Recognizer
-from latentmotion.evaluation.evaluators.gru import MotionGRUConfig
+from latentmotion.evaluation.evaluators.action_networks import MotionGRUConfig
 from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.notes import PublishedGroundTruth, departures
 from latentmotion.evaluation.protocol import CLEAN, PAPER, Protocol, Repeats
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report
 from latentmotion.gpu.backend import torch_prior
 from latentmotion.model.card import ModelCard, find_model, read_card
-from latentmotion.model.vae_config import ConvolutionalVAEConfig, IdentityVAEConfig
+from latentmotion.model.config import ConvolutionalVAEConfig, IdentityVAEConfig
 from latentmotion.networks.build import build
 from tests.support.moving_figures import write_moving_figures
 

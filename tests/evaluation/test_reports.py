@@ -30,9 +30,22 @@ from latentmotion.evaluation.notes import (
     notes_of,
     published_ground_truth,
 )
-from latentmotion.evaluation.position_scores import PositionScores
-from latentmotion.evaluation.protocol import AUTHORS, CLEAN, Quirks, Repeats
-from latentmotion.evaluation.provenance import provenance_of, statistics_hash, weights_hash
+from latentmotion.evaluation.position_scores import (
+    PositionScores,
+    body_of,
+    lacks_smpl_joints,
+    notes_on_joints,
+)
+from latentmotion.evaluation.protocol import (
+    AUTHORS,
+    CLEAN,
+    Lengths,
+    Quirks,
+    Repeats,
+    TestItem,
+    TestPrompt,
+    TestSet,
+)
 from latentmotion.evaluation.report import (
     GROUND_TRUTH,
     UNITS,
@@ -40,10 +53,11 @@ from latentmotion.evaluation.report import (
     Provenance,
     Report,
     card_figures,
+    provenance_of,
+    statistics_hash,
     table_line,
+    weights_hash,
 )
-from latentmotion.evaluation.smpl_joints import body_of, lacks_smpl_joints, notes_on_joints
-from latentmotion.evaluation.test_set import Lengths, TestItem, TestPrompt, TestSet
 from latentmotion.model.card import find_model, read_card
 from latentmotion.model.config import Sampling
 from tests.support.moving_figures import write_moving_figures

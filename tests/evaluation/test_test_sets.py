@@ -12,8 +12,17 @@ from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import CaptionRow, StoredClip
 from latentmotion.errors import DataError, InputError
-from latentmotion.evaluation.protocol import CLEAN, PAPER, Protocol, Quirks, Repeats
-from latentmotion.evaluation.test_set import Lengths, TestItem, TestPrompt, TestSet
+from latentmotion.evaluation.protocol import (
+    CLEAN,
+    PAPER,
+    Lengths,
+    Protocol,
+    Quirks,
+    Repeats,
+    TestItem,
+    TestPrompt,
+    TestSet,
+)
 from tests.support.moving_figures import write_moving_figures
 
 LENGTHS = Lengths(8, 40, 4)

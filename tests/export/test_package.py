@@ -17,8 +17,14 @@ from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.errors import ModelError
 from latentmotion.export.package import copied, package_model
 from latentmotion.model.card import ModelCard, find_model, read_card
-from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
-from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace, TransformerVAEConfig
+from latentmotion.model.config import (
+    ConvolutionalVAEConfig,
+    DenoiserConfig,
+    LatentSpace,
+    Sampling,
+    TransformerConfig,
+    TransformerVAEConfig,
+)
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 

@@ -11,9 +11,8 @@ import pytest
 
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_euler
-from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 
 ARM = """HIERARCHY
 ROOT Hips

@@ -10,18 +10,16 @@ import pytest
 from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats import npz
-from latentmotion.formats.bvh import continuous_euler
-from latentmotion.formats.bvh_hierarchy import hierarchy_lines, read_hierarchy
-from latentmotion.formats.lines import (
+from latentmotion.formats.bvh import continuous_euler, hierarchy_lines, read_hierarchy
+from latentmotion.formats.checks import (
     numbers,
     read_lines,
     table,
     whole_rate,
 )
 from latentmotion.formats.takes import motion_of, numbered, read_bvh_file, write_bvh_files
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle, matrix_from_euler
-from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Skeleton
+from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation, Skeleton
 from latentmotion.motion import Motion
 from tests.support.simple_motions import figure
 

@@ -25,10 +25,9 @@ from safetensors.numpy import save_file
 
 from latentmotion import formats
 from latentmotion.convert.reading import read_checkpoint
-from latentmotion.data.captions import fit_sentences, parse_sentences
-from latentmotion.data.clip import Source
+from latentmotion.data.clip import Source, fit_sentences, parse_sentences
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.pack.packing import pack, unpack
+from latentmotion.data.packing import pack, unpack
 from latentmotion.data.sources.humanact12 import humanact12_recordings
 from latentmotion.data.sources.humanml3d import read_texts
 from latentmotion.data.sources.own import OwnMotions

@@ -15,7 +15,7 @@ from latentmotion.engine.session import open_decoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.gpu.backend import torch_pipeline, torch_prior
 from latentmotion.model.card import find_model, read_card
-from latentmotion.model.vae_config import IdentityVAEConfig
+from latentmotion.model.config import IdentityVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import FirstStageModel, LatentModel, load_model, save_model
 

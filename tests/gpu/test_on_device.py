@@ -15,11 +15,11 @@ from torch import Tensor
 
 from latentmotion.cli.generate import load_generator
 from latentmotion.diffusion.samplers import sample
-from latentmotion.engine.options import ExecutionOptions
+from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.engine.request import GenerationRequest, padded_batch
 from latentmotion.errors import InputError
 from latentmotion.gpu.backend import Buckets, denoiser_session, torch_pipeline
-from latentmotion.gpu.cuda_graphs import Recorder, on_gpu
+from latentmotion.gpu.device import Recorder, on_gpu
 from latentmotion.model.card import find_model, read_card
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.pipeline import MotionPipeline, sampler_of
@@ -185,11 +185,11 @@ def test_bfloat16_stays_near_and_answers_in_float32(exact: MotionPipeline) -> No
 def test_a_compiled_chain_makes_the_same_motion() -> None:
     # In a process of its own: shapes are not checked there, and checks cannot be compiled.
     program = """
-from latentmotion.gpu import network
-from latentmotion.engine.options import ExecutionOptions
+from latentmotion.gpu import device
+from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.gpu.backend import torch_pipeline
 # The compiler proper takes a minute; this one traces, takes gradients apart and runs the rest.
-network.COMPILER = "aot_eager"
+device.COMPILER = "aot_eager"
 made = [
     torch_pipeline("starter", execution=ExecutionOptions(launch=launch)).features(
         ["a person walks"], [41], [3], steps=1

@@ -7,8 +7,7 @@ import pytest
 
 from latentmotion.describe.reading import scene_of
 from latentmotion.errors import InputError
-from latentmotion.instructions.checking import ACTS, events_of, fulfills, validate
-from latentmotion.instructions.conditions import CONDITIONS
+from latentmotion.instructions.checking import ACTS, CONDITIONS, events_of, fulfills, validate
 from latentmotion.instructions.prompts import Check, Term, instructions, parse
 from tests.support import acted
 

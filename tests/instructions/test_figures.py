@@ -12,19 +12,23 @@ import pytest
 from latentmotion.errors import InputError
 from latentmotion.instructions.benchmark import (
     OVERALL,
+    PAGE_FILE,
+    REPORT_FILE,
     Benchmark,
     Outcome,
     Share,
     chance_outcomes,
     effective_size,
     judge,
+    markdown,
     outcome_of,
     shares,
+    table,
     wilson,
+    write,
 )
 from latentmotion.instructions.ground_truth import Claim
 from latentmotion.instructions.prompts import GROUPS, VERSION, Instruction, parse, write_prompts
-from latentmotion.instructions.report import PAGE_FILE, REPORT_FILE, markdown, table, write
 from tests.support import acted
 
 ASKED = (

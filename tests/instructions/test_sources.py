@@ -22,7 +22,7 @@ from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer
 from tests.support import acted
 
 ASKED = (

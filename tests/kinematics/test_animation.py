@@ -10,9 +10,8 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.errors import InputError
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.motion import Motion
 from tests.support.walker import walker
 

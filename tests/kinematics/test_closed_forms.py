@@ -8,7 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation, Slerp
 
 from latentmotion.arrays import prefix_mask, unit
-from latentmotion.kinematics.hinge import hinge
+from latentmotion.kinematics.inverse_kinematics import hinge
 from latentmotion.kinematics.rotations import (
     axis_angle_from_matrix,
     matrix_between,

@@ -9,14 +9,13 @@ import pytest
 
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.humanoid import (
     JOINT_MAPS,
     find_joint_map,
     load_joint_map,
     to_humanml3d,
 )
-from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 
 H = {name: number for number, name in enumerate(HUMANML3D.names)}
 

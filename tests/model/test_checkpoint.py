@@ -17,8 +17,13 @@ from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.errors import ModelError
 from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.config import DenoiserConfig, TransformerConfig
-from latentmotion.model.vae_config import ConvolutionalVAEConfig, IdentityVAEConfig, LatentSpace
+from latentmotion.model.config import (
+    ConvolutionalVAEConfig,
+    DenoiserConfig,
+    IdentityVAEConfig,
+    LatentSpace,
+    TransformerConfig,
+)
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import (
     FirstStageModel,

@@ -11,14 +11,14 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.diffusion.few_step import FewStepConfig
+from latentmotion.diffusion.schedule import FewStepConfig
 from latentmotion.errors import InputError
 from latentmotion.export.package import package_model
 from latentmotion.model.card import find_model, read_card, shipped_models
 from latentmotion.model.version_1 import KEYS, upgraded, upgraded_weights
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.training.distillation.config import Distillation, TrajectoryRegression
+from latentmotion.training.distillation.data import Distillation, TrajectoryRegression
 from latentmotion.training.distillation.stage import distill
 from latentmotion.training.experiment import with_changes
 from latentmotion.training.presets import preset_named

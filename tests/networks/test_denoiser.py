@@ -10,11 +10,10 @@ from torch import Tensor
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
-from latentmotion.networks.attention import Dropout
 from latentmotion.networks.build import build
 from latentmotion.networks.denoiser import Denoiser
-from latentmotion.networks.embeddings import NumberEmbedding, sinusoid
-from latentmotion.training.presets.baselines import mdm_denoiser
+from latentmotion.networks.transformer import Dropout, NumberEmbedding, sinusoid
+from latentmotion.training.presets import mdm_denoiser
 
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
 OURS = DenoiserConfig(latent_width=6, condition_width=10, transformer=SMALL, sine_width=12)

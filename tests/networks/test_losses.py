@@ -9,10 +9,16 @@ import torch.nn.functional as F
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
-from latentmotion.model.vae_config import ConvolutionalVAEConfig
+from latentmotion.model.config import ConvolutionalVAEConfig
 from latentmotion.networks.build import build
-from latentmotion.networks.vae.interface import MotionVAE, Posterior
-from latentmotion.networks.vae.loss import VAEObjective, feature_losses, mean_of_real, vae_losses
+from latentmotion.networks.vae.interface import (
+    MotionVAE,
+    Posterior,
+    VAEObjective,
+    feature_losses,
+    mean_of_real,
+    vae_losses,
+)
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.denoiser_loss import DenoiserObjective, denoiser_loss
 

@@ -10,10 +10,17 @@ from torch import Tensor, nn
 
 from latentmotion.errors import InputError
 from latentmotion.model.config import TransformerConfig
-from latentmotion.networks.attention import CrossAttention, Dropout, SelfAttention
 from latentmotion.networks.build import decoder_stack, encoder_stack
-from latentmotion.networks.embeddings import LearnedPosition, SinePosition, sine_rate, sines
-from latentmotion.networks.transformer import EncoderLayer
+from latentmotion.networks.transformer import (
+    CrossAttention,
+    Dropout,
+    EncoderLayer,
+    LearnedPosition,
+    SelfAttention,
+    SinePosition,
+    sine_rate,
+    sines,
+)
 
 WIDTH, HEADS, TOKENS = 8, 2, 5
 CONFIG = TransformerConfig(width=WIDTH, layers=3, heads=HEADS, hidden=12, dropout=0.0)

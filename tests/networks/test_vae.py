@@ -10,11 +10,11 @@ import torch
 from torch import Tensor
 
 from latentmotion.errors import InputError
-from latentmotion.model.config import TransformerConfig
-from latentmotion.model.vae_config import (
+from latentmotion.model.config import (
     ConvolutionalVAEConfig,
     IdentityVAEConfig,
     QuarterRateDecoder,
+    TransformerConfig,
     TransformerVAEConfig,
     VPoserTConfig,
 )
@@ -27,7 +27,7 @@ from latentmotion.networks.vae.interface import (
     fingerprint,
 )
 from latentmotion.networks.widening import start_from
-from latentmotion.training.presets.mld import actor_vae
+from latentmotion.training.presets import actor_vae
 
 FEATURES = 19
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)

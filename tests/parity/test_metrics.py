@@ -7,18 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.evaluation.metrics.distribution import Gaussian, fid, frechet_distance
-from latentmotion.evaluation.metrics.diversity import (
+from latentmotion.evaluation.metrics.embeddings import (
+    Gaussian,
+    distances,
     drawn_diversity,
+    fid,
+    frechet_distance,
     label_pairs,
+    r_precision,
+    ranks,
     shared_pairs_multimodality,
 )
-from latentmotion.evaluation.metrics.reconstruction import (
+from latentmotion.evaluation.metrics.joints import (
     acceleration_errors,
     joint_errors,
     pa_errors,
 )
-from latentmotion.evaluation.metrics.retrieval import distances, r_precision, ranks
 
 Golden = dict[str, np.ndarray]
 

@@ -20,7 +20,7 @@ from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import DDIM, sample
 from latentmotion.errors import InputError
 from latentmotion.gpu.backend import torch_pipeline
-from latentmotion.model.vae_config import IdentityVAEConfig
+from latentmotion.model.config import IdentityVAEConfig
 from latentmotion.networks.checkpoint import (
     FirstStageModel,
     LatentModel,

@@ -19,12 +19,12 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.convert import weight_names
 from latentmotion.convert.mld import Unstated, load_denoiser, load_vae
 from latentmotion.diffusion.parametrization import Epsilon, Sample
-from latentmotion.networks.vae.loss import vae_losses
+from latentmotion.networks.vae.interface import vae_losses
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.denoiser_loss import DenoiserObjective, denoiser_loss
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import optimize
-from latentmotion.training.presets.mld import mld_humanml3d
+from latentmotion.training.presets import mld_humanml3d
 from tests.support.golden import formula, golden_input, prefix_mask
 from tests.support.small_training import CONTEXT
 

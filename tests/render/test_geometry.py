@@ -9,14 +9,14 @@ import pytest
 
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
-from latentmotion.render.camera import (
+from latentmotion.render.mannequin import surface_net
+from latentmotion.render.painter import (
     Camera,
     camera_around,
     camera_of_all,
     facing,
     half_front,
 )
-from latentmotion.render.surface_nets import surface_net
 from latentmotion.representation.canonical import turn
 from tests.support.simple_motions import figure
 

@@ -11,8 +11,8 @@ import pytest
 
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
-from latentmotion.render.camera import camera_around
 from latentmotion.render.mannequin import make_mannequin
+from latentmotion.render.painter import camera_around
 from tests.support.walker import t_pose, walker
 
 Image = pytest.importorskip("PIL.Image")

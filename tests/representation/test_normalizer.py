@@ -7,7 +7,7 @@ import pytest
 
 from latentmotion.errors import InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer
 
 BLOCKS = HUMANML3D_FEATURES.blocks
 SCALES = {"yaw_velocity": 0.0128, "root_velocity": 0.0169, "root_height": 0.1538}

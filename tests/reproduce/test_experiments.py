@@ -16,13 +16,21 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.protocol import CLEAN, Repeats
-from latentmotion.model.vae_config import TransformerVAEConfig
+from latentmotion.model.config import TransformerVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.reproduce.budget import BUDGETS, PAPER, SMALL, Budget, budget_named
-from latentmotion.reproduce.latents import chosen, map_of, silhouette
-from latentmotion.reproduce.markdown import RowResult, TableResult, cell, fill, markdown
+from latentmotion.reproduce.markdown import (
+    RowResult,
+    TableResult,
+    cell,
+    fill,
+    markdown,
+    minutes,
+    overview,
+    rows_of,
+)
 from latentmotion.reproduce.models import MODELS, Model
-from latentmotion.reproduce.overview import minutes, overview, rows_of
+from latentmotion.reproduce.plots import chosen, map_of, silhouette
 from latentmotion.reproduce.runner import TableRunner
 from latentmotion.reproduce.table import Row, Table
 from latentmotion.reproduce.tables import TABLES, rows_named, table_named

@@ -7,19 +7,22 @@ from pathlib import Path
 import pytest
 
 from latentmotion.errors import InputError
-from latentmotion.reproduce import published
+from latentmotion.reproduce import table as published
 from latentmotion.reproduce.budget import BUDGETS, PAPER, SMALL, budget_named
 from latentmotion.reproduce.markdown import (
+    MINUTES,
     UNITS,
     RowResult,
     TableResult,
     cell,
     fill,
     markdown,
+    minutes,
     number,
+    overview,
+    rows_of,
 )
 from latentmotion.reproduce.models import MODELS
-from latentmotion.reproduce.overview import MINUTES, minutes, overview, rows_of
 from latentmotion.reproduce.table import Row, Table
 from latentmotion.reproduce.tables import TABLES, rows_named, table_named
 

@@ -11,14 +11,12 @@ import pytest
 from benchmarks.quality.rigs import MIXAMO, write_rig
 from latentmotion.errors import DataError, InputError
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.kinematics.animation import Animation
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.retarget import Rig, find_humanoid, read_rig, retarget
 from latentmotion.retarget.humanoid import humanoid_of_map
-from latentmotion.retarget.rig import Pose, RestPose
-from latentmotion.retarget.source import SourceCharacter
+from latentmotion.retarget.rig import Pose, RestPose, SourceCharacter
 from latentmotion.retarget.transfer import check_output, write
 from tests.support.walker import walker
 

@@ -16,14 +16,13 @@ from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import read_animations
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.humanoid import to_humanml3d
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.retarget import Rig, find_humanoid, read_rig, retarget
-from latentmotion.retarget.draft import draft_map
+from latentmotion.retarget.humanoid import draft_map
+from latentmotion.retarget.rig import SourceCharacter
 from latentmotion.retarget.rig_files import open_rig
-from latentmotion.retarget.source import SourceCharacter
 from latentmotion.retarget.transfer import write
 from tests.support.walker import t_pose, walker
 

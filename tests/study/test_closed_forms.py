@@ -12,18 +12,22 @@ import pytest
 from latentmotion.errors import DataError, InputError
 from latentmotion.motion import Motion
 from latentmotion.storage.configuration import write_json
-from latentmotion.study.answers import (
+from latentmotion.study.design import KEY_FORMAT, KeyPair, Pair, StudyKey, asked, design
+from latentmotion.study.report import (
     ANSWERS_FORMAT,
     Answer,
     Answers,
     Vote,
+    Z,
+    krippendorff,
+    observed_agreement,
     read_answers,
     read_key,
+    report,
+    sign_test,
     votes_of,
+    wilson,
 )
-from latentmotion.study.design import KEY_FORMAT, KeyPair, Pair, StudyKey, asked, design
-from latentmotion.study.report import report
-from latentmotion.study.statistics import Z, krippendorff, observed_agreement, sign_test, wilson
 
 QUESTIONS = {"realism": "Which is more realistic?", "text": "Which fits the text?"}
 KEY = StudyKey(

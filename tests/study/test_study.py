@@ -16,11 +16,26 @@ from latentmotion import formats
 from latentmotion.cli.main import main
 from latentmotion.motion import Motion
 from latentmotion.storage.configuration import read_json, write_json
-from latentmotion.study.answers import Answer, Answers, read_answers, read_key, votes_of
-from latentmotion.study.design import Pair, StudyKey, design, study_html, write_study_page
-from latentmotion.study.report import report
-from latentmotion.study.sources import check_lengths
-from latentmotion.study.statistics import krippendorff, observed_agreement, sign_test, wilson
+from latentmotion.study.design import (
+    Pair,
+    StudyKey,
+    check_lengths,
+    design,
+    study_html,
+    write_study_page,
+)
+from latentmotion.study.report import (
+    Answer,
+    Answers,
+    krippendorff,
+    observed_agreement,
+    read_answers,
+    read_key,
+    report,
+    sign_test,
+    votes_of,
+    wilson,
+)
 from tests.support.pages import CHROMIUM, HOSTILE, Elements, chromium, walking
 
 PROMPTS = ("a person walks", HOSTILE, "someone strolls")

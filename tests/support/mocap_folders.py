@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.data.takes import every
+from latentmotion.data.recording import every
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 
 CMU_ROWS = [

@@ -11,7 +11,7 @@ from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer,
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer
 
 
 def joints_of(generator: np.random.Generator, frames: int) -> np.ndarray:

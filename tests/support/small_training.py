@@ -12,17 +12,16 @@ import pytest
 import torch
 
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.diffusion.few_step import FewStepConfig
+from latentmotion.diffusion.schedule import FewStepConfig
 from latentmotion.training import loop
-from latentmotion.training.distillation.config import (
+from latentmotion.training.distillation.data import (
     Distillation,
     PhasedConsistency,
     TrajectoryRegression,
 )
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, Ranks
 from latentmotion.training.experiment import Experiment, with_changes
 from latentmotion.training.presets import PRESETS
-from latentmotion.training.rng import Ranks
 
 CONTEXT = DistributedContext(torch.device("cpu"), Ranks())
 

@@ -7,13 +7,17 @@ from pathlib import Path
 import torch
 
 from latentmotion.condition.task import ActionTask
-from latentmotion.diffusion.few_step import FewStepConfig
 from latentmotion.diffusion.parametrization import Velocity
-from latentmotion.diffusion.schedule import LinearPath
+from latentmotion.diffusion.schedule import FewStepConfig, LinearPath
 from latentmotion.export.package import package_model
 from latentmotion.model.card import ModelCard
-from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
-from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace
+from latentmotion.model.config import (
+    ConvolutionalVAEConfig,
+    DenoiserConfig,
+    LatentSpace,
+    Sampling,
+    TransformerConfig,
+)
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import LatentModel, save_model
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES

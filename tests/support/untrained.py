@@ -10,8 +10,14 @@ from latentmotion.condition.task import TextTask
 from latentmotion.diffusion.parametrization import Epsilon
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.model.card import ModelCard
-from latentmotion.model.config import DenoiserConfig, Sampling, TransformerConfig
-from latentmotion.model.vae_config import IdentityVAEConfig, LatentSpace, VAEConfig
+from latentmotion.model.config import (
+    DenoiserConfig,
+    IdentityVAEConfig,
+    LatentSpace,
+    Sampling,
+    TransformerConfig,
+    VAEConfig,
+)
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import LatentModel
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 
 _SWINGS = {
     "left_shoulder": ((0, 0.3, -1.1), (0.2, 0.5, 0.2)),

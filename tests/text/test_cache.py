@@ -15,7 +15,7 @@ from latentmotion import MotionPipeline
 from latentmotion.condition.interface import TextEmbedding, TextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE
-from latentmotion.storage.cache_folder import cache_folder
+from latentmotion.storage.files import cache_folder
 from latentmotion.text import cache
 from latentmotion.text.cache import CachedTextEncoder
 from latentmotion.text.encoder import LazyTextEncoder, UnknownWordsWarning

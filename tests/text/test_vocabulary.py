@@ -19,7 +19,7 @@ from latentmotion.text.vocabulary import (
     restrict,
 )
 from latentmotion.training.text_encoder.augmentation import plain_phrases, vary
-from latentmotion.training.text_encoder.corpus import is_held_out, parse_line, read_captions
+from latentmotion.training.text_encoder.data import is_held_out, parse_line, read_captions
 from tests.support.tiny_text import CAPTIONS, teacher_tokenizer
 
 LINE = "A man kicks.#a/DET man/NOUN kick/VERB#0.0#0.0"

@@ -11,8 +11,8 @@ import pytest
 from latentmotion.cli.main import main
 from latentmotion.data.dataset import Dataset
 from latentmotion.networks.build import build
-from latentmotion.training.crops import BatchSampler, FeatureCache, items_by_length
 from latentmotion.training.presets import preset_named
+from latentmotion.training.vae import BatchSampler, FeatureCache, items_by_length
 from tests.support.action_files import write_humanact12
 from tests.support.synthetic_smpl import write_synthetic_smpl
 

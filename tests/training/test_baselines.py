@@ -14,16 +14,14 @@ from latentmotion.engine.session import open_session
 from latentmotion.errors import InputError
 from latentmotion.export.onnx import export_decoder
 from latentmotion.gpu.backend import torch_pipeline
-from latentmotion.model.config import Sampling
-from latentmotion.model.vae_config import VPoserTConfig
+from latentmotion.model.config import Sampling, VPoserTConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_model, load_stages
-from latentmotion.networks.vae.identity import IdentityVAE
+from latentmotion.networks.vae.baselines import IdentityVAE
 from latentmotion.training.experiment import Experiment, with_changes
-from latentmotion.training.presets import preset_named
-from latentmotion.training.presets.baselines import mdm
+from latentmotion.training.loop import ExponentialMovingAverage
+from latentmotion.training.presets import mdm, preset_named
 from latentmotion.training.stages import train_denoiser, train_vae
-from latentmotion.training.state import ExponentialMovingAverage
 from tests.support.small_training import CONTEXT, LetterCount, killed_at
 
 

@@ -11,8 +11,7 @@ import pytest
 import torch
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.data.sampling import Crop
-from latentmotion.diffusion.few_step import FewStepConfig, StepCondition
+from latentmotion.data.dataset import Crop
 from latentmotion.diffusion.parametrization import (
     Epsilon,
     Parametrization,
@@ -20,19 +19,25 @@ from latentmotion.diffusion.parametrization import (
     Sample,
     Velocity,
 )
-from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
+from latentmotion.diffusion.schedule import (
+    Cosine,
+    FewStepConfig,
+    LinearPath,
+    ScaledLinear,
+    Schedule,
+    StepCondition,
+)
 from latentmotion.errors import ModelError
 from latentmotion.model.card import ModelCard
 from latentmotion.networks.checkpoint import load_model, save_model
-from latentmotion.training.crops import BatchSampler
+from latentmotion.training.denoiser import LatentCache, Posteriors
 from latentmotion.training.denoiser_loss import between, step_loss
-from latentmotion.training.distillation.config import PhasedConsistency
-from latentmotion.training.distillation.phased_consistency import PhaseSteps
+from latentmotion.training.distillation.data import PhasedConsistency
 from latentmotion.training.distillation.stage import distill
-from latentmotion.training.distillation.trajectories import Teacher
+from latentmotion.training.distillation.trajectories import PhaseSteps, Teacher
 from latentmotion.training.experiment import TrainingSettings, with_changes
-from latentmotion.training.latents import LatentCache, Posteriors
 from latentmotion.training.stages import train_denoiser
+from latentmotion.training.vae import BatchSampler
 from tests.support.small_training import CONTEXT, killed_at, short_distillation, small
 
 FEW_STEP = FewStepConfig(guidance=(1.0, 4.0), steps=(1, 2, 4), solver_steps=8)

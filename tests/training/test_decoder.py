@@ -17,10 +17,10 @@ from latentmotion.engine.session import open_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.onnx import export_decoder
 from latentmotion.export.swap_decoder import with_decoder
-from latentmotion.model.vae_config import IdentityVAEConfig, QuarterRateDecoder
+from latentmotion.model.config import IdentityVAEConfig, QuarterRateDecoder
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_model, save_model
-from latentmotion.networks.vae.loss import VAEObjective
+from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.training.decoder import (
     check_data,
     light_decoder_config,

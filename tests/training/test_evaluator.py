@@ -14,14 +14,14 @@ from latentmotion.condition.interface import TextEmbedding
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError, InputError
-from latentmotion.evaluation.evaluators.contrast import (
+from latentmotion.evaluation.evaluators.interface import load_evaluator
+from latentmotion.evaluation.evaluators.text_motion import T2MEvaluator
+from latentmotion.evaluation.evaluators.text_motion_network import (
     InfoNCE,
     Margin,
     squared_distances,
     top_hits,
 )
-from latentmotion.evaluation.evaluators.interface import load_evaluator
-from latentmotion.evaluation.evaluators.text_motion import T2MEvaluator
 from latentmotion.evaluation.evaluators.words import EncodedWords
 from latentmotion.training.evaluator import (
     RECIPES,

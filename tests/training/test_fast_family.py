@@ -8,12 +8,12 @@ import pytest
 from latentmotion.cli.main import main
 from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
-from latentmotion.model.vae_config import ConvolutionalVAEConfig
+from latentmotion.model.config import ConvolutionalVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.reproduce.budget import PAPER, SMALL
 from latentmotion.reproduce.models import MODELS
-from latentmotion.reproduce.vae_cost import vae_cost
+from latentmotion.reproduce.workspace import vae_cost
 from latentmotion.storage.configuration import to_json
 from latentmotion.training.experiment import differing_keys
 from latentmotion.training.presets import preset_named

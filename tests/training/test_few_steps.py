@@ -13,11 +13,18 @@ from safetensors.torch import load_file
 
 from latentmotion.condition.interface import Conditioning, TextEmbedding
 from latentmotion.condition.task import ActionTask
-from latentmotion.diffusion.few_step import FewStepConfig, FewStepSchedule, StepCondition
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, DistilledGuidance
 from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.samplers import DDIM
-from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
+from latentmotion.diffusion.schedule import (
+    Cosine,
+    FewStepConfig,
+    FewStepSchedule,
+    LinearPath,
+    ScaledLinear,
+    Schedule,
+    StepCondition,
+)
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.package import package_model
 from latentmotion.gpu.backend import torch_pipeline
@@ -25,7 +32,7 @@ from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_model
 from latentmotion.training.denoiser_loss import StepBatch, between, step_loss
-from latentmotion.training.distillation.config import TrajectoryRegression
+from latentmotion.training.distillation.data import TrajectoryRegression
 from latentmotion.training.distillation.stage import distill, student_of
 from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE
 from latentmotion.training.experiment import with_changes

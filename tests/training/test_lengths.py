@@ -18,8 +18,7 @@ from latentmotion.data.lengths import CaptionLengths, read_caption_lengths
 from latentmotion.engine.request import frames_of
 from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.model.card import LENGTHS_FILE, find_model, lengths_file, read_card
-from latentmotion.model.config import DenoiserConfig, Sampling
-from latentmotion.model.vae_config import ConvolutionalVAEConfig, LatentSpace
+from latentmotion.model.config import ConvolutionalVAEConfig, DenoiserConfig, LatentSpace, Sampling
 from latentmotion.networks.checkpoint import save_model
 from latentmotion.text.encoder import load_text_encoder
 from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthFile, LengthModel

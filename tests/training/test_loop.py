@@ -9,11 +9,10 @@ from torch import nn
 
 from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.motion import Motion
+from latentmotion.training.distributed import Ranks, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.journal import Journal, read_journal, readable_time
-from latentmotion.training.loop import Stage, train
-from latentmotion.training.rng import Ranks, StepRandomness
-from latentmotion.training.state import ExponentialMovingAverage
+from latentmotion.training.loop import ExponentialMovingAverage, Stage, train
 from tests.support.small_training import CONTEXT
 
 SETTINGS = TrainingSettings(

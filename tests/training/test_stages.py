@@ -18,12 +18,10 @@ from latentmotion.model.card import find_model
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_model, load_stages
 from latentmotion.storage.configuration import read_json, write_json
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, Ranks
 from latentmotion.training.experiment import Experiment, with_changes
-from latentmotion.training.journal import read_journal
+from latentmotion.training.journal import Previews, read_journal
 from latentmotion.training.presets import PRESETS, preset_named
-from latentmotion.training.previews import Previews
-from latentmotion.training.rng import Ranks
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.vae import VAEStage
 from tests.support.moving_figures import write_moving_figures

@@ -15,18 +15,21 @@ from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.export.text_encoder import load_student
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, pack, teacher_state
 from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
+from latentmotion.training.distributed import Ranks
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.journal import read_journal
 from latentmotion.training.loop import train
-from latentmotion.training.rng import Ranks
-from latentmotion.training.text_encoder.corpus import GROUP, TaggedCaption, compare, parse_line
 from latentmotion.training.text_encoder.data import (
+    GROUP,
     Batch,
     HeldOut,
     SentenceSampler,
+    TaggedCaption,
     Targets,
     TrainingSet,
+    compare,
     padded,
+    parse_line,
 )
 from latentmotion.training.text_encoder.stage import (
     StudentRecipe,

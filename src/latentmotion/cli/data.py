@@ -11,20 +11,19 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
-from latentmotion.data import described
+from latentmotion.data import described, packing
 from latentmotion.data.clip import Source
 from latentmotion.data.compose import Composition, compose
 from latentmotion.data.compose_actions import compose_actions
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.inspection import inspect_folder
-from latentmotion.data.pack import packing
 from latentmotion.data.prepare import Preparation, Report, encode_all, merge, parts_of
 from latentmotion.data.recording import Dropped, EncodedRecording
 from latentmotion.data.sources import cmu, hdm05, humanact12, humanml3d, snu, uestc
 from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST
-from latentmotion.describe.windows import Windows
+from latentmotion.describe.reading import Windows
 from latentmotion.errors import InputError
 from latentmotion.instructions.prompts import refused_captions
 from latentmotion.kinematics.humanoid import load_joint_map

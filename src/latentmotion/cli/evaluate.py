@@ -16,9 +16,9 @@ from latentmotion.cli import options
 from latentmotion.cli.generate import load_generator
 from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
-from latentmotion.engine.options import ExecutionOptions
+from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
-from latentmotion.instructions import benchmark, ground_truth, motions, report
+from latentmotion.instructions import benchmark, ground_truth, motions
 from latentmotion.instructions.prompts import instructions, write_prompts
 from latentmotion.storage.files import check_replaceable
 
@@ -110,7 +110,7 @@ class Evaluate:
             print(f"wrote {self.prompts}: {len(instructions())} prompts")
             return
         if self.output is not None:
-            check_replaceable(self.output, report.REPORT_FILE)
+            check_replaceable(self.output, benchmark.REPORT_FILE)
         claims = ground_truth.claims_of(Dataset.load(self.data), self.split) if self.data else []
         if self.joints and self.model is not None:
             raise InputError(f"give either MODEL ({self.model}) or --joints, not both")
@@ -122,10 +122,10 @@ class Evaluate:
             answers = self.generated()
         name, about, takes_of = answers
         result = benchmark.judge(name, about, instructions(), takes_of, claims)
-        print(report.table(result))
+        print(benchmark.table(result))
         if self.output is not None:
-            report.write(result, self.output)
-            print(f"\nwrote {self.output / report.REPORT_FILE} and {report.PAGE_FILE}")
+            benchmark.write(result, self.output)
+            print(f"\nwrote {self.output / benchmark.REPORT_FILE} and {benchmark.PAGE_FILE}")
 
     def generated(self) -> tuple[str, dict[str, str], Sequence[Sequence[Joints]]]:
         """Returns the model's name, the settings, and its motions for the instructions."""

@@ -9,7 +9,7 @@ from latentmotion.cli.evaluate import Evaluate
 from latentmotion.cli.generate import load_generator, located
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import ModelError
-from latentmotion.evaluation import cost, evaluate, provenance, smpl_joints
+from latentmotion.evaluation import cost, evaluate, position_scores, report
 from latentmotion.evaluation.candidates import Candidate
 from latentmotion.evaluation.evaluators.interface import load_evaluator
 from latentmotion.evaluation.protocol import Protocol
@@ -46,7 +46,7 @@ class MetricsCommand:
         evaluator = load_evaluator(options.evaluator) if options.evaluator else None
         if options.body is not None:
             body = load_smpl(options.body)
-            dataset, evaluator = smpl_joints.with_smpl_joints(body, dataset, evaluator)
+            dataset, evaluator = position_scores.with_smpl_joints(body, dataset, evaluator)
         candidates, protocol = self.candidates(folder), self.protocol()
         report = evaluate.compare(candidates, dataset, evaluator, protocol)
         if options.cost:
@@ -87,7 +87,7 @@ class MetricsCommand:
     def candidates(self, folder: Path) -> list[Candidate]:
         """Returns the rows of the report: generated motions, and reconstructions of a VAE."""
         options, model = self.options, load_stages(folder)
-        card, vae, weights = model.card, model.vae, provenance.weights_hash(folder)
+        card, vae, weights = model.card, model.vae, report.weights_hash(folder)
         kinds = ("mean", "sampled") if options.protocol == "clean" else ("sampled", "mean")
         rebuilt: list[Candidate] = [
             evaluate.Reconstructed(

@@ -30,7 +30,7 @@ class ListExperiments:
         Raises:
             InputError: There is none of this name.
         """
-        from latentmotion.reproduce.overview import overview, rows_of
+        from latentmotion.reproduce.markdown import overview, rows_of
 
         print(rows_of(table_named(self.name)) if self.name else overview(TABLES.values()))
 

@@ -15,18 +15,17 @@ from tyro.conf import Positional, arg
 
 from latentmotion import formats
 from latentmotion.cli import options
-from latentmotion.engine.options import ON_CPU, ExecutionOptions
+from latentmotion.engine.backend import ON_CPU, ExecutionOptions
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import open_decoder, thread_limit
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.kinematics import smpl
-from latentmotion.kinematics.animation import check_fps
+from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_model, read_card
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.representation.smpl import representation_of
-from latentmotion.storage.cache_folder import cache_folder
-from latentmotion.storage.files import check_writable, read_lines
+from latentmotion.storage.files import cache_folder, check_writable, read_lines
 
 if TYPE_CHECKING:
     from latentmotion.control.goals import Goal

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, UseAppendAction, arg
 
 from latentmotion.diffusion.samplers import SamplerName
-from latentmotion.engine.options import Launch, Precision
+from latentmotion.engine.backend import Launch, Precision
 from latentmotion.evaluation.protocol import ProtocolName
 
 Output = Annotated[Path, arg(aliases=["-o"])]

@@ -44,22 +44,22 @@ class MakeStudy:
     def run(self) -> None:
         """Makes the page and the key."""
         from latentmotion.cli.generate import load_generator
-        from latentmotion.study import design, sources
+        from latentmotion.study import design
 
         if self.output.suffix != ".html":
             raise InputError(f"{self.output}: expected a name that ends with .html")
         check_writable(self.output)
         if self.order_seed is not None and self.order_seed < 0:
             raise InputError(f"--order-seed {self.order_seed}: expected a number from 0 up")
-        wanted = sources.Wanted(sources.read_prompts(self.prompts), self.seeds, self.seconds)
-        a, b = (sources.motions_of(source, wanted, load_generator) for source in (self.a, self.b))
+        wanted = design.Wanted(design.read_prompts(self.prompts), self.seeds, self.seconds)
+        a, b = (design.motions_of(source, wanted, load_generator) for source in (self.a, self.b))
         both = list(zip(a, b, strict=True))
-        for warning in sources.check_lengths(both):
+        for warning in design.check_lengths(both):
             print(f"warning: {warning}", file=sys.stderr)
         rows = zip(wanted.rows(), both, strict=True)
         pairs = [design.Pair(prompt, seed, a, b) for (prompt, seed), (a, b) in rows]
         seed = secrets.randbits(32) if self.order_seed is None else self.order_seed
-        study = design.design(pairs, sources.describe(self.a), sources.describe(self.b), seed)
+        study = design.design(pairs, design.describe(self.a), design.describe(self.b), seed)
         design.write_study_page(self.output, study)
         write_json(self.output.with_suffix(".key.json"), study.key)
         number = "1 pair" if len(pairs) == 1 else f"{len(pairs)} pairs"
@@ -83,12 +83,12 @@ class ReportStudy:
         Raises:
             InputError: There is no file.
         """
-        from latentmotion.study import answers, report
+        from latentmotion.study import report
 
         if not self.answers:
             raise InputError("no answers given; pass the files that raters sent, e.g. *.json")
-        key = answers.read_key(self.key)
+        key = report.read_key(self.key)
         others = [path for path in self.answers if path.resolve() != self.key.resolve()]
-        votes = answers.votes_of(answers.read_answers(others, key), key)
+        votes = report.votes_of(report.read_answers(others, key), key)
         result = report.report(votes, key)
         print(json.dumps(to_json(result), indent=1) if self.json else result.markdown())

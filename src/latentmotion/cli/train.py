@@ -34,13 +34,13 @@ from latentmotion.text.lengths import LengthFile, LengthModel
 from latentmotion.training import classifier, decoder, evaluator, lengths, stages
 from latentmotion.training.classifier import ClassifierExperiment
 from latentmotion.training.distillation import stage as distillation
-from latentmotion.training.distillation.config import Distillation
+from latentmotion.training.distillation.data import Distillation
 from latentmotion.training.distributed import distributed_context
 from latentmotion.training.evaluator import recipe_named
 from latentmotion.training.experiment import TrainingSettings, with_changes
 from latentmotion.training.presets import PRESETS, preset_named
 from latentmotion.training.reinforce import Reinforcement, reinforce
-from latentmotion.training.text_encoder.corpus import read_captions
+from latentmotion.training.text_encoder.data import read_captions
 from latentmotion.training.text_encoder.stage import StudentRecipe, train_text_encoder
 
 Preset = Annotated[

@@ -14,14 +14,12 @@ from latentmotion.condition.interface import Condition
 from latentmotion.control.reach import CorrectedDenoiser, Correction, DecodedMotion, Sample
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, sample
-from latentmotion.engine.backend import Backend
-from latentmotion.engine.feature_decoder import FeatureDecoder
+from latentmotion.engine.backend import Backend, FeatureDecoder
 from latentmotion.engine.request import GenerationRequest, padded_batch
 from latentmotion.engine.session import PULLBACK_FILE
 from latentmotion.errors import ModelError
 from latentmotion.model.card import ModelCard
-from latentmotion.model.config import Sampling
-from latentmotion.model.vae_config import STRIDE
+from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.representation.interface import Representation
 
 SampleKnown = Callable[

@@ -17,10 +17,8 @@ from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.control.jacobian import joint_features, joints_pullback
-from latentmotion.diffusion.interface import Estimates
-from latentmotion.diffusion.parametrization import ParametrizedDenoiser
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.normalizer import Scale
+from latentmotion.diffusion.parametrization import Estimates, ParametrizedDenoiser
+from latentmotion.representation.interface import Representation, Scale
 
 Latents = Float[np.ndarray, "tokens width"]
 Joints = Float[np.ndarray, "frames joints 3"]

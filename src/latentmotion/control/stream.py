@@ -28,8 +28,7 @@ from latentmotion.control.generator import (
 from latentmotion.control.reach import DecodedMotion
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import FileFormatError
-from latentmotion.model.config import Sampling
-from latentmotion.model.vae_config import STRIDE
+from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.interface import Representation

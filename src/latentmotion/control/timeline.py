@@ -23,8 +23,7 @@ from latentmotion.control.generator import (
 from latentmotion.control.stream import KNOWN, decode_in_windows
 from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
 from latentmotion.errors import InputError
-from latentmotion.model.config import Sampling
-from latentmotion.model.vae_config import STRIDE
+from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.motion import Motion
 
 LONGEST = 600.0

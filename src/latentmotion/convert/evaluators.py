@@ -22,9 +22,12 @@ from torch import Tensor
 from latentmotion.convert.reading import read_content, tensors_of
 from latentmotion.errors import FileFormatError, InputError, ModelError
 from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
-from latentmotion.evaluation.evaluators.gru import HUMANACT12_LABELS, MotionGRUConfig
+from latentmotion.evaluation.evaluators.action_networks import (
+    HUMANACT12_LABELS,
+    GraphNetworkConfig,
+    MotionGRUConfig,
+)
 from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE
-from latentmotion.evaluation.evaluators.stgcn import GraphNetworkConfig
 from latentmotion.evaluation.evaluators.text_motion import (
     T2MEvaluator,
     TextMotionCard,
@@ -34,7 +37,7 @@ from latentmotion.evaluation.evaluators.text_motion_network import TextMotionCon
 from latentmotion.evaluation.evaluators.words import read_glove
 from latentmotion.model.card import Provenance
 from latentmotion.networks.checkpoint import check_sizes, load_weights
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.array_files import read_array
 from latentmotion.storage.files import check_replaceable, sha256
 

@@ -18,15 +18,21 @@ import numpy as np
 from torch import Tensor
 
 from latentmotion.condition.task import ActionTask, TextTask
-from latentmotion.convert import weight_names
+from latentmotion.convert import reading
 from latentmotion.convert.reading import read_checkpoint, split_parts
 from latentmotion.data.sources.humanact12 import ACTIONS
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import ModelCard, Provenance
-from latentmotion.model.config import DenoiserConfig, PositionKind, Sampling, TransformerConfig
-from latentmotion.model.vae_config import IdentityVAEConfig, TransformerVAEConfig
+from latentmotion.model.config import (
+    DenoiserConfig,
+    IdentityVAEConfig,
+    PositionKind,
+    Sampling,
+    TransformerConfig,
+    TransformerVAEConfig,
+)
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import (
     FirstStageModel,
@@ -36,7 +42,7 @@ from latentmotion.networks.checkpoint import (
     save_model,
 )
 from latentmotion.networks.denoiser import Denoiser
-from latentmotion.networks.embeddings import LEARNED_LENGTH
+from latentmotion.networks.transformer import LEARNED_LENGTH
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
 
@@ -141,10 +147,10 @@ def load_vae(
         ModelError: A weight is missing or has another shape.
     """
     config = vae_config(weights, unstated)
-    rules = weight_names.MLD_VAE_JOINT if config.decoding == "joint" else weight_names.MLD_VAE
+    rules = reading.MLD_VAE_JOINT if config.decoding == "joint" else reading.MLD_VAE
     if is_actor(weights):
-        rules = weight_names.ACTOR_VAE
-    renamed = weight_names.rename(weights, rules)
+        rules = reading.ACTOR_VAE
+    renamed = reading.rename(weights, rules)
     check_sizes(lambda: build(config), renamed, f"{path}, vae")
     network = build(config)
     load_weights(network, renamed, f"{path}, vae")
@@ -169,10 +175,10 @@ def load_denoiser(
     # Left over from older versions, or written but never used without cross-attention.
     unused = {"sequence_pos_encoding.pe"} | (set() if cross else {"mem_pos.pe"})
     used = {name: tensor for name, tensor in weights.items() if name not in unused}
-    rules = weight_names.DENOISER_CROSS if cross else weight_names.DENOISER_IN_CONTEXT
+    rules = reading.DENOISER_CROSS if cross else reading.DENOISER_IN_CONTEXT
     if config.condition_projection == "linear":
-        rules = weight_names.LINEAR_TEXT + rules
-    renamed = weight_names.rename(used, rules)
+        rules = reading.LINEAR_TEXT + rules
+    renamed = reading.rename(used, rules)
     check_sizes(lambda: build(config), renamed, f"{path}, denoiser")
     network = build(config)
     load_weights(network, renamed, f"{path}, denoiser")

@@ -14,11 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.captions import mirror_words
-from latentmotion.data.clip import Caption, Source
+from latentmotion.data.clip import Caption, Source, mirror_words
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.pairing import ActionClip, Cut, Pairing, action_clips, rarity
-from latentmotion.data.splicing import seam_of, splice
+from latentmotion.data.segments import seam_of, splice
+from latentmotion.data.singles import ActionClip, Cut, Pairing, action_clips, rarity
 from latentmotion.data.store import COMPOSED, StoredClip, StoredMotion, caption_rows
 from latentmotion.describe.rewording import in_order
 from latentmotion.errors import DataError

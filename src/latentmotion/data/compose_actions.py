@@ -24,8 +24,8 @@ from latentmotion.data.compose import (
     objection,
 )
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.segments import pose_descriptors, splice
 from latentmotion.data.singles import Found, find_singles
-from latentmotion.data.splicing import pose_descriptors, splice
 from latentmotion.data.store import COMPOSED, StoredMotion
 from latentmotion.describe.facts import BOTH, SingleAction
 from latentmotion.describe.prompting import prompts, prompts_in_order

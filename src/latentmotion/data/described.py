@@ -19,20 +19,17 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data import singles
-from latentmotion.data.captions import fit_sentences
-from latentmotion.data.clip import Caption
+from latentmotion.data.clip import Caption, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.prepare import REPORT, Report, encode_all, parts_of, read_report
-from latentmotion.data.recording import Dropped
+from latentmotion.data.recording import FPS, Dropped
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
-from latentmotion.data.takes import FPS
 from latentmotion.describe.agreement import check as check_agreement
 from latentmotion.describe.prompting import plain
-from latentmotion.describe.reading import describe
+from latentmotion.describe.reading import Windows, caption_windows, describe
 from latentmotion.describe.rewording import rewordings as reworded_texts
 from latentmotion.describe.sentences import plain_action, sentences
-from latentmotion.describe.windows import Windows, caption_windows
 from latentmotion.errors import DataError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.storage.configuration import write_json

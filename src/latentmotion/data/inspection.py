@@ -12,6 +12,7 @@ import numpy as np
 from latentmotion.data.clip import SPLITS
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.prepare import Report, parts_of
+from latentmotion.data.recording import files_below
 from latentmotion.data.sources import humanml3d
 from latentmotion.data.sources.cmu import CMU, find_trials, rows_by_trial
 from latentmotion.data.sources.hdm05 import find_clips
@@ -19,7 +20,6 @@ from latentmotion.data.sources.own import find_motions
 from latentmotion.data.sources.snu import find_takes
 from latentmotion.data.sources.uestc import ACTIONS, FRAMES, NAMES, POSES, UESTC
 from latentmotion.data.store import MANIFEST
-from latentmotion.data.takes import files_below
 from latentmotion.errors import DataError
 from latentmotion.storage.files import sha256
 

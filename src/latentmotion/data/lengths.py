@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.captions import TAG_RATE, fit_sentences
-from latentmotion.data.clip import Split
+from latentmotion.data.clip import TAG_RATE, Split, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.humanml3d import read_index, read_splits, read_texts, sentences_of
 from latentmotion.describe.claims import claims_of

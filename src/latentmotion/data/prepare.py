@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.data.captions import fit_sentences
-from latentmotion.data.clip import Source
+from latentmotion.data.clip import Source, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.quality import find_glitch
 from latentmotion.data.recording import Dropped, EncodedRecording, Recording
@@ -24,8 +23,7 @@ from latentmotion.data.store import (
     write_dataset,
 )
 from latentmotion.errors import DataError
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer, Representation
 from latentmotion.storage.configuration import read_json, write_json
 
 REPORT = "report.json"

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import unit
-from latentmotion.kinematics.animation import Animation
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 
 ANY_JOINT = 240.0
 """Largest credible acceleration of any joint, m/s²."""

@@ -15,11 +15,9 @@ import numpy as np
 from jaxtyping import Float
 from safetensors.numpy import save
 
-from latentmotion.data.captions import mirror_words
-from latentmotion.data.clip import Caption, Clip, Source, Split
+from latentmotion.data.clip import Caption, Clip, Source, Split, mirror_words
 from latentmotion.errors import DataError, InputError
-from latentmotion.representation.interface import Representation
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer, Representation
 from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.storage.files import atomic_folder, sha256
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from latentmotion.describe.claims import SLIGHT, Claim, claims_of
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT, Description, Event
-from latentmotion.describe.locomotion import FAST, SLOW
+from latentmotion.describe.whole_body import FAST, SLOW
 
 Verdict = Literal["agrees", "contradicts", "silent"]
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from latentmotion.describe.acts import Act
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT, Event
-from latentmotion.describe.locomotion import FAST, SLOW
 from latentmotion.describe.verbs import present_participle
+from latentmotion.describe.whole_body import FAST, SLOW
 
 Phrase = tuple[str, str]
 """Verb in base form and the rest; `{his}` stands for a possessive, `{turn}` for another verb."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT, SIDES, Event, SingleAction
-from latentmotion.describe.postures import stillness
 from latentmotion.describe.reading import Scene, highest_hand, in_place, meters, reportable_kinds
 from latentmotion.describe.signals import peaks
 from latentmotion.describe.strict_locomotion import CALM, LOCOMOTION_CHECKS, Check
+from latentmotion.describe.whole_body import stillness
 
 _RISE = {"jump": 0.08, "hop": 0.03}
 """Meters by which the pelvis rises in the lowest jump."""

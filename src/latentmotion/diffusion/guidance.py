@@ -24,9 +24,8 @@ from jaxtyping import Bool, Float
 
 from latentmotion.arrays import array_namespace
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.few_step import StepCondition
-from latentmotion.diffusion.interface import Denoiser
-from latentmotion.diffusion.parametrization import ParametrizedDenoiser
+from latentmotion.diffusion.parametrization import Denoiser, ParametrizedDenoiser
+from latentmotion.diffusion.schedule import StepCondition
 
 GuidanceRule = Literal["classifier_free", "projected"]
 """Guidance of a model that is not distilled."""

@@ -1,4 +1,4 @@
-"""What the network's output means: the noise, the clean latents, or the velocity.
+"""What a denoiser is to a sampler, and what its output means: noise, clean latents or velocity.
 
 With z_t = alpha z_0 + sigma epsilon each of the three determines (z_0, epsilon). A
 `ParametrizedDenoiser` returns that pair, so neither samplers nor control know which one it is.
@@ -6,15 +6,70 @@ With z_t = alpha z_0 + sigma epsilon each of the three determines (z_0, epsilon)
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import array_namespace, device
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.schedule import Schedule, Time
+
+Noise = Callable[[tuple[int, ...]], np.ndarray]
+"""Draws standard normal numbers of a shape, float32, always on the CPU and in NumPy."""
+
+Estimates = tuple[Any, Any]
+"""Estimates of (z_0, epsilon), each of shape (batch, tokens, width)."""
+
+Estimate = Callable[[Any, float], Estimates]
+"""Estimates from a batch of latents at one time, its condition and mask being settled."""
+
+
+@runtime_checkable
+class Denoiser(Protocol):
+    """Any network, runtime session or closed form that predicts from noisy latents."""
+
+    def __call__(
+        self,
+        z: Float[Any, "batch tokens width"],
+        t: Float[Any, " batch"],
+        condition: Conditioning,
+        mask: Bool[Any, "batch tokens"],
+    ) -> Float[Any, "batch tokens width"]:
+        """Returns what its `Parametrization` says: noise, clean latents or velocity.
+
+        Args:
+            z: Noisy latents, NumPy or torch.
+            t: Time of each item, in the units of the schedule.
+            condition: What steers the motion, one row per item.
+            mask: True on real tokens.
+        """
+        ...
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """A denoiser with the meaning of its output: what a sampler asks at every step."""
+
+    def __call__(
+        self,
+        z: Float[Any, "batch tokens width"],
+        t: float,
+        condition: Conditioning,
+        mask: Bool[Any, "batch tokens"],
+    ) -> Estimates:
+        """Returns the estimates of (z_0, epsilon).
+
+        Args:
+            z: Noisy latents, NumPy or torch.
+            t: Time of all items, in the units of the schedule.
+            condition: What steers the motion, one row per item.
+            mask: True on real tokens.
+        """
+        ...
+
 
 Latents = Float[Any, "batch tokens width"]
 

@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, Protocol, runtime_checkable
 
+import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import array_namespace, device
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.interface import Estimate, Estimates, Estimator, Noise
+from latentmotion.diffusion.parametrization import Estimate, Estimates, Estimator, Noise
 from latentmotion.diffusion.schedule import ScaledLinear, Schedule
 from latentmotion.errors import InputError
 
@@ -235,3 +236,25 @@ def _posterior(schedule: Schedule, t: float, s: float) -> tuple[float, float, fl
 
 def _like(z: Latents, noise: Noise) -> Latents:
     return array_namespace(z).asarray(noise(tuple(z.shape)), dtype=z.dtype, device=device(z))
+
+
+class SeededNoise:
+    """Standard normal numbers; each row of the batch comes from a generator of its own.
+
+    Args:
+        seeds: One per row.
+        tokens: How many tokens each row has; the rest of it is zero. By default all are real.
+            So a row gets the same numbers whatever it is padded to.
+    """
+
+    def __init__(self, seeds: Sequence[int], tokens: Sequence[int] | None = None) -> None:
+        self._generators = [np.random.default_rng(seed) for seed in seeds]
+        self._tokens = tokens
+
+    def __call__(self, shape: tuple[int, ...]) -> Float[np.ndarray, "batch tokens width"]:
+        """Returns the next numbers of every row; `shape` is (batch, tokens, width)."""
+        noise = np.zeros(shape, np.float32)
+        tokens = [shape[1]] * shape[0] if self._tokens is None else self._tokens
+        for row, generator, count in zip(noise, self._generators, tokens, strict=True):
+            row[:count] = generator.standard_normal((count, *shape[2:]), dtype=np.float32)
+        return noise

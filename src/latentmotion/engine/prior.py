@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.engine.feature_decoder import FeatureDecoder, representation_of
+from latentmotion.diffusion.samplers import SeededNoise
+from latentmotion.engine.backend import FeatureDecoder, representation_of
 from latentmotion.engine.request import batches, check_frames, check_seeds, frames_of, unpadded
 from latentmotion.engine.session import Session
 from latentmotion.errors import ModelError

@@ -11,12 +11,11 @@ from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import Backend, Batch
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
-from latentmotion.model.config import Sampling
-from latentmotion.model.vae_config import LatentSpace
+from latentmotion.model.config import LatentSpace, Sampling
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,12 @@ import torch
 from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.engine.feature_decoder import FeatureDecoder, normalizer_of
+from latentmotion.diffusion.samplers import SeededNoise
+from latentmotion.engine.backend import FeatureDecoder, normalizer_of
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.request import GenerationRequest, batches
 from latentmotion.evaluation.protocol import Protocol as EvaluationProtocol
-from latentmotion.evaluation.test_set import Replication, TestPrompt
+from latentmotion.evaluation.protocol import Replication, TestPrompt
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import Sampling
 from latentmotion.networks.vae.interface import MotionVAE

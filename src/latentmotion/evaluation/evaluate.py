@@ -16,26 +16,32 @@ from latentmotion.condition.task import TaskName
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.candidates import Candidate, Generated, Motions, Prior, Reconstructed
-from latentmotion.evaluation.embedding_cache import (
+from latentmotion.evaluation.embedding_scores import (
     EmbeddingCache,
     Embeddings,
-    embedding_cache,
-    reads_text,
-)
-from latentmotion.evaluation.embedding_scores import (
     Scores,
     caption_multimodality,
+    embedding_cache,
     embedding_scores,
     ground_truth_scores,
     measures_multimodality,
+    reads_text,
 )
 from latentmotion.evaluation.evaluators.interface import Evaluator
 from latentmotion.evaluation.notes import departures, notes_of, published_ground_truth
 from latentmotion.evaluation.position_scores import PositionScores
-from latentmotion.evaluation.protocol import CLEAN, PAPER, PROTOCOLS, Protocol, Repeats
-from latentmotion.evaluation.provenance import provenance_of
-from latentmotion.evaluation.report import GROUND_TRUTH, UNITS, Figure, Report
-from latentmotion.evaluation.test_set import HELD, Lengths, Replication, TestSet
+from latentmotion.evaluation.protocol import (
+    CLEAN,
+    HELD,
+    PAPER,
+    PROTOCOLS,
+    Lengths,
+    Protocol,
+    Repeats,
+    Replication,
+    TestSet,
+)
+from latentmotion.evaluation.report import GROUND_TRUTH, UNITS, Figure, Report, provenance_of
 
 __all__ = [
     "CLEAN",

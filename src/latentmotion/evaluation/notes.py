@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 from latentmotion.condition.task import TASKS
 from latentmotion.data.dataset import Dataset
-from latentmotion.evaluation.embedding_cache import reads_text
+from latentmotion.evaluation.embedding_scores import reads_text
 from latentmotion.evaluation.evaluators.interface import Evaluator
+from latentmotion.evaluation.position_scores import lacks_smpl_joints, notes_on_joints
+from latentmotion.evaluation.protocol import TestSet
 from latentmotion.evaluation.report import Figure
-from latentmotion.evaluation.smpl_joints import lacks_smpl_joints, notes_on_joints
-from latentmotion.evaluation.test_set import TestSet
 
 
 @dataclass(frozen=True)

@@ -20,18 +20,17 @@ from torch import Tensor, nn
 from torch.export import Dim
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.few_step import StepCondition
 from latentmotion.diffusion.guidance import DistilledGuidance
-from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.engine.backend import Batch
-from latentmotion.engine.feature_decoder import FeatureDecoder
+from latentmotion.diffusion.samplers import SeededNoise
+from latentmotion.diffusion.schedule import StepCondition
+from latentmotion.engine.backend import Batch, FeatureDecoder
 from latentmotion.errors import ModelError
 from latentmotion.model.config import Sampling
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise, sampler_of
-from latentmotion.representation.normalizer import Scale
+from latentmotion.representation.interface import Scale
 from latentmotion.storage.files import atomic_file
 
 _BATCH, _TOKENS, _WORDS = 2, 7, 3

@@ -16,7 +16,7 @@ import torch
 from safetensors.torch import save_file
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.few_step import StepCondition
+from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
 from latentmotion.errors import ModelError
 from latentmotion.export import onnx as graphs

@@ -8,9 +8,9 @@ import torch
 
 from latentmotion.engine.session import open_session
 from latentmotion.export.onnx import trace
-from latentmotion.model.vae_config import STRIDE
+from latentmotion.model.config import STRIDE
+from latentmotion.networks.vae.convolutional import Pullback
 from latentmotion.networks.vae.interface import MotionVAE
-from latentmotion.networks.vae.pullback import Pullback
 
 _TOKENS, _ROWS, _FEATURES = 7, 3, 67
 """Sizes of the example that the graph is traced with; all of them stay free."""

@@ -23,8 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
-from latentmotion.kinematics.animation import Animation
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.storage.limits import MOST_FRAMES
 
 _AHEAD, _UP = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)

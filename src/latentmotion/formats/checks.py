@@ -1,20 +1,25 @@
-"""Checks that every reader of motion makes: rates, sizes before memory is taken, finite results."""
+"""What readers share: lines of words with errors that name them; checks of rates and sizes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
-from latentmotion.errors import FileFormatError
-from latentmotion.kinematics.animation import Animation
+from latentmotion.errors import FileFormatError, InputError
+from latentmotion.kinematics.skeleton import Animation
 from latentmotion.storage.limits import (
     FARTHEST,
     FILLED_FACTOR,
     LEAST_FPS,
     MOST_FILLED,
     MOST_FPS,
+    MOST_NUMBER,
 )
+from latentmotion.storage.reading import read_text
 
 
 def checked_rate(path: str | Path, fps: float, line: int | None = None) -> float:
@@ -61,3 +66,102 @@ def checked_animation(path: str | Path, animation: Animation) -> Animation:
         problem = f"holds numbers that are not finite, or places beyond {FARTHEST:,.0f} m"
         raise FileFormatError(path, f"{problem}; repair it, or check its unit of length")
     return animation
+
+
+METERS_PER_UNIT = {
+    "meters": 1.0,
+    "centimeters": 0.01,
+    "millimeters": 0.001,
+    "inches": 0.0254,
+    "feet": 0.3048,
+    "cmu": 0.0254 / 0.45,
+}
+"""Units of length by name; `cmu` is the ASF unit that the MotionBuilder-friendly BVHs keep."""
+
+
+def meters_per_unit(unit: str | float) -> float:
+    """Returns how many meters one unit is.
+
+    Args:
+        unit: A name from `METERS_PER_UNIT`, or the number itself.
+
+    Raises:
+        InputError: The name is unknown or the number is not positive.
+    """
+    scale = METERS_PER_UNIT.get(unit, 0.0) if isinstance(unit, str) else float(unit)
+    if not (np.isfinite(scale) and scale > 0):
+        known = ", ".join(METERS_PER_UNIT)
+        raise InputError(f"unknown unit of length {unit!r}; use {known}, or meters per unit")
+    return scale
+
+
+def read_lines(path: str | Path) -> list[str]:
+    """Reads a text file of any line ending, in UTF-8 or, failing that, Latin-1.
+
+    Raises:
+        FileFormatError: The file cannot be read, is empty or is not text.
+    """
+    text = read_text(path, "latin-1")  # names of bones, which older programs wrote so
+    if not text.strip():
+        raise FileFormatError(path, "the file is empty")
+    # str.splitlines would also break at form feeds and the like, and the count would be off.
+    return text.replace("\r\n", "\n").replace("\r", "\n").rstrip().split("\n")
+
+
+def numbers(
+    path: str | Path, line: int, words: Sequence[str], count: int
+) -> Float[np.ndarray, " count"]:
+    """Parses the words of one line as `count` finite numbers.
+
+    Args:
+        path: The file, for the error.
+        line: The line, counted from 1, for the error.
+        words: The words.
+        count: How many are expected.
+
+    Raises:
+        FileFormatError: There are more or fewer words, or one is not a finite number.
+    """
+    if len(words) != count:
+        raise FileFormatError(path, f"found {len(words)} numbers, expected {count}", line)
+    values = np.full(count, np.nan)
+    for number, word in enumerate(words):
+        with suppress(ValueError):
+            values[number] = float(word)
+        if not abs(values[number]) <= MOST_NUMBER:
+            problem = f"found {word[:40]!r}, expected a finite number up to {MOST_NUMBER:g}"
+            raise FileFormatError(path, problem, line)
+    return values
+
+
+def whole_rate(fps: float) -> float:
+    """Undoes the rounding of times in a file: frames 0.0083333 s apart are 120 per second."""
+    return float(round(fps)) if abs(fps - round(fps)) < 5e-4 * fps else fps
+
+
+def table(
+    path: str | Path, lines: Sequence[str], start: int, width: int
+) -> Float[np.ndarray, "rows width"]:
+    """Parses all lines from `start` on, except blank ones, as rows of `width` finite numbers.
+
+    Args:
+        path: The file, for the error.
+        lines: All lines of the file.
+        start: Index of the first line of the table.
+        width: Numbers expected in each line.
+
+    Raises:
+        FileFormatError: A line has more or fewer words, or one that is not a finite number.
+    """
+    rows = [words for line in lines[start:] if (words := line.split())]
+    try:
+        values = np.array(rows, dtype=np.float64).reshape(len(rows), width)
+    except ValueError:
+        values = np.full((1, width), np.nan)
+    if (np.abs(values) <= MOST_NUMBER).all():
+        return values
+    # Something is wrong: read line by line to find it.
+    filled = [
+        (n, words) for n, line in enumerate(lines[start:], start + 1) if (words := line.split())
+    ]
+    return np.stack([numbers(path, line, words, width) for line, words in filled])

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.errors import FileFormatError
-from latentmotion.formats.checks import checked_rate
-from latentmotion.formats.lines import numbers, read_lines, whole_rate
+from latentmotion.formats.checks import checked_rate, numbers, read_lines, whole_rate
 from latentmotion.formats.takes import OURS, numbered
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion

@@ -24,8 +24,8 @@ from latentmotion.errors import FileFormatError
 from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.gltf_document import Document
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
+from latentmotion.kinematics.skeleton import Animation
 from latentmotion.motion import Motion
 from latentmotion.storage.limits import MOST_DEPTH, MOST_JOINTS, MOST_NODES, MOST_NUMBER
 from latentmotion.storage.reading import blamed_on

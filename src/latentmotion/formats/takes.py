@@ -8,9 +8,8 @@ from typing import Any
 
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.humanoid import to_humanml3d
-from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT
+from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation
 from latentmotion.motion import Motion
 from latentmotion.storage.reading import blamed_on, parse_json
 

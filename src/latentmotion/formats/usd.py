@@ -27,9 +27,8 @@ from jaxtyping import Float
 
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.formats.bones import BoneAxes, bone_axes
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 from latentmotion.storage.files import atomic_file

@@ -19,8 +19,8 @@ from jaxtyping import Float
 from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
 from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.checks import check_filled, checked_animation
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
+from latentmotion.kinematics.skeleton import Animation
 from latentmotion.storage.limits import MOST_JOINTS, USD_MEMORY, USD_SECONDS
 from latentmotion.storage.reading import blamed_on
 

@@ -19,8 +19,7 @@ import numpy as np
 
 from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
 from latentmotion.formats.takes import motion_of
-from latentmotion.kinematics.animation import Animation
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.storage.array_files import read_arrays
 from latentmotion.storage.limits import USD_SECONDS

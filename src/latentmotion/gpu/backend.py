@@ -15,15 +15,12 @@ import torch
 from torch import Tensor
 
 from latentmotion.condition.interface import Conditioning, TextEncoder
-from latentmotion.diffusion.few_step import StepCondition
-from latentmotion.engine.backend import Backend, NoPadding
-from latentmotion.engine.options import ON_CPU, ExecutionOptions
+from latentmotion.diffusion.schedule import StepCondition
+from latentmotion.engine.backend import ON_CPU, Backend, ExecutionOptions, NoPadding
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import Session
 from latentmotion.errors import InputError, LatentMotionError, ModelError
-from latentmotion.gpu.cuda_graphs import Recorder, on_gpu
-from latentmotion.gpu.device import GPU, device_named
-from latentmotion.gpu.network import network_session
+from latentmotion.gpu.device import GPU, Recorder, device_named, network_session, on_gpu
 from latentmotion.model import card as cards
 from latentmotion.model.card import ModelCard, find_model
 from latentmotion.networks.checkpoint import load_model, load_stages

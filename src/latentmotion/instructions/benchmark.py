@@ -1,4 +1,4 @@
-"""The instruction benchmark: shares of motions that fulfill their prompts, with 95 % intervals.
+"""The instruction benchmark: shares of motions that fulfill their prompts, and its report.
 
 Takes of one prompt resemble each other. Intervals are Wilson's (Wilson 1927) for the effective
 number of independent motions (Kish 1965): n / (1 + (m - 1) ρ), with m takes per prompt and ρ the
@@ -7,9 +7,11 @@ correlation of takes of one prompt, estimated by analysis of variance, between 0
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool
@@ -19,6 +21,8 @@ from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.ground_truth import Claim
 from latentmotion.instructions.motions import Joints
 from latentmotion.instructions.prompts import GROUPS, VERSION, Instruction
+from latentmotion.storage.configuration import to_json
+from latentmotion.storage.files import atomic_folder
 
 OVERALL = "overall"
 """Name of all groups together."""
@@ -202,3 +206,66 @@ def shares(outcomes: Sequence[Outcome]) -> dict[str, Share]:
         if rows:
             figures[group] = Share.of(list(rows.values()))
     return figures
+
+
+REPORT_FILE = "instructions.json"
+PAGE_FILE = "instructions.md"
+
+
+def table(benchmark: Benchmark) -> str:
+    """Returns the figures as a Markdown table, one line per group."""
+    head = ["group", "prompts", benchmark.subject, "in some take", "real motions", "other prompts'"]
+    lines = [_line(head), "|---" * len(head) + "|"]
+    for group, share in benchmark.model.items():
+        real = benchmark.real.get(group)
+        lines.append(
+            _line(
+                [
+                    f"**{group}**" if group == OVERALL else group,
+                    str(share.prompts),
+                    str(share),
+                    f"{100 * share.ever:.0f} %",
+                    f"{real}, {real.motions} claims" if real else "–",
+                    f"{100 * benchmark.chance[group].share:.0f} %",
+                ]
+            )
+        )
+    return "\n".join(lines)
+
+
+def markdown(benchmark: Benchmark) -> str:
+    """Returns a page: the table, settings of the motions, every prompt."""
+    takes = len(benchmark.outcomes[0].fulfilled)
+    about = [f"{name}: {value}" for name, value in benchmark.about.items()]
+    prompts = [_line(["id", "prompt", "check", "fulfilled"]), "|---|---|---|---|"]
+    for one in benchmark.outcomes:
+        fulfilled = f"{sum(one.fulfilled)} of {takes}"
+        prompts.append(_line([one.id, one.prompt, f"`{one.check}`", fulfilled]))
+    return "\n\n".join(
+        [
+            f"# Instructions, version {benchmark.version}: {benchmark.subject}",
+            table(benchmark),
+            f"Motions that do what the prompt says, of {takes} per prompt, with 95 % intervals "
+            "(Wilson, takes of a prompt taken as dependent); prompts with a take that does; real "
+            "motions whose captions claim the like; the checks on motions of other prompts.",
+            "\n".join(f"* {line}" for line in about),
+            "## Prompts",
+            "\n".join(prompts),
+        ]
+    )
+
+
+def write(benchmark: Benchmark, folder: str | Path) -> None:
+    """Writes `instructions.json` and `instructions.md` in place of what is there.
+
+    Raises:
+        InputError: The folder cannot be written, or holds something else.
+    """
+    with atomic_folder(folder, REPORT_FILE) as temporary:
+        text = json.dumps(to_json(benchmark), indent=1, ensure_ascii=False)
+        (temporary / REPORT_FILE).write_text(text + "\n", encoding="utf-8")
+        (temporary / PAGE_FILE).write_text(markdown(benchmark) + "\n", encoding="utf-8")
+
+
+def _line(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.takes import interpolate
+from latentmotion.data.recording import interpolate
 from latentmotion.describe.facts import FPS
 from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
 from latentmotion.instructions.prompts import Instruction

@@ -23,7 +23,7 @@ from zlib import crc32
 
 import numpy as np
 
-from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import mirror_words
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT
 from latentmotion.describe.prompting import plain
 from latentmotion.errors import InputError

@@ -22,8 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import DataError, FileFormatError
-from latentmotion.kinematics.animation import Animation
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.storage.reading import read_json_file
 
 JointMap = Mapping[str, str | Mapping[str, float]]

@@ -17,18 +17,16 @@ from typing import Any, Literal
 
 from latentmotion.condition.interface import Condition, TextEncoder
 from latentmotion.condition.task import ActionTask, TaskName, TextTask, UnconditionalTask
-from latentmotion.diffusion.few_step import FewStepConfig
-from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.parametrization import (
+    Denoiser,
     Epsilon,
     ParametrizedDenoiser,
     Sample,
     Velocity,
 )
-from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
+from latentmotion.diffusion.schedule import Cosine, FewStepConfig, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
-from latentmotion.model.config import DenoiserConfig, Sampling
-from latentmotion.model.vae_config import LatentSpace, VAEConfig
+from latentmotion.model.config import DenoiserConfig, LatentSpace, Sampling, VAEConfig
 from latentmotion.model.version_1 import upgraded_card
 from latentmotion.storage import limits
 from latentmotion.storage.configuration import from_json, read_plain, write_json

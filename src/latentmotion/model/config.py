@@ -1,17 +1,21 @@
-"""Configurations of transformers, denoisers and sampling; those of VAEs are in `vae_config`.
+"""Configurations of motion VAEs, transformers, denoisers and sampling.
 
 They are plain numbers that `networks.build` makes networks of; a card and a run folder keep them.
+
+Each knows the latent space that it makes, itself in another size, and its lightest decoder, so that
+nothing else needs to tell the families apart.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import ClassVar, Literal, TypeVar
 
-from latentmotion.diffusion.few_step import FewStepConfig
 from latentmotion.diffusion.guidance import GuidanceRule
 from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.diffusion.schedule import FewStepConfig
 from latentmotion.errors import InputError
 from latentmotion.storage import limits
 
@@ -140,3 +144,272 @@ class Sampling:
         """Returns it with other values for those that are not None."""
         given = {"steps": steps, "guidance": guidance, "sampler": sampler}
         return replace(self, **{name: value for name, value in given.items() if value is not None})
+
+
+STRIDE = 4
+"""Frames per latent token of a `ConvolutionalVAEConfig`."""
+
+
+@dataclass(frozen=True)
+class LatentSpace:
+    """Shape and scale of the latents.
+
+    Raises:
+        InputError: A size or scale is out of range.
+    """
+
+    width: int
+    """Numbers per token."""
+    tokens: int | None = None
+    """Tokens of any motion, for a VAE with a global latent."""
+    frames_per_token: int | None = None
+    """Frames that one token stands for, for a VAE with latents over time."""
+    mean: tuple[float, ...] = (0.0,)
+    """Mean per channel; the denoiser sees (latent - mean) / std."""
+    std: tuple[float, ...] = (1.0,)
+    """Standard deviation per channel."""
+
+    def __post_init__(self) -> None:
+        check_range("latents.width", self.width, limits.MOST_WIDTH)
+        for name in ("tokens", "frames_per_token"):
+            if (number := getattr(self, name)) is not None:
+                check_range(f"latents.{name}", number, limits.MOST_TOKENS)
+        fits = {len(self.mean), len(self.std)} <= {1, self.width}
+        if not fits or not all(0 < scale < limits.MOST_NUMBER for scale in self.std):
+            raise InputError("latents.mean and latents.std: expected a number, or one per channel")
+
+    def tokens_of(self, frames: int) -> int:
+        """Returns how many tokens a motion of so many frames has."""
+        if self.frames_per_token is None:
+            return self.tokens or 1
+        return -(-frames // self.frames_per_token)
+
+
+Config = TypeVar("Config", bound="MotionVAEConfig")
+
+
+class MotionVAEConfig(ABC):
+    """What every family's configuration answers.
+
+    Attributes:
+        has_weights: Whether there is anything to train; false for diffusion on raw frames.
+    """
+
+    has_weights: ClassVar[bool] = True
+
+    @abstractmethod
+    def latent_space(self) -> LatentSpace:
+        """Returns shape of the latents; their scale is measured once the VAE is trained."""
+
+    @abstractmethod
+    def scaled(self, width: int, layers: Mapping[int, int]) -> MotionVAEConfig:
+        """Returns the same family in another size and without dropout.
+
+        Args:
+            width: Width inside.
+            layers: New numbers of a transformer's layers by the old.
+        """
+
+    def for_data(self: Config, features: int, frames: int) -> Config:
+        """Returns the configuration for so many features, and motions of at most so many frames."""
+        return replace(self, features=features)  # type: ignore[type-var, call-arg]
+
+    def with_light_decoder(self: Config) -> Config | None:
+        """Returns the same latents with the decoder that costs least; None where there is none."""
+        return None
+
+    def decoder_margin(self) -> int | None:
+        """Returns how many tokens to either side a decoded frame depends on; None for all."""
+        return None
+
+    def check_training(self, frames: int, batch_size: int) -> None:
+        """Raises InputError where it can't learn from motions so long, or so few at once."""
+        return
+
+
+@dataclass(frozen=True)
+class TransformerVAEConfig(MotionVAEConfig):
+    """Which parts a `TransformerVAE` has; the defaults are the paper's MLD-1."""
+
+    features: int = 263
+    """Numbers per frame."""
+    tokens: int = 1
+    """Latent tokens of a motion."""
+    transformer: TransformerConfig = field(default_factory=TransformerConfig)
+    """The stack inside, the same for encoder and decoder."""
+    position: PositionKind = "learned"
+    """Kind of position tables."""
+    distribution: Literal["tokens", "linear"] = "tokens"
+    """Whether mean and logvar have tokens of their own or come from a linear layer."""
+    decoding: Literal["cross", "joint", "two_rate"] = "cross"
+    """Whether frames look at the latents by cross-attention, share a sequence with them, or do the
+    first in most layers at a quarter of the frame rate."""
+    fine_layers: int = 2
+    """Layers of a decoder of two rates that see every frame; there are as many fewer coarse ones.
+    """
+    latent_width: int | None = None
+    """Numbers per latent token; by default as many as the transformer has."""
+
+    def __post_init__(self) -> None:
+        check_range("vae.features", self.features, limits.MOST_WIDTH)
+        check_range("vae.tokens", self.tokens, limits.MOST_WIDTH)
+        check_range("vae.fine_layers", self.fine_layers + 1, limits.MOST_LAYERS)
+        check_range("vae.latent_width", self.latent_width or 1, limits.MOST_WIDTH)
+
+    def latent_space(self) -> LatentSpace:
+        """Returns tokens that each stand for the whole motion."""
+        return LatentSpace(self.latent_width or self.transformer.width, tokens=self.tokens)
+
+    def scaled(self, width: int, layers: Mapping[int, int]) -> TransformerVAEConfig:
+        """Returns the same with a smaller or larger transformer."""
+        transformer = replace(self.transformer.scaled(width, layers), dropout=0.0)
+        return replace(self, transformer=transformer)
+
+    def with_light_decoder(self) -> TransformerVAEConfig:
+        """Returns the same latents with a decoder of two rates."""
+        return replace(self, decoding="two_rate")
+
+
+@dataclass(frozen=True)
+class MirroredDecoder:
+    """The encoder's way back: T/4 → T/2 → T, at full width."""
+
+    def margin(self, dilations: tuple[int, ...]) -> int:
+        """Returns how many tokens to either side a frame depends on, given the VAE's dilations."""
+        frames = 1 + sum(dilations)  # at each of the three rates, with a convolution of its own
+        return -(-(4 * frames + 2 * frames + 3) // 4)
+
+
+@dataclass(frozen=True)
+class QuarterRateDecoder:
+    """Every layer at T/4, where a step costs a quarter of one at T; the last makes four frames."""
+
+    dilations: tuple[int, ...] = (9, 3, 1, 1)
+    """Dilation of each residual block; the first three are those of the mirrored decoder."""
+
+    def __post_init__(self) -> None:
+        check_range("vae.decoder.dilations", len(self.dilations), limits.MOST_LAYERS)
+        for dilation in self.dilations:
+            check_range("vae.decoder.dilations", dilation, limits.MOST_WIDTH)
+
+    def margin(self, dilations: tuple[int, ...]) -> int:
+        """Returns how many tokens to either side a frame depends on."""
+        return 2 + sum(self.dilations)
+
+
+@dataclass(frozen=True)
+class ConvolutionalVAEConfig(MotionVAEConfig):
+    """Sizes of a `ConvolutionalVAE`."""
+
+    features: int = 263
+    """Numbers per frame."""
+    width: int = 256
+    """Channels inside."""
+    channels: int = 16
+    """Numbers per latent token."""
+    dilations: tuple[int, ...] = (1, 3, 9)
+    """Dilation of each residual block at half and at quarter rate."""
+    decoder: MirroredDecoder | QuarterRateDecoder = field(default_factory=MirroredDecoder)
+    """The way back."""
+
+    def __post_init__(self) -> None:
+        for name in ("features", "width", "channels"):
+            check_range(f"vae.{name}", getattr(self, name), limits.MOST_WIDTH)
+        check_range("vae.dilations", len(self.dilations), limits.MOST_LAYERS)
+        for dilation in self.dilations:
+            check_range("vae.dilations", dilation, limits.MOST_WIDTH)
+
+    def latent_space(self) -> LatentSpace:
+        """Returns latents over time, at a quarter of the frame rate."""
+        return LatentSpace(self.channels, frames_per_token=STRIDE)
+
+    def scaled(self, width: int, layers: Mapping[int, int]) -> ConvolutionalVAEConfig:
+        """Returns the same with so many channels inside; latents and blocks stay."""
+        return replace(self, width=width)
+
+    def with_light_decoder(self) -> ConvolutionalVAEConfig:
+        """Returns the same latents with a decoder at a quarter of the frame rate."""
+        return replace(self, decoder=QuarterRateDecoder())
+
+    def decoder_margin(self) -> int:
+        """Returns the reach of the decoder's convolutions, in tokens."""
+        return self.decoder.margin(self.dilations)
+
+
+@dataclass(frozen=True)
+class VPoserTConfig(MotionVAEConfig):
+    """Sizes of a `VPoserT`; the defaults are the authors'."""
+
+    features: int = 263
+    """Numbers per frame."""
+    frames: int = 196
+    """The one length it knows."""
+    hidden: int = 512
+    """Width of the layers inside."""
+    width: int = 256
+    """Numbers of the latent token."""
+    dropout: float = 0.1
+    """Share of numbers dropped in training."""
+
+    def __post_init__(self) -> None:
+        for name in ("features", "frames", "hidden", "width"):
+            check_range(f"vae.{name}", getattr(self, name), limits.MOST_WIDTH)
+
+    def latent_space(self) -> LatentSpace:
+        """Returns the one token that stands for the whole motion."""
+        return LatentSpace(self.width, tokens=1)
+
+    def scaled(self, width: int, layers: Mapping[int, int]) -> VPoserTConfig:
+        """Returns the same with a latent token of so many numbers, and twice that inside."""
+        return replace(self, hidden=2 * width, width=width, dropout=0.0)
+
+    def for_data(self, features: int, frames: int) -> VPoserTConfig:
+        """Returns the same with `frames` as the one length."""
+        return replace(self, features=features, frames=frames)
+
+    def check_training(self, frames: int, batch_size: int) -> None:
+        """Raises InputError for motions longer than the one length, or a batch of one."""
+        self.check(frames)
+        self.check_batch(batch_size)
+
+    def check(self, frames: int) -> None:
+        """Raises InputError for motions longer than the one length."""
+        if frames > self.frames:
+            raise InputError(
+                f"{frames} frames: this VPoser-t knows motions of at most {self.frames}; show it "
+                "shorter ones (--set vae_cropping.max_frames=… --set latents.cropping.max_frames=…)"
+                " or train one with a greater vae.frames"
+            )
+
+    def check_batch(self, motions: int) -> None:
+        """Raises InputError for a batch of training that cannot be normalized."""
+        if motions < 2:
+            raise InputError(
+                "a batch of one motion: in VPoser-t's training the motions of a batch normalize "
+                "each other; train on two or more at once (--set vae_training.batch_size=2)"
+            )
+
+
+@dataclass(frozen=True)
+class IdentityVAEConfig(MotionVAEConfig):
+    """No VAE, as in the paper's "MLD without VAE" and MDM: latents are the normalized frames."""
+
+    has_weights: ClassVar[bool] = False
+
+    features: int = 263
+    """Numbers per frame, and per latent token."""
+
+    def __post_init__(self) -> None:
+        check_range("vae.features", self.features, limits.MOST_WIDTH)
+
+    def latent_space(self) -> LatentSpace:
+        """Returns one token per frame."""
+        return LatentSpace(self.features, frames_per_token=1)
+
+    def scaled(self, width: int, layers: Mapping[int, int]) -> IdentityVAEConfig:
+        """Returns itself: there is nothing inside."""
+        return self
+
+
+VAEConfig = TransformerVAEConfig | ConvolutionalVAEConfig | VPoserTConfig | IdentityVAEConfig
+"""Every kind of VAE that a card or an experiment can name."""

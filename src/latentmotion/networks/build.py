@@ -13,17 +13,18 @@ from typing import Any, overload
 import torch
 from torch import nn
 
-from latentmotion.model.config import DenoiserConfig, PositionKind, TransformerConfig
-from latentmotion.model.vae_config import (
+from latentmotion.model.config import (
     ConvolutionalVAEConfig,
+    DenoiserConfig,
     IdentityVAEConfig,
     MirroredDecoder,
+    PositionKind,
     QuarterRateDecoder,
+    TransformerConfig,
     TransformerVAEConfig,
     VAEConfig,
     VPoserTConfig,
 )
-from latentmotion.networks.attention import CrossAttention, SelfAttention
 from latentmotion.networks.denoiser import (
     AcrossContext,
     AttendToPadding,
@@ -39,17 +40,22 @@ from latentmotion.networks.denoiser import (
     TimeToken,
     WordsAddedToTime,
 )
-from latentmotion.networks.embeddings import LearnedPosition, NumberEmbedding, SinePosition
 from latentmotion.networks.transformer import (
+    CrossAttention,
     DecoderLayer,
     EncoderLayer,
     FeedForward,
+    LearnedPosition,
+    NumberEmbedding,
     PostNorm,
     PreNorm,
+    SelfAttention,
+    SinePosition,
     SkipStack,
     Stack,
     initialize,
 )
+from latentmotion.networks.vae.baselines import IdentityVAE, VPoserT
 from latentmotion.networks.vae.convolutional import (
     Chain,
     ConvolutionalVAE,
@@ -59,7 +65,6 @@ from latentmotion.networks.vae.convolutional import (
     ResidualBlock,
     Unfold,
 )
-from latentmotion.networks.vae.identity import IdentityVAE
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.networks.vae.transformer import (
     STRIDE,
@@ -70,7 +75,6 @@ from latentmotion.networks.vae.transformer import (
     TransformerVAE,
     TwoRateDecoder,
 )
-from latentmotion.networks.vae.vposer import VPoserT
 
 
 @overload

@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.few_step import StepCondition
-from latentmotion.networks.embeddings import NumberEmbedding
+from latentmotion.diffusion.schedule import StepCondition
+from latentmotion.networks.transformer import NumberEmbedding
 
 
 class TimeToken(nn.Module):

@@ -1,21 +1,111 @@
-"""Transformers with long skip connections (paper, section 3.1; after U-ViT, Bao et al. 2023).
+"""Transformers with long skip connections (paper, section 3.1); attention and embeddings.
 
     x → first layers, each output kept → middle layer → last layers → norm
     before each last layer:  x ← Linear([x, the most recent output kept])
 
 Where the layer norm sits, which activation is used and whether there are skips are parts that
 `networks.build` picks.
+
+A position embedding is learned, as in the paper, or a sine: p[i, 2k] = sin(i · 10000^(-2k/width)),
+p[i, 2k+1] = cos(same) (Vaswani et al. 2017, section 3.5). Timesteps use sines alone.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 
 import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from latentmotion.errors import InputError
-from latentmotion.networks.attention import CrossAttention, Dropout, SelfAttention
+
+
+class Dropout(nn.Module):
+    """Sets a share of the numbers to zero in training, and scales the others up."""
+
+    def __init__(self, share: float) -> None:
+        super().__init__()
+        self.share = share
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Returns x in evaluation, and a thinned x in training."""
+        if not self.training or self.share == 0:
+            return x
+        if x.device.type != "cpu":
+            return F.dropout(x, self.share)
+        return x * _kept(x, self.share).to(x.dtype).div_(1 - self.share)
+
+
+def _kept(x: Tensor, share: float) -> Tensor:
+    words = torch.empty((x.numel() + 3) // 4, dtype=torch.int64).random_(-(2**63), None)
+    bits = words.view(torch.int16)[: x.numel()].view(x.shape)
+    return bits >= round(share * 2**16) - 2**15
+
+
+class SelfAttention(nn.Module):
+    """Every token looks at every real token."""
+
+    def __init__(self, width: int, heads: int, dropout: float) -> None:
+        super().__init__()
+        self.heads = heads
+        self.dropout = dropout
+        self.query_key_value = nn.Linear(width, 3 * width)
+        self.output = nn.Linear(width, width)
+
+    def forward(
+        self, x: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch tokens"]
+    ) -> Float[Tensor, "batch tokens width"]:
+        """Attends to the tokens whose mask is True."""
+        q, k, v = _split_heads(self.query_key_value(x), self.heads, 3)
+        return self.output(_attend(q, k, v, mask, self.dropout if self.training else 0.0))
+
+
+class CrossAttention(nn.Module):
+    """Every token looks at every real token of a memory."""
+
+    def __init__(self, width: int, heads: int, dropout: float) -> None:
+        super().__init__()
+        self.heads = heads
+        self.dropout = dropout
+        self.query = nn.Linear(width, width)
+        self.key_value = nn.Linear(width, 2 * width)
+        self.output = nn.Linear(width, width)
+
+    def forward(
+        self,
+        x: Float[Tensor, "batch tokens width"],
+        memory: Float[Tensor, "batch words width"],
+        mask: Bool[Tensor, "batch words"],
+    ) -> Float[Tensor, "batch tokens width"]:
+        """Attends to the memory's tokens whose mask is True."""
+        if memory.shape[1] == 1:
+            return self._attend_to_one(x, memory).expand_as(x)
+        (q,) = _split_heads(self.query(x), self.heads, 1)
+        k, v = _split_heads(self.key_value(memory), self.heads, 2)
+        return self.output(_attend(q, k, v, mask, self.dropout if self.training else 0.0))
+
+    def _attend_to_one(self, x: Tensor, memory: Tensor) -> Tensor:
+        """The softmax over one key is 1, whatever the query: the paper's own case, MLD-1."""
+        value = self.key_value(memory).chunk(2, dim=-1)[1]
+        # The queries keep the gradient that the full formula gives them: zero.
+        return self.output(value + 0 * self.query(x[:, :1]))
+
+
+def _split_heads(x: Tensor, heads: int, parts: int) -> tuple[Tensor, ...]:
+    """(batch, tokens, parts · width) → parts of (batch, heads, tokens, width / heads)."""
+    return x.unflatten(-1, (parts, heads, -1)).permute(2, 0, 3, 1, 4).unbind(0)
+
+
+def _attend(q: Tensor, k: Tensor, v: Tensor, mask: Tensor, dropout: float) -> Tensor:
+    # Here True means "attend to it", PyTorch's own convention in this one function.
+    heads = F.scaled_dot_product_attention(
+        q, k, v, attn_mask=mask[:, None, None, :], dropout_p=dropout
+    )
+    return heads.transpose(1, 2).flatten(2)
+
 
 Branch = Callable[[Tensor], Tensor]
 
@@ -163,3 +253,87 @@ def _initialize_projections(output: nn.Linear, *inputs: nn.Linear) -> None:
     for linear in inputs:
         nn.init.uniform_(linear.weight, -bound, bound)
         nn.init.zeros_(linear.bias)
+
+
+LEARNED_LENGTH = 500
+"""Longest sequence of a learned table, the authors' limit."""
+
+
+class LearnedPosition(nn.Module):
+    """A table learned in training."""
+
+    def __init__(self, width: int, length: int = LEARNED_LENGTH) -> None:
+        super().__init__()
+        self.table = nn.Parameter(torch.rand(length, width))
+
+    def forward(
+        self, x: Float[Tensor, "batch tokens width"], start: int | torch.SymInt = 0
+    ) -> Float[Tensor, "batch tokens width"]:
+        """Adds the positions start, start + 1, ..."""
+        return x + self.table[start : start + x.shape[1]]
+
+
+class SinePosition(nn.Module):
+    """Fixed sines, with dropout on the sum as in ACTOR (Petrovich et al. 2021).
+
+    They are computed for the positions that are asked for, so that no table limits the length or
+    fills an exported graph.
+    """
+
+    rate: Tensor
+
+    def __init__(self, width: int, dropout: float) -> None:
+        super().__init__()
+        self.register_buffer("rate", sine_rate(width), persistent=False)
+        self.dropout = Dropout(dropout)
+
+    def forward(
+        self, x: Float[Tensor, "batch tokens width"], start: int | torch.SymInt = 0
+    ) -> Float[Tensor, "batch tokens width"]:
+        """Adds the positions start, start + 1, ..."""
+        positions: Tensor = torch.arange(x.shape[1], device=x.device) + start  # type: ignore
+        return self.dropout(x + sines(positions, self.rate))
+
+
+def sines(
+    positions: Int[Tensor, " tokens"], rate: Float[Tensor, " half"]
+) -> Float[Tensor, "tokens width"]:
+    """Returns what the positions add."""
+    angles = positions[:, None] * rate
+    return torch.stack([torch.sin(angles), torch.cos(angles)], dim=-1).flatten(1)
+
+
+def sine_rate(width: int) -> Float[Tensor, " half"]:
+    """Returns 10000^(-2k/width)."""
+    return torch.exp(torch.arange(0, width, 2) * (-math.log(10_000.0) / width))
+
+
+class NumberEmbedding(nn.Module):
+    """One token per number.
+
+    Args:
+        sine_width: Width of the sinusoid, even.
+        width: Width of the token.
+        scale: Multiplies the number first: a time in 0 .. 1 wants 1000, so that it varies as much
+            as the discrete times 0 .. 999.
+    """
+
+    def __init__(self, sine_width: int, width: int, scale: float = 1.0) -> None:
+        super().__init__()
+        self.sine_width = sine_width
+        self.scale = scale
+        self.network = nn.Sequential(
+            nn.Linear(sine_width, width), nn.SiLU(), nn.Linear(width, width)
+        )
+
+    def forward(self, number: Float[Tensor, " batch"]) -> Float[Tensor, "batch width"]:
+        """Returns the tokens."""
+        return self.network(sinusoid(number * self.scale, self.sine_width))
+
+
+def sinusoid(number: Float[Tensor, " batch"], width: int) -> Float[Tensor, "batch width"]:
+    """Returns the cosines, then the sines, of the number at falling frequencies."""
+    half = width // 2
+    steps = torch.arange(half, dtype=torch.float32, device=number.device)
+    angles = number[:, None] * torch.exp(-math.log(10_000.0) / half * steps)
+    return torch.cat([torch.cos(angles), torch.sin(angles)], dim=-1)

@@ -16,7 +16,7 @@ import numpy as np
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.motion import Motion
 from latentmotion.render import painter
-from latentmotion.render.camera import Camera, camera_around, camera_of_all, half_front
+from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
 if TYPE_CHECKING:

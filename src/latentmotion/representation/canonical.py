@@ -26,7 +26,6 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import (
     matrix_between,
     matrix_from_quaternion,
@@ -35,7 +34,7 @@ from latentmotion.kinematics.rotations import (
     quaternion_multiply,
     sixd_from_matrix,
 )
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Animation, Skeleton
 
 SMOOTHING_FRAMES = 20.0
 """Standard deviation, frames, of the Gaussian with which HumanML3D smooths the heading."""

@@ -1,12 +1,19 @@
-"""Representation: the interface between joint positions and the features that networks learn."""
+"""Representation: joint positions ↔ the features that networks learn, and their normalizer.
+
+x' = (x - mean) / std, with std constant inside a block, as in HumanML3D's published statistics.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError, hint
 from latentmotion.kinematics.skeleton import Skeleton
 
@@ -91,3 +98,116 @@ def representation_named(name: str) -> Representation:
     if name in known:
         return known[name]
     raise InputError(f"unknown representation {name!r}; {hint(name, known)}")
+
+
+_TYPICAL, _BLOCK = 3.0, 10.0
+"""Greatest factor by which the median scale, and any block's, may differ from 1 when normalized."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """Mean and deviation of every channel, arrays of the library and on the device of the data."""
+
+    mean: Float[Any, " channels"]
+    """Mean of each channel, or one for all."""
+    std: Float[Any, " channels"]
+    """Deviation of each channel, or one for all."""
+
+    def denormalize(self, x: Float[Any, "*batch channels"]) -> Float[Any, "*batch channels"]:
+        """Returns x · std + mean: normalized numbers in their own units."""
+        return x * self.std + self.mean
+
+
+@dataclass(frozen=True, eq=False)
+class Normalizer:
+    """Mean and scale of every feature over a data set.
+
+    Raises:
+        InputError: A value is not finite, or a scale not above 0.
+    """
+
+    mean: Float[np.ndarray, " features"]
+    """Mean over all frames."""
+    std: Float[np.ndarray, " features"]
+    """Scale; equal inside a block."""
+
+    def __post_init__(self) -> None:
+        finite = np.isfinite(self.mean).all() and np.isfinite(self.std).all()
+        if not finite or self.std.min() <= 0:
+            raise InputError("a mean or std that is not finite, or a std that is not above 0")
+
+    @classmethod
+    def identity(cls, width: int) -> Normalizer:
+        """Returns one that changes nothing, for data that networks see as they are."""
+        return cls(np.zeros(width, np.float32), np.ones(width, np.float32))
+
+    @classmethod
+    def fit(
+        cls, features: Sequence[Float[np.ndarray, "_ features"]], blocks: Mapping[str, slice]
+    ) -> Normalizer:
+        """Measures a data set; a block's scale is the mean of its features' deviations.
+
+        Args:
+            features: One array per clip.
+            blocks: Features that share a scale (`Representation.blocks`). A block that never
+                changes gets the scale 1.
+
+        Raises:
+            InputError: There is no frame.
+        """
+        frames = sum(len(clip) for clip in features)
+        if not frames:
+            raise InputError("no frames to measure; check that the data set has training clips")
+        mean = np.sum([clip.sum(axis=0, dtype=np.float64) for clip in features], axis=0) / frames
+        square = np.sum([((clip - mean) ** 2).sum(axis=0) for clip in features], axis=0) / frames
+        std = np.ones_like(mean)
+        for block in blocks.values():
+            std[block] = np.sqrt(square[block]).mean() or 1.0
+        return cls(mean.astype(np.float32), std.astype(np.float32))
+
+    def normalize(self, features: Float[Any, "*batch features"]) -> Float[Any, "*batch features"]:
+        """Returns features as networks see them."""
+        mean, std = self._like(features)
+        return (features - mean) / std
+
+    def denormalize(self, features: Float[Any, "*batch features"]) -> Float[Any, "*batch features"]:
+        """Returns a network's output as features of the representation."""
+        return Scale(*self._like(features)).denormalize(features)
+
+    def check(self, features: Float[Any, "frames features"], blocks: Mapping[str, slice]) -> None:
+        """Raises if a data set was not normalized, or twice, or with other statistics.
+
+        Args:
+            features: Frames of many clips, as they go into training; padding left out.
+            blocks: Features that share a scale.
+
+        Raises:
+            InputError: The deviation inside the blocks is far from 1, or a value is not finite.
+        """
+        xp = array_namespace(features)
+        if not bool(xp.all(xp.isfinite(features))):
+            raise InputError("features that are not finite; run `latentmotion data check`")
+        deviation = xp.std(features, axis=0)
+        scales = {name: float(xp.mean(deviation[block])) for name, block in blocks.items()}
+        # A block that never changes says nothing about its scale.
+        scales = {name: scale for name, scale in scales.items() if scale > 1e-6}
+        typical = median(scales.values()) if scales else 1.0
+        wrong = [name for name, scale in scales.items() if not 1 / _BLOCK < scale < _BLOCK]
+        if wrong or not 1 / _TYPICAL < typical < _TYPICAL:
+            stds = {name: float(np.mean(self.std[blocks[name]])) for name in scales}
+            if all(1 / 3 < scales[name] / stds[name] < 3 for name in scales):
+                diagnosis = "they were not normalized; call Normalizer.normalize first"
+            elif all(1 / 3 < scales[name] * stds[name] < 3 for name in scales):
+                diagnosis = "they were normalized twice"
+            else:
+                diagnosis = "they were normalized with the statistics of other data"
+            listed = ", ".join(f"{name} {scale:.3g}" for name, scale in scales.items())
+            raise InputError(
+                f"features with deviations {listed}; normalized ones are near 1: {diagnosis}"
+            )
+
+    def _like(self, features: Float[Any, "*batch features"]) -> tuple[Any, Any]:
+        xp = array_namespace(features)
+        kind = {"dtype": features.dtype, "device": device(features)}
+        # Copies, because PyTorch warns of memory that cannot be written.
+        return xp.asarray(self.mean.copy(), **kind), xp.asarray(self.std.copy(), **kind)

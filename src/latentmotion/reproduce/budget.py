@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from latentmotion.data.sampling import Cropping
+from latentmotion.data.dataset import Cropping
 from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.protocol import Protocol, Repeats
 from latentmotion.training.experiment import Experiment, TrainingSettings, with_changes

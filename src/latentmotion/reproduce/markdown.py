@@ -1,4 +1,4 @@
-"""Results of tables: JSON for programs, and Markdown with the paper's figures beside ours.
+"""Lists of tables, and their results: JSON, and Markdown with the paper's figures beside ours.
 
 `fill` puts the pages of tables into a document, between the lines that name them:
 
@@ -11,14 +11,15 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from latentmotion.errors import InputError
 from latentmotion.evaluation.report import UNITS as REPORT_UNITS
 from latentmotion.evaluation.report import table_line
-from latentmotion.reproduce.table import Table
+from latentmotion.reproduce.models import MODELS
+from latentmotion.reproduce.table import Row, Table
 from latentmotion.reproduce.tables import TABLES
 from latentmotion.storage.files import atomic_file
 
@@ -206,3 +207,60 @@ def fill(document: Path, results: Path) -> list[str]:
     with atomic_file(document) as temporary:
         temporary.write_text(filled, encoding="utf-8")
     return finished
+
+
+MINUTES = {"vae": 11, "denoiser": 2, "raw": 5}
+"""Minutes of training on one core in the small budget, measured on an AMD EPYC."""
+
+
+def overview(tables: Iterable[Table]) -> str:
+    """Returns a line per table: rows, minutes of training in the small budget, title."""
+    lines = ["name              rows  minutes  shows"]
+    for table in tables:
+        runnable = [row for row in table.rows if not row.missing]
+        lines.append(
+            f"{table.name:<18}{len(runnable):>4}  {minutes(runnable):>7}  "
+            f"{table.title}: {table.where}"
+        )
+    return "\n".join(
+        [
+            *lines,
+            "",
+            "minutes: training on one core with --budget small, for models not trained before;",
+            "tables that share a folder share models. latentmotion experiment list NAME: its rows.",
+        ]
+    )
+
+
+def rows_of(table: Table) -> str:
+    """Returns the description of a table and its rows."""
+    lines = []
+    for row in table.rows:
+        reason = f" (not run here: {row.missing})" if row.missing else ""
+        lines.append(f"{row.name:<18}{row.title}{reason}")
+    return "\n".join(
+        [
+            f"{table.title}: {table.where}",
+            f"data: {table.data}",
+            f"metrics: {', '.join(table.metrics)}",
+            *([f"the paper finds: {table.expects}"] if table.expects else []),
+            "",
+            *lines,
+        ]
+    )
+
+
+def minutes(rows: Iterable[Row]) -> int:
+    """Returns the minutes of training of all stages that rows need, each counted once."""
+    stages: set[tuple[str, str]] = set()
+    for row in rows:
+        model = MODELS.get(row.model)
+        if model is None or model.shipped:
+            continue
+        if model.raw:
+            stages.add(("raw", model.name))
+            continue
+        stages.add(("vae", model.first or model.name))
+        if row.kind not in ("reconstructed", "prior"):
+            stages.add(("denoiser", model.name))
+    return sum(MINUTES[kind] for kind, _ in stages)

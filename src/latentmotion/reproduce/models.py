@@ -12,13 +12,15 @@ from typing import Any, Literal
 
 from latentmotion.diffusion.parametrization import Epsilon, Parametrization, Sample, Velocity
 from latentmotion.diffusion.schedule import ScaledLinear
-from latentmotion.model.config import TransformerConfig
-from latentmotion.model.vae_config import TransformerVAEConfig, VAEConfig, VPoserTConfig
+from latentmotion.model.config import (
+    TransformerConfig,
+    TransformerVAEConfig,
+    VAEConfig,
+    VPoserTConfig,
+)
 from latentmotion.reproduce.budget import Budget, Change
 from latentmotion.training.experiment import Experiment
-from latentmotion.training.presets.baselines import mdm, mdm_50
-from latentmotion.training.presets.flow import fast, starter
-from latentmotion.training.presets.mld import actor_vae, mld_humanml3d
+from latentmotion.training.presets import actor_vae, fast, mdm, mdm_50, mld_humanml3d, starter
 
 FIRST_STAGE = ("vae", "vae_objective", "vae_cropping", "vae_training", "mirrored")
 """Parts of an experiment that determine the first stage."""

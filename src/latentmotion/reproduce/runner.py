@@ -26,12 +26,10 @@ from latentmotion.gpu.backend import torch_pipeline, torch_prior
 from latentmotion.model.card import read_card
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.reproduce.latents import draw_latents
 from latentmotion.reproduce.markdown import RowResult, TableResult, markdown
-from latentmotion.reproduce.plots import draw_figure
+from latentmotion.reproduce.plots import draw_figure, draw_latents
 from latentmotion.reproduce.table import Row, Table
-from latentmotion.reproduce.vae_cost import vae_cost
-from latentmotion.reproduce.workspace import Workspace
+from latentmotion.reproduce.workspace import Workspace, vae_cost
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_file, sha256
 

@@ -1,24 +1,33 @@
-"""The workspace of the tables: each stage is trained once for all rows and tables that share it.
+"""The workspace of the tables: each stage is trained once for all rows; the cost of VAEs.
 
     FOLDER/MODEL/vae       first stage, a run folder of `latentmotion train vae`
     FOLDER/MODEL/denoiser  second stage, a run folder of `latentmotion train denoiser`
 
 A finished stage is used as it is if it was trained with the same data and settings; an interrupted
 one resumes.
+
+Times are CPU time, which other work on the machine affects less than wall-clock time.
 """
 
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
+
+import torch
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.task import TASKS
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
+from latentmotion.evaluation.cost import parameters
+from latentmotion.evaluation.report import Figure
 from latentmotion.model.card import CARD_FILE, find_model
+from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.reproduce.budget import Budget
 from latentmotion.reproduce.models import FIRST_STAGE, MODELS, Model
 from latentmotion.storage.configuration import to_json
@@ -128,3 +137,50 @@ class Workspace:
                 "use another output folder"
             )
         return True
+
+
+SECONDS = 4
+"""Length of the motion that is decoded."""
+
+BATCH, FRAMES = 32, 64
+"""Motions of the training step, and their length."""
+
+TIMED = 10
+"""Repetitions of each measurement; the first half warms up."""
+
+
+def vae_cost(vae: MotionVAE, features: int, fps: float) -> dict[str, Figure]:
+    """Measures a VAE on PyTorch, on the CPU, in float32.
+
+    Args:
+        vae: The network.
+        features: Numbers per frame.
+        fps: Frames per second of its motions.
+    """
+    mask = torch.ones(1, round(SECONDS * fps), dtype=torch.bool)
+    tokens = int(vae.latent_mask(mask).sum())
+    latents = torch.zeros(1, tokens, vae.latent_width)
+    batch = torch.zeros(BATCH, FRAMES, features)
+
+    def train() -> None:
+        """Forward and backward, without the optimizer."""
+        real = torch.ones(batch.shape[:2], dtype=torch.bool)
+        vae.decode(vae.encode(batch, real).mean, real).square().mean().backward()
+        vae.zero_grad()
+
+    return {
+        "Parameters": Figure(parameters(vae) / 1e6),
+        "Latent numbers": Figure(tokens * vae.latent_width),
+        "Training step": Figure(_seconds(train)),
+        "Decoding": Figure(1000 * _seconds(torch.no_grad()(lambda: vae.decode(latents, mask)))),
+    }
+
+
+def _seconds(action: Callable[[], object]) -> float:
+    """Returns the median CPU time."""
+    times = []
+    for _ in range(TIMED):
+        start = time.process_time()
+        action()
+        times.append(time.process_time() - start)
+    return median(times[TIMED // 2 :])

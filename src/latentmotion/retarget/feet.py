@@ -28,8 +28,7 @@ from latentmotion.kinematics.rotations import (
     quaternion_from_matrix,
 )
 from latentmotion.retarget.humanoid import SIDES
-from latentmotion.retarget.rig import Pose, Rig, Rotations
-from latentmotion.retarget.source import SourceCharacter
+from latentmotion.retarget.rig import Pose, Rig, Rotations, SourceCharacter
 
 Points = Float[np.ndarray, "frames 3"]
 

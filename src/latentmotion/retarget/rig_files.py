@@ -21,17 +21,14 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.formats.asf import read_asf
-from latentmotion.formats.asf_amc import figure_skeleton
-from latentmotion.formats.bvh import continuous_euler, write_bvh
-from latentmotion.formats.bvh_hierarchy import read_hierarchy
+from latentmotion.formats.asf_amc import figure_skeleton, read_asf
+from latentmotion.formats.bvh import continuous_euler, read_hierarchy, write_bvh
+from latentmotion.formats.checks import read_lines
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import Scene, damage
-from latentmotion.formats.lines import read_lines
 from latentmotion.formats.takes import numbered
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.reading import blamed_on
 

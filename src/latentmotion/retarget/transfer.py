@@ -26,19 +26,18 @@ from jaxtyping import Float
 from latentmotion.errors import InputError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.formats.takes import numbered
-from latentmotion.kinematics.animation import Animation
 from latentmotion.kinematics.rotations import (
     matrix_between,
     matrix_from_quaternion,
     quaternion_from_matrix,
     slerp,
 )
+from latentmotion.kinematics.skeleton import Animation
 from latentmotion.motion import Motion
 from latentmotion.retarget.feet import align_foot, ground_feet
 from latentmotion.retarget.humanoid import SIDES, Humanoid
-from latentmotion.retarget.rig import Pose, Rig, Rotations
+from latentmotion.retarget.rig import Pose, Rig, Rotations, SourceCharacter
 from latentmotion.retarget.rig_files import Take
-from latentmotion.retarget.source import SourceCharacter
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 

@@ -1,4 +1,4 @@
-"""Atomic writes: a failure leaves the old file, or none, but never half of one.
+"""Atomic writes: a failure leaves the old file, or none; and the folder of this user's caches.
 
 Files get the user's default permissions; safetensors alone would make its own unreadable to others.
 What a killed process left is removed when the same is written again; a temporary file is named
@@ -14,6 +14,7 @@ import platform
 import re
 import secrets
 import shutil
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -188,3 +189,23 @@ def _is_left(entry: Path, machine: str, process: int) -> bool:
         return True
     except (OSError, OverflowError):
         return False
+
+
+VARIABLE = "LATENTMOTION_CACHE"
+"""Environment variable with a folder, or `off`."""
+
+
+def cache_folder() -> Path | None:
+    """Returns the folder, which need not exist; None if caching is off."""
+    chosen = os.environ.get(VARIABLE)
+    if chosen:
+        return None if chosen == "off" else Path(chosen)
+    variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
+    named = os.environ.get(variable) if sys.platform != "darwin" else None
+    if named:
+        return Path(named) / "latentmotion"
+    try:
+        caches = "Library/Caches" if sys.platform == "darwin" else ".cache"
+        return Path.home() / caches / "latentmotion"
+    except RuntimeError:  # a user without a home
+        return None

@@ -1,14 +1,189 @@
-"""Votes → preference by question, with interval, exact tests and agreement."""
+"""Raters' answers → votes → preference by question, with interval, exact tests and agreement.
+
+Wilson's interval (1927) of a proportion p = k/n at z = 1.96:
+
+    (p + z²/2n ± z √(p(1 − p)/n + z²/4n²)) / (1 + z²/n)
+
+The exact sign test: under "no preference" wins are binomial(n, 1/2), so both tails have
+min(1, 2 Σ_{i ≥ max(k, n−k)} C(n, i) / 2ⁿ).
+
+Krippendorff's α = 1 − D_observed / D_expected, for labels: 1 is full agreement, 0 that of chance.
+"""
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
-from latentmotion.study.answers import Vote
-from latentmotion.study.design import StudyKey
-from latentmotion.study.statistics import krippendorff, observed_agreement, sign_test, wilson
+from latentmotion.errors import DataError, InputError
+from latentmotion.storage.configuration import read_json
+from latentmotion.study.design import KEY_FORMAT, Model, StudyKey
+
+ANSWERS_FORMAT = "latentmotion study answers 1"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One click."""
+
+    pair: str
+    """The pair's opaque name."""
+    question: str
+    """The question's name."""
+    choice: Literal["left", "right"]
+    """The side that was chosen."""
+    seconds: float
+    """Time from first sight of the pair to the answer."""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """One rater's answers."""
+
+    format: str
+    """Version of the format."""
+    study: str
+    """Name of the study."""
+    rater: str
+    """Random name of the rater's browser."""
+    name: str
+    """Name of the rater, if given."""
+    saved: str
+    """When they were downloaded."""
+    answers: tuple[Answer, ...]
+    """All answers."""
+
+
+@dataclass(frozen=True)
+class Vote:
+    """An answer, once the key has been applied."""
+
+    rater: str
+    """Random name of the rater's browser."""
+    pair: str
+    """The pair's opaque name."""
+    question: str
+    """The question's name."""
+    model: Model
+    """The model that was chosen."""
+    side: Literal["left", "right"]
+    """The side that it stood on."""
+
+
+def read_key(path: Path) -> StudyKey:
+    """Reads study.key.json.
+
+    Raises:
+        InputError: It is missing, or not one.
+    """
+    key = read_json(StudyKey, path)
+    if key.format != KEY_FORMAT:
+        raise InputError(f"{path}: expected format {KEY_FORMAT!r}, found {key.format!r}")
+    return key
+
+
+def read_answers(paths: Sequence[Path], key: StudyKey) -> list[Answers]:
+    """Reads the answers of several raters; of two files of one rater the later counts.
+
+    Raises:
+        InputError: A file is missing, or not one of answers.
+        DataError: It holds answers to another study.
+    """
+    latest: dict[str, Answers] = {}
+    pairs = {pair.id for pair in key.pairs}
+    for path in paths:
+        answers = read_json(Answers, path)
+        if answers.format != ANSWERS_FORMAT:
+            raise InputError(
+                f"{path}: expected format {ANSWERS_FORMAT!r}, found {answers.format!r}"
+            )
+        if answers.study != key.study:
+            raise DataError(
+                f"{path} holds answers to study {answers.study}, the key is of {key.study}; pass "
+                "the key that was written with the page these were given on"
+            )
+        given = set()
+        for answer in answers.answers:
+            both = (answer.pair, answer.question)
+            if answer.pair not in pairs or answer.question not in key.questions or both in given:
+                raise DataError(
+                    f"{path}: pair {answer.pair!r}, question {answer.question!r} is unknown or "
+                    "answered twice; the file was changed by hand, download it again"
+                )
+            given.add(both)
+        before = latest.get(answers.rater)
+        if before is None or before.saved < answers.saved:
+            latest[answers.rater] = answers
+    return list(latest.values())
+
+
+def votes_of(answers: Sequence[Answers], key: StudyKey) -> list[Vote]:
+    """Returns all answers with the model that each chose."""
+    left: dict[str, Model] = {pair.id: pair.left for pair in key.pairs}
+    other: dict[Model, Model] = {"A": "B", "B": "A"}
+    return [
+        Vote(
+            rater=rater.rater,
+            pair=answer.pair,
+            question=answer.question,
+            model=left[answer.pair] if answer.choice == "left" else other[left[answer.pair]],
+            side=answer.choice,
+        )
+        for rater in answers
+        for answer in rater.answers
+    ]
+
+
+Z = 1.959963984540054
+"""Normal quantile of a 95 % interval."""
+
+
+def wilson(wins: int, n: int, z: float = Z) -> tuple[float, float]:
+    """Returns the 95 % confidence interval of a proportion; (0, 1) where nothing is known."""
+    if n == 0:
+        return 0.0, 1.0
+    p, scale = wins / n, 1 + z * z / n
+    middle = p + z * z / (2 * n)
+    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale)
+
+
+def sign_test(wins: int, n: int) -> float:
+    """Returns the two-sided exact p-value of "no preference"."""
+    tail = sum(math.comb(n, i) for i in range(max(wins, n - wins), n + 1))
+    return min(1.0, 2 * tail / 2**n)
+
+
+def observed_agreement(ratings: Iterable[Sequence[Hashable]]) -> float | None:
+    """Returns the share of pairs of ratings of one item that agree; None if there is no pair.
+
+    Args:
+        ratings: For each item the ratings of its raters.
+    """
+    agreeing = possible = 0
+    for item in ratings:
+        agreeing += sum(math.comb(count, 2) for count in Counter(item).values())
+        possible += math.comb(len(item), 2)
+    return agreeing / possible if possible else None
+
+
+def krippendorff(ratings: Iterable[Sequence[Hashable]]) -> float | None:
+    """Returns α for labels, without items that have a single rating; None if undefined."""
+    items = [Counter(item) for item in ratings if len(item) > 1]
+    total = sum(sum(item.values()) for item in items)
+    disagreeing = sum(_unlike(item) / (sum(item.values()) - 1) for item in items)
+    expected = _unlike(sum(items, Counter())) / (total - 1) if total > 1 else 0.0
+    return 1 - disagreeing / expected if expected else None
+
+
+def _unlike(counts: Counter[Hashable]) -> int:
+    """Counts ordered pairs of unlike labels."""
+    total = sum(counts.values())
+    return total * total - sum(count * count for count in counts.values())
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from latentmotion.data.clip import SPLITS, Clip
-from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Crop, Cropping, Item
+from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
 from latentmotion.errors import DataError
 from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,
@@ -27,20 +26,19 @@ from latentmotion.evaluation.evaluators.action import (
     recognizer_of,
     save_action_classifier,
 )
-from latentmotion.evaluation.evaluators.action_network import (
+from latentmotion.evaluation.evaluators.action_networks import (
     TemporalClassifier,
     TemporalClassifierConfig,
 )
 from latentmotion.motion import Motion
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.provenance import command_line
-from latentmotion.training.crops import BatchSampler, FeatureCache
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import Stage, train
-from latentmotion.training.rng import StepRandomness
 from latentmotion.training.run_folder import MODEL, open_run
+from latentmotion.training.vae import BatchSampler, FeatureCache
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,17 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.export.swap_decoder import check_latents, other_figures, scale_of
 from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.vae_config import LatentSpace, VAEConfig
+from latentmotion.model.config import LatentSpace, VAEConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, FirstStageModel, load_stages, save_model
-from latentmotion.networks.vae.interface import MotionVAE, copy_encoder, encoder_state
-from latentmotion.networks.vae.loss import feature_losses, weighted_sum
-from latentmotion.representation.normalizer import Scale
+from latentmotion.networks.vae.interface import (
+    MotionVAE,
+    copy_encoder,
+    encoder_state,
+    feature_losses,
+    weighted_sum,
+)
+from latentmotion.representation.interface import Scale
 from latentmotion.storage.files import sha256
 from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE, ends_of
 from latentmotion.training.distributed import DistributedContext

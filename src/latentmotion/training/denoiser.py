@@ -1,27 +1,205 @@
-"""The second stage: the denoiser is trained on the latents of a VAE (paper, section 3.2)."""
+"""The second stage: the denoiser is trained on the latents of a VAE (paper, section 3.2).
+
+For diffusion on raw frames (`--vae none`) the normalized frames themselves are the latents.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
+import numpy as np
 import torch
+from jaxtyping import Bool, Float
+from safetensors.torch import load_file, save_file
 
-from latentmotion.data.sampling import Crop
+from latentmotion.arrays import prefix_mask
+from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
 from latentmotion.diffusion.guidance import drop, guided
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import sampler_named
+from latentmotion.errors import InputError
+from latentmotion.model.card import ModelCard, Provenance
+from latentmotion.model.config import IdentityVAEConfig
 from latentmotion.motion import Motion
 from latentmotion.networks.denoiser import Denoiser
-from latentmotion.training.crops import BatchSampler
+from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser_loss import denoiser_loss
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, Ranks, StepRandomness
 from latentmotion.training.experiment import Experiment
-from latentmotion.training.latents import FrameCache, LatentCache
+from latentmotion.training.journal import Previews
 from latentmotion.training.loop import Stage
-from latentmotion.training.previews import Previews
-from latentmotion.training.rng import Ranks, StepRandomness
+from latentmotion.training.run_folder import first_stage_card
 from latentmotion.training.task_conditions import ConditionTable
+from latentmotion.training.vae import BatchSampler, FeatureCache
+
+AT_ONCE = 64
+"""Crops that go through a network together."""
+
+
+@dataclass(frozen=True)
+class KeptCropping(Cropping):
+    """Chooses among crops that are kept instead of cutting new ones."""
+
+    kept: Mapping[Item, tuple[Crop, ...]] = field(default_factory=dict)
+    """Crops of each item."""
+
+    def every(self) -> list[Crop]:
+        """Returns all that are kept."""
+        return [crop for crops in self.kept.values() for crop in crops]
+
+    def crop(self, item: Item, generator: np.random.Generator) -> Crop:
+        """Draws one of the item's kept crops and one of its sentences."""
+        crops = self.kept[item]
+        chosen = crops[int(generator.integers(len(crops)))]
+        number = int(generator.integers(max(len(item.captions), 1)))
+        caption = item.captions[number] if item.captions else ""
+        return Crop(chosen.clip, chosen.start, chosen.frames, caption)
+
+
+def keep_crops(items: Sequence[Item], cropping: Cropping, per_item: int, seed: int) -> KeptCropping:
+    """Cuts `per_item` crops of every item that is long enough."""
+    generator = np.random.default_rng(seed)
+    long_enough = (i for i in items if i.frames >= max(cropping.min_frames, cropping.unit))
+    kept = {
+        item: tuple(cropping.crop(item, generator) for _ in range(per_item)) for item in long_enough
+    }
+    return KeptCropping(cropping.unit, cropping.max_frames, cropping.min_frames, kept)
+
+
+@dataclass(frozen=True)
+class Posteriors:
+    """Posteriors of many crops, padded to the longest."""
+
+    mean: Float[torch.Tensor, "batch tokens width"]
+    """Means."""
+    std: Float[torch.Tensor, "batch tokens width"]
+    """Standard deviations."""
+    mask: Bool[torch.Tensor, "batch tokens"]
+    """True on real tokens."""
+
+    def take(self, rows: Sequence[int], tokens: int | None = None) -> Posteriors:
+        """Returns some of them, cut to `tokens`."""
+        index = torch.as_tensor(rows, device=self.mean.device)
+        return Posteriors(*(x[index, :tokens] for x in (self.mean, self.std, self.mask)))
+
+    def channel_statistics(self) -> tuple[list[float], list[float]]:
+        """Returns mean and standard deviation of each channel over all drawn latents."""
+        mean, std = self.mean[self.mask].double(), self.std[self.mask].double()
+        variance = mean.var(dim=0, unbiased=False) + std.square().mean(dim=0)
+        return mean.mean(dim=0).tolist(), variance.sqrt().tolist()
+
+    def normalized(self, mean: Sequence[float], std: Sequence[float]) -> Posteriors:
+        """Returns them in the denoiser's scale."""
+        shift, scale = self.mean.new_tensor(mean), self.mean.new_tensor(std)
+        return Posteriors((self.mean - shift) / scale, self.std / scale, self.mask)
+
+    def to(self, device: torch.device) -> Posteriors:
+        """Returns them on a device."""
+        return Posteriors(self.mean.to(device), self.std.to(device), self.mask.to(device))
+
+
+class LatentCache:
+    """Posteriors by the crop that they are of.
+
+    Args:
+        crops: The crop of each row.
+        posteriors: The rows.
+    """
+
+    def __init__(self, crops: Sequence[Crop], posteriors: Posteriors) -> None:
+        self._rows = {_key(crop): row for row, crop in enumerate(crops)}
+        self._tokens = posteriors.mask.sum(dim=1).tolist()
+        self._posteriors = posteriors
+
+    def batch(self, crops: Sequence[Crop], among: Sequence[Crop]) -> Posteriors:
+        """Returns the posteriors of `crops`, padded to the longest of `among`."""
+        tokens = max(self._tokens[self._rows[_key(crop)]] for crop in among)
+        return self._posteriors.take([self._rows[_key(crop)] for crop in crops], tokens)
+
+
+@torch.no_grad()
+def encode_crops(
+    vae: MotionVAE, memory: FeatureCache, crops: Sequence[Crop], context: DistributedContext
+) -> Posteriors:
+    """Encodes crops, those of similar length together."""
+    order = sorted(range(len(crops)), key=lambda index: crops[index].frames)
+    rows: dict[int, tuple[torch.Tensor, torch.Tensor]] = {}
+    for start in range(0, len(order), AT_ONCE):
+        part = order[start : start + AT_ONCE]
+        frames = crops[part[-1]].frames
+        features, mask = memory.batch([crops[index] for index in part], frames)
+        features, mask = features.to(context.device), mask.to(context.device)
+        posterior = vae.encode(features, mask)
+        real = vae.latent_mask(mask)
+        for row, index in enumerate(part):
+            rows[index] = posterior.mean[row][real[row]].cpu(), posterior.std[row][real[row]].cpu()
+    return _padded([rows[index] for index in range(len(crops))])
+
+
+def cached_posteriors(
+    path: Path, compute: Callable[[], Posteriors], context: DistributedContext
+) -> Posteriors:
+    """Reads posteriors from `path`, which the leading rank computes first where it is missing."""
+    if context.is_main and not path.exists():
+        found = compute()
+        tensors = {"mean": found.mean, "std": found.std, "mask": found.mask}
+        with atomic_file(path) as temporary:
+            save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary)
+    context.wait()
+    return Posteriors(**load_file(path))
+
+
+def _key(crop: Crop) -> tuple[str, int, int]:
+    return crop.clip.id, crop.start, crop.frames
+
+
+def _padded(rows: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> Posteriors:
+    pad = torch.nn.utils.rnn.pad_sequence
+    lengths = torch.tensor([len(mean) for mean, _ in rows])
+    return Posteriors(
+        pad([mean for mean, _ in rows], batch_first=True),
+        pad([std for _, std in rows], batch_first=True),
+        prefix_mask(lengths),
+    )
+
+
+class FrameCache:
+    """Answers like a `LatentCache`: the latents of a crop are its frames.
+
+    They are cut when they are asked for, so there is no limit to the crops of a motion.
+
+    Args:
+        memory: Normalized features.
+        device: Where they are wanted.
+    """
+
+    def __init__(self, memory: FeatureCache, device: torch.device) -> None:
+        self._memory, self._device = memory, device
+
+    def batch(self, crops: Sequence[Crop], among: Sequence[Crop]) -> Posteriors:
+        """Returns the frames of `crops`, padded to the longest of `among`."""
+        features, mask = self._memory.batch(crops, max(crop.frames for crop in among))
+        return Posteriors(features, torch.zeros_like(features), mask).to(self._device)
+
+
+def frames_card(experiment: Experiment, dataset: Dataset) -> tuple[IdentityVAEConfig, ModelCard]:
+    """Describes the data's frames as if a VAE had made them.
+
+    Raises:
+        InputError: They should be normalized as latents, but are already as features.
+    """
+    if experiment.latents.normalized:
+        raise InputError(
+            "the frames are normalized as features, by the data set's statistics; without a VAE "
+            "use --set latents.normalized=false"
+        )
+    config = IdentityVAEConfig(dataset.representation.width)
+    card = first_stage_card(replace(experiment, vae=config), dataset, 0.0, {})
+    return config, replace(card, provenance=Provenance())
+
 
 DRAWS = 4
 """Times and noises at which held-out motions are measured."""

@@ -17,17 +17,22 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.few_step import StepCondition
-from latentmotion.diffusion.interface import Denoiser
 from latentmotion.diffusion.parametrization import (
+    Denoiser,
     Epsilon,
     Parametrization,
     Sample,
     Velocity,
     add_noise,
 )
-from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear, Schedule
-from latentmotion.networks.vae.loss import mean_of_real
+from latentmotion.diffusion.schedule import (
+    Cosine,
+    LinearPath,
+    ScaledLinear,
+    Schedule,
+    StepCondition,
+)
+from latentmotion.networks.vae.interface import mean_of_real
 
 
 @dataclass(frozen=True)

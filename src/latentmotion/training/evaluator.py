@@ -15,10 +15,8 @@ import torch
 from jaxtyping import Bool, Float
 
 from latentmotion.data.clip import Clip
-from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Crop, Cropping, items_of
+from latentmotion.data.dataset import Crop, Cropping, Dataset, items_of
 from latentmotion.errors import DataError, InputError, hint
-from latentmotion.evaluation.evaluators.contrast import InfoNCE, Margin, squared_distances, top_hits
 from latentmotion.evaluation.evaluators.text_motion import (
     T2MEvaluator,
     TextMotionCard,
@@ -26,17 +24,20 @@ from latentmotion.evaluation.evaluators.text_motion import (
 )
 from latentmotion.evaluation.evaluators.text_motion_network import (
     FRAMES,
+    InfoNCE,
+    Margin,
     TextMotionConfig,
     TextMotionNetworks,
+    squared_distances,
+    top_hits,
 )
 from latentmotion.evaluation.evaluators.words import GloveWords, WordVectors
 from latentmotion.motion import Motion
-from latentmotion.training.crops import BatchSampler, FeatureCache
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import Stage, train
-from latentmotion.training.rng import StepRandomness
 from latentmotion.training.run_folder import MODEL, open_run, provenance_of
+from latentmotion.training.vae import BatchSampler, FeatureCache
 
 
 @dataclass(frozen=True)

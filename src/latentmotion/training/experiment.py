@@ -13,12 +13,11 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
 from latentmotion.condition.task import TaskName, TextConditioning
-from latentmotion.data.sampling import Cropping
+from latentmotion.data.dataset import Cropping
 from latentmotion.errors import InputError
-from latentmotion.model.config import DenoiserConfig, Sampling
-from latentmotion.model.vae_config import VAEConfig
+from latentmotion.model.config import DenoiserConfig, Sampling, VAEConfig
 from latentmotion.model.version_1 import upgraded_setting
-from latentmotion.networks.vae.loss import VAEObjective
+from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.training.denoiser_loss import DenoiserObjective
 

@@ -7,31 +7,30 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Crop, Item
-from latentmotion.engine.feature_decoder import normalizer_of
+from latentmotion.data.dataset import Crop, Dataset, Item
+from latentmotion.engine.backend import normalizer_of
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import CARD_FILE, ModelCard
-from latentmotion.model.vae_config import LatentSpace
+from latentmotion.model.config import LatentSpace
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
-from latentmotion.training.crops import BatchSampler, FeatureCache
-from latentmotion.training.denoiser import LatentData
-from latentmotion.training.distributed import DistributedContext
-from latentmotion.training.experiment import Experiment, LatentSettings
-from latentmotion.training.latents import (
+from latentmotion.training.denoiser import (
     FrameCache,
     LatentCache,
+    LatentData,
     Posteriors,
     cached_posteriors,
     encode_crops,
     frames_card,
     keep_crops,
 )
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import Experiment, LatentSettings
 from latentmotion.training.run_folder import MODEL, NAME
 from latentmotion.training.task_conditions import ConditionTable, TaskConditioning, items_to_learn
+from latentmotion.training.vae import BatchSampler, FeatureCache
 
 HELD_OUT = 128
 """Most held-out crops that a validation looks at."""

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.data.captions import TAG_RATE
+from latentmotion.data.clip import TAG_RATE
 from latentmotion.data.lengths import CaptionLengths
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.lengths import LengthVerdicts

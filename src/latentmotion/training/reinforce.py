@@ -27,15 +27,13 @@ from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel, load_mod
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.storage.files import sha256
 from latentmotion.text.lengths import LengthFile, LengthModel
-from latentmotion.training.cards import second_stage_card
 from latentmotion.training.denoiser import DenoiserStage, LatentData
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Experiment, TrainingSettings
 from latentmotion.training.first_stage import FirstStage, check_fit, prepare_latents
+from latentmotion.training.journal import Previews
 from latentmotion.training.loop import train
-from latentmotion.training.previews import Previews
-from latentmotion.training.rng import StepRandomness
-from latentmotion.training.run_folder import MODEL, open_run
+from latentmotion.training.run_folder import MODEL, open_run, second_stage_card
 from latentmotion.training.takes import Takes, TakeSettings, cached_takes
 from latentmotion.training.task_conditions import ConditionTable, task_conditioning
 

@@ -1,21 +1,24 @@
-"""Run folders: the settings of a run, checked when it is resumed, and its provenance."""
+"""Run folders: the settings of a run, checked when it is resumed, and what its model says of it."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from latentmotion.condition.task import TASKS
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.gpu.device import describe_machine
-from latentmotion.model.card import CARD_FILE, Provenance
+from latentmotion.model.card import CARD_FILE, ModelCard, Provenance
 from latentmotion.model.version_1 import upgraded
 from latentmotion.storage.configuration import from_json, read_plain, to_json, write_json
 from latentmotion.storage.provenance import command_line, commit
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment, differing_keys
+from latentmotion.training.task_conditions import TaskConditioning
 
 
 def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = None) -> Provenance:
@@ -129,3 +132,50 @@ def _check_same(path: Path, run: Any) -> None:
             f"{path.parent} holds a run with another configuration; differing: "
             f"{', '.join(differing)}; use the same, or another folder"
         )
+
+
+def first_stage_card(
+    experiment: Experiment, dataset: Dataset, seconds: float, figures: Mapping[str, float]
+) -> ModelCard:
+    """Describes a trained VAE; what stage 2 will add is left out."""
+    objective, cropping = experiment.denoiser_objective, experiment.latents.cropping
+    return ModelCard(
+        name=experiment.name,
+        representation=dataset.representation.name,
+        normalizer_mean=tuple(dataset.normalizer.mean.tolist()),
+        normalizer_std=tuple(dataset.normalizer.std.tolist()),
+        latents=experiment.vae.latent_space(),
+        schedule=objective.schedule,
+        parametrization=objective.parametrization,
+        vae=experiment.vae,
+        denoiser=None,
+        condition=TASKS[experiment.task](),
+        frames=(cropping.min_frames, cropping.max_frames),
+        provenance=provenance_of(dataset, seconds),
+        figures={f"vae_{name}": round(value, 3) for name, value in figures.items()},
+    )
+
+
+def second_stage_card(
+    experiment: Experiment,
+    dataset: Dataset,
+    first: ModelCard,
+    conditioning: TaskConditioning,
+    seconds: float,
+    figures: Mapping[str, float],
+) -> ModelCard:
+    """Describes a finished model, given the card of its VAE with the latents' measured scale."""
+    objective, cropping = experiment.denoiser_objective, experiment.latents.cropping
+    rounded = {f"denoiser_{name}": round(value, 4) for name, value in figures.items()}
+    return replace(
+        first,
+        name=experiment.name,
+        schedule=objective.schedule,
+        parametrization=objective.parametrization,
+        denoiser=experiment.denoiser,
+        condition=conditioning.task,
+        sampling=experiment.sampling.but(guidance=None if conditioning.task.prompted else 1.0),
+        frames=(cropping.min_frames, cropping.max_frames),
+        provenance=provenance_of(dataset, seconds, first.provenance),
+        figures={**first.figures, **rounded},
+    )

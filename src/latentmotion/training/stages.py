@@ -22,7 +22,6 @@ from latentmotion.networks.checkpoint import (
 )
 from latentmotion.networks.widening import start_from
 from latentmotion.storage.files import sha256
-from latentmotion.training.cards import first_stage_card, second_stage_card
 from latentmotion.training.denoiser import DenoiserStage
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment
@@ -33,9 +32,15 @@ from latentmotion.training.first_stage import (
     load_first_stage,
     prepare_latents,
 )
+from latentmotion.training.journal import Previews
 from latentmotion.training.loop import train
-from latentmotion.training.previews import Previews
-from latentmotion.training.run_folder import MODEL, Run, open_run
+from latentmotion.training.run_folder import (
+    MODEL,
+    Run,
+    first_stage_card,
+    open_run,
+    second_stage_card,
+)
 from latentmotion.training.task_conditions import task_conditioning, with_condition_width
 from latentmotion.training.vae import VAEStage
 

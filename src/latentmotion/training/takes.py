@@ -19,12 +19,11 @@ from latentmotion.arrays import prefix_mask
 from latentmotion.describe.facts import FPS
 from latentmotion.describe.reading import scene_of
 from latentmotion.diffusion.guidance import guided
-from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.diffusion.samplers import sample, sampler_named
-from latentmotion.engine.feature_decoder import FeatureDecoder, representation_of
+from latentmotion.diffusion.samplers import SeededNoise, sample, sampler_named
+from latentmotion.engine.backend import FeatureDecoder, representation_of
 from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.prompts import Instruction
-from latentmotion.model.vae_config import STRIDE
+from latentmotion.model.config import STRIDE
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.storage.files import atomic_file
 from latentmotion.training.distributed import DistributedContext

@@ -24,8 +24,7 @@ from latentmotion.condition.task import (
     UnconditionalTask,
 )
 from latentmotion.data.clip import Clip
-from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Item, items_of
+from latentmotion.data.dataset import Dataset, Item, items_of
 from latentmotion.errors import InputError
 from latentmotion.training.experiment import Experiment
 

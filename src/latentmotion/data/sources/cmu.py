@@ -24,9 +24,16 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data import quality
-from latentmotion.data.captions import TaggedSentence, mirror_sentence
-from latentmotion.data.clip import Source, Split
-from latentmotion.data.recording import Dropped, Label, Recording
+from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_sentence
+from latentmotion.data.recording import (
+    FPS,
+    Dropped,
+    Label,
+    Recording,
+    every,
+    files_below,
+    joints_at,
+)
 from latentmotion.data.segments import pieces, touching
 from latentmotion.data.sources.humanml3d import (
     IndexRow,
@@ -35,7 +42,6 @@ from latentmotion.data.sources.humanml3d import (
     read_texts,
     sentences_of,
 )
-from latentmotion.data.takes import FPS, every, files_below, joints_at
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.takes import FPS
+from latentmotion.data.recording import FPS
 from latentmotion.kinematics.skeleton import HUMANML3D
 
 Joints = Float[np.ndarray, "frames 22 3"]

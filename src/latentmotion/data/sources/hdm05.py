@@ -12,10 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from latentmotion.data.captions import TaggedSentence, mirror_words
-from latentmotion.data.clip import Source, Split
-from latentmotion.data.recording import Dropped, Label, Recording
-from latentmotion.data.takes import FPS, files_below, joints_at
+from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_words
+from latentmotion.data.recording import FPS, Dropped, Label, Recording, files_below, joints_at
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 

@@ -22,12 +22,18 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.data.captions import TaggedSentence, mirror_sentence, parse_sentences
-from latentmotion.data.clip import SPLITS, Source, Split
+from latentmotion.data.clip import (
+    SPLITS,
+    Source,
+    Split,
+    TaggedSentence,
+    mirror_sentence,
+    parse_sentences,
+)
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.store import StoredNormalizer, stored_normalizer
 from latentmotion.errors import DataError, FileFormatError, InputError
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.array_files import read_array
 from latentmotion.storage.reading import parse_json, read_table, read_text, unpack_xz
 

@@ -20,15 +20,25 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.captions import (
+from latentmotion.data.clip import (
+    SPLITS,
+    Source,
+    Split,
     TaggedSentence,
     mirror_sentence,
     mirror_words,
     parse_sentences,
 )
-from latentmotion.data.clip import SPLITS, Source, Split
-from latentmotion.data.recording import Dropped, Label, Recording
-from latentmotion.data.takes import FPS, files_below, interpolate, joints_at, whole_step
+from latentmotion.data.recording import (
+    FPS,
+    Dropped,
+    Label,
+    Recording,
+    files_below,
+    interpolate,
+    joints_at,
+    whole_step,
+)
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats import npz
 from latentmotion.formats.asf_amc import find_asf, read_asf_amc

@@ -29,14 +29,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.captions import TaggedSentence, mirror_sentence
-from latentmotion.data.clip import Source
+from latentmotion.data.clip import Source, TaggedSentence, mirror_sentence
 from latentmotion.data.held_out import pieces_of, split_of
 from latentmotion.data.quality import find_glitch, without_t_poses
-from latentmotion.data.recording import Dropped, Label, Recording
+from latentmotion.data.recording import FPS, Dropped, Label, Recording, files_below, joints_at
 from latentmotion.data.segments import LONGEST, pieces, touching
 from latentmotion.data.sources.evidence import floor_of, shows
-from latentmotion.data.takes import FPS, files_below, joints_at
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh

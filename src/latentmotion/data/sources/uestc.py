@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.captions import mirror_words
-from latentmotion.data.clip import Source, Split
+from latentmotion.data.clip import Source, Split, mirror_words
 from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording, as_numbers
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle

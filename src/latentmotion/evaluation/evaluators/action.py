@@ -20,20 +20,21 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from latentmotion.errors import InputError, ModelError
-from latentmotion.evaluation.evaluators.action_network import (
+from latentmotion.evaluation.evaluators.action_networks import (
     ActionNetwork,
+    DrawnState,
+    GraphNetworkConfig,
+    MotionGRU,
+    MotionGRUConfig,
     TemporalClassifierConfig,
 )
-from latentmotion.evaluation.evaluators.gru import DrawnState, MotionGRU, MotionGRUConfig
 from latentmotion.evaluation.evaluators.interface import (
     EVALUATOR_FILE,
     WEIGHTS_FILE,
     Recognition,
 )
-from latentmotion.evaluation.evaluators.stgcn import GraphNetworkConfig
 from latentmotion.networks.checkpoint import load_weights, read_weights
-from latentmotion.representation.interface import representation_named
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer, representation_named
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.storage.configuration import read_json, to_json
 from latentmotion.storage.files import atomic_folder, sha256

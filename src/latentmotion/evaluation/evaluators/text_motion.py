@@ -34,7 +34,7 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
 from latentmotion.evaluation.evaluators.words import EncodedWords, GloveWords, WordVectors
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
 from latentmotion.networks.checkpoint import load_weights, read_weights
-from latentmotion.representation.normalizer import Normalizer
+from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.encoder import StudentTextEncoder

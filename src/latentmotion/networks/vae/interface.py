@@ -1,19 +1,28 @@
-"""The interface of every motion VAE, its posterior, and its split into encoder and decoder.
+"""The interface of every motion VAE, and the losses of training (paper, section 3.1).
 
 Two VAEs with the same encoder weights have the same latents, so one denoiser fits both.
+
+L = |x̂ − x| + |joints(x̂) − joints(x)| + w KL(q(z | x) ‖ N(0, 1)),  smooth L1 distances
+Action data: the vertices of a body that stays in place, instead of joints.
+Ours, off by default: velocities of joints, of standing feet, and lengths of bones.
+Means are taken over the real part of padded batches, so padding weighs nothing.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import takewhile
 from typing import ClassVar
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
+
+from latentmotion.kinematics.skeleton import Skeleton
 
 
 @dataclass(frozen=True)
@@ -130,3 +139,152 @@ def copy_encoder(vae: MotionVAE, trained: MotionVAE) -> None:
 def _are_alike(pair: tuple[tuple[str, Tensor], tuple[str, Tensor]]) -> bool:
     (one, own), (other, given) = pair
     return one == other and own.shape == given.shape
+
+
+def mean_of_real(
+    values: Float[Tensor, "batch length *_ width"], mask: Bool[Tensor, "batch length"]
+) -> Float[Tensor, ""]:
+    """Returns the mean over each row's real part, then over rows.
+
+    So padding weighs nothing, and the mean of a batch is the mean of its equal parts.
+    """
+    weights = mask / mask.sum(dim=1, keepdim=True)
+    return (values.flatten(2).mean(dim=2) * weights).sum(dim=1).mean()
+
+
+def mean_of_all(
+    values: Float[Tensor, "batch length *_ width"], mask: Bool[Tensor, "batch length"]
+) -> Float[Tensor, ""]:
+    """Returns the mean over padding as well: a quirk of the authors' losses."""
+    return values.mean()
+
+
+STANDING = 0.2
+"""Speed in m/s below which a true foot joint counts as standing; real contacts slide at 0.14."""
+
+Mean = Callable[[Tensor, Tensor], Tensor]
+"""Values and the mask of what is real to a number."""
+
+
+@dataclass(frozen=True)
+class VAEObjective:
+    """Weights of the losses; the defaults are the authors'."""
+
+    features: float = 1.0
+    """Weight of the distance of normalized features."""
+    joints: float = 1.0
+    """Weight of the distance of joints in the world, meters."""
+    velocity: float = 0.0
+    """Weight of the distance of joints' velocities, meters a second."""
+    limbs: float = 0.0
+    """Weight of the squared distance of joints' velocities relative to the pelvis, meters a second;
+    a square weighs what is quick: punches, kicks, waves."""
+    contacts: float = 0.0
+    """Weight of the distance of foot velocities, meters a second, where the true foot stands."""
+    bones: float = 0.0
+    """Weight of the distance of bone lengths, meters."""
+    kl: float = 1e-4
+    """Weight of the Kullback-Leibler divergence from N(0, 1), per latent number."""
+    joints_huber_delta: float = 1.0
+    """Distance in meters at which the joints' loss changes from quadratic to linear."""
+    vertices: float = 0.0
+    """Weight of the distance of the body's vertices without its way, meters; needs a body."""
+    padded_means: bool = False
+    """Whether means run over padding as well, as the authors': there the features are equal, which
+    dilutes their mean, and joints are the mean pose where a motion's way ended."""
+
+    @property
+    def mean(self) -> Mean:
+        """How distances and divergences of a padded batch are averaged."""
+        return mean_of_all if self.padded_means else mean_of_real
+
+
+def vae_losses(
+    vae: MotionVAE,
+    features: Float[Tensor, "batch frames features"],
+    mask: Bool[Tensor, "batch frames"],
+    noise: Callable[..., Tensor],
+    joints_of: Callable[[Tensor], Tensor],
+    fps: float,
+    objective: VAEObjective,
+    vertices_of: Callable[[Tensor], Tensor] | None = None,
+    skeleton: Skeleton | None = None,
+) -> dict[str, Tensor]:
+    """Encodes, draws, decodes and compares.
+
+    Args:
+        vae: The network.
+        features: Normalized features.
+        mask: True on real frames.
+        noise: Draws standard normal numbers, a row of the given shape for each motion.
+        joints_of: Normalized features to joints, (batch, frames, joints, 3), meters.
+        fps: Frames per second.
+        objective: Weights of the losses.
+        vertices_of: Normalized features to vertices, (batch, frames, vertices, 3), meters.
+        skeleton: Whose feet and bones are compared, where the objective does.
+
+    Returns:
+        "total", and each loss by the name of its weight.
+    """
+    posterior = vae.encode(features, mask)  #                        (batch, tokens, width)
+    latents = posterior.mean + posterior.std * noise(*posterior.mean.shape[1:])
+    rebuilt = vae.decode(latents, mask).float()  #                   (batch, frames, features)
+    losses = {
+        **feature_losses(rebuilt, features, mask, joints_of, fps, objective, skeleton),
+        "kl": objective.mean(posterior.kl().float(), vae.latent_mask(mask)),
+    }
+    if vertices_of is not None:
+        surfaces = vertices_of(rebuilt), vertices_of(features)
+        losses["vertices"] = objective.mean(_distance(*surfaces, 1.0), mask)
+    return {"total": weighted_sum(losses, objective), **losses}
+
+
+def feature_losses(
+    found: Float[Tensor, "batch frames features"],
+    true: Float[Tensor, "batch frames features"],
+    mask: Bool[Tensor, "batch frames"],
+    joints_of: Callable[[Tensor], Tensor],
+    fps: float,
+    objective: VAEObjective,
+    skeleton: Skeleton | None = None,
+) -> dict[str, Tensor]:
+    """Compares normalized features, and the joints, velocities and bones that they stand for.
+
+    Returns:
+        Each loss by the name of its weight; those of feet and bones where a skeleton is given.
+    """
+    huber_delta, mean = objective.joints_huber_delta, objective.mean
+    joints = joints_of(found), joints_of(true)  #                    (batch, frames, joints, 3)
+    velocities = (fps * joints[0].diff(dim=1), fps * joints[1].diff(dim=1))
+    limb_error = (velocities[0] - velocities[0][:, :, :1]) - (
+        velocities[1] - velocities[1][:, :, :1]
+    )
+    losses = {
+        "features": mean(_distance(found, true, 1.0), mask),
+        "joints": mean(_distance(*joints, huber_delta), mask),
+        "velocity": mean(_distance(*velocities, huber_delta * fps), mask[:, 1:]),
+        "limbs": mean(limb_error**2, mask[:, 1:]),
+    }
+    if skeleton is None:
+        return losses
+    feet = [*skeleton.left_foot, *skeleton.right_foot]
+    found_feet, true_feet = (velocity[:, :, feet] for velocity in velocities)
+    stands = (true_feet.norm(dim=-1, keepdim=True) < STANDING).to(found_feet.dtype)
+    found_bones, true_bones = (_bone_lengths(positions, skeleton) for positions in joints)
+    return losses | {
+        "contacts": mean(stands * _distance(found_feet, true_feet, STANDING), mask[:, 1:]),
+        "bones": mean(_distance(found_bones, true_bones, huber_delta), mask),
+    }
+
+
+def _bone_lengths(joints: Tensor, skeleton: Skeleton) -> Tensor:
+    return (joints[:, :, 1:] - joints[:, :, list(skeleton.parents[1:])]).norm(dim=-1)
+
+
+def weighted_sum(losses: dict[str, Tensor], objective: VAEObjective) -> Tensor:
+    """Returns what is minimized: losses times the objective's weights of their names."""
+    return torch.stack([getattr(objective, name) * loss for name, loss in losses.items()]).sum()
+
+
+def _distance(found: Tensor, true: Tensor, huber_delta: float) -> Tensor:
+    return F.smooth_l1_loss(found, true, reduction="none", beta=huber_delta)

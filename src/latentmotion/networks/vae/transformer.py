@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.model.vae_config import LatentSpace
+from latentmotion.model.config import LatentSpace
 from latentmotion.networks.vae.interface import MotionVAE, Posterior
 
 STRIDE = 4

@@ -9,16 +9,28 @@ from latentmotion.reproduce.table import Row, Table
 from latentmotion.reproduce.tables.ablations import (
     AUTOENCODER,
     BATCH,
+    DECODER,
     DENOISER,
     DROPPED,
     GUIDANCE,
     LANGUAGE,
+    LAYERS,
     PREDICTION,
+    TOKENS,
+    TRAINING,
+    VAE,
 )
-from latentmotion.reproduce.tables.action import HDM05, HUMANACT12, LATENTS, UESTC
 from latentmotion.reproduce.tables.fast import FAST, FAST_VAE
-from latentmotion.reproduce.tables.text import HUMANML3D, KIT, STEPS, UNCONDITIONAL
-from latentmotion.reproduce.tables.vae import DECODER, LAYERS, TOKENS, TRAINING, VAE
+from latentmotion.reproduce.tables.tasks import (
+    HDM05,
+    HUMANACT12,
+    HUMANML3D,
+    KIT,
+    LATENTS,
+    STEPS,
+    UESTC,
+    UNCONDITIONAL,
+)
 
 TABLES: dict[str, Table] = {
     table.name: table

@@ -10,7 +10,7 @@ Latent spaces: the paper's tokens are as wide as its transformer, narrow tokens 
 from __future__ import annotations
 
 from latentmotion.reproduce.table import Row, Table
-from latentmotion.reproduce.tables.vae import rebuilt
+from latentmotion.reproduce.tables.ablations import rebuilt
 
 METRICS = ("R@1", "R@3", "FID", "MM-Dist", "APE joints", "Foot sliding", "Jitter", "Penetration")
 

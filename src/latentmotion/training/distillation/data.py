@@ -1,12 +1,13 @@
-"""The data of a distillation: prompts and lengths, the teacher's trajectories, or motions."""
+"""Settings and data of a distillation: prompts and lengths, the teacher's trajectories, motions."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
@@ -14,24 +15,25 @@ import torch
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import Clip
-from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Crop, Item
-from latentmotion.engine.feature_decoder import FeatureDecoder, normalizer_of, representation_of
+from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
+from latentmotion.diffusion.schedule import FewStepConfig
+from latentmotion.engine.backend import FeatureDecoder, normalizer_of, representation_of
 from latentmotion.errors import InputError
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.prompts import Instruction
 from latentmotion.model.card import ModelCard
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.text.lengths import LengthFile
-from latentmotion.training.crops import BatchSampler, FeatureCache
-from latentmotion.training.distillation.config import (
-    Distillation,
-    PhasedConsistency,
-    TrajectoryRegression,
+from latentmotion.training.denoiser import (
+    FrameCache,
+    LatentCache,
+    cached_posteriors,
+    encode_crops,
+    keep_crops,
 )
-from latentmotion.training.distillation.phased_consistency import PhaseSteps
 from latentmotion.training.distillation.trajectories import (
     TRAJECTORIES_FILE,
+    PhaseSteps,
     PromptedTrajectories,
     StepSource,
     Teacher,
@@ -41,16 +43,72 @@ from latentmotion.training.distillation.trajectories import (
     joined_trajectories,
 )
 from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.first_stage import captions_of
-from latentmotion.training.latents import (
-    FrameCache,
-    LatentCache,
-    cached_posteriors,
-    encode_crops,
-    keep_crops,
-)
 from latentmotion.training.takes import drawn_frames, judged
 from latentmotion.training.task_conditions import ConditionTable, items_to_learn, required_encoder
+from latentmotion.training.vae import BatchSampler, FeatureCache
+
+
+@dataclass(frozen=True)
+class TrajectoryRegression:
+    """Regression on trajectories that the teacher computes beforehand: exact, but finitely many."""
+
+    trajectories: int = 4096
+    """Number of trajectories; they are kept in the run folder."""
+    asked: int = 0
+    """Further trajectories, for prompts whose fulfillment can be measured, none of them of the
+    instruction benchmark; those that fail are not learned from, so that a student may obey more
+    than its teacher."""
+
+
+@dataclass(frozen=True)
+class PhasedConsistency:
+    """Phased consistency (Wang et al. 2024): motions, noise and scales are new at every step.
+
+    From anywhere in a phase the student is trained to arrive where its own average arrives after
+    one guided step of the teacher.
+    """
+
+    per_item: int = 4
+    """Crops kept of each clip, or part of a clip with sentences of its own."""
+
+
+@dataclass(frozen=True)
+class Distillation:
+    """Settings of `latentmotion train distill`; the defaults are for two cores and some minutes."""
+
+    name: str = "student"
+    """What the model is called."""
+    few_step: FewStepConfig = field(default_factory=FewStepConfig)
+    """Step counts and guidance scales that the student learns."""
+    objective: TrajectoryRegression | PhasedConsistency = field(
+        default_factory=TrajectoryRegression
+    )
+    """What it learns from."""
+    solver: Literal["dpm++", "ddim"] = "dpm++"
+    """Sampler of the teacher's trajectories.
+
+    `dpm++` is nearer to the exact trajectory; use `ddim` for teachers better in coarse steps.
+    """
+    cropping: Cropping = field(default_factory=lambda: Cropping(max_frames=196, min_frames=12))
+    """Lengths of motions, within those that the teacher makes."""
+    huber_delta: float = 1.0
+    """Error at which the loss changes from quadratic to linear (Huber)."""
+    mirrored: bool = True
+    """Whether prompts of mirrored clips are used too."""
+    training: TrainingSettings = field(
+        default_factory=lambda: TrainingSettings(
+            steps=4_000,
+            batch_size=64,
+            learning_rate=1e-3,
+            weight_decay=0.0,
+            ema_decay=0.995,
+            precision="bfloat16",
+        )
+    )
+    """How the student is optimized; the teacher answers in the same precision."""
+
 
 HELD_OUT = 64
 """Most held-out prompts that a validation looks at."""

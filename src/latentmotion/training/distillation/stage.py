@@ -8,8 +8,7 @@ from pathlib import Path
 import torch
 
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.data.dataset import Dataset
-from latentmotion.data.sampling import Cropping
+from latentmotion.data.dataset import Cropping, Dataset
 from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, sample
@@ -26,17 +25,20 @@ from latentmotion.networks.checkpoint import (
     save_model,
 )
 from latentmotion.networks.denoiser import Denoiser
-from latentmotion.networks.vae.loss import mean_of_real
+from latentmotion.networks.vae.interface import mean_of_real
 from latentmotion.pipeline import sampler_of
 from latentmotion.storage.files import sha256
 from latentmotion.text.lengths import LengthFile
 from latentmotion.training.denoiser_loss import step_loss
-from latentmotion.training.distillation.config import Distillation
-from latentmotion.training.distillation.data import DistillationData, prepare_distillation
+from latentmotion.training.distillation.data import (
+    Distillation,
+    DistillationData,
+    prepare_distillation,
+)
 from latentmotion.training.distillation.trajectories import nothing
 from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.journal import Previews
 from latentmotion.training.loop import Stage, train
-from latentmotion.training.previews import Previews
 from latentmotion.training.run_folder import MODEL, open_run, provenance_of
 
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from latentmotion.describe.verbs import present_participle, third_person
-from latentmotion.training.text_encoder.corpus import TaggedCaption
+from latentmotion.training.text_encoder.data import TaggedCaption
 
 SUBJECTS = (
     "a person", "the person", "person", "a man", "the man", "man", "a woman", "the woman",

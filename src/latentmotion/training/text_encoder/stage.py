@@ -41,18 +41,16 @@ from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import Stage, train
 from latentmotion.training.run_folder import open_run
 from latentmotion.training.text_encoder.augmentation import plain_phrases, vary
-from latentmotion.training.text_encoder.corpus import (
-    GROUP,
-    TaggedCaption,
-    compare,
-    is_held_out,
-    milliseconds,
-)
 from latentmotion.training.text_encoder.data import (
+    GROUP,
     Batch,
     HeldOut,
     SentenceSampler,
+    TaggedCaption,
     TrainingSet,
+    compare,
+    is_held_out,
+    milliseconds,
     padded,
     teacher_targets,
 )

@@ -1,4 +1,4 @@
-"""VPoser-t: VPoser (Pavlakos et al. 2019) on all frames of a motion at once (paper, table 4).
+"""VAEs of the paper's baselines: VPoser over time (table 4), and none at all.
 
     encode:  frames × features → norm → 512, leaky ReLU → norm → 512 → 512 → mean and deviation
     decode:  256 → 512 → 512 → frames × features
@@ -6,6 +6,8 @@
 It has one fixed length. A shorter motion repeats its last frame, so what its padding holds
 changes nothing; a longer one is refused. In training the motions of a batch normalize each other
 (BatchNorm), so a batch of two is two batches of one only in `eval()`.
+
+So diffusion on raw frames, the paper's "MLD without VAE" and MDM, is stage 2 like any other.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.model.vae_config import VPoserTConfig
+from latentmotion.model.config import VPoserTConfig
 from latentmotion.networks.vae.interface import MotionVAE, Posterior
 
 LEAST_DEVIATION = 1e-8
@@ -92,3 +94,33 @@ def _to_length(features: Tensor, mask: Tensor, frames: int) -> Tensor:
     last = mask.sum(dim=1, keepdim=True) - 1
     positions = torch.arange(frames, device=mask.device).minimum(last)
     return features.gather(1, positions[..., None].expand(-1, -1, features.shape[2]))
+
+
+class IdentityVAE(MotionVAE):
+    """One latent token per frame, which is the frame, with a deviation of 0."""
+
+    DECODER_MODULES = ()
+
+    def __init__(self, features: int) -> None:
+        super().__init__()
+        self.latent_width = features
+
+    def encode(
+        self,
+        features: Float[Tensor, "batch frames features"],
+        mask: Bool[Tensor, "batch frames"],
+    ) -> Posterior:
+        """Returns the real frames as means, with the logarithm of a variance of 0."""
+        return Posterior(features * mask[..., None], torch.full_like(features, -torch.inf))
+
+    def decode(
+        self,
+        latents: Float[Tensor, "batch tokens width"],
+        mask: Bool[Tensor, "batch frames"],
+    ) -> Float[Tensor, "batch frames features"]:
+        """Returns the latents, zero on padding."""
+        return latents * mask[..., None]
+
+    def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
+        """Returns the mask itself."""
+        return mask

@@ -1,1 +1,0 @@
-"""A prepared folder as one small file: joints on a grid, directions of bones, coded in time."""

@@ -1,0 +1,298 @@
+"""Metrics of embeddings: FID, KID, diversity, MultiModality, R-precision, MM-Dist, accuracy.
+
+FID: the Fréchet distance between two sets of features, each taken as one Gaussian.
+
+    |μ₁ − μ₂|² + tr(Σ₁ + Σ₂ − 2 (Σ₁ Σ₂)^½)
+
+Heusel et al. 2017, "GANs trained by a two time-scale update rule", eq. 6; for motion on an
+evaluator's features, Guo et al. 2022, section 6.1. Covariances are unbiased (ddof 1).
+
+tr (Σ₁ Σ₂)^½ is the sum of the singular values of Σ₁^½ Σ₂^½: both roots are of symmetric matrices,
+so that nothing is complex and covariances of fewer motions than features need no special care.
+
+KID: the squared maximum mean discrepancy of two sets of features, without bias.
+
+    k(x, y) = (x·y / width + 1)³
+    mean k(x, x') + mean k(y, y') − 2 mean k(x, y),   x ≠ x' and y ≠ y'
+
+Bińkowski et al. 2018, "Demystifying MMD GANs", section 3. Unlike FID's, its mean does not depend
+on the number of motions: the measure for small sets. Around zero it can be negative.
+
+R-precision: how often a caption's own motion is among the k nearest of a group of 32.
+
+For each caption the motions of its group are ranked by their distance to it; top-k is the share of
+captions whose own motion is among the first k. Guo et al. 2022, section 6.1.
+
+A motion that is as far as the caption's own ranks after it, as in the authors' stable sort only
+if it also comes later; vectors of real numbers have no such ties.
+
+MM-Dist: the mean distance between a caption's vector and that of the motion made from it.
+
+    mean over items of |text − motion|
+
+Guo et al. 2022, section 6.1 (their code calls it matching score).
+
+Accuracy: the share of motions whose label a classifier recognizes.
+
+Guo et al. 2020, "Action2Motion", section 5.
+
+Diversity: the mean distance between two motions of a set, whatever their prompts.
+
+Guo et al. 2020, "Action2Motion", section 5: mean over random pairs of |f_a − f_b|. `diversity` is
+what that estimates, the mean over all pairs of different motions; the drawn form is the authors'.
+
+MultiModality: the mean distance between two motions of one caption, or of one label.
+
+    mean over captions c and pairs a ≠ b of its motions of |f_ca − f_cb|
+
+Guo et al. 2020, "Action2Motion", section 5 (labels); Guo et al. 2022, section 6.1 (captions).
+`multimodality` is the mean over all pairs of different motions; the drawn forms are the authors'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float, Int
+
+from latentmotion.errors import InputError
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """Mean and covariance of a set of features."""
+
+    mean: Float[np.ndarray, " width"]
+    """Mean."""
+    covariance: Float[np.ndarray, "width width"]
+    """Unbiased covariance."""
+
+    @classmethod
+    def of(cls, features: Float[np.ndarray, "items width"], float32_mean: bool = False) -> Gaussian:
+        """Measures a set of features.
+
+        Args:
+            features: One row per motion.
+            float32_mean: Whether the mean is computed in float32, as the authors do.
+
+        Raises:
+            InputError: There are fewer than two, or one is not finite.
+        """
+        if len(features) < 2 or not np.isfinite(features).all():
+            raise InputError(f"FID needs two motions or more with finite features: {len(features)}")
+        precision = np.float32 if float32_mean else np.float64
+        mean = np.asarray(features, precision).mean(axis=0).astype(np.float64)
+        covariance = np.cov(np.asarray(features, np.float64), rowvar=False)
+        return cls(mean, np.atleast_2d(covariance))
+
+
+def frechet_distance(one: Gaussian, other: Gaussian) -> float:
+    """Returns the Fréchet distance of two Gaussians; zero for equal ones."""
+    apart = one.mean - other.mean
+    roots = _root(one.covariance) @ _root(other.covariance)
+    overlap = np.sum(scipy.linalg.svdvals(roots))
+    spread = np.trace(one.covariance) + np.trace(other.covariance)
+    return max(0.0, float(apart @ apart + spread - 2 * overlap))
+
+
+def fid(
+    generated: Float[np.ndarray, "items width"], real: Float[np.ndarray, "others width"]
+) -> float:
+    """Returns the FID of two sets of features."""
+    return frechet_distance(Gaussian.of(generated), Gaussian.of(real))
+
+
+def _root(
+    covariance: Float[np.ndarray, "width width"],
+) -> Float[np.ndarray, "width width"]:
+    values, vectors = scipy.linalg.eigh(covariance)
+    return (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
+
+
+def kid(
+    generated: Float[np.ndarray, "items width"],
+    real: Float[np.ndarray, "others width"],
+    paired: bool = False,
+) -> float:
+    """Returns the unbiased estimate from all pairs.
+
+    Args:
+        generated: One row per generated motion.
+        real: One row per real motion.
+        paired: Whether row k of both answers the same question. Such rows are near each other for
+            that reason alone, and are not compared (Gretton et al. 2012, eq. 4).
+
+    Raises:
+        InputError: One of the sets has fewer than two motions.
+    """
+    if min(len(generated), len(real)) < 2:
+        raise InputError(f"KID needs two motions or more: {len(generated)} and {len(real)}")
+    x, y = np.asarray(generated, np.float64), np.asarray(real, np.float64)
+    across = _off_diagonal(_kernel(x, y)) if paired else float(_kernel(x, y).mean())
+    return _within(x) + _within(y) - 2 * across
+
+
+def drawn_kid(
+    generated: Float[np.ndarray, "items width"],
+    real: Float[np.ndarray, "others width"],
+    subsets: int,
+    size: int,
+    generator: np.random.Generator,
+) -> float:
+    """Returns the mean of the estimates from random subsets, as `UncondMetrics` of the authors.
+
+    Args:
+        generated: One row per generated motion.
+        real: One row per real motion.
+        subsets: How many subsets.
+        size: Motions of each; no more than there are.
+        generator: Source of randomness.
+    """
+    size = min(size, len(generated), len(real))
+
+    def part(features: Float[np.ndarray, "_ width"]) -> Float[np.ndarray, "_ width"]:
+        return features[generator.permutation(len(features))[:size]]
+
+    return float(np.mean([kid(part(generated), part(real)) for _ in range(subsets)]))
+
+
+def _within(features: Float[np.ndarray, "items width"]) -> float:
+    return _off_diagonal(_kernel(features, features))
+
+
+def _off_diagonal(kernel: Float[np.ndarray, "items items"]) -> float:
+    return float(kernel.sum() - np.trace(kernel)) / (len(kernel) * (len(kernel) - 1))
+
+
+def _kernel(
+    x: Float[np.ndarray, "items width"], y: Float[np.ndarray, "others width"]
+) -> Float[np.ndarray, "items others"]:
+    return (x @ y.T / x.shape[1] + 1) ** 3
+
+
+def distances(
+    rows: Float[np.ndarray, "rows width"], columns: Float[np.ndarray, "columns width"]
+) -> Float[np.ndarray, "rows columns"]:
+    """Returns the Euclidean distance of each row to each column, in float64.
+
+    By |a − b|² = |a|² − 2 a·b + |b|²; what rounding makes negative is zero.
+    """
+    a, b = np.asarray(rows, np.float64), np.asarray(columns, np.float64)
+    squared = (a**2).sum(1)[:, None] - 2 * a @ b.T + (b**2).sum(1)
+    return np.sqrt(np.maximum(squared, 0))
+
+
+BEST = (1, 2, 3)
+"""The k that papers report."""
+
+
+def ranks(
+    texts: Float[np.ndarray, "group width"], motions: Float[np.ndarray, "group width"]
+) -> Int[np.ndarray, " group"]:
+    """Returns the place, from 0, of each caption's own motion among all motions of a group."""
+    apart = distances(texts, motions)
+    return (apart < np.diagonal(apart)[:, None]).sum(axis=1)
+
+
+def r_precision(places: Int[np.ndarray, " captions"], best: Sequence[int] = BEST) -> list[float]:
+    """Returns the share of captions whose motion is among the first k, for each k.
+
+    Args:
+        places: What `ranks` returned, of all groups.
+        best: The k.
+    """
+    return [float((places < k).mean()) for k in best]
+
+
+def mm_dist(
+    texts: Float[np.ndarray, "items width"], motions: Float[np.ndarray, "items width"]
+) -> float:
+    """Returns the mean distance of the pairs, row by row."""
+    apart = np.asarray(texts, np.float64) - np.asarray(motions, np.float64)
+    return float(np.linalg.norm(apart, axis=1).mean())
+
+
+def accuracy(logits: Float[np.ndarray, "items labels"], labels: Int[np.ndarray, " items"]) -> float:
+    """Returns the share of rows whose greatest logit is at their label."""
+    return float((logits.argmax(axis=1) == labels).mean())
+
+
+_ROWS = 1024
+
+
+def diversity(features: Float[np.ndarray, "items width"]) -> float:
+    """Returns the mean distance over all pairs of different items; 0 for a single one."""
+    items = len(features)
+    starts = range(0, items, _ROWS)
+    total = sum(distances(features[s : s + _ROWS], features).sum() for s in starts)
+    return float(total) / (items * (items - 1)) if items > 1 else 0.0
+
+
+def drawn_diversity(
+    features: Float[np.ndarray, "items width"],
+    one: Int[np.ndarray, " pairs"],
+    other: Int[np.ndarray, " pairs"],
+) -> float:
+    """Returns the mean distance of the given pairs.
+
+    Args:
+        features: One row per motion.
+        one: First item of each pair.
+        other: Second item of each pair; the authors' draws let it be the same.
+    """
+    return float(np.linalg.norm(features[one] - features[other], axis=1).mean())
+
+
+def multimodality(groups: Sequence[Float[np.ndarray, "_ width"]]) -> float:
+    """Returns the mean distance over all pairs of a group, averaged over the groups.
+
+    Args:
+        groups: Features of the motions of each caption or label; those of one motion are left out.
+    """
+    return fmean([diversity(group) for group in groups if len(group) > 1] or [0.0])
+
+
+def shared_pairs_multimodality(
+    groups: Float[np.ndarray, "captions samples width"],
+    one: Int[np.ndarray, " pairs"],
+    other: Int[np.ndarray, " pairs"],
+) -> float:
+    """Returns the mean distance of the same pairs of samples of every caption.
+
+    Args:
+        groups: Features of the motions of each caption.
+        one: First sample of each pair.
+        other: Second sample of each pair; it can be the same.
+    """
+    return float(np.linalg.norm(groups[:, one] - groups[:, other], axis=2).mean())
+
+
+def label_pairs(
+    labels: Int[np.ndarray, " items"], quota: int, draw: Callable[[int], int]
+) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
+    """Draws pairs of the same label as the authors do; `drawn_diversity` of them is theirs.
+
+    An item is drawn, and another if its label has all its pairs; then second items are drawn until
+    one has the same label, which can be the first again.
+
+    Args:
+        labels: Label of each item.
+        quota: Pairs of each label that occurs.
+        draw: Returns a random number below its argument.
+    """
+    left = {int(label): quota for label in np.unique(labels)}
+    pairs: list[tuple[int, int]] = []
+    while any(left.values()):
+        one = draw(len(labels))
+        label = int(labels[one])
+        if left[label]:
+            left[label] -= 1
+            while labels[other := draw(len(labels))] != label:
+                pass
+            pairs.append((one, other))
+    first, second = np.array(pairs).T
+    return first, second
