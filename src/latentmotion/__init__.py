@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Animation": "kinematics.animation",
+    "Animation": "kinematics.skeleton",
     "Heading": "control.goals",
     "Path": "control.goals",
     "Pose": "control.goals",

@@ -29,10 +29,10 @@ VERBS = {
     "clean": Verb("clean:Clean", "Clean up a motion: hold standing feet, remove jitter."),
     "edit": Verb("edit:Edit", "Generate a part of a motion anew."),
     "between": Verb("edit:Between", "Generate what leads from one motion to another."),
-    "render": Verb("render:Render", "Draw motion files as video, GIF or picture."),
-    "retarget": Verb("retarget:Retarget", "Retarget motions to your own character."),
+    "render": Verb("motions:Render", "Draw motion files as video, GIF or picture."),
+    "retarget": Verb("motions:Retarget", "Retarget motions to your own character."),
     "blender-addon": Verb(
-        "blender:BlenderAddon", "Write the add-on for Blender, ready to install."
+        "motions:BlenderAddon", "Write the add-on for Blender, ready to install."
     ),
     "data prepare cmu": Verb("data:PrepareCmu", "CMU's trials with HumanML3D's captions."),
     "data prepare hdm05": Verb("data:PrepareHdm05", "HDM05's clips and their classes."),
