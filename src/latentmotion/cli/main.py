@@ -74,6 +74,7 @@ VERBS = {
     "experiment document": Verb(
         "experiment:FillDocument", "Insert finished tables into a document."
     ),
+    "serve": Verb("serve:Serve", "Serve motions over HTTP and WebSocket."),
     "study make": Verb("study:MakeStudy", "Make a page to compare two models, blind."),
     "study report": Verb("study:ReportStudy", "Report what raters prefer."),
 }

@@ -1,0 +1,90 @@
+"""Answers: motions as bytes in the format that was asked for."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from latentmotion import formats
+from latentmotion.errors import InputError, LatentMotionError
+from latentmotion.motion import Motion
+from latentmotion.viewer.page import payload
+
+MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
+    {
+        "json": "application/json",
+        "raw": "application/octet-stream",
+        "npz": "application/x-npz",
+        "amass.npz": "application/x-npz",
+        "csv": "text/csv; charset=utf-8",
+        "bvh": "text/x-bvh; charset=utf-8",
+        "glb": "model/gltf-binary",
+        "usda": "model/vnd.usda",
+        "usdc": "application/octet-stream",
+        "usdz": "model/vnd.usdz+zip",
+        "html": "text/html; charset=utf-8",
+        "viewer": "application/json",
+        "zip": "application/zip",
+    }
+)
+"""Each format and its media type."""
+
+
+def encoded(motions: Sequence[Motion], form: str) -> tuple[bytes, str]:
+    """Returns motions as bytes, and the format that these have.
+
+    Args:
+        motions: At least one.
+        form: A format; where it holds a single take, several motions become a zip archive.
+
+    Raises:
+        LatentMotionError: The format needs what is not installed.
+    """
+    if form == "raw":
+        return b"".join(motion.joints.astype("<f4").tobytes() for motion in motions), form
+    if form in ("json", "viewer"):
+        plain = payload(motions) if form == "viewer" else _plain(motions)
+        return json.dumps(plain, separators=(",", ":")).encode(), form
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            files = formats.save(Path(folder) / f"motion.{form}", motions)
+        except LatentMotionError as error:
+            raise InputError(str(error).replace(f"{folder}/", "")) from error
+        return packed(files, form)
+
+
+def packed(files: Sequence[Path], form: str) -> tuple[bytes, str]:
+    """Returns a file's content, or several as a zip archive, and its format."""
+    if len(files) == 1:
+        return files[0].read_bytes(), form
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
+        for file in files:
+            archive.write(file, file.name)
+    return content.getvalue(), "zip"
+
+
+def _plain(motions: Sequence[Motion]) -> dict[str, Any]:
+    """Returns a motion, or `motions`, as JSON has it."""
+    found = [
+        {
+            "prompt": motion.caption,
+            "seconds": motion.seconds,
+            "fps": motion.fps,
+            "skeleton": motion.skeleton.name,
+            "joints": motion.skeleton.names,
+            "parents": motion.skeleton.parents,
+            "positions": np.round(motion.joints.astype(float), 5).tolist(),
+            "metadata": dict(motion.metadata),
+        }
+        for motion in motions
+    ]
+    return found[0] if len(found) == 1 else {"motions": found}

@@ -1,0 +1,183 @@
+"""The application: routes of the service, with OpenAPI; `create_app` makes it.
+
+from latentmotion.service.app import create_app
+from latentmotion.service.settings import Settings
+
+app = create_app(Settings(queue=128))
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from functools import partial
+from typing import Any
+
+from fastapi import APIRouter, FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import Response
+from starlette.exceptions import HTTPException
+
+from latentmotion import __version__
+from latentmotion.errors import LatentMotionError
+from latentmotion.motion import Motion
+from latentmotion.service import metrics, problems, streams, uploads
+from latentmotion.service.answers import MEDIA_TYPES
+from latentmotion.service.core import DRAINING, ClientGoneError, Service, unless_gone
+from latentmotion.service.guard import Guard
+from latentmotion.service.jobs import Jobs
+from latentmotion.service.jobs import routes as job_routes
+from latentmotion.service.schemas import (
+    BatchRequest,
+    Format,
+    ModelAnswer,
+    MotionRequest,
+)
+from latentmotion.service.settings import Settings
+
+_PROBLEMS: dict[int | str, dict[str, Any]] = {
+    status: {"description": about, "content": {problems.MEDIA_TYPE: {}}}
+    for status, about in {
+        400: "The body is not JSON.",
+        401: "The token is missing or not known.",
+        403: "This host or this page may not call.",
+        408: "The body took too long.",
+        413: "The body is too large.",
+        422: "What is asked for cannot be made; the text says why.",
+        429: "The queue is full; Retry-After says when to try again.",
+        503: "Loading, shutting down or too late; Retry-After says when to try again.",
+    }.items()
+}
+_MOTIONS: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "The motion, in the format that was asked for.",
+        "content": {kind.partition(";")[0]: {} for kind in MEDIA_TYPES.values()},
+    }
+}
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """Returns the application, which starts its threads and processes when it is served.
+
+    Args:
+        settings: How it runs; by default the shipped model for this machine alone.
+
+    Raises:
+        ModelError: There is no such model, or it was not exported.
+    """
+    service = Service(settings or Settings())
+    jobs = Jobs(service, service.settings.jobs)
+    app = FastAPI(
+        title="Latent Motion",
+        version=__version__,
+        description="Sentences become 3D human motion.",
+        lifespan=partial(_lifespan, service, jobs),
+        docs_url=None,
+        redoc_url=None,
+        responses=_PROBLEMS,
+    )
+    app.state.service = service
+    app.add_exception_handler(HTTPException, problems.on_http)
+    app.add_exception_handler(RequestValidationError, problems.on_fields)
+    app.add_exception_handler(LatentMotionError, problems.on_input)
+    app.add_exception_handler(ClientGoneError, _on_gone)
+    app.add_exception_handler(Exception, problems.on_failure)
+    for routes in (_health, _motions, uploads.routes, streams.routes):
+        app.include_router(routes(service))
+    app.include_router(job_routes(service, jobs))
+    app.add_middleware(Guard, settings=service.settings, metrics=service.metrics)
+    for middleware in reversed(service.settings.middleware):
+        app.add_middleware(middleware)
+    return app
+
+
+@asynccontextmanager
+async def _lifespan(service: Service, jobs: Jobs, app: FastAPI) -> AsyncIterator[None]:
+    tasks = [asyncio.create_task(work) for work in (service.start(), jobs.work())]
+    yield
+    service.drain()
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    await service.stop()
+
+
+async def _on_gone(request: Request, error: Exception) -> Response:
+    request.app.state.service.metrics.dropped.inc()
+    return Response(status_code=499)
+
+
+def _health(service: Service) -> APIRouter:
+    router = APIRouter(tags=["health"])
+
+    @router.get("/livez", response_class=Response)
+    async def livez() -> Response:
+        """The process runs."""
+        return Response("ok\n", media_type="text/plain")
+
+    @router.get("/readyz", response_class=Response)
+    async def readyz() -> Response:
+        """The model is loaded and the service is not shutting down."""
+        service.check_ready()
+        if service.leaving:
+            raise problems.Problem(503, DRAINING)
+        return Response("ok\n", media_type="text/plain")
+
+    @router.get("/metrics", response_class=Response)
+    async def get_metrics() -> Response:
+        """Metrics in Prometheus' format."""
+        return Response(service.metrics.text(), media_type=metrics.MEDIA_TYPE)
+
+    return router
+
+
+def _motions(service: Service) -> APIRouter:
+    router = APIRouter(prefix="/v1", tags=["motions"])
+
+    @router.post("/motions", responses=_MOTIONS, response_class=Response)
+    async def motions(request: Request, wanted: MotionRequest) -> Response:
+        """Generate a motion."""
+        service.check_ready()
+
+        async def made() -> Response:
+            motion, dirty = await service.motion(wanted)
+            return await _file(service, [motion], wanted.format, dirty, wanted.fps)
+
+        return await unless_gone(request, made())
+
+    @router.post("/batches", responses=_MOTIONS, response_class=Response)
+    async def batches(request: Request, wanted: BatchRequest) -> Response:
+        """Generate several motions at once, as one file or a zip archive of several."""
+        service.check_ready()
+
+        async def made() -> Response:
+            asked, seconds = wanted.settings(wanted.seconds is None), service.settings.deadline
+            found = await service.generated(asked, wanted.all_prompts(), seconds)
+            return await _file(service, found, wanted.format, wanted.clean, wanted.fps)
+
+        return await unless_gone(request, made())
+
+    @router.get("/models", responses={200: {"model": list[ModelAnswer]}})
+    async def models() -> list[ModelAnswer]:
+        """Describe the model that the service runs."""
+        return [service.about()]
+
+    return router
+
+
+async def _file(
+    service: Service, motions: Sequence[Motion], form: Format, clean: bool, fps: float | None
+) -> Response:
+    content, form_found = await service.file(motions, form, clean, fps)
+    first = motions[0]
+    headers = {
+        "Content-Disposition": f'attachment; filename="motion.{form_found}"',
+        "LatentMotion-Model": str(first.metadata.get("model", "")),
+        "LatentMotion-License": str(first.metadata.get("license", "")),
+        "LatentMotion-Seed": str(first.metadata.get("seed", "")),
+        "LatentMotion-Frames": ",".join(str(len(motion)) for motion in motions),
+        "LatentMotion-Fps": f"{first.fps:g}",
+    }
+    safe = {name: value.encode("ascii", "replace").decode() for name, value in headers.items()}
+    return Response(content, headers=safe, media_type=MEDIA_TYPES[form_found])

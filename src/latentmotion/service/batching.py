@@ -1,0 +1,183 @@
+"""Batching: what waits is generated together, in threads of its own, and no more waits than may.
+
+A thread takes the oldest request and those of the same key behind it, as many as a batch may hold;
+it never waits for more. Requests whose client has gone or whose time is over are dropped before.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable, Hashable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from threading import Condition, Thread
+from typing import Any
+
+from latentmotion.service.metrics import Metrics
+from latentmotion.service.problems import Problem
+
+Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]
+"""Key and payloads of a batch to a result, or an exception, for each."""
+
+
+@dataclass(eq=False)
+class _Task:
+    key: Hashable
+    payload: Any
+    future: asyncio.Future[Any]
+    since: float = field(default_factory=time.monotonic)
+
+
+class Batcher:
+    """A bounded queue in front of the model.
+
+    Args:
+        run: Makes the results of a batch.
+        queue: Requests that wait at most.
+        batch: Requests that are run together at most.
+        metrics: Where sizes and times are counted.
+    """
+
+    def __init__(self, run: Run, queue: int, batch: int, metrics: Metrics) -> None:
+        self._run, self._queue, self._batch, self._metrics = run, queue, batch, metrics
+        self._waiting: deque[_Task] = deque()
+        self._background: deque[_Task] = deque()
+        self._changed = Condition()
+        self._running = 0
+        self._ends = False
+        self._seconds_each = 0.05
+        self._threads: list[Thread] = []
+        metrics.watch_queue(lambda: len(self._waiting))
+
+    def start(self, threads: int) -> None:
+        """Starts the threads, each of which runs a batch at a time."""
+        self._threads = [Thread(target=self._work, daemon=True) for _ in range(threads)]
+        for thread in self._threads:
+            thread.start()
+
+    async def submit(
+        self, key: Hashable, payloads: Sequence[Any], seconds: float, background: bool = False
+    ) -> list[Any]:
+        """Returns the results of payloads, which may be run together with others of the same key.
+
+        Args:
+            key: Equal for payloads that can be run together.
+            payloads: One or more.
+            seconds: Time until when they are wanted.
+            background: Run them only where nothing else waits.
+
+        Raises:
+            Problem: 429, the queue is full; 503, the time is over; 422, they are too many.
+            Exception: What was raised for the first payload that failed.
+        """
+        loop = asyncio.get_running_loop()
+        tasks = [_Task(key, payload, loop.create_future()) for payload in payloads]
+        line = self._background if background else self._waiting
+        with self._changed:
+            if not background:
+                self._check_room(len(tasks))
+            line.extend(tasks)
+            self._changed.notify(len(tasks))
+        try:
+            async with asyncio.timeout(seconds):
+                return [await task.future for task in tasks]
+        except TimeoutError:
+            self._metrics.shed.labels("too late").inc()
+            detail = f"not done within {seconds:g} s, as the service is busy; try again later"
+            raise Problem(503, detail, self.wait()) from None
+        finally:
+            self._drop(tasks, line)
+
+    def wait(self) -> float:
+        """Returns the seconds after which a request that waits now is expected to be done."""
+        return self._seconds_each * (len(self._waiting) + 1)
+
+    async def drained(self, seconds: float) -> bool:
+        """Waits until nothing waits or runs; returns whether that was so within the time."""
+        end = time.monotonic() + seconds
+        while self._waiting or self._running:
+            if time.monotonic() > end:
+                return False
+            await asyncio.sleep(0.02)
+        return True
+
+    async def stop(self) -> None:
+        """Ends the threads after their present batches."""
+        with self._changed:
+            self._ends = True
+            self._changed.notify_all()
+        await asyncio.to_thread(lambda: [thread.join() for thread in self._threads])
+
+    def _check_room(self, count: int) -> None:
+        if count > self._queue:
+            detail = f"{count} motions at once, and {self._queue} may wait; ask for fewer, or a job"
+            raise Problem(422, detail)
+        taken = len(self._waiting)
+        if taken + count > self._queue:
+            self._metrics.shed.labels("queue full").inc()
+            detail = f"{taken} of {self._queue} places in the queue are taken; try again later"
+            raise Problem(429, detail, self.wait())
+
+    def _drop(self, tasks: Sequence[_Task], line: deque[_Task]) -> None:
+        """Takes tasks that have not begun out of the queue again."""
+        for task in tasks:
+            if task.future.done() and not task.future.cancelled():
+                task.future.exception()  # it is told, for one of them
+                continue
+            task.future.cancel()
+            with self._changed, suppress(ValueError):
+                line.remove(task)
+
+    def _work(self) -> None:
+        while batch := self._take():
+            began = time.monotonic()
+            for task in batch:
+                self._metrics.waited.observe(began - task.since)
+            try:
+                results = self._run(batch[0].key, [task.payload for task in batch])
+            except BaseException as error:
+                results = [error] * len(batch)
+            took = time.monotonic() - began
+            self._metrics.batch_size.observe(len(batch))
+            self._metrics.seconds.labels("model").observe(took)
+            with self._changed:
+                self._running -= 1
+                self._seconds_each += 0.1 * (took / len(batch) - self._seconds_each)
+            with suppress(RuntimeError):  # the loop has ended
+                loop = batch[0].future.get_loop()
+                loop.call_soon_threadsafe(_deliver, batch, results)
+
+    def _take(self) -> list[_Task]:
+        """Waits for the next batch; none at the end."""
+        with self._changed:
+            while not self._ends:
+                if found := self._next():
+                    self._running += 1
+                    return found
+                self._changed.wait()
+        return []
+
+    def _next(self) -> list[_Task]:
+        """Takes the oldest task and what can be run with it; those in the background come last."""
+        found: list[_Task] = []
+        for line in (self._waiting, self._background):
+            left: list[_Task] = []
+            for task in line:
+                fits = not found or (task.key == found[0].key and len(found) < self._batch)
+                if not task.future.cancelled():
+                    (found if fits else left).append(task)
+            line.clear()
+            line.extend(left)
+        return found
+
+
+def _deliver(batch: Sequence[_Task], results: Sequence[Any]) -> None:
+    for task, result in zip(batch, results, strict=True):
+        if task.future.done():
+            continue
+        if isinstance(result, BaseException):
+            task.future.set_exception(result)
+        else:
+            task.future.set_result(result)

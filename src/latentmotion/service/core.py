@@ -1,0 +1,224 @@
+"""What the routes share: the model behind its queue, the workers, and whether it is ready."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import asdict
+from functools import partial
+from typing import Any, TypeVar, get_args
+
+from starlette.requests import Request
+
+from latentmotion.motion import Motion
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.service import model
+from latentmotion.service.answers import encoded
+from latentmotion.service.batching import Batcher
+from latentmotion.service.metrics import Metrics
+from latentmotion.service.problems import Problem
+from latentmotion.service.schemas import Format, ModelAnswer, MotionRequest
+from latentmotion.service.settings import Settings
+from latentmotion.service.workers import FileWorkers, WorkerError, written
+
+T = TypeVar("T")
+
+STARTING, DRAINING = "the model is being loaded", "the service is shutting down"
+
+
+class ClientGoneError(Exception):
+    """Nobody waits for the answer."""
+
+
+class Service:
+    """The parts of a running service.
+
+    Args:
+        settings: How it runs.
+
+    Raises:
+        ModelError: There is no such model.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        pipeline = MotionPipeline.from_pretrained(settings.model, settings.runtime, threads=1)
+        self.settings, self.metrics = settings, Metrics()
+        self.pipeline = model.with_recent_prompts(pipeline)
+        self.batcher = Batcher(
+            partial(model.run, self.pipeline), settings.queue, settings.batch, self.metrics
+        )
+        self.writers = FileWorkers(settings.file_workers, settings.queue)
+        self.readers = FileWorkers(settings.file_workers, 2 * settings.file_workers)
+        self.obstacle: str | None = STARTING
+        self.draining = asyncio.Event()
+        self.leaving = False
+
+    async def start(self) -> None:
+        """Starts the threads and makes a first motion, so that the networks are loaded."""
+        self.batcher.start(self.settings.threads)
+        condition = self.pipeline.card.condition
+        prompt = (getattr(condition, "labels", None) or ["a person walks"])[0]
+        first = model.Prompt(prompt if condition.prompted else "", None, 0)
+        try:
+            await self.generated(model.Settings(None, None, None, True), [first], 600.0)
+        except Exception as error:
+            self.obstacle = "the model could not be loaded; the log of the service says why"
+            print(f"error: the model could not be loaded: {error}", file=sys.stderr)
+            return
+        if not self.leaving:
+            self.obstacle = None
+            self.metrics.ready.set(1)
+
+    def leave(self) -> None:
+        """Says that the service is not ready, so that a balancer sends no more work."""
+        self.leaving = True
+        self.metrics.ready.set(0)
+
+    def drain(self) -> None:
+        """Takes no new work from now on; what waits is finished."""
+        self.leave()
+        self.obstacle = DRAINING
+        self.draining.set()
+
+    async def stop(self) -> None:
+        """Ends threads and processes."""
+        self.drain()
+        await self.batcher.stop()
+        await self.writers.stop()
+        await self.readers.stop()
+
+    def check_ready(self) -> None:
+        """Raises Problem 503 while no work is taken."""
+        if self.obstacle is not None:
+            problem = Problem(503, f"{self.obstacle}; try again", 2.0)
+            if self.draining.is_set():
+                problem.headers = {**(problem.headers or {}), "Connection": "close"}
+            raise problem
+
+    def about(self) -> ModelAnswer:
+        """Returns what the model is and what may be asked for."""
+        card, space = self.pipeline.card, self.pipeline.representation
+        condition, (shortest, longest) = card.condition, card.frames
+        labels: list[str] = list(getattr(condition, "labels", ()))
+        return ModelAnswer(
+            name=card.name,
+            license=card.provenance.license,
+            prompts="labels" if labels else "sentences" if condition.prompted else "nothing",
+            labels=labels,
+            seconds=(shortest / space.fps, longest / space.fps),
+            fps=space.fps,
+            joints=list(space.skeleton.names),
+            parents=list(space.skeleton.parents),
+            formats=list(get_args(Format)),
+            sampling=asdict(card.sampling),
+            directed=self.pipeline.backend.pullback is not None,
+        )
+
+    def check(self, settings: model.Settings, prompts: Sequence[model.Prompt]) -> None:
+        """Checks prompts without running a network.
+
+        Raises:
+            InputError: One is not of the model's kind, or a number is out of range.
+        """
+        model.check(self.pipeline, settings, prompts)
+
+    async def generated(
+        self,
+        settings: model.Settings,
+        prompts: Sequence[model.Prompt],
+        seconds: float,
+        background: bool = False,
+    ) -> list[Motion]:
+        """Returns the motions of prompts.
+
+        Raises:
+            LatentMotionError: A prompt cannot be used.
+            Problem: The queue is full, or the time is over.
+        """
+        self.check(settings, prompts)
+        return await self.batcher.submit(settings, prompts, seconds, background)
+
+    async def called(self, function: Callable[[], T], seconds: float) -> T:
+        """Returns what a function of the model returns, which is run in the queue alone."""
+        return (await self.batcher.submit(object(), [function], seconds))[0]
+
+    async def motion(self, request: MotionRequest) -> tuple[Motion, bool]:
+        """Returns the motion of a request, and whether it still has to be cleaned up.
+
+        Raises:
+            LatentMotionError: The request cannot be met.
+            Problem: The queue is full, or the time is over.
+        """
+        pipeline, seconds = self.pipeline, self.settings.deadline
+        goals, sampled = request.all_goals(), (request.steps, request.guidance)
+        settings = request.settings(request.seconds is None)
+        if request.timeline:
+            if goals or request.prompt or request.seconds is not None or request.sampler:
+                raise Problem(422, "a timeline has no prompt, seconds, sampler or goals")
+            spans = [(s.prompt, s.seconds) if s.seconds else s.prompt for s in request.timeline]
+            make = partial(pipeline.timeline, spans, request.seed, *sampled)
+        elif goals:
+            self.check(settings, request.prompts())
+            about = request.prompt, request.seconds, request.seed, *sampled, request.sampler
+            make = partial(pipeline, *about, goals)
+        else:
+            found = await self.generated(settings, request.prompts(), seconds)
+            return found[0], request.clean
+        # Clean-up yields to goals, which a worker would not know.
+        clean = request.clean and bool(goals)
+        motion = await self.called(lambda: make().cleaned() if clean else make(), seconds)
+        return motion, request.clean and not clean
+
+    async def file(
+        self, motions: Sequence[Motion], form: str, clean: bool, fps: float | None
+    ) -> tuple[bytes, str]:
+        """Returns motions as bytes, and their format."""
+        if form == "raw" and not clean and fps is None:
+            return encoded(motions, form)
+        task, content = written(motions, form, clean, fps)
+        with self.metrics.seconds.labels("file").time():
+            head, found = await self.writers.run(task, content, self.settings.deadline)
+        return found, head["format"]
+
+    async def read(self, task: dict[str, Any]) -> str:
+        """Has an uploaded file worked on; returns the format of the answer that it left.
+
+        Raises:
+            InputError: The file cannot be used.
+            Problem: Too many wait, or it took too long.
+        """
+        seconds = self.settings.deadline
+        try:
+            with self.metrics.seconds.labels("upload").time():
+                head, _ = await self.readers.run(task, b"", seconds)
+        except WorkerError as error:
+            raise Problem(
+                422,
+                f"the file could not be worked on ({error}): it is damaged, or too large; "
+                "send a smaller one",
+            ) from error
+        return head["format"]
+
+
+async def unless_gone(request: Request, work: Awaitable[T]) -> T:
+    """Returns the result of some work, which is given up when the client goes.
+
+    Raises:
+        ClientGoneError: It went.
+    """
+    task = asyncio.ensure_future(work)
+    gone = asyncio.ensure_future(_gone(request))
+    try:
+        await asyncio.wait({task, gone}, return_when=asyncio.FIRST_COMPLETED)
+        if not task.done():
+            raise ClientGoneError
+        return task.result()
+    finally:
+        gone.cancel()
+        task.cancel()
+
+
+async def _gone(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass

@@ -1,0 +1,171 @@
+"""The guard: an ASGI layer that lets a request in by host, token and size, and counts it.
+
+It runs on the event loop alone, so that it answers however busy the model is.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Mapping
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from latentmotion.service.metrics import Metrics
+from latentmotion.service.problems import Problem, problem_response
+from latentmotion.service.settings import Settings
+
+OPEN = frozenset(
+    {"/", "/viewer", "/livez", "/readyz", "/openapi.json", "/favicon.ico"}
+    | {f"/assets/{name}" for name in ("page.css", "page.js", "show.js", "viewer.css", "viewer.js")}
+)
+"""Paths that need no token: they hold nothing of anyone."""
+
+UPLOADS = frozenset({"/v1/clean", "/v1/convert", "/v1/retarget"})
+"""Paths whose bodies are files."""
+
+LARGEST_BODY = 1 << 18
+"""Bytes of any other body."""
+
+BODY_SECONDS = 10.0
+"""Time until when a body has to be there; a file has six times as long."""
+
+SECURITY: Mapping[str, str] = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'; sandbox",
+}
+"""Headers of every answer that has none of the kind."""
+
+
+class Guard:
+    """The layer.
+
+    Args:
+        app: What is guarded.
+        settings: Who is let in.
+        metrics: Where requests are counted.
+    """
+
+    def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics) -> None:
+        self.app, self.settings, self.metrics = app, settings, metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers, or lets in."""
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        if scope["type"] == "websocket":
+            await self._websocket(scope, receive, send)
+            return
+        began, status = time.monotonic(), 499
+
+        async def counted(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                headers = MutableHeaders(raw=message["headers"])
+                for name, value in SECURITY.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        try:
+            self._check(scope)
+            receive = self._bounded(scope, receive)
+        except Problem as problem:
+            headers = dict(problem.headers or {}) | {"Connection": "close"}
+            refuse = problem_response(problem.status_code, str(problem.detail), headers)
+            await refuse(scope, receive, counted)
+        else:
+            await self.app(scope, receive, counted)
+        route = getattr(scope.get("route"), "path", "other")
+        self.metrics.requests.labels(route, status).inc()
+        self.metrics.request_seconds.labels(route).observe(time.monotonic() - began)
+
+    async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            self._check(scope)
+        except Problem as problem:
+            await receive()
+            if "websocket.http.response" in scope.get("extensions", {}):
+                refuse = problem_response(problem.status_code, str(problem.detail), problem.headers)
+                await refuse(scope, receive, send)
+                return
+            await send({"type": "websocket.close", "code": 1008, "reason": problem.detail[:120]})
+            return
+        await self.app(scope, receive, send)
+
+    def _check(self, scope: Scope) -> None:
+        """Checks host, origin and token.
+
+        Raises:
+            Problem: 403 or 401.
+        """
+        headers, settings = Headers(scope=scope), self.settings
+        host = headers.get("host", "")
+        if settings.hosts and _name(host) not in settings.hosts:
+            detail = f"host {host[:100]!r} is not served; call one of {', '.join(settings.hosts)}"
+            raise Problem(403, f"{detail}, or start the service with --hosts")
+        origin = headers.get("origin")
+        if origin is not None and _place(origin) != host.lower():
+            raise Problem(403, f"pages of {origin[:100]!r} may not call this service")
+        if not settings.tokens or scope["path"] in OPEN:
+            return
+        kind, _, token = headers.get("authorization", "").partition(" ")
+        if kind.lower() != "bearer" or not settings.knows(token.strip()):
+            found = "this token is not known" if token else "no token"
+            problem = Problem(401, f"{found}; send the header Authorization: Bearer TOKEN")
+            problem.headers = {"WWW-Authenticate": 'Bearer realm="latentmotion"'}
+            raise problem
+
+    def _bounded(self, scope: Scope, receive: Receive) -> Receive:
+        """Returns `receive`, which ends bodies that are too large or too slow.
+
+        Raises:
+            Problem: 413, the body says that it is too large.
+        """
+        upload = scope["path"] in UPLOADS
+        most = self.settings.upload << 20 if upload else LARGEST_BODY
+        large = Problem(413, f"the body has more than {most:,} bytes; send less")
+        length = Headers(scope=scope).get("content-length", "0")
+        if not length.isdecimal() or len(length) > 18 or int(length) > most:
+            raise large
+        until = time.monotonic() + BODY_SECONDS * (6 if upload else 1)
+        size, whole = 0, False
+
+        async def bounded() -> Message:
+            nonlocal size, whole
+            if whole:
+                return await receive()
+            try:
+                async with asyncio.timeout(until - time.monotonic()):
+                    message = await receive()
+            except TimeoutError:
+                raise Problem(408, "the body did not arrive in time; send it faster") from None
+            size += len(message.get("body", b""))
+            whole = not message.get("more_body", False)
+            if size > most:
+                raise large
+            return message
+
+        return bounded
+
+
+def _name(host: str) -> str:
+    """Returns the name in a Host header, without the port."""
+    host = host.strip().lower()
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.partition(":")[0]
+
+
+def _place(origin: str) -> str:
+    """Returns the host and port of an Origin header; "null" has none."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
+        return ""

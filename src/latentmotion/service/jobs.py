@@ -1,0 +1,246 @@
+"""Jobs: many motions made in the background, in a folder that outlives the process.
+
+    FOLDER/ID/request.json   what is asked for
+              lock           held by the process that works on it, until that ends in any way
+              00000.npz …    motions that are there, some in each
+              error          why it failed
+              answer.FORMAT  the result
+
+Replicas may share the folder: what a killed one left is taken up by the next that looks, and a
+motion is the same whoever makes it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import secrets
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter
+from fastapi import Path as InPath
+from fastapi.responses import FileResponse, JSONResponse, Response
+from pydantic import ValidationError
+
+from latentmotion.errors import LatentMotionError
+from latentmotion.service.answers import MEDIA_TYPES
+from latentmotion.service.core import Service
+from latentmotion.service.problems import Problem
+from latentmotion.service.schemas import BatchRequest, JobState
+from latentmotion.storage.files import atomic_file
+
+MOST = 1000
+"""Jobs in the folder."""
+
+KEPT = 86_400.0
+"""Seconds for which a job is kept after its last change."""
+
+LOOK = 2.0
+"""Seconds between two looks for jobs that another process left."""
+
+TOGETHER = 16
+"""Motions in a file."""
+
+PATIENCE = 3600.0
+"""Seconds that some motions may wait for others; what others ask for goes first."""
+
+Name = Annotated[str, InPath(pattern="^[0-9a-f]{32}$", description="Name of the job.")]
+
+
+class Jobs:
+    """The folder of jobs, and the work on them, one at a time.
+
+    Args:
+        service: Makes the motions.
+        folder: Where they are; None for a folder that goes with the process.
+    """
+
+    def __init__(self, service: Service, folder: Path | None) -> None:
+        self._service, self._own = service, folder is None
+        self.folder = folder or Path(tempfile.mkdtemp(prefix="latentmotion-jobs-"))
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._new = asyncio.Event()
+
+    def add(self, request: BatchRequest) -> JobState:
+        """Returns a new job.
+
+        Raises:
+            Problem: There are too many.
+        """
+        if sum(1 for _ in self.folder.iterdir()) >= MOST:
+            raise Problem(429, f"{MOST} jobs are here; delete some, or try later", 60.0)
+        place = self.folder / secrets.token_hex(16)
+        place.mkdir()
+        with atomic_file(place / "request.json") as temporary:
+            temporary.write_text(request.model_dump_json(), encoding="utf-8")
+        self._new.set()
+        return JobState(id=place.name, state="queued", motions=len(request.all_prompts()), made=0)
+
+    def state(self, name: str) -> JobState:
+        """Returns how far a job is.
+
+        Raises:
+            Problem: 404.
+        """
+        place = self.folder / name
+        motions = len(self._request(place).all_prompts())
+        if _answer(place):
+            return JobState(id=name, state="done", motions=motions, made=motions)
+        made = min(motions, TOGETHER * len(_parts(place)))
+        if (place / "error").is_file():
+            error = (place / "error").read_text(encoding="utf-8")
+            return JobState(id=name, state="failed", motions=motions, made=made, error=error)
+        with _locked(place) as free:
+            state = "queued" if free else "running"
+        return JobState(id=name, state=state, motions=motions, made=made)
+
+    def answer(self, name: str) -> Path:
+        """Returns the file of a job that is done.
+
+        Raises:
+            Problem: 404, there is no such job; 409, it is not done.
+        """
+        state = self.state(name)
+        answer = _answer(self.folder / name)
+        if answer is None:
+            why = state.error or f"{state.made} of {state.motions} motions are there"
+            raise Problem(409, f"the job is {state.state}: {why}", 2.0)
+        return answer
+
+    def delete(self, name: str) -> None:
+        """Ends a job and removes its files.
+
+        Raises:
+            Problem: 404.
+        """
+        self._request(self.folder / name)
+        shutil.rmtree(self.folder / name, ignore_errors=True)
+
+    async def work(self) -> None:
+        """Works on jobs until it is cancelled; then removes a folder that nobody else knows."""
+        try:
+            while True:
+                self._new.clear()
+                for place in await asyncio.to_thread(self._open):
+                    with suppress(FileNotFoundError), _locked(place) as free:
+                        if free:
+                            await self._finish(place)
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self._new.wait(), LOOK)
+        finally:
+            if self._own:
+                shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _open(self) -> list[Path]:
+        """Returns the jobs that are not done, the oldest first; removes those of long ago."""
+        found = []
+        for place in self.folder.iterdir():
+            with suppress(FileNotFoundError):
+                changed = place.stat().st_mtime
+                if time.time() - changed > KEPT:
+                    shutil.rmtree(place, ignore_errors=True)
+                elif (place / "request.json").is_file() and not (
+                    _answer(place) or (place / "error").is_file()
+                ):
+                    found.append((changed, place))
+        return [place for _, place in sorted(found)]
+
+    async def _finish(self, place: Path) -> None:
+        """Makes what is missing of a job."""
+        service = self._service
+        try:
+            request = self._request(place)
+            prompts, settings = request.all_prompts(), request.settings(request.seconds is None)
+            for start in range(0, len(prompts), TOGETHER):
+                part = place / f"{start:05}.npz"
+                if part.is_file():
+                    continue
+                some = prompts[start : start + TOGETHER]
+                made = await service.generated(settings, some, PATIENCE, background=True)
+                content, _ = await service.file(made, "npz", request.clean, request.fps)
+                with atomic_file(part) as temporary:
+                    temporary.write_bytes(content)
+            names = [part.name for part in _parts(place)]
+            task = {"verb": "join", "folder": str(place), "files": names}
+            await service.writers.run({**task, "format": request.format}, b"", PATIENCE)
+        except Exception as error:
+            if not place.is_dir():  # deleted
+                return
+            told = str(getattr(error, "detail", error)).replace(str(place), place.name)
+            if not isinstance(error, LatentMotionError | Problem):
+                print(f"error: job {place.name}: {error!r}", file=sys.stderr)
+                told = "the service failed; its log says why"
+            with atomic_file(place / "error") as temporary:
+                temporary.write_text(told, encoding="utf-8")
+
+    def _request(self, place: Path) -> BatchRequest:
+        try:
+            text = (place / "request.json").read_text(encoding="utf-8")
+            return BatchRequest.model_validate_json(text)
+        except (OSError, ValidationError) as error:
+            raise Problem(404, "there is no such job, or no more") from error
+
+
+def routes(service: Service, jobs: Jobs) -> APIRouter:
+    """Returns the routes."""
+    router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+    missing: dict[int | str, dict[str, Any]] = {404: {"description": "There is no such job."}}
+
+    @router.post("", status_code=202, response_model=JobState)
+    async def add(wanted: BatchRequest) -> JSONResponse:
+        """Have several motions made in the background."""
+        service.check_ready()
+        service.check(wanted.settings(wanted.seconds is None), wanted.all_prompts())
+        job = jobs.add(wanted)
+        return JSONResponse(job.model_dump(), 202, {"Location": f"/v1/jobs/{job.id}"})
+
+    @router.get("/{name}", responses=missing)
+    async def state(name: Name) -> JobState:
+        """Tell how far a job is."""
+        return jobs.state(name)
+
+    @router.get(
+        "/{name}/result",
+        response_class=FileResponse,
+        responses={**missing, 409: {"description": "It is not done; Retry-After says when."}},
+    )
+    async def result(name: Name) -> FileResponse:
+        """Download the result of a job."""
+        answer = jobs.answer(name)
+        form = answer.name.partition(".")[2]
+        return FileResponse(answer, media_type=MEDIA_TYPES[form], filename=f"motion.{form}")
+
+    @router.delete("/{name}", status_code=204, responses=missing)
+    async def delete(name: Name) -> Response:
+        """End a job and remove its files."""
+        jobs.delete(name)
+        return Response(status_code=204)
+
+    return router
+
+
+@contextmanager
+def _locked(place: Path) -> Iterator[bool]:
+    """Locks a job; yields whether no other process has it."""
+    with (place / "lock").open("ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+            return
+        yield True
+
+
+def _parts(place: Path) -> list[Path]:
+    return sorted(place.glob("[0-9]*.npz"))
+
+
+def _answer(place: Path) -> Path | None:
+    return next((path for path in place.glob("answer.*") if path.name[7:] in MEDIA_TYPES), None)

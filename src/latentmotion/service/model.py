@@ -1,0 +1,150 @@
+"""The model as the queue runs it: prompts with equal settings in one batch, all else one by one."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from threading import Lock
+from typing import Any
+
+from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
+from latentmotion.condition.task import SentenceCondition
+from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.engine.request import GenerationRequest, frames_of
+from latentmotion.errors import LatentMotionError
+from latentmotion.motion import Motion
+from latentmotion.pipeline import MotionPipeline
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What prompts need in common to be generated together."""
+
+    steps: int | None
+    """Sampling steps; None for the model's own."""
+    guidance: float | None
+    """Guidance scale; None for the model's own."""
+    sampler: SamplerName | None
+    """Sampler; None for the model's own."""
+    predicted: bool
+    """The model predicts the length."""
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A motion to generate."""
+
+    text: str
+    """What the person does."""
+    seconds: float | None
+    """Length; None for the predicted one."""
+    seed: int
+    """Seed of the noise."""
+
+
+def with_recent_prompts(pipeline: MotionPipeline) -> MotionPipeline:
+    """Returns a pipeline that keeps the embeddings of the last prompts in memory."""
+    condition = pipeline.condition
+    if not isinstance(condition, SentenceCondition):
+        return pipeline
+    return replace(pipeline, condition=replace(condition, encoder=RecentPrompts(condition.encoder)))
+
+
+def check(pipeline: MotionPipeline, settings: Settings, prompts: Sequence[Prompt]) -> None:
+    """Checks prompts without running a network.
+
+    Raises:
+        InputError: One is not of the model's kind, or a number is out of range.
+    """
+    card, fps = pipeline.card, pipeline.representation.fps
+    sampling = card.sampling.but(settings.steps, settings.guidance, settings.sampler)
+    for prompt in prompts:
+        frames = frames_of(card, prompt.seconds, 1, fps)
+        GenerationRequest((prompt.text,), tuple(frames), (prompt.seed,), sampling).check(card, fps)
+
+
+def run(
+    pipeline: MotionPipeline, key: Hashable, payloads: Sequence[Any]
+) -> list[Any | LatentMotionError]:
+    """Returns the results of a batch.
+
+    Args:
+        pipeline: The model.
+        key: `Settings` for prompts; anything else for functions.
+        payloads: Prompts, or functions without arguments.
+
+    Returns:
+        Motions, or what the functions return; or the error of each that could not be made.
+    """
+    if not isinstance(key, Settings):
+        return [_one(payload) for payload in payloads]
+    try:
+        return _motions(pipeline, key, payloads)
+    except LatentMotionError:
+        # One of them is at fault, and the others do not pay for it.
+        return [_one(partial(_only, pipeline, key, payload)) for payload in payloads]
+
+
+def _motions(
+    pipeline: MotionPipeline, settings: Settings, prompts: Sequence[Prompt]
+) -> list[Motion]:
+    seconds = None if settings.predicted else [prompt.seconds or 0.0 for prompt in prompts]
+    texts, seeds = [prompt.text for prompt in prompts], [prompt.seed for prompt in prompts]
+    sampling = settings.steps, settings.guidance, settings.sampler
+    return pipeline.batch(texts, seconds, seeds, *sampling)
+
+
+def _only(pipeline: MotionPipeline, settings: Settings, prompt: Prompt) -> Motion:
+    return _motions(pipeline, settings, [prompt])[0]
+
+
+def _one(function: Callable[[], Any]) -> Any | LatentMotionError:
+    try:
+        return function()
+    except LatentMotionError as error:
+        return error
+
+
+@dataclass(eq=False)
+class RecentPrompts:
+    """A text encoder that keeps the embeddings of the last sentences, for several threads."""
+
+    encoder: TextEncoder
+    """The encoder inside."""
+    most: int = 1000
+    """Sentences that are kept, some 20 kB each."""
+    _known: OrderedDict[str, TextEmbedding] = field(default_factory=OrderedDict, repr=False)
+    _lock: Lock = field(default_factory=Lock, repr=False)
+
+    @property
+    def name(self) -> str:
+        """The encoder's name."""
+        return self.encoder.name
+
+    @property
+    def width(self) -> int:
+        """Numbers per vector."""
+        return self.encoder.width
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        """Returns the embeddings of sentences.
+
+        Raises:
+            InputError: There is no sentence.
+        """
+        found = [self._embedding(sentence) for sentence in sentences]
+        return stack(found) if found else self.encoder(sentences)
+
+    def _embedding(self, sentence: str) -> TextEmbedding:
+        with self._lock:
+            embedding = self._known.get(sentence)
+        if embedding is None:
+            embedding = self.encoder([sentence])
+        with self._lock:
+            self._known[sentence] = embedding
+            self._known.move_to_end(sentence)
+            while len(self._known) > self.most:
+                self._known.popitem(last=False)
+        return embedding

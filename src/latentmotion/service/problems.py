@@ -1,0 +1,98 @@
+"""Answers to requests that cannot be met: problem+json (RFC 9457) with our error texts.
+
+400 no HTTP or JSON   401 token   403 host, origin   404, 405   408 slow body   413 size
+422 what is asked for cannot be made   429 queue full   503 not ready, shutting down, too late
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from typing import Any
+
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+
+from latentmotion.errors import LatentMotionError
+
+MEDIA_TYPE = "application/problem+json"
+
+
+class Problem(HTTPException):
+    """A request that cannot be met.
+
+    Args:
+        status: Status of HTTP.
+        detail: What was found, what was expected and what to do.
+        retry_after: Seconds after which to try again.
+    """
+
+    def __init__(self, status: int, detail: str, retry_after: float | None = None) -> None:
+        headers = {} if retry_after is None else {"Retry-After": str(max(1, round(retry_after)))}
+        super().__init__(status, detail, headers)
+
+
+def problem_response(
+    status: int,
+    detail: str,
+    headers: Mapping[str, str] | None = None,
+    errors: Sequence[Mapping[str, str]] = (),
+) -> Response:
+    """Returns the answer.
+
+    Args:
+        status: Status of HTTP.
+        detail: What was found, what was expected and what to do.
+        headers: Headers of its own.
+        errors: `at` and `problem` of each field that cannot be used.
+    """
+    about: dict[str, Any] = {"type": "about:blank", "title": _title(status), "status": status}
+    content = about | {"detail": detail} | ({"errors": list(errors)} if errors else {})
+    # Text from a request may hold halves of characters, which UTF-8 cannot.
+    body = json.dumps(content, ensure_ascii=True).encode()
+    return Response(body, status, dict(headers or {}), MEDIA_TYPE)
+
+
+async def on_http(request: Request, error: Exception) -> Response:
+    """Answers errors of HTTP."""
+    assert isinstance(error, HTTPException)
+    return problem_response(error.status_code, str(error.detail), error.headers)
+
+
+async def on_input(request: Request, error: Exception) -> Response:
+    """Answers our own errors."""
+    assert isinstance(error, LatentMotionError)
+    return problem_response(422, str(error))
+
+
+async def on_fields(request: Request, error: Exception) -> Response:
+    """Answers fields that are missing, unknown or out of range."""
+    assert isinstance(error, RequestValidationError)
+    found = []
+    for one in error.errors()[:20]:
+        if one["type"] == "json_invalid":
+            return problem_response(400, f"the body is not JSON, at character {one['loc'][-1]}")
+        place = ".".join(str(part) for part in one["loc"])
+        told = _NO_OBJECT if one["loc"] == ("body",) else str(one["msg"])[:500]
+        found.append({"at": place[:200], "problem": told})
+    detail = "; ".join(f"{one['at']}: {one['problem']}" for one in found[:3])
+    more = f"; and {len(found) - 3} more" if len(found) > 3 else ""
+    return problem_response(422, detail + more, errors=found)
+
+
+async def on_failure(request: Request, error: Exception) -> Response:
+    """Answers errors of the service itself; the server's log has the traceback."""
+    return problem_response(500, "the service failed; its log says why")
+
+
+_NO_OBJECT = "expected a JSON object, sent with Content-Type: application/json"
+
+
+def _title(status: int) -> str:
+    try:
+        return HTTPStatus(status).phrase
+    except ValueError:
+        return "Problem"

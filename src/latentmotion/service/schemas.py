@@ -1,0 +1,262 @@
+"""Bodies of requests and answers, as OpenAPI describes them: unknown fields are refused."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from latentmotion.control.goals import Goal, Heading, Path, Reach
+from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.service.model import Prompt, Settings
+
+MOST_CHARACTERS = 500
+"""Of a prompt."""
+
+MOST_MOTIONS = 256
+"""Of a batch or a job."""
+
+MOST_STEPS = 1000
+"""Sampling steps."""
+
+MOST_GOALS = 64
+"""Goals of a motion, or points of its path."""
+
+Format = Literal[
+    "json", "raw", "npz", "amass.npz", "csv", "bvh", "glb", "usda", "usdc", "usdz", "html", "viewer"
+]
+"""`raw` is float32, little-endian: frames × joints × 3; `viewer` is what the page reads."""
+
+FileFormat = Literal[
+    "json", "npz", "amass.npz", "csv", "bvh", "glb", "usda", "usdc", "usdz", "html"
+]
+"""What an uploaded motion can be written as."""
+
+Readable = Literal["npz", "npy", "csv", "bvh", "glb", "gltf", "usda", "usdc", "usdz"]
+"""What an uploaded motion can be."""
+
+Character = Literal["glb", "gltf", "bvh", "asf"]
+"""What an uploaded character can be."""
+
+Text = Annotated[str, Field(max_length=MOST_CHARACTERS, description="What the person does.")]
+Seed = Annotated[
+    int, Field(ge=0, lt=2**53, strict=True, description="Seed: the same gives the same motion.")
+]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Seconds = Annotated[
+    Number | None, Field(description="Length of a motion; by default predicted from the prompt.")
+]
+Steps = Annotated[
+    int | None,
+    Field(ge=1, le=MOST_STEPS, strict=True, description="Sampling steps; by default the model's."),
+]
+Guidance = Annotated[
+    Number | None, Field(description="Guidance of the prompt; by default the model's own.")
+]
+Sampler = Annotated[SamplerName | None, Field(description="Sampler; by default the model's own.")]
+Clean = Annotated[
+    bool, Field(strict=True, description="Hold standing feet, put the figure on the floor, smooth.")
+]
+Fps = Annotated[
+    float | None,
+    Field(ge=1, le=240, allow_inf_nan=False, description="Frames per second; by default as it is."),
+]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class JointGoal(_Strict):
+    """A joint is at a place at a time."""
+
+    joint: str = Field(max_length=100, examples=["right_wrist"])
+    """Name of the joint."""
+    at: Number
+    """Seconds."""
+    to: tuple[Number | None, Number | None, Number | None]
+    """x, y and z, meters; null leaves a coordinate free."""
+
+
+class HeadingGoal(_Strict):
+    """The body faces a direction at a time."""
+
+    at: Number
+    """Seconds."""
+    degrees: Number
+    """0 is +z, 90 is +x."""
+
+
+class PathGoal(_Strict):
+    """The path of the pelvis."""
+
+    points: list[tuple[Number, Number]] = Field(min_length=2, max_length=MOST_GOALS)
+    """x and z of each point, meters."""
+    at: list[Number] | None = Field(None, max_length=MOST_GOALS)
+    """Seconds at which each is passed."""
+
+
+class SpanOfTimeline(_Strict):
+    """A prompt of a timeline."""
+
+    prompt: Text
+    """What the person does."""
+    seconds: Number | None = Field(None, gt=0, le=60)
+    """How long; by default as predicted from the prompt."""
+
+
+class _Sampled(_Strict):
+    """Settings of sampling and of the file."""
+
+    steps: Steps = None
+    guidance: Guidance = None
+    sampler: Sampler = None
+    clean: Clean = True
+    fps: Fps = None
+
+    def settings(self, predicted: bool) -> Settings:
+        """Returns what motions need in common to be generated together."""
+        return Settings(self.steps, self.guidance, self.sampler, predicted)
+
+
+class MotionRequest(_Sampled):
+    """A motion: a prompt, with goals if wanted, or a timeline of prompts."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"prompt": "a person walks forward and sits down", "seconds": 4, "seed": 7},
+                {"prompt": "a person walks", "seconds": 4, "format": "glb", "clean": True},
+                {
+                    "prompt": "a person walks forward",
+                    "seconds": 4,
+                    "goals": [{"joint": "right_wrist", "at": 3.5, "to": [None, 1.4, None]}],
+                },
+                {"timeline": [{"prompt": "a person walks", "seconds": 3}, {"prompt": "a jump"}]},
+            ]
+        }
+    )
+
+    prompt: Text = ""
+    seconds: Seconds = None
+    seed: Seed = 0
+    format: Format = "json"
+    goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    path: PathGoal | None = None
+    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=16)
+
+    def prompts(self) -> list[Prompt]:
+        """Returns the prompt for the queue."""
+        return [Prompt(self.prompt, self.seconds, self.seed)]
+
+    def all_goals(self) -> list[Goal]:
+        """Returns the goals for `MotionPipeline`."""
+        found: list[Goal] = []
+        if self.path is not None:
+            times = None if self.path.at is None else tuple(self.path.at)
+            found.append(Path(tuple(self.path.points), times))
+        found += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
+        return found + [Heading(goal.at, goal.degrees) for goal in self.headings]
+
+
+class BatchRequest(_Sampled):
+    """Several motions, with seeds that count up from the first."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"prompts": ["a person walks", "a person jumps"], "seconds": 4, "format": "npz"}
+            ]
+        }
+    )
+
+    prompts: list[Text] = Field(min_length=1, max_length=MOST_MOTIONS)
+    """What the person does in each motion."""
+    count: int = Field(1, ge=1, le=MOST_MOTIONS, strict=True)
+    """Motions per prompt."""
+    seconds: Seconds = None
+    seed: Seed = 0
+    """Seed of the first motion."""
+    format: Format = "npz"
+
+    def all_prompts(self) -> list[Prompt]:
+        """Returns the prompts for the queue."""
+        texts = [text for text in self.prompts for _ in range(self.count)]
+        return [Prompt(text, self.seconds, self.seed + n) for n, text in enumerate(texts)]
+
+
+class StreamMessage(_Strict):
+    """What a client of a stream says: the first message has a prompt."""
+
+    prompt: Text | None = None
+    """What the person does from now on."""
+    ack: int | None = Field(None, ge=0, le=2**53, strict=True)
+    """Number of pieces that have been received; the service is never more than some ahead."""
+    seed: Seed = 0
+    """Seed of the stream; read from the first message alone."""
+    steps: Steps = None
+    """Likewise."""
+    guidance: Guidance = None
+    """Likewise."""
+
+
+class _Answer(BaseModel):
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+
+class JobState(_Answer):
+    """How far a job is."""
+
+    id: str
+    """Its name, which nobody can guess."""
+    state: Literal["queued", "running", "done", "failed"]
+    """What happens to it."""
+    motions: int
+    """Motions that are asked for."""
+    made: int
+    """Motions that are there."""
+    error: str | None = None
+    """Why it failed."""
+
+
+class ProblemAnswer(_Answer):
+    """A request that cannot be met (RFC 9457)."""
+
+    type: str
+    """about:blank: the status says what kind it is."""
+    title: str
+    """The status in words."""
+    status: int
+    """The status."""
+    detail: str
+    """What was found, what was expected and what to do."""
+    errors: list[dict[str, str]] = []
+    """The fields that cannot be used: `at` and `problem`."""
+
+
+class ModelAnswer(_Answer):
+    """The model that the service runs, and what may be asked for."""
+
+    name: str
+    """Name of the model."""
+    license: str
+    """License of its motions."""
+    prompts: str
+    """What it takes: sentences, labels or nothing."""
+    labels: list[str]
+    """The labels that it knows, if it takes labels."""
+    seconds: tuple[float, float]
+    """Shortest and longest motion."""
+    fps: float
+    """Frames per second."""
+    joints: list[str]
+    """Names of the joints."""
+    parents: list[int]
+    """Parent of each joint; -1 for the root."""
+    formats: list[str]
+    """Formats of motions."""
+    sampling: dict[str, Any]
+    """The model's own steps, guidance and sampler."""
+    directed: bool
+    """Goals, timelines and streams can be asked for."""

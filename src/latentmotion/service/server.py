@@ -1,0 +1,113 @@
+"""The server: uvicorn on one address, with a shutdown that loses nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import warnings
+from types import FrameType
+
+import uvicorn
+from fastapi import FastAPI
+
+from latentmotion.cleanup.pipeline import CleanUpWarning
+from latentmotion.errors import InputError
+from latentmotion.service.app import create_app
+from latentmotion.service.settings import Settings
+from latentmotion.text.encoder import UnknownWordsWarning
+
+KEEP_ALIVE = 75
+"""Seconds that an idle connection stays open: longer than a balancer's, which closes it first."""
+
+LARGEST_MESSAGE = 1 << 14
+"""Bytes of a message of a stream."""
+
+CONNECTIONS = 1000
+"""Connections at the same time; beyond, they are answered by 503."""
+
+
+class Server(uvicorn.Server):
+    """A server that tells its balancer before it stops.
+
+    At SIGTERM `/readyz` says 503 at once; work is taken for some seconds more, until the balancer
+    has seen it; then no connection is taken, and what waits is finished. A second signal ends the
+    notice.
+
+    Args:
+        config: Settings of uvicorn.
+        app: The application.
+        notice: Seconds between saying so and stopping.
+    """
+
+    def __init__(self, config: uvicorn.Config, app: FastAPI, notice: float) -> None:
+        super().__init__(config)
+        self._service, self._notice = app.state.service, notice
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    async def serve(self, sockets: list[socket.socket] | None = None) -> None:
+        """Serves until it is told to stop."""
+        self._loop = asyncio.get_running_loop()
+        await super().serve(sockets)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Begins to shut down."""
+        assert self._loop is not None
+        if self._notice and not self._service.leaving:
+            self._loop.call_soon_threadsafe(self._service.leave)
+            later = self._loop.call_later
+            self._loop.call_soon_threadsafe(later, self._notice, self.handle_exit, sig, frame)
+            return
+        self._loop.call_soon_threadsafe(self._service.drain)
+        super().handle_exit(sig, frame)
+
+
+def bound(host: str, port: int) -> socket.socket:
+    """Returns a socket at an address.
+
+    Raises:
+        InputError: The address is taken, or not this machine's.
+    """
+    if not 0 <= port <= 65_535:
+        raise InputError(f"--port {port}: expected 0 to 65535")
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        found = socket.socket(family)
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.bind(address)
+    except OSError as error:
+        raise InputError(
+            f"cannot serve at {host}:{port}: {error.strerror}; choose another --port or --host"
+        ) from error
+    return found
+
+
+def serve(settings: Settings, place: socket.socket, notice: float, shutdown: float) -> None:
+    """Serves until SIGTERM or Ctrl+C.
+
+    Args:
+        settings: How the service runs.
+        place: Socket to serve at.
+        notice: Seconds between saying at `/readyz` that it stops, and stopping.
+        shutdown: Seconds in which what waits is finished.
+
+    Raises:
+        ModelError: There is no such model.
+    """
+    app = create_app(settings)
+    for category in (UnknownWordsWarning, CleanUpWarning):
+        warnings.simplefilter("ignore", category)  # of users' prompts, which no log holds
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        ws="websockets-sansio",
+        ws_max_size=LARGEST_MESSAGE,
+        ws_max_queue=16,
+        ws_per_message_deflate=False,
+        limit_concurrency=CONNECTIONS,
+        timeout_keep_alive=KEEP_ALIVE,
+        timeout_graceful_shutdown=max(1, round(shutdown)),
+    )
+    Server(config, app, notice).run([place])

@@ -1,0 +1,166 @@
+"""Streams: endless motion over a WebSocket, in constant memory, no faster than the client takes it.
+
+client  {"prompt": "a person walks", "seed": 7}     begins
+server  {"joints": […], "parents": […], "fps": 20}  once
+server  {"piece": 1, "prompt": …, "frames": 40}     then float32: frames × joints × 3, meters
+client  {"ack": 1}                                  one piece more may be sent
+client  {"prompt": "a person dances"}               at any time
+server  {"error": "…"}                              a message that could not be used
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from contextlib import suppress
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from pydantic import ValidationError
+
+from latentmotion.control.stream import CALL, STRIDE, MotionStream
+from latentmotion.errors import InputError, LatentMotionError
+from latentmotion.service.core import Service
+from latentmotion.service.model import Prompt, Settings
+from latentmotion.service.problems import Problem
+from latentmotion.service.schemas import StreamMessage
+
+AHEAD = 2
+"""Pieces that are sent and not acknowledged."""
+
+IDLE = 60.0
+"""Seconds after which a client that says nothing is left."""
+
+POLICY, GOING, LATER = 1008, 1001, 1013
+"""Codes by which a WebSocket is closed."""
+
+
+class Stream:
+    """One client's stream.
+
+    Args:
+        service: Makes the motion.
+        socket: The client.
+    """
+
+    def __init__(self, service: Service, socket: WebSocket) -> None:
+        self._service, self._socket = service, socket
+        self._sent = self._acknowledged = 0
+        self._said = asyncio.Event()
+        self._motion: MotionStream | None = None
+
+    async def run(self) -> None:
+        """Serves the client until it goes, says nothing for long, or the service stops."""
+        socket, service = self._socket, self._service
+        await socket.accept()
+        parts = [self._listen(), self._send(), service.draining.wait()]
+        tasks = [asyncio.ensure_future(part) for part in parts]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            code, reason = GOING, "the service is shutting down; connect again"
+            for task in tasks[:2]:
+                if task.done():
+                    code, reason = task.result() or (GOING, "")
+            with suppress(RuntimeError, WebSocketDisconnect):
+                await socket.close(code, reason[:120])
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _listen(self) -> tuple[int, str]:
+        """Reads what the client says."""
+        while True:
+            try:
+                message = await asyncio.wait_for(self._socket.receive(), IDLE)
+            except TimeoutError:
+                return POLICY, f"nothing was said for {IDLE:g} s"
+            if message["type"] == "websocket.disconnect":
+                return GOING, "the client has gone"
+            try:
+                self._hear(StreamMessage.model_validate_json(message.get("text") or ""))
+            except ValidationError as error:
+                first = error.errors(include_url=False, include_input=False)[0]
+                place = ".".join(map(str, first["loc"])) or "message"
+                told = f"{place}: {first['msg']}"
+            except LatentMotionError as error:
+                told = str(error)
+            else:
+                continue
+            if self._motion is None:
+                return POLICY, told
+            await self._tell({"error": told[:500]})
+
+    def _hear(self, message: StreamMessage) -> None:
+        pipeline = self._service.pipeline
+        if message.prompt is not None:
+            seconds = STRIDE * CALL / pipeline.representation.fps
+            settings = Settings(message.steps, message.guidance, None, False)
+            self._service.check(settings, [Prompt(message.prompt, seconds, message.seed)])
+        if self._motion is None:
+            if message.prompt is None:
+                raise InputError("the first message needs a prompt")
+            about = message.prompt, message.seed, message.steps, message.guidance
+            self._motion = pipeline.stream(*about)
+        elif message.prompt is not None:
+            self._motion.say(message.prompt)
+        if message.ack is not None:
+            self._acknowledged = max(self._acknowledged, min(message.ack, self._sent))
+        self._said.set()
+
+    async def _send(self) -> tuple[int, str]:
+        """Sends pieces, a few ahead of what the client has acknowledged."""
+        while self._motion is None:
+            await self._heard()
+        skeleton, fps = self._motion.space.skeleton, self._motion.space.fps
+        await self._tell({"joints": skeleton.names, "parents": skeleton.parents, "fps": fps})
+        while True:
+            while self._sent - self._acknowledged >= AHEAD:
+                await self._heard()
+            try:
+                motion = await self._service.called(
+                    lambda stream=self._motion: next(stream), self._service.settings.deadline
+                )
+            except Problem:  # the queue is full: the stream waits as anyone does
+                await asyncio.sleep(0.5)
+                continue
+            except LatentMotionError as error:
+                return POLICY, str(error)
+            self._sent += 1
+            about = {"piece": self._sent, "prompt": motion.caption, "frames": len(motion)}
+            await self._tell(about)
+            await asyncio.wait_for(
+                self._socket.send_bytes(motion.joints.astype("<f4").tobytes()), IDLE
+            )
+
+    async def _heard(self) -> None:
+        self._said.clear()
+        await self._said.wait()
+
+    async def _tell(self, message: object) -> None:
+        await asyncio.wait_for(self._socket.send_text(json.dumps(message)), IDLE)
+
+
+def routes(service: Service) -> APIRouter:
+    """Returns the route."""
+    router = APIRouter(prefix="/v1")
+    open_streams = 0
+
+    @router.websocket("/stream")
+    async def stream(socket: WebSocket) -> None:
+        """Stream endless motion."""
+        nonlocal open_streams
+        if service.obstacle is not None or open_streams >= service.settings.streams:
+            reason = service.obstacle or f"{open_streams} streams are open"
+            await socket.close(LATER, f"{reason}; try again"[:120])
+            return
+        open_streams += 1
+        service.metrics.streams.set(open_streams)
+        try:
+            await Stream(service, socket).run()
+        except (TimeoutError, WebSocketDisconnect, RuntimeError):
+            pass  # the client does not read, or has gone
+        finally:
+            open_streams -= 1
+            service.metrics.streams.set(open_streams)
+
+    return router

@@ -1,0 +1,137 @@
+"""Routes for files of users: clean up, convert, retarget. A file is read by a worker process."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response, StreamingResponse
+
+from latentmotion import formats
+from latentmotion.service.answers import MEDIA_TYPES
+from latentmotion.service.core import Service, unless_gone
+from latentmotion.service.problems import Problem
+from latentmotion.service.schemas import (
+    MOST_CHARACTERS,
+    MOST_STEPS,
+    Character,
+    FileFormat,
+    MotionRequest,
+    Readable,
+)
+
+Fps = Annotated[float | None, Query(ge=1, le=240, allow_inf_nan=False)]
+Source = Annotated[Readable, Query(description="Format of the body.")]
+Target = Annotated[FileFormat, Query(alias="format", description="Format of the answer.")]
+
+_FILE = {"schema": {"type": "string", "format": "binary"}}
+_BODY = {
+    "requestBody": {"required": True, "content": {"application/octet-stream": _FILE}},
+}
+
+
+def routes(service: Service) -> APIRouter:
+    """Returns the routes."""
+    router = APIRouter(prefix="/v1", tags=["files"])
+
+    @router.post("/clean", openapi_extra=_BODY, response_class=Response)
+    async def clean(
+        request: Request,
+        source: Source,
+        target: Target = "glb",
+        smooth: bool = True,
+        bones: bool = True,
+        floor: bool = True,
+        feet: bool = True,
+        in_place: bool = False,
+        cutoff: Annotated[float, Query(gt=0, le=100, allow_inf_nan=False)] = 5.0,
+        fps: Fps = None,
+    ) -> Response:
+        """Clean up the motions of a file: hold standing feet, put the figure on the floor."""
+        steps = {"smooth": smooth, "bones": bones, "floor": floor, "feet": feet}
+        task = {"clean": {**steps, "in_place": in_place, "cutoff": cutoff}}
+        return await _converted(service, request, source, target, {**task, "fps": fps})
+
+    @router.post("/convert", openapi_extra=_BODY, response_class=Response)
+    async def convert(
+        request: Request, source: Source, target: Target = "glb", fps: Fps = None
+    ) -> Response:
+        """Write the motions of a file in another format."""
+        return await _converted(service, request, source, target, {"clean": None, "fps": fps})
+
+    @router.post("/retarget", openapi_extra=_BODY, response_class=Response)
+    async def retarget(
+        request: Request,
+        source: Annotated[Character, Query(description="Format of the character, the body.")],
+        prompt: Annotated[str, Query(max_length=MOST_CHARACTERS)],
+        target: Annotated[Literal["glb", "bvh"], Query(alias="format")] = "glb",
+        seconds: Annotated[float | None, Query(allow_inf_nan=False)] = None,
+        seed: Annotated[int, Query(ge=0, lt=2**53)] = 0,
+        steps: Annotated[int | None, Query(ge=1, le=MOST_STEPS)] = None,
+        guidance: Annotated[float | None, Query(allow_inf_nan=False)] = None,
+        clean: bool = True,
+        fps: Fps = None,
+    ) -> Response:
+        """Generate a motion and put it on the character in the body."""
+        wanted = MotionRequest(
+            prompt=prompt, seconds=seconds, seed=seed, steps=steps, guidance=guidance, clean=clean
+        )
+        async with _uploaded(service, request, f"character.{source}") as folder:
+            motion, dirty = await unless_gone(request, service.motion(wanted))
+            content, _ = await service.file([motion], "npz", dirty, None)
+            (folder / "motion.npz").write_bytes(content)
+            task = {"verb": "retarget", "file": f"character.{source}", "format": target}
+            return await _answered(service, request, folder, {**task, "fps": fps})
+
+    return router
+
+
+async def _converted(
+    service: Service, request: Request, source: str, target: str, about: dict[str, Any]
+) -> Response:
+    formats.check_ending(f"motion.{target}") if target not in ("json", "viewer") else None
+    async with _uploaded(service, request, f"motion.{source}") as folder:
+        task = {"verb": "convert", "file": f"motion.{source}", "format": target, **about}
+        return await _answered(service, request, folder, task)
+
+
+@asynccontextmanager
+async def _uploaded(service: Service, request: Request, name: str) -> AsyncIterator[Path]:
+    """Yields a folder in which the body is a file, and removes it in the end.
+
+    Raises:
+        Problem: No work is taken at the moment, or the body is empty.
+    """
+    service.check_ready()
+    folder = Path(tempfile.mkdtemp(prefix="latentmotion-"))
+    try:
+        size = 0
+        with (folder / name).open("wb") as file:
+            async for piece in request.stream():
+                size += file.write(piece)
+        if not size:
+            raise Problem(422, "the body is empty; expected the file")
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+async def _answered(
+    service: Service, request: Request, folder: Path, task: dict[str, Any]
+) -> Response:
+    form = await unless_gone(request, service.read({**task, "folder": str(folder)}))
+    # Open, it can still be read when its folder is gone.
+    file = (folder / "answer").open("rb")
+    size = (folder / "answer").stat().st_size
+    pieces = iter(partial(file.read, 1 << 16), b"")
+    headers = {
+        "Content-Disposition": f'attachment; filename="motion.{form}"',
+        "Content-Length": str(size),
+    }
+    return StreamingResponse(pieces, headers=headers, media_type=MEDIA_TYPES[form])

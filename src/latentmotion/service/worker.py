@@ -1,0 +1,139 @@
+"""Worker program: cleans up motions and writes files, and reads what others uploaded.
+
+A line of JSON says what to do, `size` bytes follow it; the answer has the same form. Memory, the
+size of files and the time of a task are bounded, so that a file can end no more than this process.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from latentmotion import formats
+from latentmotion.cleanup import CleanUp
+from latentmotion.errors import LatentMotionError
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.motion import Motion
+from latentmotion.retarget import read_rig, transfer
+from latentmotion.service.answers import encoded, packed
+from latentmotion.storage.files import atomic_file
+
+MEMORY = 1 << 32
+"""Bytes of address space."""
+
+LARGEST_FILE = 1 << 30
+"""Bytes of a file that is written."""
+
+Reply = tuple[dict[str, Any], bytes]
+
+
+def main() -> None:
+    """Answers until the input ends."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
+    warnings.simplefilter("ignore")
+    source, target = sys.stdin.buffer, sys.stdout.buffer
+    while line := source.readline():
+        task = json.loads(line)
+        head, content = answer(task, source.read(task["size"]))
+        send(target, head, content)
+
+
+def send(target: BinaryIO, head: dict[str, Any], content: bytes) -> None:
+    """Writes a message."""
+    target.write(json.dumps({**head, "size": len(content)}).encode() + b"\n")
+    target.write(content)
+    target.flush()
+
+
+def answer(task: dict[str, Any], content: bytes) -> Reply:
+    """Does a task; errors become part of the answer."""
+    try:
+        return _VERBS[task["verb"]](task, content)
+    except LatentMotionError as error:
+        return {"error": str(error)}, b""
+    except MemoryError:
+        return {"error": f"the file needs more than {MEMORY >> 30} GB of memory; cut it"}, b""
+    except Exception as error:
+        return {"failure": f"{type(error).__name__}: {error}"}, b""
+
+
+def write(task: dict[str, Any], content: bytes) -> Reply:
+    """Cleans up motions whose joints are given, and encodes them."""
+    motions, at = [], 0
+    for one in task["motions"]:
+        skeleton = Skeleton(**{k: _tuples(v) for k, v in one["skeleton"].items()})
+        shape = one["frames"], len(skeleton), 3
+        joints = np.frombuffer(content, "<f4", int(np.prod(shape)), at).reshape(shape)
+        at += joints.nbytes
+        motions.append(Motion(joints, one["fps"], skeleton, one["caption"], one["metadata"]))
+    if task["clean"]:
+        motions = [motion.cleaned() for motion in motions]
+    if task["fps"] is not None:
+        motions = [motion.resampled(task["fps"]) for motion in motions]
+    found, form = encoded(motions, task["format"])
+    return {"format": form}, found
+
+
+def convert(task: dict[str, Any], content: bytes) -> Reply:
+    """Reads the uploaded file, cleans it up if asked to, and writes it in another format."""
+    os.chdir(task["folder"])
+    motions = formats.load(task["file"])
+    if task["clean"] is not None:
+        motions = [motion.cleaned(CleanUp(**task["clean"])) for motion in motions]
+    if task["fps"] is not None:
+        motions = [motion.resampled(task["fps"]) for motion in motions]
+    found, form = encoded(motions, task["format"])
+    return _left(found, form)
+
+
+def retarget(task: dict[str, Any], content: bytes) -> Reply:
+    """Puts a motion on the uploaded character."""
+    os.chdir(task["folder"])
+    rig = read_rig(task["file"])
+    output = Path("moving") / f"character.{task['format']}"
+    output.parent.mkdir()
+    transfer.check_output(rig, output)
+    files = transfer.write(output, rig, formats.load("motion.npz"), task["fps"])
+    return _left(*packed(files, task["format"]))
+
+
+def join(task: dict[str, Any], content: bytes) -> Reply:
+    """Makes the answer of a job from the files that hold its motions."""
+    folder = Path(task["folder"])
+    motions = [motion for file in task["files"] for motion in formats.load(folder / file)]
+    found, form = encoded(motions, task["format"])
+    with atomic_file(folder / f"answer.{form}") as temporary:
+        temporary.write_bytes(found)
+    return {"format": form}, b""
+
+
+def _left(content: bytes, form: str) -> Reply:
+    """Leaves an answer in the folder, so that it need not be in memory twice."""
+    Path("answer").write_bytes(content)
+    return {"format": form}, b""
+
+
+def _tuples(value: Any) -> Any:
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return np.array(value)
+    return tuple(value) if isinstance(value, list) else value
+
+
+_VERBS: dict[str, Callable[[dict[str, Any], bytes], Reply]] = {
+    "write": write,
+    "convert": convert,
+    "retarget": retarget,
+    "join": join,
+}
+
+if __name__ == "__main__":
+    main()

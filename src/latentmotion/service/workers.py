@@ -1,0 +1,165 @@
+"""Processes of `worker.py`: each does a task at a time, and is replaced if it stops or hangs."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+from asyncio.subprocess import PIPE, Process
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
+from latentmotion.service.problems import Problem
+
+_TASKS_OF_A_PROCESS = 1000
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+class WorkerError(Exception):
+    """The process ended, or took too long, in the middle of a task."""
+
+
+class FileWorkers:
+    """Some processes, and a bounded number of tasks that wait for them.
+
+    Args:
+        count: Number of processes.
+        waiting: Tasks that wait at most.
+    """
+
+    def __init__(self, count: int, waiting: int) -> None:
+        self._idle: asyncio.Queue[Process | None] = asyncio.Queue()
+        self._tasks = 0
+        self._most = count + waiting
+        self._started: set[Process] = set()
+        self._done: dict[int, int] = {}
+        for _ in range(count):
+            self._idle.put_nowait(None)
+
+    async def run(
+        self, task: dict[str, Any], content: bytes = b"", seconds: float = 60.0
+    ) -> tuple[dict[str, Any], bytes]:
+        """Returns the answer to a task.
+
+        Args:
+            task: What to do, see `worker.py`.
+            content: Bytes that belong to it.
+            seconds: Time that it may take once a process has it.
+
+        Raises:
+            Problem: 429, too many tasks wait.
+            InputError: The task cannot be done.
+            WorkerError: The process ended or took too long; the next one is started.
+        """
+        if self._tasks >= self._most:
+            raise Problem(429, "too many files are being worked on; try again", 1.0)
+        self._tasks += 1
+        # A client that goes does not stop the process, whose answer would come to the next.
+        work = asyncio.ensure_future(self._run(task, content, seconds))
+        work.add_done_callback(self._finished)
+        return await asyncio.shield(work)
+
+    async def stop(self) -> None:
+        """Ends all processes."""
+        for process in tuple(self._started):
+            await self._end(process)
+
+    def _finished(self, work: asyncio.Future[Any]) -> None:
+        self._tasks -= 1
+        if not work.cancelled():
+            work.exception()
+
+    async def _run(
+        self, task: dict[str, Any], content: bytes, seconds: float
+    ) -> tuple[dict[str, Any], bytes]:
+        process = await self._idle.get()
+        try:
+            if process is None or process.returncode is not None:
+                process = await self._start()
+            async with asyncio.timeout(seconds):
+                head, found = await _exchange(process, task, content)
+        except (TimeoutError, OSError, asyncio.IncompleteReadError, ValueError) as error:
+            if process is not None:
+                await self._end(process)
+            process = None
+            late = isinstance(error, TimeoutError)
+            raise WorkerError(f"not done in {seconds:g} s" if late else "stopped") from error
+        finally:
+            self._idle.put_nowait(await self._kept(process))
+        if "error" in head:
+            raise InputError(head["error"])
+        if "failure" in head:
+            raise RuntimeError(head["failure"])
+        return head, found
+
+    async def _kept(self, process: Process | None) -> Process | None:
+        """Ends a process that has done many tasks, so that none grows without end."""
+        if process is None:
+            return None
+        self._done[process.pid] = self._done.get(process.pid, 0) + 1
+        if self._done[process.pid] < _TASKS_OF_A_PROCESS:
+            return process
+        await self._end(process)
+        return None
+
+    async def _start(self) -> Process:
+        places = {"PYTHONPATH": os.pathsep.join(sys.path)}
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "latentmotion.service.worker"),
+            stdin=PIPE,
+            stdout=PIPE,
+            env=os.environ | _ONE_THREAD | places,
+            start_new_session=True,  # Ctrl+C ends the service first
+        )
+        self._started.add(process)
+        return process
+
+    async def _end(self, process: Process) -> None:
+        self._started.discard(process)
+        self._done.pop(process.pid, None)
+        with suppress(ProcessLookupError):
+            process.kill()
+        await process.wait()
+        for stream in (process.stdin,):
+            if stream is not None:
+                stream.close()
+
+
+def written(motions: Sequence[Motion], form: str, clean: bool, fps: float | None) -> Any:
+    """Returns the task that makes a file of motions, and the bytes that belong to it."""
+    about = [
+        {
+            "frames": len(motion),
+            "fps": motion.fps,
+            "caption": motion.caption,
+            "metadata": dict(motion.metadata),
+            "skeleton": {
+                one.name: _plain(getattr(motion.skeleton, one.name))
+                for one in fields(motion.skeleton)
+            },
+        }
+        for motion in motions
+    ]
+    content = b"".join(motion.joints.astype("<f4", copy=False).tobytes() for motion in motions)
+    return {"verb": "write", "motions": about, "clean": clean, "fps": fps, "format": form}, content
+
+
+async def _exchange(
+    process: Process, task: dict[str, Any], content: bytes
+) -> tuple[dict[str, Any], bytes]:
+    assert process.stdin is not None and process.stdout is not None
+    process.stdin.write(json.dumps({**task, "size": len(content)}).encode() + b"\n" + content)
+    await process.stdin.drain()
+    head = json.loads(await process.stdout.readuntil(b"\n"))
+    return head, await process.stdout.readexactly(head["size"])
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value

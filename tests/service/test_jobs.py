@@ -1,0 +1,78 @@
+"""Jobs: made in the background, taken up after a kill, with the motions that are asked for."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from latentmotion import MotionPipeline
+from latentmotion.service import jobs
+from latentmotion.service.settings import Settings
+from tests.service.conftest import Called, serving
+
+ASKED = {"prompts": ["a person walks", "a person jumps"], "seconds": 1.0, "clean": False}
+
+
+async def done(client: httpx.AsyncClient, place: str) -> dict[str, Any]:
+    while (state := (await client.get(place)).json())["state"] in ("queued", "running"):
+        await asyncio.sleep(0.02)
+    return state
+
+
+def test_a_job_is_made_and_deleted(called: Called) -> None:
+    added = called.post("/v1/jobs", ASKED)
+    assert added.status_code == 202
+    place = added.headers["location"]
+    assert called.wait(done(called.client, place)) == {
+        "id": added.json()["id"],
+        "state": "done",
+        "motions": 2,
+        "made": 2,
+        "error": None,
+    }
+    with np.load(io.BytesIO(called.get(f"{place}/result").content)) as found:
+        assert found["frames"].tolist() == [20, 20]
+        assert found["caption"].tolist() == ASKED["prompts"]
+    assert called.wait(called.client.delete(place)).status_code == 204
+    assert called.get(place).status_code == 404
+
+
+@pytest.mark.parametrize("name", ["0" * 32, "..%2F..%2Fetc", "x", "0" * 31 + "%00"])
+def test_an_unknown_job_is_told(called: Called, name: str) -> None:
+    for path in (f"/v1/jobs/{name}", f"/v1/jobs/{name}/result"):
+        assert called.get(path).status_code in (404, 422)
+    assert called.wait(called.client.delete(f"/v1/jobs/{name}")).status_code in (404, 422)
+
+
+def test_wrong_input_makes_no_job(called: Called) -> None:
+    answer = called.post("/v1/jobs", ASKED | {"seconds": 100})
+    assert answer.status_code == 422
+    assert "makes motions of" in answer.json()["detail"]
+
+
+def test_what_a_killed_process_left_is_taken_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jobs, "TOGETHER", 1)
+    place = tmp_path / ("a" * 32)
+    place.mkdir()
+    asked = ASKED | {"prompts": ["a person walks"] * 3}
+    (place / "request.json").write_text(json.dumps(asked))
+    MotionPipeline.from_pretrained(threads=1)("a person walks", 1.0, 7).save(place / "00000.npz")
+
+    async def take_up() -> bytes:
+        async with serving(Settings(jobs=tmp_path, file_workers=1)) as client:
+            assert (await done(client, f"/v1/jobs/{place.name}"))["state"] == "done"
+            return (await client.get(f"/v1/jobs/{place.name}/result")).content
+
+    with np.load(io.BytesIO(asyncio.run(take_up()))) as found:
+        seeds = [json.loads(one)["seed"] for one in found["metadata"]]
+    assert seeds == [7, 1, 2], "the first was there, and stays"
+    assert (place / "answer.npz").is_file()
