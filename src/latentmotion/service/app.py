@@ -22,7 +22,7 @@ from starlette.exceptions import HTTPException
 from latentmotion import __version__
 from latentmotion.errors import LatentMotionError
 from latentmotion.motion import Motion
-from latentmotion.service import metrics, problems, streams, uploads
+from latentmotion.service import metrics, page, problems, streams, uploads
 from latentmotion.service.answers import MEDIA_TYPES
 from latentmotion.service.core import DRAINING, ClientGoneError, Service, unless_gone
 from latentmotion.service.guard import Guard
@@ -86,6 +86,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     for routes in (_health, _motions, uploads.routes, streams.routes):
         app.include_router(routes(service))
     app.include_router(job_routes(service, jobs))
+    app.include_router(page.routes())
     app.add_middleware(Guard, settings=service.settings, metrics=service.metrics)
     for middleware in reversed(service.settings.middleware):
         app.add_middleware(middleware)

@@ -46,6 +46,28 @@ def page_html(motions: Sequence[Motion], title: str | None = None) -> str:
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
 
 
+def split_page(style: str, script: str) -> tuple[str, str]:
+    """Returns the page without motions, with nothing inline, and its style sheet.
+
+    A server sends both under a strict Content-Security-Policy. The script has to fill the element
+    `motions` with `payload` as JSON and to load `script()` then.
+
+    Args:
+        style: Address of the style sheet.
+        script: Address of the script.
+    """
+    parts = re.fullmatch(
+        r"(.*)<meta http-equiv=.*?>\n(.*)<style>\n(.*)</style>(.*)<script>.*</script>(.*)",
+        _resource("template.html"),
+        re.DOTALL,
+    )
+    assert parts is not None
+    before, head, css, body, end = parts.groups()
+    link = f'<link rel="stylesheet" href="{style}">'
+    page = f'{before}{head}{link}{body}<script src="{script}"></script>{end}'
+    return page.replace("{{title}}", "Latent Motion").replace("{{motions}}", ""), css
+
+
 def write_page(path: str | Path, motions: Sequence[Motion], title: str | None = None) -> None:
     """Writes `page_html` to a file, whole or not at all."""
     page = page_html(motions, title)
