@@ -18,7 +18,7 @@ from latentmotion.service.problems import Problem, problem_response
 from latentmotion.service.settings import Settings
 
 OPEN = frozenset(
-    {"/", "/viewer", "/livez", "/readyz", "/openapi.json", "/favicon.ico"}
+    {"/", "/viewer", "/livez", "/readyz", "/openapi.json"}
     | {f"/assets/{name}" for name in ("page.css", "page.js", "show.js", "viewer.css", "viewer.js")}
 )
 """Paths that need no token: they hold nothing of anyone."""

@@ -1,7 +1,7 @@
 """Streams: endless motion over a WebSocket, in constant memory, no faster than the client takes it.
 
 client  {"prompt": "a person walks", "seed": 7}     begins
-server  {"joints": […], "parents": […], "fps": 20}  once
+server  {"joints": […], "parents": […], "offsets": […], "fps": 20}  once
 server  {"piece": 1, "prompt": …, "frames": 40}     then float32: frames × joints × 3, meters
 client  {"ack": 1}                                  one piece more may be sent
 client  {"prompt": "a person dances"}               at any time
@@ -14,6 +14,7 @@ import asyncio
 import json
 from contextlib import suppress
 
+import numpy as np
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
@@ -111,8 +112,10 @@ class Stream:
         """Sends pieces, a few ahead of what the client has acknowledged."""
         while self._motion is None:
             await self._heard()
-        skeleton, fps = self._motion.space.skeleton, self._motion.space.fps
-        await self._tell({"joints": skeleton.names, "parents": skeleton.parents, "fps": fps})
+        skeleton = self._motion.space.skeleton
+        about = {"joints": skeleton.names, "parents": skeleton.parents}
+        about["offsets"] = np.asarray(skeleton.offsets).tolist()
+        await self._tell({**about, "fps": self._motion.space.fps})
         while True:
             while self._sent - self._acknowledged >= AHEAD:
                 await self._heard()

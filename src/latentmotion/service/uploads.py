@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, BinaryIO, Literal
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response, StreamingResponse
@@ -126,12 +125,16 @@ async def _answered(
     service: Service, request: Request, folder: Path, task: dict[str, Any]
 ) -> Response:
     form = await unless_gone(request, service.read({**task, "folder": str(folder)}))
-    # Open, it can still be read when its folder is gone.
-    file = (folder / "answer").open("rb")
-    size = (folder / "answer").stat().st_size
-    pieces = iter(partial(file.read, 1 << 16), b"")
     headers = {
         "Content-Disposition": f'attachment; filename="motion.{form}"',
-        "Content-Length": str(size),
+        "Content-Length": str((folder / "answer").stat().st_size),
     }
+    # Open, it can still be read when its folder is gone.
+    pieces = _pieces((folder / "answer").open("rb"))
     return StreamingResponse(pieces, headers=headers, media_type=MEDIA_TYPES[form])
+
+
+def _pieces(file: BinaryIO) -> Iterator[bytes]:
+    with file:
+        while piece := file.read(1 << 16):
+            yield piece

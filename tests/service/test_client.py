@@ -1,0 +1,109 @@
+"""The client of Python programs, against a service in this process and a real one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from latentmotion import client as clients
+from latentmotion.client import AsyncClient, Client, ServiceError
+from latentmotion.errors import LatentMotionError
+from tests.service.conftest import Called
+from tests.support.pages import walking
+
+Handler = Callable[[httpx.Request], httpx.Response]
+
+
+def answering(handler: Handler) -> Client:
+    return Client("http://service", transport=httpx.MockTransport(handler))
+
+
+async def asked(called: Called, talk: Callable[[AsyncClient], Any]) -> Any:
+    transport = httpx.ASGITransport(called.app)
+    async with AsyncClient("http://localhost", transport=transport) as client:
+        return await talk(client)
+
+
+def test_motions_come_back_as_motions(called: Called, tmp_path: Path) -> None:
+    async def talk(client: AsyncClient) -> None:
+        motion = await client.motion("a person walks", seconds=1, seed=4)
+        assert (motion.caption, len(motion), motion.metadata["seed"]) == ("a person walks", 20, 4)
+        first, second = await client.batch(["a person walks", "a person jumps"], seconds=1, seed=4)
+        np.testing.assert_array_equal(first.joints, motion.joints)
+        assert second.caption == "a person jumps"
+        assert (await client.models())[0]["name"] == "fast"
+
+        walking(1.0).save(tmp_path / "walk.bvh")
+        assert (await client.clean(tmp_path / "walk.bvh")).startswith(b"glTF")
+        assert (await client.convert(tmp_path / "walk.bvh", "csv", fps=10)).count(b"\n") >= 10
+        found = await client.retarget(tmp_path / "walk.bvh", "a person walks", "bvh", seconds=1)
+        assert found.startswith(b"HIERARCHY")
+
+        job = await client.job(["a person walks"], seconds=1, seed=4, clean=False)
+        (made,) = clients.read_motions(await job.result())
+        assert made.metadata["seed"] == 4
+        await job.delete()
+        with pytest.raises(ServiceError, match="no such job"):
+            await job.state()
+
+    called.wait(asked(called, talk))
+
+
+def test_the_services_words_are_told(called: Called) -> None:
+    async def talk(client: AsyncClient) -> None:
+        with pytest.raises(ServiceError, match="the sentence is empty") as error:
+            await client.motion("")
+        assert error.value.status == 422
+
+    called.wait(asked(called, talk))
+
+
+def test_a_busy_service_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    waited: list[float] = []
+    monkeypatch.setattr(clients.time, "sleep", waited.append)
+    answers = [httpx.Response(429, headers={"Retry-After": "2"}), httpx.Response(200, content=b"x")]
+    with answering(lambda request: answers.pop(0)) as client:
+        assert client.file("a person walks") == b"x"
+    assert waited == [2]
+
+
+def test_a_busy_service_is_left_at_last() -> None:
+    busy = httpx.Response(503, json={"detail": "too much"}, headers={"Retry-After": "1000"})
+    with answering(lambda request: busy) as client, pytest.raises(ServiceError, match="too much"):
+        client._patience = 0.0
+        client.models()
+
+
+def test_no_service_is_told() -> None:
+    with Client("http://127.0.0.1:9") as client, pytest.raises(LatentMotionError, match="no serv"):
+        client.models()
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with Client() as client, pytest.raises(LatentMotionError, match="cannot read"):
+        client.clean(tmp_path / "none.bvh")
+
+
+def test_the_token_is_sent() -> None:
+    def handler(request: httpx.Request) -> httpx.Response:
+        return httpx.Response(200, json=[dict(request.headers)])
+
+    transport = httpx.MockTransport(handler)
+    with Client("http://service", "a-secret", transport=transport) as client:
+        assert client.models()[0]["authorization"] == "Bearer a-secret"
+
+
+def test_both_clients_can_do_the_same() -> None:
+    def public(kind: type) -> set[str]:
+        return {name for name in vars(kind) if not name.startswith("_")}
+
+    assert public(Client) == public(AsyncClient)
+    assert public(clients.Job) == public(clients.AsyncJob)
+    assert public(clients.Stream) == public(clients.AsyncStream)
+    assert asyncio.iscoroutinefunction(AsyncClient.motion)
