@@ -1,0 +1,196 @@
+"""Who is let in: by address, host, origin, token and size; and what answers without the model."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from latentmotion.errors import InputError
+from latentmotion.service import guard
+from latentmotion.service.app import create_app
+from latentmotion.service.settings import Settings, check_bind, read_tokens
+from tests.service.conftest import TOKEN, Called
+
+PROTECTED = [("POST", "/v1/motions"), ("GET", "/v1/models"), ("GET", "/metrics"), ("GET", "/x")]
+
+
+def answered(app: Any, method: str, path: str, **options: Any) -> httpx.Response:
+    """Returns the answer of an app that never starts: no model runs."""
+
+    async def ask() -> httpx.Response:
+        transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            return await client.request(method, path, **options)
+
+    return asyncio.run(ask())
+
+
+@pytest.fixture(scope="module")
+def protected() -> Any:
+    return create_app(Settings(tokens=(hashlib.sha256(TOKEN.encode()).digest(),)))
+
+
+@pytest.mark.parametrize(("method", "path"), PROTECTED)
+@pytest.mark.parametrize(
+    "header", [None, "", "Bearer", "Bearer x", f"Basic {TOKEN}", f"Bearer {TOKEN}x", "Bearer é"]
+)
+def test_nobody_is_let_in_without_a_token(
+    protected: Any, method: str, path: str, header: str | None
+) -> None:
+    headers = {} if header is None else {"Authorization": header.encode()}
+    answer = answered(protected, method, path, headers=headers)
+    assert answer.status_code == 401
+    assert answer.headers["www-authenticate"].startswith("Bearer")
+
+
+def test_a_token_lets_in(protected: Any) -> None:
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    assert answered(protected, "GET", "/v1/models", headers=headers).status_code == 200
+    assert answered(protected, "GET", "/metrics", headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/livez", "/openapi.json", "/assets/page.js"])
+def test_what_is_nobodys_needs_no_token(protected: Any, path: str) -> None:
+    assert answered(protected, "GET", path).status_code == 200
+
+
+def test_tokens_are_read_plain_or_hashed(tmp_path: Path) -> None:
+    file = tmp_path / "tokens"
+    digest = hashlib.sha256(TOKEN.encode()).hexdigest()
+    file.write_text(f"{TOKEN}\n\nsha256:{digest}\n")
+    tokens = read_tokens(file)
+    assert tokens[0] == tokens[1]
+    assert Settings(tokens=tokens).knows(TOKEN)
+    assert not Settings(tokens=tokens).knows(digest)
+    assert TOKEN not in repr(Settings(tokens=tokens))
+
+
+@pytest.mark.parametrize("line", ["short", "sha256:12", "a token with spaces in it", "é" * 20, ""])
+def test_a_token_that_is_none_is_told(tmp_path: Path, line: str) -> None:
+    (tmp_path / "tokens").write_text(f"{line}\n")
+    with pytest.raises(InputError, match="token"):
+        read_tokens(tmp_path / "tokens")
+
+
+def test_other_machines_need_a_token() -> None:
+    with pytest.raises(InputError, match="--token-file"):
+        check_bind("0.0.0.0", Settings(), insecure=False)
+    check_bind("0.0.0.0", Settings(), insecure=True)
+    check_bind("0.0.0.0", Settings(tokens=(b"x" * 32,)), insecure=False)
+    check_bind("127.0.0.1", Settings(), insecure=False)
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [("localhost", 200), ("LOCALHOST:80", 200), ("127.0.0.1:8700", 200), ("[::1]:80", 200)]
+    + [(host, 403) for host in ("evil.example", "localhost.evil.example", "127.0.0.1.nip.io", "")],
+)
+def test_only_known_hosts_are_served(called: Called, host: str, status: int) -> None:
+    assert called.get("/livez", headers={"Host": host}).status_code == status
+
+
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [("http://localhost", 200), ("null", 403), ("http://evil.example", 403), ("http://[", 403)],
+)
+def test_pages_of_others_are_refused(called: Called, origin: str, status: int) -> None:
+    assert called.get("/livez", headers={"Origin": origin}).status_code == status
+
+
+@pytest.mark.parametrize("length", ["1000000000", "-1", "x", "9" * 40])
+def test_a_length_that_cannot_be_is_refused_unread(called: Called, length: str) -> None:
+    async def body() -> Any:
+        raise AssertionError("read")
+        yield b""
+
+    headers = {"Content-Length": length}
+    answer = called.wait(called.client.post("/v1/motions", content=body(), headers=headers))
+    assert answer.status_code == 413
+
+
+def test_a_body_without_a_length_ends_at_the_limit(called: Called) -> None:
+    sent = 0
+
+    async def body() -> Any:
+        nonlocal sent
+        while True:
+            sent += 1 << 14
+            yield bytes(1 << 14)
+
+    answer = called.wait(called.client.post("/v1/motions", content=body()))
+    assert answer.status_code == 413
+    assert sent <= guard.LARGEST_BODY + (2 << 14)
+
+
+def test_a_slow_body_is_not_awaited(called: Called, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(guard, "BODY_SECONDS", 0.05)
+
+    async def body() -> Any:
+        yield b"{"
+        await asyncio.Event().wait()
+
+    answer = called.wait(called.client.post("/v1/motions", content=body()))
+    assert answer.status_code == 408
+
+
+def test_health_and_metrics_never_wait_for_the_model(called: Called) -> None:
+    held, begun = threading.Event(), threading.Event()
+
+    async def ask() -> None:
+        busy = asyncio.ensure_future(
+            called.service.called(lambda: (begun.set(), held.wait(60)), 60.0)
+        )
+        await asyncio.to_thread(begun.wait, 60)
+        for path in ("/livez", "/readyz", "/metrics"):
+            assert (await called.client.get(path)).status_code == 200
+        assert not busy.done()
+        held.set()
+        await busy
+
+    called.wait(ask())
+
+
+def test_metrics_count_requests_by_route(called: Called) -> None:
+    called.get("/v1/nothing")
+    called.get("/v1/models")
+    text = called.get("/metrics").text
+    assert 'latentmotion_requests_total{route="/v1/models",status="200"}' in text
+    assert 'latentmotion_requests_total{route="other",status="404"}' in text
+    assert "latentmotion_queue 0.0" in text
+    assert "/v1/nothing" not in text, "what clients invent is no label"
+
+
+@pytest.fixture
+def order() -> Iterator[list[str]]:
+    yield []
+
+
+def test_middleware_is_around_everything(order: list[str]) -> None:
+    def layer(name: str) -> Any:
+        def around(app: Any) -> Any:
+            async def call(scope: Any, receive: Any, send: Any) -> None:
+                order.append(name)
+                await app(scope, receive, send)
+
+            return call
+
+        return around
+
+    app = create_app(Settings(middleware=(layer("outer"), layer("inner"))))
+    assert answered(app, "GET", "/livez", headers={"Host": "evil.example"}).status_code == 403
+    assert order == ["outer", "inner"]
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"queue": 0}, {"threads": 0}, {"batch": 1000}, {"deadline": float("nan")}]
+)
+def test_settings_out_of_range_are_told(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="expected"):
+        Settings(**wrong)
