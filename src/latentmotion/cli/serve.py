@@ -102,8 +102,6 @@ class Serve:
                 raise
             raise MissingExtraError("latentmotion serve", error.name, "serve") from error
         with bound(self.host, self.port) as place:
-            host, port = place.getsockname()[:2]
-            print(f"http://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
             serve(settings, place, self.notice, self.shutdown)
 
 

@@ -81,7 +81,8 @@ class Guard:
             refuse = problem_response(problem.status_code, str(problem.detail), headers)
             await refuse(scope, receive, counted)
         else:
-            await self.app(scope, receive, counted)
+            with self.metrics.open.track_inprogress():
+                await self.app(scope, receive, counted)
         route = getattr(scope.get("route"), "path", "other")
         self.metrics.requests.labels(route, status).inc()
         self.metrics.request_seconds.labels(route).observe(time.monotonic() - began)

@@ -43,6 +43,7 @@ class Metrics:
             buckets=(1, 2, 4, 8, 16, 32, 64),
             registry=self.registry,
         )
+        self.open = Gauge("latentmotion_open", "Requests under way.", registry=self.registry)
         self.streams = Gauge("latentmotion_streams", "Open streams.", registry=self.registry)
         self.ready = Gauge("latentmotion_ready", "1 if requests are met.", registry=self.registry)
 

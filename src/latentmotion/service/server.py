@@ -22,6 +22,9 @@ KEEP_ALIVE = 75
 LARGEST_MESSAGE = 1 << 14
 """Bytes of a message of a stream."""
 
+WAITING = 2048
+"""Connections that wait to be accepted."""
+
 CONNECTIONS = 1000
 """Connections at the same time; beyond, they are answered by 503."""
 
@@ -62,7 +65,7 @@ class Server(uvicorn.Server):
 
 
 def bound(host: str, port: int) -> socket.socket:
-    """Returns a socket at an address.
+    """Returns a socket that listens at an address.
 
     Raises:
         InputError: The address is taken, or not this machine's.
@@ -71,18 +74,15 @@ def bound(host: str, port: int) -> socket.socket:
         raise InputError(f"--port {port}: expected 0 to 65535")
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        found = socket.socket(family)
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        found.bind(address)
+        return socket.create_server(address[:2], family=family, backlog=WAITING)
     except OSError as error:
         raise InputError(
             f"cannot serve at {host}:{port}: {error.strerror}; choose another --port or --host"
         ) from error
-    return found
 
 
 def serve(settings: Settings, place: socket.socket, notice: float, shutdown: float) -> None:
-    """Serves until SIGTERM or Ctrl+C.
+    """Prints the address and serves until SIGTERM or Ctrl+C.
 
     Args:
         settings: How the service runs.
@@ -94,6 +94,8 @@ def serve(settings: Settings, place: socket.socket, notice: float, shutdown: flo
         ModelError: There is no such model.
     """
     app = create_app(settings)
+    host, port = place.getsockname()[:2]
+    print(f"http://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
     for category in (UnknownWordsWarning, CleanUpWarning):
         warnings.simplefilter("ignore", category)  # of users' prompts, which no log holds
     config = uvicorn.Config(
