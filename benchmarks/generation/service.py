@@ -1,0 +1,167 @@
+"""What the service manages: motions a second, and how soon it refuses and lives at twice that.
+
+    python -m benchmarks.generation.service
+
+A server process with `--threads` threads of the model; clients in this process. "batched" and "one
+after the other" (batches of one) take turns. At twice capacity, requests come at a fixed rate,
+however many are still open.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import re
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from itertools import count
+
+import httpx
+
+from benchmarks.harness.contest import figure, table
+
+NUMBERS = count()
+RAW = {"format": "raw", "clean": False, "seconds": 4.0}
+GLB = {"format": "glb", "clean": True, "seconds": 4.0}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Prints the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each measurement")
+    parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--threads", type=int, default=2, help="that run the model")
+    parser.add_argument("--clients", type=int, default=32)
+    options = parser.parse_args(arguments)
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    threads, measured = str(options.threads), (options.seconds, options.clients)
+    with served("--threads", threads) as one, served("--threads", threads, "--batch", "1") as two:
+        contenders = {"batched": (one, RAW), "one after the other": (two, RAW), "GLB": (one, GLB)}
+        found: dict[str, list[tuple[float, float]]] = {name: [] for name in contenders}
+        for _ in range(options.turns):
+            for name, ((address, process), body) in contenders.items():
+                found[name].append(asyncio.run(throughput(address, process, body, *measured)))
+        rows = []
+        for name, runs in found.items():
+            rate, cost = (statistics.median(part) for part in zip(*runs, strict=True))
+            rows.append([name, figure(rate), figure(cost)])
+        print(table(["requests", "a second", "CPU ms each"], rows))
+        pairs = zip(found["batched"], found["one after the other"], strict=True)
+        ratios = [(one[0] / two[0], two[1] / one[1]) for one, two in pairs]
+        rate, cost = (statistics.median(part) for part in zip(*ratios, strict=True))
+        print(f"batching: {rate:.2f} times the requests, 1/{cost:.2f} of the CPU")
+        capacity = statistics.median(run[0] for run in found["batched"])
+        print(asyncio.run(overload(one[0], 2 * capacity, options.seconds)))
+    print(f"load {os.getloadavg()[0]:.1f}")
+
+
+@contextmanager
+def served(*options: str) -> Iterator[tuple[str, int]]:
+    """Yields the address and the process of a server."""
+    command = [sys.executable, "-m", "latentmotion", "serve", "--port", "0", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            while httpx.get(f"{address}/readyz", timeout=60).status_code != 200:
+                time.sleep(0.1)
+            yield address, process.pid
+        finally:
+            process.terminate()
+
+
+def body(about: dict[str, object]) -> bytes:
+    """Returns a request of which there is no other, as no prompt is read twice."""
+    number = next(NUMBERS)
+    prompt = f"a person walks {number} steps and turns"
+    return json.dumps({"prompt": prompt, "seed": number, **about}).encode()
+
+
+async def throughput(
+    address: str, process: int, about: dict[str, object], seconds: float, clients: int
+) -> tuple[float, float]:
+    """Returns answers a second, and CPU milliseconds of the server for each."""
+    done, end = 0, 0.0
+    headers = {"Content-Type": "application/json"}
+
+    async def ask(client: httpx.AsyncClient) -> None:
+        nonlocal done
+        while time.perf_counter() < end:
+            answer = await client.post("/v1/motions", content=body(about), headers=headers)
+            done += answer.status_code == 200
+
+    limits = httpx.Limits(max_connections=clients)
+    async with httpx.AsyncClient(base_url=address, timeout=60, limits=limits) as client:
+        for _ in range(4):
+            await client.post("/v1/motions", content=body(about), headers=headers)
+        began, cpu = time.perf_counter(), processor(process)
+        end = began + seconds
+        await asyncio.gather(*(ask(client) for _ in range(clients)))
+        took, spent = time.perf_counter() - began, processor(process) - cpu
+    return done / took, 1e3 * spent / max(done, 1)
+
+
+def processor(process: int) -> float:
+    """Returns the CPU seconds of a process and those that it started."""
+    total = 0.0
+    with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as children:  # noqa: PTH123
+        every = [process, *map(int, children.read().split())]
+    for one in every:
+        with open(f"/proc/{one}/stat", encoding="ascii") as stat:  # noqa: PTH123
+            fields = stat.read().rpartition(")")[2].split()
+        total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return total
+
+
+async def overload(address: str, rate: float, seconds: float) -> str:
+    """Returns what happened at a rate that is too high."""
+    times: dict[str, list[float]] = {}
+    headers = {"Content-Type": "application/json"}
+
+    async def timed(client: httpx.AsyncClient, path: str) -> None:
+        began = time.perf_counter()
+        try:
+            if path == "/livez":
+                name = f"livez {(await client.get(path)).status_code}"
+            else:
+                answer = await client.post(path, content=body(RAW), headers=headers)
+                name = str(answer.status_code)
+        except httpx.HTTPError as error:
+            name = type(error).__name__
+        times.setdefault(name, []).append(1e3 * (time.perf_counter() - began))
+
+    limits = httpx.Limits(max_connections=1000, max_keepalive_connections=200)
+    async with httpx.AsyncClient(base_url=address, timeout=60, limits=limits) as client:
+        tasks, began = [], time.perf_counter()
+        for number in range(round(rate * seconds)):
+            await asyncio.sleep(max(0.0, began + number / rate - time.perf_counter()))
+            tasks.append(asyncio.ensure_future(timed(client, "/v1/motions")))
+            if number % 10 == 0:
+                tasks.append(asyncio.ensure_future(timed(client, "/livez")))
+        await asyncio.gather(*tasks)
+    rows = []
+    for name, found in sorted(times.items()):
+        found.sort()
+        rows.append(
+            [name, str(len(found)), *(figure(found[int(p * len(found))]) for p in (0.5, 0.99))]
+        )
+    memory = (await _metrics(address)) / 1e6
+    head = f"asked {rate:.0f} a second for {seconds:g} s; then {memory:.0f} MB"
+    return f"{head}\n\n{table(['answer', 'times', 'median, ms', 'p99, ms'], rows)}"
+
+
+async def _metrics(address: str) -> float:
+    async with httpx.AsyncClient(base_url=address) as client:
+        text = (await client.get("/metrics")).text
+    found = re.search(r"^process_resident_memory_bytes (\S+)", text, re.MULTILINE)
+    return float(found[1]) if found else 0.0
+
+
+if __name__ == "__main__":
+    main()
