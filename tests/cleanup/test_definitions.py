@@ -108,9 +108,9 @@ def test_arms_are_found_by_their_names() -> None:
     ]
     one = Skeleton("one", ("left_shoulder", "left_elbow", "left_wrist"), (-1, 0, 1),
                    np.array([[0, 1.0, 0], [0, -0.3, 0], [0, -0.3, 0]]))  # fmt: skip
-    assert find_arms(one) == [(0, 1, 2)]
+    assert find_arms(one) == ((0, 1, 2),)
     blob = Skeleton("blob", ("pelvis",), (-1,), np.zeros((1, 3)))
-    assert find_arms(blob) == []
+    assert find_arms(blob) == ()
     below = np.array([[[0.0, -1, 0]]])
     np.testing.assert_array_equal(lift_hands(below, FPS, blob), below)
 

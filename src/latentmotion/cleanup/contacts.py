@@ -12,16 +12,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
+from latentmotion.arrays import quantile
 from latentmotion.kinematics.skeleton import Skeleton
 
-Path = Float[np.ndarray, "frames 3"]
+Paths = Float[np.ndarray, "frames feet 3"]
 Interval = tuple[int, int]
 """First frame of a contact, and the frame after its last."""
+
+Phase = tuple[int, int, int]
+"""A foot, the first frame of a stance phase of it, and the frame after its last."""
 
 _SLOW = 0.1
 """Meters per second: frames in which a foot is slower count most for where it stands."""
@@ -49,172 +54,227 @@ class Contacts:
 
 
 def foot_contacts(
-    joints: Float[np.ndarray, "frames joints 3"],
+    joints: Float[np.ndarray, "frames *batch joints 3"],
     fps: float,
     skeleton: Skeleton,
     settings: Contacts = Contacts(),
-) -> Bool[np.ndarray, "frames feet"]:
+) -> Bool[np.ndarray, "frames *batch feet"]:
     """Returns for each joint of the left foot, then of the right, whether it stands."""
-    feet = joints[:, [*skeleton.left_foot, *skeleton.right_foot]]
-    standing_height = np.percentile(feet[..., 1], 5, axis=0)
+    feet = joints[..., [*skeleton.left_foot, *skeleton.right_foot], :]
+    standing_height = quantile(feet[..., 1], 0.05)
     left = len(skeleton.left_foot)
-    if 2 * left == feet.shape[1]:  # both sides of a body are alike
-        standing_height = np.tile(standing_height.reshape(2, left).min(axis=0), 2)
+    if 2 * left == feet.shape[-2]:  # both sides of a body are alike
+        standing_height = np.minimum(standing_height[..., :left], standing_height[..., left:])
+        standing_height = np.concatenate([standing_height, standing_height], axis=-1)
     height = feet[..., 1] - np.clip(standing_height, 0, 0.12)
-    velocity = np.gradient(feet, axis=0) * fps if len(feet) > 1 else np.zeros_like(feet)
-    across, climb = np.linalg.norm(velocity[..., ::2], axis=-1), np.abs(velocity[..., 1])
+    moves = velocity(feet, fps)
+    across, climb = np.linalg.norm(moves[..., ::2], axis=-1), np.abs(moves[..., 1])
     limits = (settings.height, settings.speed, settings.climb)
     begins, lasts = (
         (height < limits[0][n]) & (across < limits[1][n]) & (climb < limits[2][n]) for n in (0, 1)
     )
-    contacts = np.zeros_like(lasts)
-    for foot in range(lasts.shape[1]):
-        for start, end in contact_intervals(lasts[:, foot]):
-            contacts[start:end, foot] = begins[start:end, foot].any()
-    frames = max(1, round(settings.shortest * fps))
-    for column in contacts.T:
-        _fill(column, False, frames - 1)
-        _fill(column, True, frames - 1)
-    return contacts
+    shortest = max(1, round(settings.shortest * fps))
+    columns = (len(lasts), -1)
+    found = _contacts(begins.reshape(columns), lasts.reshape(columns), shortest)
+    return found.reshape(lasts.shape)
+
+
+def _contacts(
+    begins: Bool[np.ndarray, "frames feet"], lasts: Bool[np.ndarray, "frames feet"], shortest: int
+) -> Bool[np.ndarray, "frames feet"]:
+    """Returns contacts where they last, as long as they begin somewhere, none and no gap short."""
+    begun = np.concatenate([np.zeros((1, lasts.shape[1]), int), np.cumsum(begins, axis=0)])
+    foot, start, end = contact_phases(lasts).T
+    begin = begun[end, foot] > begun[start, foot]
+    foot, start, end = foot[begin], start[begin], end[begin]
+    apart = (start[1:] - end[:-1] >= shortest) | (foot[1:] != foot[:-1])
+    first, last = (np.ones(len(foot), bool) for _ in range(2))
+    first[1:] = last[:-1] = apart
+    foot, start, end = foot[first], start[first], end[last]
+    long = end - start >= shortest
+    steps = np.zeros((len(lasts) + 1, lasts.shape[1]), np.int8)
+    steps[start[long], foot[long]], steps[end[long], foot[long]] = 1, -1
+    return np.cumsum(steps[:-1], axis=0) > 0
+
+
+def contact_phases(standing: Bool[np.ndarray, "frames feet"]) -> Int[np.ndarray, "contacts 3"]:
+    """Returns of every contact the foot, its first frame, and the frame after its last."""
+    frames, feet = standing.shape
+    line = np.zeros((feet, frames + 2), np.int8)  # foot after foot
+    line[:, 1:-1] = standing.T
+    line = line.ravel()
+    foot, start = np.divmod(np.flatnonzero(line[1:] > line[:-1]), frames + 2)
+    end = np.flatnonzero(line[1:] < line[:-1]) - foot * (frames + 2)
+    return np.stack([foot, start, end], axis=1)
 
 
 def contact_intervals(standing: Bool[np.ndarray, " frames"]) -> Iterator[Interval]:
     """Yields the first frame and the frame after the last of every contact of one joint."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], standing.astype(np.int8), [0]])))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-
-
-def _fill(standing: Bool[np.ndarray, " frames"], value: bool, longest: int) -> None:
-    """Flips short intervals of `value` between others, in place."""
-    for start, end in list(contact_intervals(standing == value)):
-        inside = start > 0 and end < len(standing)
-        if end - start <= longest and (inside or value):
-            standing[start:end] = not value
+    for _, start, end in contact_phases(standing[:, None]).tolist():
+        yield start, end
 
 
 @dataclass(frozen=True, eq=False)
-class FootStance:
-    """One foot over time."""
+class FootStances:
+    """When feet stand, and how surely."""
 
-    path: Path
-    """Position of the joint that carries the weight, up to a constant in each contact; y is 0."""
-    speed: Float[np.ndarray, " frames"]
+    speed: Float[np.ndarray, "frames feet"]
     """Sliding speed, meters per second."""
-    intervals: tuple[Interval, ...]
-    """The stance phases, in order."""
+    phases: tuple[Phase, ...]
+    """The stance phases, foot by foot, in order."""
 
-    @property
-    def weight(self) -> Float[np.ndarray, " frames"]:
-        """Confidence that the foot stands in each frame, given that it has contact."""
-        return 1 / (1 + (self.speed / _SLOW) ** 2)
+    @cached_property
+    def at(self) -> tuple[Int[np.ndarray, " standing"], Int[np.ndarray, " standing"]]:
+        """Frames and feet of which the stance phases consist, one phase after the other."""
+        foot, start, _ = np.array(self.phases, int).reshape(-1, 3).T
+        return np.arange(len(self._phase)) + (start - self._first)[self._phase], foot[self._phase]
 
-    def center(self, interval: Interval) -> Float[np.ndarray, " 3"]:
-        """Returns the mean of the path over one contact, in which slow frames weigh most."""
-        frames = slice(*interval)
-        return np.average(self.path[frames], axis=0, weights=self.weight[frames])
+    @cached_property
+    def weight(self) -> Float[np.ndarray, " standing"]:
+        """Confidence that a foot stands in these frames."""
+        return 1 / (1 + (self.speed[self.at] / _SLOW) ** 2)
 
-    def moved(self, root: Path) -> FootStance:
-        """Returns the same foot under a body that is moved by `root`."""
-        return replace(self, path=self.path + root)
+    def mean(
+        self, values: Float[np.ndarray, "standing channels"]
+    ) -> Float[np.ndarray, "standing channels"]:
+        """Returns in each frame the mean of values over its phase; slow frames weigh most."""
+        return np.add.reduceat(self._share * values, self._first, axis=0)[self._phase]
 
-    def eased(self, rest: tuple[float, float], far: tuple[float, float]) -> FootStance:
-        """Returns the same foot, its path kept only as far as it slides in each contact.
+    def eased(self, path: Paths, rest: tuple[float, float], far: tuple[float, float]) -> Paths:
+        """Returns paths, kept only as far as feet slide in each contact.
 
         A foot that comes to rest for a quarter of its contact does not slide, whatever it does
         while it lands, rolls and takes off.
 
         Args:
+            path: As `foot_stances` returns it.
             rest: Meters per second in that quarter: it rests below the first, slides above the
                 second.
             far: Meters, root mean square: it may move by the first all the same, by the second it
                 slides.
         """
-        path = self.path.copy()
-        for interval in self.intervals:
-            frames = slice(*interval)
-            offset = self.path[frames] - self.center(interval)
-            spread = np.sqrt(np.average((offset**2).sum(axis=-1), weights=self.weight[frames]))
-            slow = np.quantile(self.speed[frames], 0.25)
-            path[frames] = max(float(ramp(slow, *rest)), float(ramp(spread, *far))) * offset
-        return replace(self, path=path)
+        eased, standing = path.copy(), path[self.at]
+        offset = standing - self.mean(standing)
+        spread = np.sqrt(self.mean((offset**2).sum(axis=-1, keepdims=True)))
+        slow = [quantile(self.speed[start:end, foot], 0.25) for foot, start, end in self.phases]
+        slides = ramp(np.array(slow), *rest)[self._phase, None]
+        eased[self.at] = np.maximum(slides, ramp(spread, *far)) * offset
+        return eased
 
-    def broken_at_jumps(self, pause: int) -> FootStance:
-        """Returns the same foot, contacts broken where it is put elsewhere and stands again."""
+    def broken_at_jumps(self, path: Paths, pause: int) -> FootStances:
+        """Returns the stances, contacts broken where a foot is put elsewhere and stands again."""
 
-        def jumps(interval: Interval) -> bool:
-            path, first = self.path[slice(*interval)], self._fastest(interval, pause) - interval[0]
-            jump = np.linalg.norm(path[first + pause] - path[first])
-            return bool(jump > max(_JUMP[0], _JUMP[1] * np.linalg.norm(np.ptp(path, axis=0))))
+        def jumps(phase: Phase) -> bool:
+            foot, start, end = phase
+            own = path[start:end, foot]
+            way = np.linalg.norm(own.max(axis=0) - own.min(axis=0))
+            first = _fastest(own, pause) if way > _JUMP[0] else 0
+            jump = np.linalg.norm(own[first + pause] - own[first])
+            return bool(jump > max(_JUMP[0], _JUMP[1] * way))
 
-        return self._broken(jumps, pause)
+        return self._broken(path, jumps, pause)
 
-    def broken_at_slips(self, slip: float, pause: int) -> FootStance:
-        """Returns the same foot, contacts broken in which it slides farther than `slip`, meters."""
+    def broken_at_slips(self, path: Paths, slip: float, pause: int) -> FootStances:
+        """Returns the stances, contacts broken in which a foot slides beyond `slip` meters."""
 
-        def slips(interval: Interval) -> bool:
-            offset = self.path[slice(*interval)] - self.center(interval)
-            return bool(np.linalg.norm(offset, axis=-1).max() > slip)
+        def slips(phase: Phase) -> bool:
+            foot, start, end = phase
+            own, weight = path[start:end, foot], _confidence(self.speed[start:end, foot])
+            offset = own - weight @ own / weight.sum()
+            return bool((offset**2).sum(axis=-1).max() > slip**2)
 
-        return self._broken(slips, pause)
+        return self._broken(path, slips, pause)
 
-    def _broken(self, condition: Callable[[Interval], bool], pause: int) -> FootStance:
+    def _broken(self, path: Paths, condition: Callable[[Phase], bool], pause: int) -> FootStances:
         """Breaks contacts that meet `condition` by a gap of as many frames as a step takes."""
-        kept, remaining = [], list(self.intervals)
+        kept, remaining = [], list(self.phases)
         while remaining:
-            start, end = interval = remaining.pop()
-            if end - start > 3 * pause and condition(interval):
-                first = self._fastest(interval, pause)
-                remaining += [(start, first), (first + pause, end)]
+            foot, start, end = phase = remaining.pop()
+            if end - start > 3 * pause and condition(phase):
+                first = start + _fastest(path[start:end, foot], pause)
+                remaining += [(foot, start, first), (foot, first + pause, end)]
             else:
-                kept.append(interval)
-        return replace(self, intervals=tuple(sorted(kept)))
+                kept.append(phase)
+        return self if len(kept) == len(self.phases) else replace(self, phases=tuple(sorted(kept)))
 
-    def _fastest(self, interval: Interval, pause: int) -> int:
-        """Returns where the fastest `pause` frames begin; of equally fast ones, the middle."""
-        path = self.path[slice(*interval)]
-        distance = np.linalg.norm(path[pause:] - path[:-pause], axis=-1)
-        middle = np.abs(np.linspace(-1, 1, len(distance)))
-        inner = slice(pause, len(distance) - pause)
-        return interval[0] + pause + int((distance * (1 - 0.2 * middle))[inner].argmax())
+    @cached_property
+    def _phase(self) -> Int[np.ndarray, " standing"]:
+        counts = [end - start for _, start, end in self.phases]
+        return np.repeat(np.arange(len(counts)), counts)
+
+    @cached_property
+    def _first(self) -> Int[np.ndarray, " phases"]:
+        return np.searchsorted(self._phase, np.arange(len(self.phases)))
+
+    @cached_property
+    def _share(self) -> Float[np.ndarray, "standing 1"]:
+        total = np.add.reduceat(self.weight, self._first)
+        return (self.weight / total[self._phase])[:, None]
 
 
-def foot_stance(
-    pivots: Float[np.ndarray, "frames pivots 3"],
-    standing: Bool[np.ndarray, "frames pivots"],
+def _confidence(speed: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+    return 1 / (1 + (speed / _SLOW) ** 2)
+
+
+def _fastest(path: Float[np.ndarray, "frames 3"], pause: int) -> int:
+    """Returns where the fastest `pause` frames begin; of equally fast ones, the middle."""
+    distance = np.linalg.norm(path[pause:] - path[:-pause], axis=-1)
+    middle = np.abs(np.linspace(-1, 1, len(distance)))
+    inner = slice(pause, len(distance) - pause)
+    return pause + int((distance * (1 - 0.2 * middle))[inner].argmax())
+
+
+def foot_stances(
+    pivots: Float[np.ndarray, "frames feet pivots 3"],
+    standing: Bool[np.ndarray, "frames feet pivots"],
     fps: float,
     landing: float,
-) -> FootStance:
-    """Returns the stance of a foot: how the joint that carries the weight slides, and when.
+) -> tuple[Paths, FootStances]:
+    """Returns how feet slide, and when they stand.
 
     Args:
-        pivots: Its joints that touch the floor, the one that holds longest last.
+        pivots: Their joints that touch the floor, the one that holds longest last.
         standing: Whether each of them has contact.
         fps: Frames per second.
         landing: Meters per second above which a foot that comes down or takes off does not stand.
+
+    Returns:
+        Paths of the joints that carry the weight, up to a constant in each contact, y being 0; and
+        the stances.
     """
     # The joint that carries the weight: one that stands before one that lands, toe before ankle.
-    steps = np.diff(pivots, axis=0) * (1, 0, 1)
+    frames, feet, count, _ = pivots.shape
     holds = np.where(standing[1:] & standing[:-1], 2, standing[1:] | standing[:-1])
-    rank = holds * len(pivots[0]) + np.arange(len(pivots[0]))
-    slides = np.take_along_axis(steps, rank.argmax(axis=1)[:, None, None], axis=1)[:, 0]
-    path = np.concatenate([np.zeros((1, 3)), np.cumsum(slides, axis=0)])
-    speed = np.zeros(len(path))
-    if len(path) > 1:
-        speed = np.linalg.norm(np.gradient(path, axis=0), axis=-1) * fps
+    carries = (holds * count + np.arange(count)).argmax(axis=-1)
+    steps = np.diff(pivots, axis=0)[np.arange(frames - 1)[:, None], np.arange(feet), carries]
+    path = np.zeros((frames, feet, 3))
+    np.cumsum(steps * (1, 0, 1), axis=0, out=path[1:])
+    speed = np.linalg.norm(velocity(path, fps), axis=-1)
     # Contacts lose their fast ends, except where the motion itself begins or stops.
-    most, intervals = round(_ENDS * fps), []
-    for start, end in contact_intervals(np.logical_or.reduce(standing, axis=1)):
+    most, phases, fast = round(_ENDS * fps), [], (speed > landing).T.tolist()
+    for foot, start, end in contact_phases(standing.any(axis=-1)).tolist():
         first, last = start, end
-        while start > 0 and first < min(start + most, end) and speed[first] > landing:
+        while start > 0 and first < min(start + most, end) and fast[foot][first]:
             first += 1
-        while end < len(speed) and last > max(end - most, first) and speed[last - 1] > landing:
+        while end < frames and last > max(end - most, first) and fast[foot][last - 1]:
             last -= 1
         if last - first > 1:
-            intervals.append((first, last))
-    return FootStance(path, speed, tuple(intervals))
+            phases.append((foot, first, last))
+    return path, FootStances(speed, tuple(phases))
+
+
+def velocity(
+    points: Float[np.ndarray, "frames ..."], fps: float
+) -> Float[np.ndarray, "frames ..."]:
+    """Returns central differences, meters per second; zero for a single frame."""
+    found = np.zeros(points.shape)
+    if len(points) > 1:
+        found[1:-1] = 0.5 * (points[2:] - points[:-2])
+        found[0], found[-1] = points[1] - points[0], points[-1] - points[-2]
+    return fps * found
 
 
 def ramp(values: ArrayLike, low: float, high: float) -> np.ndarray:
     """Returns 0 below `low`, 1 above `high`, and a smooth step between."""
-    u = np.clip((np.asarray(values) - low) / (high - low), 0, 1)
+    u = np.minimum(np.maximum((np.asarray(values) - low) / (high - low), 0), 1)
     return np.asarray(u * u * (3 - 2 * u))

@@ -10,10 +10,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import quantile
+from latentmotion.cleanup.contacts import velocity
 from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.smoothing import gaussian, upper_envelope
 from latentmotion.kinematics.skeleton import Skeleton
@@ -38,11 +41,11 @@ class Floor:
 
 
 def align_floor(
-    joints: Float[np.ndarray, "frames joints 3"],
+    joints: Float[np.ndarray, "frames *batch joints 3"],
     fps: float,
     skeleton: Skeleton,
     settings: Floor = Floor(),
-) -> Float[np.ndarray, "frames joints 3"]:
+) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints, whole poses moved up or down so that they stand or lie on height 0."""
     feet = [*skeleton.left_foot, *skeleton.right_foot]
     hands = [joint for arm in find_arms(skeleton) for joint in arm[2:]]
@@ -50,52 +53,57 @@ def align_floor(
     moved = joints.copy()
     low, high = settings.lying
     if feet:  # 1. one number, the height under standing feet
-        lowest = moved[:, feet, 1].min(axis=1)
-        stands = moved[:, 0, 1] - lowest > high
-        if len(lowest) > 1:
-            stands &= np.abs(np.gradient(lowest)) * fps < 0.1
-        if stands.any():
-            level = float(np.percentile(lowest[stands], 10))
-            shift = float(np.sign(level)) * max(0.0, abs(level) - settings.tolerance)
-            moved[..., 1] -= shift
+        lowest = moved[..., feet, 1].min(axis=-1)
+        stands = moved[..., 0, 1] - lowest > high
+        stands &= np.abs(velocity(lowest, fps)) < 0.1
+        columns = zip(
+            lowest.reshape(len(lowest), -1).T, stands.reshape(len(lowest), -1).T, strict=True
+        )
+        under = [heights[still] for heights, still in columns]
+        level = np.array([quantile(heights, 0.1) if len(heights) else 0.0 for heights in under])
+        level = level.reshape(lowest.shape[1:])
+        shift = np.sign(level) * np.maximum(0, np.abs(level) - settings.tolerance)
+        moved[..., 1] -= shift[..., None]
     # 2. A lying body comes down by what it hovers for longer than a jump lasts.
-    reach = min(round(settings.longest_jump * fps / 2), len(moved) - 1)
-    lowest = np.pad(moved[..., 1].min(axis=1) - settings.hover, reach, mode="edge")
-    base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1).min(axis=-1)
-    lies = np.clip((high - moved[:, 0, 1]) / (high - low), 0, 1)
-    hover = np.maximum(0, gaussian(lies * np.maximum(0, base), 0.2 * fps))
-    moved[..., 1] -= hover[:, None]
+    lies = np.maximum(0, np.minimum(1, (high - moved[..., 0, 1]) / (high - low)))
+    if lies.any():
+        reach, last = min(round(settings.longest_jump * fps / 2), len(moved) - 1), len(moved) - 1
+        around = np.clip(np.arange(-reach, last + reach + 1), 0, last)
+        lowest = moved[..., 1].min(axis=-1)[around] - settings.hover
+        base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1, axis=0).min(axis=-1)
+        hover = np.maximum(0, gaussian(lies * np.maximum(0, base), 0.2 * fps))
+        moved[..., 1] -= hover[..., None]
     # 3. What is below the floor is lifted.
-    below = np.maximum(0, -moved[:, body, 1].min(axis=1))
+    below = np.maximum(0, -moved[..., body, 1].min(axis=-1))
     if feet:
-        below = np.maximum(below, -settings.sink - moved[:, feet, 1].min(axis=1))
-    moved[..., 1] += upper_envelope(below, max(1, round(0.2 * fps)))[:, None]
+        below = np.maximum(below, -settings.sink - moved[..., feet, 1].min(axis=-1))
+    moved[..., 1] += upper_envelope(below, max(1, round(0.2 * fps)))[..., None]
     return lift_hands(moved, fps, skeleton)
 
 
-def find_arms(skeleton: Skeleton) -> list[tuple[int, int, int]]:
+@lru_cache(maxsize=16)
+def find_arms(skeleton: Skeleton) -> tuple[tuple[int, int, int], ...]:
     """Returns shoulder, elbow and wrist of both arms, as far as the skeleton has them."""
     index = {name: joint for joint, name in enumerate(skeleton.names)}
     sides = [[f"{side}_{name}" for name in _ARM] for side in ("left", "right")]
     arms = [[index[name] for name in side] for side in sides if set(side) <= set(index)]
-    return [(shoulder, elbow, wrist) for shoulder, elbow, wrist in arms]
+    return tuple((shoulder, elbow, wrist) for shoulder, elbow, wrist in arms)
 
 
 def lift_hands(
-    joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
-) -> Float[np.ndarray, "frames joints 3"]:
+    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, skeleton: Skeleton
+) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints with no wrist below the floor at height 0."""
-    moved, arms = joints.copy(), find_arms(skeleton)
-    if not arms:
+    arms = np.array(find_arms(skeleton), int).reshape(-1, 3)
+    shoulder, elbow, wrist = (joints[..., arms[:, n], :] for n in range(3))
+    below = np.maximum(0, -wrist[..., 1])
+    moved = joints.copy()
+    if not below.any():
         return moved
-    between = np.mean([joints[:, arm[0]] for arm in arms], axis=0)
-    for arm in arms:
-        shoulder, elbow, wrist = (joints[:, joint] for joint in arm)
-        up = upper_envelope(np.maximum(0, -wrist[:, 1]), max(1, round(0.1 * fps)))
-        goal = wrist + up[:, None] * (0, 1, 0)
-        outward = elbow - (shoulder + wrist) / 2 + 0.1 * (shoulder - between)
-        new = reach(shoulder, elbow, wrist, goal, outward)
-        touched = (up > 0)[:, None]
-        for joint, old, position in zip(arm[1:], (elbow, wrist), new, strict=True):
-            moved[:, joint] = np.where(touched, position, old)
+    up = upper_envelope(below, max(1, round(0.1 * fps)))[..., None]
+    between = shoulder.mean(axis=-2, keepdims=True)
+    outward = elbow - (shoulder + wrist) / 2 + 0.1 * (shoulder - between)
+    new = reach(shoulder, elbow, wrist, wrist + up * (0, 1, 0), outward)
+    for n, old, position in zip((1, 2), (elbow, wrist), new, strict=True):
+        moved[..., arms[:, n], :] = np.where(up > 0, position, old)
     return moved

@@ -32,13 +32,14 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.cleanup.contacts import FootStance, Path, foot_stance, ramp
+from latentmotion.arrays import cross
+from latentmotion.cleanup.contacts import FootStances, Paths, Phase, foot_stances, ramp, velocity
 from latentmotion.cleanup.leg_ik import Leg, find_legs, keep_knee_direction, reach
 from latentmotion.cleanup.smoothing import upper_envelope
 from latentmotion.kinematics.skeleton import Skeleton
 
-Joints = Float[np.ndarray, "frames joints 3"]
-Lengths = Float[np.ndarray, " frames"]
+Joints = Float[np.ndarray, "frames motions joints 3"]
+Shifts = Float[np.ndarray, "frames motions legs 3"]
 
 _SWAY = 0.2
 """Standard deviation, seconds, of the Gaussian g of the body's correction."""
@@ -83,12 +84,12 @@ class FootLock:
 
 
 def lock_feet(
-    joints: Joints,
-    contacts: Bool[np.ndarray, "frames feet"],
+    joints: Float[np.ndarray, "frames *batch joints 3"],
+    contacts: Bool[np.ndarray, "frames *batch feet"],
     fps: float,
     skeleton: Skeleton,
     settings: FootLock,
-) -> Joints:
+) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints with feet that do not slide while they have contact.
 
     Args:
@@ -99,193 +100,190 @@ def lock_feet(
         settings: Settings of foot locks.
     """
     legs, order = find_legs(skeleton), [*skeleton.left_foot, *skeleton.right_foot]
-    feet = []
-    for leg in legs:
-        standing = contacts[:, [order.index(pivot) for pivot in leg.pivots]]
-        foot = foot_stance(joints[:, list(leg.pivots)], standing, fps, settings.landing)
-        foot = foot.broken_at_jumps(settings.pause(fps))
-        feet.append(foot.eased(settings.rest, settings.far))
-    root = drift_correction(feet, _SWAY * fps, settings.stay)
-    carried = joints + root[:, None]
-    shifts = [
-        foot_shift(carried[:, list(leg.pivots)], foot.moved(root), fps, settings)
-        for leg, foot in zip(legs, feet, strict=True)
-    ]
-    return keep_knee_direction(_posed(carried, legs, shifts, fps, settings), joints, skeleton)
+    # A foot with fewer joints than the other has its first one twice, which changes nothing.
+    most = max(len(leg.pivots) for leg in legs)
+    pivots = [[leg.pivots[0]] * (most - len(leg.pivots)) + [*leg.pivots] for leg in legs]
+    columns = [[order.index(pivot) for pivot in foot] for foot in pivots]
+    every = joints.reshape(len(joints), -1, len(skeleton), 3)
+    shape = (len(joints), every.shape[1] * len(legs), most)
+    standing = contacts.reshape(*every.shape[:2], -1)[..., columns].reshape(shape)
+    touching = every[:, :, pivots].reshape(*shape, 3)
+    path, stances = foot_stances(touching, standing, fps, settings.landing)
+    stances = stances.broken_at_jumps(path, settings.pause(fps))
+    path = stances.eased(path, settings.rest, settings.far)
+    root = drift_correction(path, stances, len(legs), _SWAY * fps, settings.stay)
+    carried, drift = every + root[:, :, None], np.repeat(root, len(legs), axis=1)
+    touching, path = touching + drift[:, :, None], path + drift
+    stances = stances.broken_at_slips(path, settings.slip, settings.pause(fps))
+    shifts = foot_shifts(touching, path, stances, fps, settings)
+    shifts = shifts.reshape(*every.shape[:2], len(legs), 3)
+    moved = _posed(carried, legs, shifts, fps, settings).reshape(joints.shape)
+    return keep_knee_direction(moved, joints, skeleton)
 
 
 def _posed(
-    joints: Joints, legs: list[Leg], shifts: list[Path], fps: float, settings: FootLock
+    joints: Joints, legs: Sequence[Leg], shifts: Shifts, fps: float, settings: FootLock
 ) -> Joints:
     """Returns the joints with each foot shifted, the pelvis lowered where it must be."""
-    moved = joints.copy()
-    moved[..., 1] -= _lowering(joints, legs, shifts, fps, settings)[:, None]
-    across = np.zeros((len(joints), 3))
-    if len(legs) > 1:  # from the right hip to the left
-        across = joints[:, legs[0].hip] - joints[:, legs[1].hip]
-    for leg, shift in zip(legs, shifts, strict=True):
-        hip, drop = moved[:, leg.hip], joints[:, leg.hip] - moved[:, leg.hip]
-        knee, ankle = joints[:, leg.knee] - drop, joints[:, leg.ankle] - drop
-        line = joints[:, leg.ankle] + shift - hip
-        length = np.linalg.norm(line, axis=-1)
-        # The nearer a leg is to straight, the less of the wanted length it gets: a knee that stops
-        # at once where the leg is straight would snap.
-        whole, before = _leg_lengths(joints, leg)
-        easy = np.maximum(settings.stretch[0] * whole, before)
-        room = np.maximum(settings.stretch[1] * whole - easy, 0.1 * np.maximum(whole - easy, 0))
-        room = room + 1e-6
-        over = np.maximum(0, length - easy)
-        stretched = np.minimum(length, easy) + room * (1 - np.exp(-over / room))
-        share = stretched / np.maximum(length, 1e-9)
-        foot = joints[:, leg.pivots[-1]] - joints[:, leg.ankle]
-        ahead = np.cross(across, hip - ankle) + 0.1 * foot
-        goal, below = hip + line * share[:, None], list(leg.below)
-        moved[:, leg.knee], moved[:, leg.ankle] = reach(hip, knee, ankle, goal, ahead)
-        # The foot keeps its shape and slope.
-        moved[:, below] = joints[:, below] + (moved[:, leg.ankle] - joints[:, leg.ankle])[:, None]
+    hips, knees, ankles, toes = np.array(
+        [(leg.hip, leg.knee, leg.ankle, leg.pivots[-1]) for leg in legs]
+    ).T
+    hip, knee, ankle = (joints[:, :, chain] for chain in (hips, knees, ankles))
+    whole, before = _norm(knee - hip) + _norm(ankle - knee), _norm(ankle - hip)
+    moved, goals = joints.copy(), ankle + shifts
+    # The pelvis comes down for all ankles to reach their goals.
+    line = goals - hip
+    longest = np.maximum(_LOWERED * whole, before)
+    height = np.sqrt(np.maximum(longest**2 - (line[..., ::2] ** 2).sum(axis=-1), 0))
+    need = np.clip((-line[..., 1] - height).max(axis=-1), 0, settings.lower)
+    down = upper_envelope(need, max(1, round(0.15 * fps)))[..., None]
+    moved[..., 1] -= down
+    for joint in (hip, knee, ankle):
+        joint[..., 1] -= down
+    line = goals - hip
+    length = _norm(line)
+    # The nearer a leg is to straight, the less of the wanted length it gets: a knee that stops
+    # at once where the leg is straight would snap.
+    easy = np.maximum(settings.stretch[0] * whole, before)
+    room = np.maximum(settings.stretch[1] * whole - easy, 0.1 * np.maximum(whole - easy, 0))
+    room = room + 1e-6
+    over = np.maximum(0, length - easy)
+    stretched = np.minimum(length, easy) + room * (1 - np.exp(-over / room))
+    share = stretched / np.maximum(length, 1e-9)
+    ahead = 0.1 * (moved[:, :, toes] - ankle)
+    if len(legs) > 1:  # across from the right hip to the left
+        ahead = ahead + cross(hip[:, :, :1] - hip[:, :, 1:], hip - ankle)
+    found = reach(hip, knee, ankle, hip + line * share[..., None], ahead)
+    moved[:, :, knees], moved[:, :, ankles] = found
+    carry = found[1] - ankle
+    for n, leg in enumerate(legs):  # the foot keeps its shape and slope
+        moved[:, :, list(leg.below)] += carry[:, :, n, None]
     return moved
 
 
-def _lowering(
-    joints: Joints, legs: list[Leg], shifts: list[Path], fps: float, settings: FootLock
-) -> Lengths:
-    """Returns how far the pelvis comes down for all ankles to reach their goals."""
-    need = np.zeros(len(joints))
-    for leg, shift in zip(legs, shifts, strict=True):
-        line = joints[:, leg.ankle] + shift - joints[:, leg.hip]
-        across = np.linalg.norm(line[:, ::2], axis=-1)
-        whole, before = _leg_lengths(joints, leg)
-        longest = np.maximum(_LOWERED * whole, before)
-        height = np.sqrt(np.maximum(longest**2 - across**2, 0))
-        need = np.maximum(need, -line[:, 1] - height)
-    need = np.clip(need, 0, settings.lower)
-    return upper_envelope(need, max(1, round(0.15 * fps)))
+def _norm(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
+    return np.sqrt(np.einsum("...c,...c->...", vectors, vectors))
 
 
-def _leg_lengths(joints: Joints, leg: Leg) -> tuple[Lengths, Lengths]:
-    """Returns the length of a straight leg, and the distance from hip to ankle."""
-    hip, knee, ankle = (joints[:, joint] for joint in (leg.hip, leg.knee, leg.ankle))
-    straight = np.linalg.norm(knee - hip, axis=-1) + np.linalg.norm(ankle - knee, axis=-1)
-    return straight, np.linalg.norm(ankle - hip, axis=-1)
-
-
-def drift_correction(feet: Sequence[FootStance], deviation: float, stay: float) -> Path:
-    """Returns the correction of the root in each frame for which planted feet slide least.
+def drift_correction(
+    path: Paths, stances: FootStances, legs: int, deviation: float, stay: float
+) -> Float[np.ndarray, "frames motions 3"]:
+    """Returns the correction of roots in each frame for which planted feet slide least.
 
     Args:
-        feet: The stance of each foot.
+        path: How feet slide, those of a motion one after the other.
+        stances: When they stand.
+        legs: Feet of one motion.
         deviation: Standard deviation of the Gaussian g, frames.
         stay: a: the larger, the less the body moves.
     """
-    frames = len(feet[0].path)
+    frames, motions = len(path), path.shape[1] // legs
+    correction = np.zeros((frames, motions, 3))
+    if not stances.phases:
+        return correction
     width = min(int(np.ceil(3 * deviation)), frames - 1)
     window = np.exp(-0.5 * (np.arange(-width, width + 1) / deviation) ** 2)
     window = window / window.sum()
-    contacts = [(slice(*p), foot.weight[slice(*p), None]) for foot in feet for p in foot.intervals]
+    frame, motion = stances.at[0], stances.at[1] // legs
+    place = motion * frames + frame
 
-    def spread(values: Path) -> Path:
-        half = len(window) // 2
-        columns = [np.convolve(column, window)[half : half + frames] for column in values.T]
-        return np.stack(columns, axis=1)
+    # Values are along x and z, of motion after motion, frame after frame.
+    def spread(values: np.ndarray) -> np.ndarray:
+        apart = np.zeros((2, motions, frames + width))
+        apart[..., :frames] = values
+        return np.convolve(apart.ravel(), window, "same").reshape(apart.shape)[..., :frames]
 
-    def normal(values: Path) -> Path:
-        moved, pull = spread(values), np.zeros_like(values)
-        for inside, weight in contacts:
-            pull[inside] += _off_center(moved[inside], weight)
-        return spread(pull) + stay * values
+    def pulls(standing: Float[np.ndarray, "standing 2"]) -> np.ndarray:
+        off_center = stances.weight[:, None] * (standing - stances.mean(standing))
+        total = [np.bincount(place, column, frames * motions) for column in off_center.T]
+        return spread(np.reshape(total, (2, motions, frames)))
 
-    slides = np.zeros((frames, 3))
-    for foot in feet:
-        for interval in foot.intervals:
-            inside = slice(*interval)
-            slides[inside] += _off_center(foot.path[inside], foot.weight[inside, None])
-    right = -spread(slides)
-    solution, rest, direction = np.zeros_like(right), right, right
-    first = size = float((rest**2).sum())
-    for _ in range(_ROUNDS):  # conjugate gradients, all columns at once
-        if size <= 1e-6 * first:
+    def product(a: np.ndarray, b: np.ndarray) -> Float[np.ndarray, "motions 1"]:
+        return np.einsum("cmf,cmf->m", a, b)[:, None]
+
+    rest = direction = -pulls(path[stances.at][:, ::2])
+    solution = np.zeros_like(rest)
+    first = size = product(rest, rest)
+    for _ in range(_ROUNDS):  # conjugate gradients, both directions of a motion at once
+        far = size > 1e-6 * first
+        if not far.any():
             break
-        image = normal(direction)
-        step = size / float((direction * image).sum())
+        image = pulls(spread(direction)[:, motion, frame].T) + stay * direction
+        step = np.where(far, size / np.maximum(product(direction, image), 1e-300), 0)
         solution, rest = solution + step * direction, rest - step * image
-        before, size = size, float((rest**2).sum())
-        direction = rest + size / before * direction
-    return spread(solution)
+        before, size = size, product(rest, rest)
+        direction = rest + size / np.maximum(before, 1e-300) * direction
+    correction[..., ::2] = spread(solution).T
+    return correction
 
 
-def _off_center(path: Path, weight: Float[np.ndarray, "frames 1"]) -> Path:
-    """Returns how far a path is from its weighted mean, times the weight."""
-    return weight * (path - (weight * path).sum(axis=0) / weight.sum())
-
-
-def foot_shift(
-    pivots: Float[np.ndarray, "frames pivots 3"], foot: FootStance, fps: float, settings: FootLock
-) -> Path:
-    """Returns the vector from where a foot is to where it should be.
+def foot_shifts(
+    pivots: Float[np.ndarray, "frames feet pivots 3"],
+    path: Paths,
+    stances: FootStances,
+    fps: float,
+    settings: FootLock,
+) -> Paths:
+    """Returns the vectors from where feet are to where they should be.
 
     Args:
-        pivots: Its joints that touch the floor.
-        foot: Its stance.
+        pivots: Their joints that touch the floor.
+        path: How they slide.
+        stances: When they stand.
         fps: Frames per second.
         settings: Settings of foot locks.
     """
-    foot = foot.broken_at_slips(settings.slip, settings.pause(fps))
-    shift = np.zeros_like(foot.path)
-    for interval in foot.intervals:
-        inside = slice(*interval)
-        shift[inside] = foot.center(interval) - foot.path[inside]
-    before: list[int | None] = [None, *(end - 1 for _, end in foot.intervals)]
-    after: list[int | None] = [*(start for start, _ in foot.intervals), None]
-    for last, first in zip(before, after, strict=True):
-        whole = last is None and first is None
-        if not whole and (len(shift) - 1 if last is None else last) != first:
-            _bridge(shift, (last, first), max(1, round(settings.blend * fps)))
+    shift, standing = np.zeros(path.shape), path[stances.at]
+    shift[stances.at] = stances.mean(standing) - standing
+    _bridge(shift, stances.phases, max(1, round(settings.blend * fps)))
     # The foot is raised so that it is not below the floor, and steps over it.
+    points = np.concatenate([shift[:, :, None], pivots + shift[:, :, None]], axis=2)
+    speed = np.linalg.norm(velocity(points, fps)[..., ::2], axis=-1)
     height = np.maximum(
-        settings.clearance * ramp(_speed(pivots + shift[:, None], fps), 0.4, 0.8),
-        settings.step * ramp(_speed(shift[:, None], fps), 0.2, 0.6),
+        settings.step * ramp(speed[..., :1], 0.2, 0.6),
+        settings.clearance * ramp(speed[..., 1:], 0.4, 0.8),
     )
-    frames, distance = np.arange(len(shift)), np.full(len(shift), np.inf)
-    for start, end in foot.intervals:
-        outside = np.maximum(start - frames, frames - (end - 1))
-        distance = np.minimum(distance, np.maximum(0, outside))
-    height = height * ramp(distance, 0.0, 0.15 * fps)[:, None]
-    need = np.maximum(0, height - pivots[..., 1]).max(axis=1)
-    up = upper_envelope(need, max(1, round(0.1 * fps)))
-    return shift + up[:, None] * (0, 1, 0)
+    frames = np.arange(len(shift), dtype=float)[:, None]
+    last, following = (np.full(shift.shape[:2], fill) for fill in (-np.inf, np.inf))
+    last[stances.at] = following[stances.at] = stances.at[0]
+    last = np.maximum.accumulate(last, axis=0)
+    following = np.minimum.accumulate(following[::-1], axis=0)[::-1]
+    distance = np.minimum(frames - last, following - frames)
+    height = height * ramp(distance, 0.0, 0.15 * fps)[..., None]
+    need = np.maximum(0, height - pivots[..., 1]).max(axis=-1)
+    shift[..., 1] += upper_envelope(need, max(1, round(0.1 * fps)))
+    return shift
 
 
-@dataclass(frozen=True)
-class _Knot:
-    frame: int
-    value: Float[np.ndarray, " 3"]
-    slope: Float[np.ndarray, " 3"]
+def _bridge(shift: Paths, phases: Sequence[Phase], blend: int) -> None:
+    """Fills gaps in place: from one contact's shift to the next's, or to zero in between.
 
-
-def _bridge(shift: Path, gap: tuple[int | None, int | None], blend: int) -> None:
-    """Fills a gap in place: from one contact's shift to the next's, or to zero in between."""
-    (left, right), none = gap, np.zeros(3)
-    knots = []
-    if left is not None:
-        leaving = _Knot(left, shift[left], shift[left] - shift[left - 1])
-        knots += [leaving, _Knot(left + blend, none, none)]
-    if right is not None:
-        meeting = _Knot(right, shift[right], shift[right + 1] - shift[right])
-        knots += [_Knot(right - blend, none, none), meeting]
-    if left is not None and right is not None and right - left < 2 * blend:
-        knots = [knots[0], knots[-1]]
-    for a, b in pairwise(knots):  # the cubic between two knots, themselves left out (Hermite)
-        frames = np.arange(max(a.frame + 1, 0), min(b.frame, len(shift)))
-        length = max(b.frame - a.frame, 1)
-        u = ((frames - a.frame) / length)[:, None]
-        rise = length * (u * (1 - u) ** 2 * a.slope - u**2 * (1 - u) * b.slope)
-        ease = u**2 * (3 - 2 * u)
-        shift[frames] = (1 - ease) * a.value + ease * b.value + rise
-
-
-def _speed(
-    points: Float[np.ndarray, "frames pivots 3"], fps: float
-) -> Float[np.ndarray, "frames pivots"]:
-    if len(points) < 2:
-        return np.zeros(points.shape[:2])
-    return np.linalg.norm(np.gradient(points, axis=0)[..., ::2], axis=-1) * fps
+    Each curve is a cubic between two knots, themselves left out (Hermite). A knot is the end of a
+    contact, whose shift and slope it has, or a frame in which both are zero.
+    """
+    curves = []  # foot, first knot, whether it is of a contact, last knot, whether it is
+    for before, after in pairwise([None, *phases, None]):
+        left, right = (before or (0, 0, 0))[2] - 1, (after or (0, 0, 0))[1]
+        if before and after and before[0] == after[0] and right - left < 2 * blend:
+            curves.append((before[0], left, True, right, True))
+            continue
+        if before:
+            curves.append((before[0], left, True, left + blend, False))
+        if after:
+            curves.append((after[0], right - blend, False, right, True))
+    foot, start, from_contact, end, to_contact = np.array(curves, int).reshape(-1, 5).T
+    last = len(shift) - 1
+    # Where a contact ends and just before, where one begins and just after.
+    knots = np.array([start, start - 1, end, end + 1]).clip(0, last)
+    real = np.array([from_contact, from_contact, to_contact, to_contact])
+    a, before_a, b, after_b = real[..., None] * shift[knots, foot]
+    first = np.maximum(start + 1, 0)
+    count = np.maximum(np.minimum(end, last + 1) - first, 0)
+    curve = np.repeat(np.arange(len(curves)), count)
+    frame = np.arange(len(curve)) + (first - np.cumsum(count) + count)[curve]
+    length = np.maximum(end - start, 1)[:, None]
+    u = (frame - start[curve])[:, None] / length[curve]
+    leaving, meeting = (length * (a - before_a))[curve], (length * (after_b - b))[curve]
+    rise = u * (1 - u) ** 2 * leaving - u**2 * (1 - u) * meeting
+    ease = u**2 * (3 - 2 * u)
+    shift[frame, foot[curve]] = (1 - ease) * a[curve] + ease * b[curve] + rise

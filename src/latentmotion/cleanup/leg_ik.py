@@ -11,16 +11,16 @@ backward than it was.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from latentmotion.arrays import unit
-from latentmotion.kinematics.rotations import quaternion_between, quaternion_rotate
+from latentmotion.arrays import cross, unit
 from latentmotion.kinematics.skeleton import Skeleton
 
-Joints = Float[np.ndarray, "frames joints 3"]
-Points = Float[np.ndarray, "frames 3"]
+Joints = Float[np.ndarray, "frames *batch joints 3"]
+Points = Float[np.ndarray, "*points 3"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class Leg:
     """Joints that touch the floor, the one that holds longest last."""
 
 
-def find_legs(skeleton: Skeleton) -> list[Leg]:
+@lru_cache(maxsize=16)
+def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
     """Returns the legs, left and right; none if the skeleton names no feet or has no knees."""
     legs = []
     for foot in (skeleton.left_foot, skeleton.right_foot):
@@ -47,7 +48,7 @@ def find_legs(skeleton: Skeleton) -> list[Leg]:
         if upper >= 3:
             hip, knee, ankle = chain[upper - 1], chain[upper - 2], chain[upper - 3]
             legs.append(Leg(hip, knee, ankle, _below(skeleton, ankle), foot))
-    return legs
+    return tuple(legs)
 
 
 def _below(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
@@ -67,23 +68,26 @@ def reach(
         goal: Wanted position of the ankle.
         ahead: Direction in which knees bend.
     """
-    thigh, shank = _norm(knee - hip), _norm(ankle - knee)
-    axis = unit(goal - hip)
-    distance = np.clip(_norm(goal - hip), np.abs(thigh - shank) + 1e-6, thigh + shank)
+    thigh, shank, line = _norm(knee - hip), _norm(ankle - knee), goal - hip
+    away = _norm(line)
+    axis = line / np.maximum(away, 1e-12)
+    distance = np.clip(away, np.abs(thigh - shank) + 1e-6, thigh + shank)
     along = (thigh**2 - shank**2 + distance**2) / (2 * distance)
     radius = np.sqrt(np.maximum(thigh**2 - along**2, 0))
     before = unit(ankle - hip)
     bend = (knee - hip) - before * _dot(before, knee - hip)
-    turned = quaternion_rotate(quaternion_between(before, axis), bend)
+    # The shortest rotation from `before` to `axis`, of a vector that is perpendicular to `before`.
+    middle = before + axis
+    turned = bend - middle * (_dot(axis, bend) / np.maximum(1 + _dot(before, axis), 1e-12))
     more = np.maximum(radius - _norm(bend), 0)
     side = turned + 2 * more * unit(ahead - axis * _dot(axis, ahead))
-    side = side + 1e-6 * np.cross(axis, np.roll(axis, 1, axis=-1) * (1, -1, 1))
+    side = side + 1e-6 * cross(axis, axis[..., [2, 0, 1]] * (1, -1, 1))
     side = unit(side - axis * _dot(axis, side))
     return hip + axis * along + side * radius, hip + axis * distance
 
 
-def _dot(a: Points, b: Points) -> Float[np.ndarray, "frames 1"]:
-    return (a * b).sum(-1, keepdims=True)
+def _dot(a: Points, b: Points) -> Float[np.ndarray, "*points 1"]:
+    return np.einsum("...c,...c->...", a, b)[..., None]
 
 
 def keep_knee_direction(moved: Joints, joints: Joints, skeleton: Skeleton) -> Joints:
@@ -97,32 +101,33 @@ def keep_knee_direction(moved: Joints, joints: Joints, skeleton: Skeleton) -> Jo
     legs = find_legs(skeleton)
     if len(legs) < 2:
         return moved
+    chains = np.array([(leg.hip, leg.knee, leg.ankle) for leg in legs]).T
+    after, ahead, bend = _bend(moved, chains)
+    if after.min() >= 0:
+        return moved
+    least = np.minimum(_bend(joints, chains)[0], 0)
+    wrong = (after < least) & (_norm(bend) > np.abs(least))
+    if not wrong.any():
+        return moved
+    aside = bend - ahead * after
+    room = np.sqrt(np.maximum(_norm(bend) ** 2 - least**2, 0))
+    turned = ahead * least + unit(aside) * room
     kept = moved.copy()
-    for leg in legs:
-        chain = [leg.hip, leg.knee, leg.ankle]
-        across = [x[:, legs[0].hip] - x[:, legs[1].hip] for x in (joints, moved)]
-        before, _, _ = _bend(joints[:, chain], across[0])
-        after, ahead, bend = _bend(moved[:, chain], across[1])
-        least = np.minimum(before, 0)
-        aside = bend - ahead * after
-        room = np.sqrt(np.maximum(_norm(bend) ** 2 - least**2, 0))
-        turned = ahead * least + unit(aside) * room
-        wrong = (after < least) & (_norm(bend) > np.abs(least))
-        kept[:, leg.knee] += np.where(wrong, turned - bend, 0)
+    kept[..., chains[1], :] += np.where(wrong, turned - bend, 0)
     return kept
 
 
 def _bend(
-    leg: Float[np.ndarray, "frames 3 3"], across: Points
-) -> tuple[Float[np.ndarray, "frames 1"], Points, Points]:
-    """Returns how far the knee is ahead of the line hip–ankle, that direction, and its offset."""
-    hip, knee, ankle = np.moveaxis(leg, 1, 0)
-    axis = unit(hip - ankle)
-    ahead = unit(np.cross(across, axis))
-    bend = knee - hip
-    bend = bend - axis * (bend * axis).sum(axis=-1, keepdims=True)
-    return (bend * ahead).sum(axis=-1, keepdims=True), ahead, bend
+    joints: Joints, chains: Int[np.ndarray, "3 legs"]
+) -> tuple[Float[np.ndarray, "frames *batch legs 1"], Points, Points]:
+    """Returns how far knees are ahead of the line hip–ankle, that direction, and their offsets."""
+    hips, knees, ankles = (joints[..., chain, :] for chain in chains)
+    axis = unit(hips - ankles)
+    ahead = unit(cross(hips[..., :1, :] - hips[..., 1:, :], axis))
+    bend = knees - hips
+    bend = bend - axis * _dot(bend, axis)
+    return _dot(bend, ahead), ahead, bend
 
 
-def _norm(vectors: Points) -> Float[np.ndarray, "frames 1"]:
-    return np.linalg.norm(vectors, axis=-1, keepdims=True)
+def _norm(vectors: Points) -> Float[np.ndarray, "*points 1"]:
+    return np.sqrt(_dot(vectors, vectors))

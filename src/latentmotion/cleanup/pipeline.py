@@ -72,8 +72,8 @@ def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
     if steps.bones:
         before, joints = joints, constant_bones(joints, fps, skeleton)
         moved = np.linalg.norm(joints - before, axis=-1)
-        frame, joint = np.unravel_index(moved.argmax(), moved.shape)
         if moved.max() > _FAR:
+            frame, joint = np.unravel_index(moved.argmax(), moved.shape)
             warnings.warn(
                 f"bones were drawn so long or short that {skeleton.names[joint]} was moved by "
                 f"{100 * moved.max():.0f} cm at {frame / fps:.1f} s to give them one length",

@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 
 def smooth(
-    values: Float[np.ndarray, frames * channels], fps: float, cutoff: float
-) -> Float[np.ndarray, frames * channels]:
+    values: Float[np.ndarray, "frames ..."], fps: float, cutoff: float
+) -> Float[np.ndarray, "frames ..."]:
     """Smooths along the first axis.
 
     Args:
@@ -24,12 +24,13 @@ def smooth(
         cutoff: Frequency, hertz, that keeps three quarters of its amplitude.
     """
     deviation = np.sqrt(np.log(2) / 2) / np.pi * fps / cutoff
-    return 2 * gaussian(values, deviation) - gaussian(gaussian(values, deviation), deviation)
+    once = gaussian(values, deviation)
+    return 2 * once - gaussian(once, deviation)
 
 
 def gaussian(
-    values: Float[np.ndarray, frames * channels], deviation: float
-) -> Float[np.ndarray, frames * channels]:
+    values: Float[np.ndarray, "frames ..."], deviation: float
+) -> Float[np.ndarray, "frames ..."]:
     """Returns Gaussian means along the first axis, both ends unchanged.
 
     Args:
@@ -37,25 +38,32 @@ def gaussian(
         deviation: Standard deviation of the Gaussian, frames.
     """
     reach = min(int(np.ceil(3 * deviation)), len(values) - 1)
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(deviation, 1e-9)) ** 2)
+    weights = np.exp(-0.5 * (np.arange(reach + 1) / max(deviation, 1e-9)) ** 2)
+    weights /= 2 * weights.sum() - weights[0]
     before = 2 * values[:1] - values[reach:0:-1]
     after = 2 * values[-1:] - values[-2 : -2 - reach : -1]
-    padded = np.concatenate([before, values, after])
-    windows = [padded[n : n + len(values)] for n in range(2 * reach + 1)]
-    return np.tensordot(weights / weights.sum(), np.stack(windows), axes=1)
+    padded, count = np.concatenate([before, values, after]), len(values)
+    means = weights[0] * values
+    for n in range(1, reach + 1):
+        both = padded[reach - n : reach - n + count] + padded[reach + n : reach + n + count]
+        means += weights[n] * both
+    return means
 
 
 def upper_envelope(
-    values: Float[np.ndarray, " frames"], reach: int
-) -> Float[np.ndarray, " frames"]:
+    values: Float[np.ndarray, "frames ..."], reach: int
+) -> Float[np.ndarray, "frames ..."]:
     """Returns a smooth curve that is nowhere below `values`: moving maximum, then moving mean.
 
     Args:
-        values: One number per frame.
+        values: One row per frame.
         reach: Frames to either side that a peak is spread over, twice.
     """
-    padded = np.pad(values, 2 * reach, mode="edge")
-    width = 2 * reach + 1
-    peaks = np.lib.stride_tricks.sliding_window_view(padded, width).max(axis=-1)
+    if not values.any():  # as it is mostly: nothing below the floor, no leg too short
+        return np.zeros(values.shape)
+    last, width = len(values) - 1, 2 * reach + 1
+    padded = values[np.clip(np.arange(-2 * reach, last + 2 * reach + 1), 0, last)]
+    peaks = np.lib.stride_tricks.sliding_window_view(padded, width, axis=0).max(axis=-1)
     weights = np.hanning(width + 2)[1:-1]
-    return np.convolve(peaks, weights / weights.sum(), mode="valid")
+    windows = np.lib.stride_tricks.sliding_window_view(peaks, width, axis=0)
+    return windows @ (weights / weights.sum())
