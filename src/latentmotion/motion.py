@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -97,15 +97,7 @@ class Motion:
         Args:
             steps: The clean-up steps; by default all that do not move the motion as a whole.
         """
-        from latentmotion.cleanup import CleanUp, clean
-
-        steps = CleanUp() if steps is None else steps
-        cleaned = clean(self, steps)
-        if not self.goals or steps.in_place:
-            return cleaned
-        from latentmotion.control.direct import at_goals
-
-        return at_goals(cleaned)
+        return cleaned([self], steps)[0]
 
     def save(self, path: str | Path, fps: float | None = None) -> list[Path]:
         """Writes a file in the format of the ending of `path`; returns the files written.
@@ -145,3 +137,21 @@ class Motion:
         from latentmotion.viewer.page import notebook_html
 
         return notebook_html(self)
+
+
+def cleaned(motions: Sequence[Motion], steps: CleanUp | None = None) -> list[Motion]:
+    """Returns motions as `Motion.cleaned` does; those of one length together, which is faster.
+
+    Args:
+        motions: The motions.
+        steps: The clean-up steps; by default all that do not move a motion as a whole.
+    """
+    from latentmotion.cleanup import CleanUp, clean_batch
+
+    steps = CleanUp() if steps is None else steps
+    found = clean_batch(motions, steps)
+    if steps.in_place or not any(motion.goals for motion in motions):
+        return found
+    from latentmotion.control.direct import at_goals
+
+    return [at_goals(motion) if motion.goals else motion for motion in found]

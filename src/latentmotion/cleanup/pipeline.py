@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +16,10 @@ from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian, smooth
 from latentmotion.errors import InputError
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
+
+Joints = Float[np.ndarray, "frames motions joints 3"]
 
 
 class CleanUpWarning(UserWarning):
@@ -24,6 +28,10 @@ class CleanUpWarning(UserWarning):
 
 _FAR = 0.25
 """Meters that a joint may move for constant bone lengths without a warning."""
+
+
+_TOGETHER = 32
+"""Motions that are cleaned together at most, which bounds memory."""
 
 
 @dataclass(frozen=True)
@@ -65,20 +73,43 @@ def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
         CleanUpWarning: The skeleton has no feet to lock, so only the other steps are taken; or bone
             lengths were so wrong that joints had to move far.
     """
-    fps, skeleton = motion.fps, motion.skeleton
-    joints = motion.joints.astype(np.float64)
+    return clean_batch([motion], steps)[0]
+
+
+def clean_batch(motions: Sequence[Motion], steps: CleanUp = CleanUp()) -> list[Motion]:
+    """Returns the motions cleaned up, each as it would be alone; those of one length together.
+
+    Warns:
+        CleanUpWarning: As `clean` does.
+    """
+    alike: dict[tuple[int, float, Skeleton], list[int]] = {}
+    for number, motion in enumerate(motions):
+        alike.setdefault((len(motion), motion.fps, motion.skeleton), []).append(number)
+    cleaned = list(motions)
+    for (_, fps, skeleton), every in alike.items():
+        for first in range(0, len(every), _TOGETHER):
+            numbers = every[first : first + _TOGETHER]
+            joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
+            joints = _cleaned(joints, fps, skeleton, steps).astype(np.float32)
+            for place, number in enumerate(numbers):
+                cleaned[number] = replace(motions[number], joints=joints[:, place])
+    return cleaned
+
+
+def _cleaned(joints: Joints, fps: float, skeleton: Skeleton, steps: CleanUp) -> Joints:
     if steps.smooth:
         joints = keep_knee_direction(smooth(joints, fps, steps.cutoff), joints, skeleton)
     if steps.bones:
         before, joints = joints, constant_bones(joints, fps, skeleton)
         moved = np.linalg.norm(joints - before, axis=-1)
-        if moved.max() > _FAR:
-            frame, joint = np.unravel_index(moved.argmax(), moved.shape)
+        for motion in np.flatnonzero(moved.max(axis=(0, 2)) > _FAR):
+            one = moved[:, motion]
+            frame, joint = np.unravel_index(one.argmax(), one.shape)
             warnings.warn(
                 f"bones were drawn so long or short that {skeleton.names[joint]} was moved by "
-                f"{100 * moved.max():.0f} cm at {frame / fps:.1f} s to give them one length",
+                f"{100 * one.max():.0f} cm at {frame / fps:.1f} s to give them one length",
                 CleanUpWarning,
-                stacklevel=2,
+                stacklevel=4,
             )
     if steps.floor:
         joints = align_floor(joints, fps, skeleton, steps.ground)
@@ -91,16 +122,14 @@ def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
                 f"skeleton {skeleton.name!r} names no feet below hip and knee; "
                 "feet were left as they are",
                 CleanUpWarning,
-                stacklevel=2,
+                stacklevel=4,
             )
-    if steps.in_place:
-        joints = in_place(joints, fps)
-    return replace(motion, joints=joints.astype(np.float32))
+    return in_place(joints, fps) if steps.in_place else joints
 
 
 def ground_path(
-    joints: Float[np.ndarray, "frames joints 3"], fps: float, seconds: float = 0.25
-) -> Float[np.ndarray, "frames 3"]:
+    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, seconds: float = 0.25
+) -> Float[np.ndarray, "frames *batch 3"]:
     """Returns the root trajectory along the floor, without the sway of its steps.
 
     Args:
@@ -108,11 +137,11 @@ def ground_path(
         fps: Frames per second.
         seconds: Standard deviation of the Gaussian that removes the sway; 0 keeps it.
     """
-    return gaussian(joints[:, 0] * (1, 0, 1), seconds * fps)
+    return gaussian(joints[..., 0, :] * (1, 0, 1), seconds * fps)
 
 
 def in_place(
-    joints: Float[np.ndarray, "frames joints 3"], fps: float, seconds: float = 0.25
-) -> Float[np.ndarray, "frames joints 3"]:
+    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, seconds: float = 0.25
+) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints without root motion: the figure stays above the origin."""
-    return joints - ground_path(joints, fps, seconds)[:, None]
+    return joints - ground_path(joints, fps, seconds)[..., None, :]

@@ -10,6 +10,7 @@ from tyro.conf import arg
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp
 from latentmotion.cli import options
+from latentmotion.motion import cleaned
 from latentmotion.storage.files import check_writable
 
 _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
@@ -55,6 +56,6 @@ class Clean:
         for path in self.output:
             formats.check_ending(path)
             check_writable(path)
-        motions = [motion.cleaned(steps) for motion in formats.load(self.file)]
+        motions = cleaned(formats.load(self.file), steps)
         written = [target for path in self.output for target in formats.save(path, motions)]
         print("\n".join(f"wrote {path}" for path in written))

@@ -22,7 +22,7 @@ from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.kinematics import smpl
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_model, read_card
-from latentmotion.motion import Motion
+from latentmotion.motion import Motion, cleaned
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.files import cache_folder, check_writable, read_lines
@@ -114,7 +114,7 @@ class Generate:
             check_writable(path)
         motions = self._generated(prompts, scene, goals)
         if self.clean:
-            motions = [motion.cleaned() for motion in motions]
+            motions = cleaned(motions)
         if self.fps is not None:
             motions = [motion.resampled(self.fps) for motion in motions]
         for motion in motions if self.clean else []:

@@ -1,6 +1,6 @@
 """Generation with goals: sampling is corrected, the result is moved to its goals, a path is bent.
 
-    each step   clean latents ← one update of reach
+    some steps  clean latents ← one update of reach
     at the end  a few more     → joints → bent onto the path
 
 Clean-up comes later, and `at_goals` after it: the joints themselves are put at their goals.
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 from jaxtyping import Float
@@ -42,8 +43,15 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 
-_DURING, _AFTER = 1, 4
-"""Updates of the estimate at every step of the sampler, and of the latents at its end, at most."""
+_DURING = ReachSettings(updates=1, checked=False)
+"""How the estimate of the clean latents is moved during sampling."""
+
+_EVERY = 4
+"""Steps of the sampler of which the second, the sixth and so on move its estimate: the first one's
+is so vague that its Jacobian is of little use, and later ones keep what an earlier one has done."""
+
+_AFTER = ReachSettings(updates=8, tolerance=5e-4)
+"""How the latents are moved at its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +152,13 @@ def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: f
         fps: Frames per second.
     """
     residual, skeleton = direction.residual(), direction.skeleton
-    correction = Correction(motion, residual, settings=ReachSettings(_DURING))
-    z = sample(motion.frames, correction)
-    z = reach(np.asarray(z, np.float64), motion, residual, settings=ReachSettings(_AFTER))
+    correction, steps = Correction(motion, residual, settings=_DURING), count()
+    z = sample(motion.frames, lambda z: correction(z) if next(steps) % _EVERY == 1 else z)
+    z = reach(np.asarray(z, np.float64), motion, residual, settings=_AFTER)
     joints = motion.joints(z)
     if direction.curve is not None and (direction.places or direction.headings):
         # Now it is known where beside its path the body is when it has other goals.
-        z = reach(z, motion, direction.residual(joints), settings=ReachSettings(_AFTER))
+        z = reach(z, motion, direction.residual(joints), settings=_AFTER)
         joints = motion.joints(z)
     if direction.curve is not None:
         joints = bent(joints, direction.curve, fps, skeleton)
@@ -192,8 +200,8 @@ def direction_of(goals: Sequence[Goal], frames: int, fps: float, skeleton: Skele
 
 def at_goals(cleaned: Motion) -> Motion:
     """Returns a motion that was cleaned up, its joints exactly at their goals."""
-    count, fps, skeleton = len(cleaned), cleaned.fps, cleaned.skeleton
-    targets = targets_of(cleaned.goals, count, fps, skeleton, None)
+    fps, skeleton = cleaned.fps, cleaned.skeleton
+    targets = targets_of(cleaned.goals, len(cleaned), fps, skeleton, None)
     joints = hold_targets(cleaned.joints.astype(np.float64), targets, fps, skeleton)
     exact = replace(cleaned, joints=joints.astype(np.float32))
     return replace(exact, metadata={**cleaned.metadata, **goal_report(cleaned, exact)})

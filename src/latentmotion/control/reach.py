@@ -4,6 +4,7 @@
 
 r is what is missing and J its Jacobian, with a row for each coordinate of a goal; so the system is
 as small as the goals are few, and of all ways to meet them the shortest in the latents is taken.
+J costs more than all else, so it is kept as long as a step with it takes most of r away.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Float[np.ndarray, "
 
 _HALVINGS = 4
 """How often a step is halved at most that brings joints no nearer to their goals."""
+
+_KEEPS = 0.3
+"""Share of what was missing that may be left after a step for its Jacobian to serve again."""
 
 
 @runtime_checkable
@@ -126,6 +130,8 @@ class ReachSettings:
     """λ, as a share of the mean of J Jᵀ's diagonal."""
     cap: float = 0.5
     """Root mean square, in the denoiser's scale, of one step at most."""
+    checked: bool = True
+    """Halve a step that brings joints no nearer. Without, the last step needs no decoding."""
 
 
 def reach(
@@ -146,27 +152,35 @@ def reach(
     """
     features = motion.decode(z)
     joints = motion.representation.decode(features)
-    missing = residual(joints)
-    for _ in range(settings.updates):
+    missing, rows = residual(joints), None
+    for update in range(settings.updates):
         if not len(missing) or np.abs(missing).max() < settings.tolerance:
             break
-        rows = motion.rows(z, features, joints, residual.gradient(joints))
-        if free is not None:
-            rows = rows * free[:, None]
+        kept = rows is not None
+        if rows is None:
+            rows = motion.rows(z, features, joints, residual.gradient(joints))
+            rows = rows if free is None else rows * free[:, None]
         step = least_step(rows.reshape(len(missing), -1), missing, settings.damping)
         step = step.reshape(z.shape)
         size = float(np.sqrt(np.mean(step**2)))
         step = step * min(1.0, settings.cap / max(size, 1e-12))
+        if not settings.checked and update == settings.updates - 1:
+            return z + step
         for _ in range(_HALVINGS):
             features = motion.decode(z + step)
             joints = motion.representation.decode(features)
             after = residual(joints)
-            if (after**2).sum() < (missing**2).sum():
+            if not settings.checked or (after**2).sum() < (missing**2).sum():
+                rows = rows if (after**2).sum() < _KEEPS**2 * (missing**2).sum() else None
                 z, missing = z + step, after
                 break
             step = step / 2
         else:
-            break
+            if not kept:
+                break
+            features = motion.decode(z)
+            joints = motion.representation.decode(features)
+            rows = None
     return z
 
 

@@ -20,6 +20,7 @@ from latentmotion.errors import DataError, FileFormatError, InputError, ModelErr
 from latentmotion.instructions.prompts import Instruction
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.config import Sampling
+from latentmotion.motion import cleaned
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.array_files import read_array, read_arrays
 from latentmotion.storage.limits import FARTHEST
@@ -82,15 +83,14 @@ def generate_motions(
                 sampling.sampler,
             )
             joints = []
-            for motion in motions:
+            for motion in cleaned(motions) if settings.clean else motions:
                 if motion.skeleton.names != HUMANML3D.names:
                     raise ModelError(
                         f"motions have skeleton {motion.skeleton.name!r}; expected "
                         f"{HUMANML3D.name!r}"
                     )
-                cleaned = motion.cleaned() if settings.clean else motion
-                positions = cleaned.joints.astype(np.float64)
-                rate = cleaned.fps / FPS
+                positions = motion.joints.astype(np.float64)
+                rate = motion.fps / FPS
                 joints.append(positions if rate == 1 else interpolate(positions, rate))
         for number, one in enumerate(chosen):
             by_prompt[one.id] = joints[number * takes :][:takes]
