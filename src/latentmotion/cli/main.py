@@ -26,6 +26,7 @@ class Verb:
 
 VERBS = {
     "generate": Verb("generate:Generate", "Turn sentences or labels into motion files."),
+    "bulk": Verb("bulk:Bulk", "Turn a file of prompts into many motions."),
     "clean": Verb("clean:Clean", "Clean up a motion: hold standing feet, remove jitter."),
     "edit": Verb("edit:Edit", "Generate a part of a motion anew."),
     "between": Verb("edit:Between", "Generate what leads from one motion to another."),

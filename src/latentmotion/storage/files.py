@@ -116,6 +116,23 @@ def check_writable(path: str | Path) -> None:
         raise InputError(f"cannot write {path}: it is read-only; allow writing or choose another")
 
 
+def remove_left(folder: Path, stem: str | None = None, suffix: str | None = None) -> None:
+    """Removes temporary files and folders whose writers were killed.
+
+    Args:
+        folder: Where they are.
+        stem: Name of the file that was to be written, without its ending; by default any.
+        suffix: Its ending; by default any.
+    """
+    begin = "*" if stem is None else glob.escape(stem)
+    for entry in folder.glob(f".{begin}.*{'' if suffix is None else glob.escape(suffix)}"):
+        named = _TEMPORARY.fullmatch(entry.name)
+        ours = named and stem in (None, named["stem"]) and suffix in (None, named["suffix"])
+        if named and ours and _is_left(entry, named["machine"], int(named["process"])):
+            with suppress(OSError):
+                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+
+
 def read_lines(path: str | Path, what: str) -> list[str]:
     """Returns the lines of a text file, stripped, without empty ones.
 
@@ -155,17 +172,18 @@ def _temporary_name(target: Path) -> Path:
     """Returns an unused name beside a file, and removes what killed writers left of the same."""
     check_writable(target)
     folder, token = target.absolute().parent, f"{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
-    for entry in folder.glob(f".{glob.escape(target.stem)}.*{glob.escape(target.suffix)}"):
-        middle = entry.name[len(target.stem) + 2 : len(entry.name) - len(target.suffix)]
-        if (named := _TOKEN.fullmatch(middle)) and _is_left(entry, named[1], int(named[2])):
-            with suppress(OSError):
-                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+    remove_left(folder, target.stem, target.suffix)
     # The ending is kept last, since many writers choose their format by it.
     return folder / f".{target.stem}.{token}{target.suffix}"
 
 
-_TOKEN = re.compile(r"([0-9a-f]{8})-(\d{1,10})-[0-9a-f]{8}")
-"""Machine and process that write a temporary file, and what tells its files apart."""
+_TEMPORARY = re.compile(
+    r"\.(?P<stem>.*)\.(?P<machine>[0-9a-f]{8})-(?P<process>\d{1,10})-[0-9a-f]{8}"
+    r"(?P<suffix>|\.[^.]*)",
+    re.DOTALL,
+)
+"""Name of a temporary file: of what, machine and process that write it, what tells its files apart,
+ending."""
 
 
 @cache

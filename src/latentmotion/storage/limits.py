@@ -78,3 +78,9 @@ USD_SECONDS = 120
 
 STALE_SECONDS = 86_400
 """Age from which a temporary file of another machine is taken for one that was left behind."""
+
+MOST_PROMPTS = 20_000_000
+"""Rows of a file of prompts: some 5 GB of memory."""
+
+MOST_PROMPT = 2000
+"""Characters of a prompt in a file of prompts; text encoders read some hundred words at most."""

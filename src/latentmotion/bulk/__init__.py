@@ -1,0 +1,1 @@
+"""Bulk generation: motions of many prompts, in shards that any number of processes make."""

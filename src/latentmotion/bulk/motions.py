@@ -1,0 +1,277 @@
+"""Motions of a bulk run: which shards there are, and what each of them holds.
+
+A shard is a fixed run of rows of the prompts' file, generated together, so its bytes do not depend
+on how many processes share the work. They do on its number of rows: the last bits of a motion
+depend on those that go through the networks with it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from safetensors.numpy import save
+
+from latentmotion import __version__
+from latentmotion.bulk.prompts import Row, read_rows
+from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
+from latentmotion.condition.task import SentenceCondition
+from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.engine import request as requests
+from latentmotion.errors import InputError, MissingExtraError, ModelError
+from latentmotion.model.card import DEFAULT, find_model
+from latentmotion.model.config import Sampling
+from latentmotion.motion import Motion
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.storage.files import sha256
+from latentmotion.storage.shards import Run, Shard, Work, Wrong
+
+Format = Literal["safetensors", "parquet"]
+"""Format of the shards."""
+
+ROWS = 512
+"""Rows of a shard: some 10 MB, and some 10 s of one core."""
+
+_MODEL_FILES = ("*.json", "*.onnx", "*.safetensors")
+
+
+@dataclass(frozen=True)
+class BulkGeneration:
+    """How rows become motions, wherever that happens."""
+
+    open: Callable[..., MotionPipeline] = MotionPipeline.from_pretrained
+    """Opens a model by its name and `options`; every worker must be able to import it."""
+    model: str = DEFAULT
+    """Name or folder of the model."""
+    options: tuple[Any, ...] = ()
+    """What `open` takes after the model: runtime, threads and the like."""
+    seconds: float | None = None
+    """Length of motions whose row has none; by default the model predicts it."""
+    steps: int | None = None
+    """Sampling steps; by default the model's own."""
+    guidance: float | None = None
+    """Guidance scale; by default the model's own."""
+    sampler: SamplerName | None = None
+    """Sampler; by default the model's own."""
+    clean: bool = True
+    """Whether motions are cleaned up."""
+    format: Format = "safetensors"
+    """Format of the shards."""
+    weights: str = ""
+    """SHA-256 of the model's files, which every worker must have; "" takes any."""
+
+    def frames(self, pipeline: MotionPipeline, rows: Sequence[Row]) -> list[int]:
+        """Returns the length of each row's motion: its own, the run's or the predicted one.
+
+        Raises:
+            InputError: A length is out of the model's range.
+        """
+        card, fps = pipeline.card, pipeline.representation.fps
+        given = [self.seconds if row.seconds is None else row.seconds for row in rows]
+        free = [row.prompt for row, seconds in zip(rows, given, strict=True) if seconds is None]
+        predicted = pipeline.usual_seconds(free)
+        usual = iter(requests.frames_of(card, None, len(free), fps, predicted))
+        frames = [
+            next(usual) if seconds is None else requests.frames_of(card, seconds, 1, fps)[0]
+            for seconds in given
+        ]
+        requests.check_frames(card, frames, fps)
+        return frames
+
+    def check(self, pipeline: MotionPipeline) -> None:
+        """Checks what holds for all rows.
+
+        Raises:
+            InputError: The model does not support these settings.
+        """
+        task, sampling = pipeline.card.condition, self._sampling(pipeline)
+        prompt = next(iter(task.known_prompts), "a person walks") if task.prompted else ""
+        frames = self.frames(pipeline, [Row(0, prompt, 0)])
+        request = requests.GenerationRequest((prompt,), tuple(frames), (0,), sampling)
+        request.check(pipeline.card, pipeline.representation.fps)
+
+    def problem(self, pipeline: MotionPipeline, row: Row) -> str:
+        """Returns what is wrong with a row, or nothing."""
+        card = pipeline.card
+        try:
+            card.condition.check_prompt(row.prompt, card.name)
+            if not card.condition.reads_text:  # it tells known labels from others
+                pipeline.condition([row.prompt])
+            if row.seconds is not None:
+                self.frames(pipeline, [row])
+        except InputError as error:
+            return row.problem or str(error)
+        return row.problem
+
+    def motions(self, pipeline: MotionPipeline, rows: Sequence[Row]) -> list[Motion]:
+        """Generates the motions of rows without problems, together."""
+        if not rows:
+            return []
+        condition, fps = pipeline.condition, pipeline.representation.fps
+        if isinstance(condition, SentenceCondition):  # lengths and networks read the same ones
+            condition = replace(condition, encoder=_Remembering(condition.encoder))
+            pipeline = replace(pipeline, condition=condition)
+        motions = pipeline.batch(
+            [row.prompt for row in rows],
+            [frames / fps for frames in self.frames(pipeline, rows)],
+            [row.seed for row in rows],
+            *(self.steps, self.guidance, self.sampler),
+        )
+        return [motion.cleaned() for motion in motions] if self.clean else motions
+
+    def _sampling(self, pipeline: MotionPipeline) -> Sampling:
+        return pipeline.card.sampling.but(self.steps, self.guidance, self.sampler)
+
+
+def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int = ROWS) -> Work:
+    """Returns the shards of a file of prompts.
+
+    Args:
+        generation: How rows become motions.
+        prompts: Text file, CSV or Parquet; see `read_rows`.
+        seed: Seed of the first row; later rows count up from it.
+        rows: Rows of a shard.
+
+    Raises:
+        FileFormatError: The prompts cannot be read.
+        InputError: The model does not support the settings, or a number is out of range.
+        MissingExtraError: Parquet is read or written and pyarrow is not installed.
+        ModelError: The model cannot be loaded.
+    """
+    if rows < 1 or seed < 0:
+        raise InputError(f"{rows} rows of a shard, seed {seed}: expected 1 or more, 0 or more")
+    if generation.format == "parquet":
+        _pyarrow()
+    every = tuple(read_rows(prompts, seed))
+    generation = replace(generation, weights=_hash_of(find_model(generation.model)))
+    pipeline = opened(generation)
+    generation.check(pipeline)
+    plain = {**vars(generation), "options": [str(option) for option in generation.options]}
+    del plain["open"]
+    settings = {**plain, "model": pipeline.card.name, "seed": seed, "rows": rows}
+    settings |= {"prompts": sha256(prompts), "version": __version__}
+    starts = range(0, len(every), rows)
+    tasks = {
+        f"motions-{number:05d}.{generation.format}": partial(
+            make_shard, generation, every[start : start + rows]
+        )
+        for number, start in enumerate(starts)
+    }
+    return Work(Run(settings, len(every), tuple(tasks)), tasks)
+
+
+def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> Shard:
+    """Generates the motions of a shard.
+
+    Raises:
+        ModelError: The model cannot be loaded, or is not the one that the run was started with.
+    """
+    pipeline = opened(generation)
+    problems = {row.line: generation.problem(pipeline, row) for row in rows}
+    good = [row for row in rows if not problems[row.line]]
+    motions, card, space = (
+        generation.motions(pipeline, good),
+        pipeline.card,
+        pipeline.representation,
+    )
+    about = {
+        "model": card.name,
+        "license": card.provenance.license,
+        "fps": space.fps,
+        "joints": space.skeleton.names,
+        "parents": space.skeleton.parents,
+    }
+    columns = {
+        "line": np.array([row.line for row in good], np.int64),
+        "seed": np.array([row.seed for row in good], np.int64),
+        "frames": np.array([len(motion) for motion in motions], np.int64),
+    }
+    none = np.zeros((0, len(space.skeleton), 3), np.float32)
+    joints = np.concatenate([none, *(motion.joints for motion in motions)])
+    pack = _parquet if generation.format == "parquet" else _safetensors
+    content = pack(joints, columns, [row.prompt for row in good], about)
+    wrong = (Wrong(line, problem) for line, problem in problems.items() if problem)
+    return Shard(content, len(good), tuple(wrong))
+
+
+@lru_cache(maxsize=1)
+def opened(generation: BulkGeneration) -> MotionPipeline:
+    """Returns the model of a generation, which a process opens once.
+
+    Raises:
+        ModelError: It cannot be loaded, or is not the one that the run was started with.
+    """
+    folder = find_model(generation.model)
+    if generation.weights and _hash_of(folder) != generation.weights:
+        raise ModelError(
+            f"{folder} is not the model that the run was started with; copy that one here"
+        )
+    return generation.open(generation.model, *generation.options)
+
+
+@dataclass(frozen=True)
+class _Remembering:
+    """A text encoder that reads each sentence of a shard once."""
+
+    encoder: TextEncoder
+    _known: dict[str, TextEmbedding] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return self.encoder.name
+
+    @property
+    def width(self) -> int:
+        return self.encoder.width
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        for sentence in sentences:
+            if sentence not in self._known:
+                self._known[sentence] = self.encoder([sentence])
+        return stack([self._known[sentence] for sentence in sentences])
+
+
+def _safetensors(
+    joints: np.ndarray, columns: dict[str, np.ndarray], prompts: list[str], about: dict[str, Any]
+) -> bytes:
+    # One entry only, since several are written in any order.
+    metadata = {"latentmotion": json.dumps({**about, "prompts": prompts}, ensure_ascii=False)}
+    return save({"joints": joints, **columns}, metadata)
+
+
+def _parquet(
+    joints: np.ndarray, columns: dict[str, np.ndarray], prompts: list[str], about: dict[str, Any]
+) -> bytes:
+    arrow = _pyarrow()
+    from pyarrow import parquet
+
+    ends = np.cumsum([0, *columns["frames"]]) * joints[0:1].size
+    packed = arrow.LargeListArray.from_arrays(ends, joints.reshape(-1))
+    table = arrow.table(
+        {**columns, "prompt": arrow.array(prompts, arrow.string()), "joints": packed}
+    )
+    file = io.BytesIO()
+    metadata = {"latentmotion": json.dumps(about, ensure_ascii=False)}
+    parquet.write_table(table.replace_schema_metadata(metadata), file)
+    return file.getvalue()
+
+
+def _pyarrow() -> Any:
+    try:
+        import pyarrow
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("--format parquet", "pyarrow", "bulk") from error
+    return pyarrow
+
+
+def _hash_of(folder: Path) -> str:
+    """Returns the SHA-256 of the files that make a model, as hexadecimal digits."""
+    files = sorted(file for pattern in _MODEL_FILES for file in folder.glob(pattern))
+    return hashlib.sha256("".join(map(sha256, files)).encode()).hexdigest()

@@ -1,0 +1,124 @@
+"""`latentmotion bulk`: motions of many prompts, by any number of processes and machines."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from latentmotion.bulk.motions import ROWS, BulkGeneration, Format, work_of
+from latentmotion.cli import options
+from latentmotion.cli.generate import load_generator
+from latentmotion.engine.options import ExecutionOptions
+from latentmotion.errors import InputError
+from latentmotion.model.card import DEFAULT
+from latentmotion.storage import shards
+from latentmotion.storage.address import folder_at
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """Turn a file of prompts into many motions, shard by shard.
+
+    A killed run goes on with the same command; finished shards are skipped. The files are the same,
+    byte by byte, for any number of processes.
+
+    Examples:
+        latentmotion bulk prompts.txt -o motions
+        latentmotion bulk prompts.csv -o s3://bucket/motions --shard 3/16
+        latentmotion bulk prompts.parquet -o /shared/motions --dask tcp://scheduler:8786
+    """
+
+    prompts: Annotated[Positional[Path | None], arg(metavar="PROMPTS")] = None
+    """Text file with one prompt per line, or CSV or Parquet with the column prompt and, if wanted,
+    seconds and seed."""
+    output: Annotated[str, arg(aliases=["-o"])] = "motions"
+    """Folder to write, or a URL of any file system of fsspec (s3://, gs://, sftp://)."""
+    shard: str | None = None
+    """Make only a part of the shards, such as 3/16: the third of sixteen processes."""
+    dask: str | None = None
+    """Make them on the workers of the Dask cluster with this scheduler, such as
+    tcp://host:8786."""
+    check: bool = False
+    """Make nothing: compare the files of a finished run with its manifest."""
+    format: Format = "safetensors"
+    """Format of the shards."""
+    rows: int = ROWS
+    """Rows of a shard. Motions of one shard go through the networks together, so another number
+    changes their last bits."""
+    seconds: float | None = None
+    """Length of motions whose row has none; by default the model predicts it."""
+    seed: int = 0
+    """Seed of the first row; later rows count up from it, unless they have their own."""
+    model: str = DEFAULT
+    """Name or folder of the model."""
+    steps: options.Steps = None
+    guidance: options.Guidance = None
+    sampler: options.SamplerChoice = None
+    runtime: options.RuntimeChoice = "auto"
+    threads: int = 1
+    """Threads of a process; several processes with one each are faster."""
+    text_encoder: options.OptionalTextEncoder = None
+    device: options.Device = options.AUTO
+    precision: options.ComputePrecision = "float32"
+    launch: options.LaunchMode = "eager"
+    clean: bool = True
+    """Clean up the motions (docs/guide/cleanup.md)."""
+
+    def run(self) -> None:
+        """Makes the shards, or checks them.
+
+        Raises:
+            DataError: A file differs from the manifest, or is missing.
+            InputError: The prompts, a number or the folder cannot be used.
+            ModelError: The model cannot be loaded.
+        """
+        if self.check:
+            self._print_summary(shards.check(folder_at(self.output)))
+            return
+        if self.prompts is None:
+            raise InputError("no prompts given; name a file: latentmotion bulk prompts.txt")
+        if self.dask and self.shard:
+            raise InputError("give either --shard or --dask, not both")
+        share = shards.Share.parse(self.shard) if self.shard else shards.Share()
+        execution = ExecutionOptions(self.device, self.precision, self.launch)
+        generation = BulkGeneration(
+            load_generator,
+            self.model,
+            (self.runtime, self.threads, self.text_encoder, execution),
+            self.seconds,
+            self.steps,
+            self.guidance,
+            self.sampler,
+            self.clean,
+            self.format,
+        )
+        work = work_of(generation, self.prompts, self.seed, self.rows)
+        folder = folder_at(self.output, create=True)
+        if self.dask:
+            manifest = shards.submit(work, folder, self.dask, self._print)
+        else:
+            manifest = shards.make(work, folder, share, self._print)
+        if manifest:
+            self._print_summary(manifest)
+        else:
+            print(f"{self.output}: shard {self.shard} is finished, others are not")
+
+    def _print(self, record: shards.Record) -> None:
+        print(f"{record.name}: {record.items} motions", file=sys.stderr, flush=True)
+        for wrong in record.wrong:
+            print(f"{self.prompts}:{wrong.line}: {wrong.problem}; left out", file=sys.stderr)
+
+    def _print_summary(self, manifest: shards.Manifest) -> None:
+        motions = sum(record.items for record in manifest.shards)
+        wrong = sum(len(record.wrong) for record in manifest.shards)
+        size = sum(record.size for record in manifest.shards) / 1e6
+        left = f", {wrong} rows left out" if wrong else ""
+        what = "as their manifest says" if self.check else "all finished"
+        print(
+            f"{self.output}: {motions} motions{left}; files {len(manifest.shards)}, "
+            f"{size:.1f} MB, {what}"
+        )

@@ -1,0 +1,322 @@
+"""Work in shards: files that any process may make, be killed at and make again, to the same bytes.
+
+A shard is a file, which a function without arguments makes. Beside it is its record: size, hash and
+what was counted. The record is written last, so a shard with a record is finished and is skipped.
+`run.json` says what the bytes follow from; who finds every shard finished writes `manifest.json`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from latentmotion.errors import DataError, InputError, MissingExtraError
+from latentmotion.storage.address import Folder
+from latentmotion.storage.configuration import from_json, to_json
+from latentmotion.storage.reading import blamed_on, parse_json
+
+RUN_FILE = "run.json"
+MANIFEST_FILE = "manifest.json"
+RETRIES = 3
+"""How often a cluster tries a shard again whose worker failed."""
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """An item that could not be made."""
+
+    line: int
+    """Its line in the file of items, counted from 1."""
+    problem: str
+    """What was found and what was expected."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """A shard as it is made."""
+
+    content: bytes
+    """The file."""
+    items: int
+    """How many items it holds."""
+    wrong: tuple[Wrong, ...] = ()
+    """Items that it lacks."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """What is known of a finished shard."""
+
+    name: str
+    """Its file."""
+    size: int
+    """Bytes of the file."""
+    sha256: str
+    """SHA-256 of the file, as hexadecimal digits."""
+    items: int
+    """How many items it holds."""
+    wrong: tuple[Wrong, ...]
+    """Items that it lacks."""
+    run: str
+    """SHA-256 of the run's settings."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What the bytes of all shards follow from."""
+
+    settings: Mapping[str, Any]
+    """Plain values."""
+    items: int
+    """Items asked for."""
+    shards: tuple[str, ...]
+    """The files."""
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the run, as hexadecimal digits."""
+        return hashlib.sha256(_packed(self)).hexdigest()
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A finished run."""
+
+    run: Run
+    """What its bytes follow from."""
+    shards: tuple[Record, ...]
+    """A record of each file."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """One of several equal parts of the shards, such as 3/16; with others it covers all."""
+
+    number: int = 1
+    """From 1 up."""
+    count: int = 1
+    """How many parts there are."""
+
+    @classmethod
+    def parse(cls, text: str) -> Share:
+        """Returns the share that `3/16` names.
+
+        Raises:
+            InputError: It is no such text, or out of range.
+        """
+        found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
+        if not found or not 1 <= int(found[1]) <= int(found[2]):
+            raise InputError(f"shard {text!r}: expected a number of a total, such as 3/16")
+        return cls(int(found[1]), int(found[2]))
+
+    def of(self, names: Sequence[str]) -> Sequence[str]:
+        """Returns the names of this share."""
+        return names[self.number - 1 :: self.count]
+
+
+@dataclass(frozen=True)
+class Work:
+    """A run and the functions that make its shards."""
+
+    run: Run
+    """What is made."""
+    tasks: Mapping[str, Callable[[], Shard]] = field(repr=False)
+    """A function for each file, which a worker's process can be sent."""
+
+
+def make(
+    work: Work, folder: Folder, share: Share = Share(), report: Callable[[Record], object] = id
+) -> Manifest | None:
+    """Makes the shards of a share in this process, all but finished ones.
+
+    Args:
+        work: The shards.
+        folder: Where they are written.
+        share: Which of them are made.
+        report: Called with the record of each shard that is made.
+
+    Returns:
+        The manifest if all shards are finished, those of other shares too; else None.
+
+    Raises:
+        InputError: The folder holds another run, or cannot be written.
+    """
+    start(work.run, folder)
+    there = folder.names()
+    for name in share.of(work.run.shards):
+        if _record_of(name) not in there:
+            report(finish(folder, name, work.tasks[name], work.run.digest))
+    return conclude(work.run, folder)
+
+
+def submit(
+    work: Work, folder: Folder, address: str, report: Callable[[Record], object] = id
+) -> Manifest | None:
+    """Makes the shards on the workers of a Dask cluster, all but finished ones.
+
+    Args:
+        work: The shards.
+        folder: Where they are written; every worker must see it at the same address.
+        address: The cluster's scheduler, such as `tcp://host:8786`.
+        report: Called with the record of each shard that is made.
+
+    Returns:
+        The manifest.
+
+    Raises:
+        InputError: The cluster cannot be reached or its workers failed; or as for `make`.
+        MissingExtraError: Dask is not installed.
+    """
+    try:
+        from distributed import Client, as_completed
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("--dask", "distributed", "bulk") from error
+    start(work.run, folder)
+    there = folder.names()
+    try:
+        client = Client(address, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"no Dask scheduler at {address}: {error}") from error
+    with client:
+        futures = [
+            # Each is a graph of its own, so that no message holds all prompts.
+            client.submit(
+                finish, folder, name, work.tasks[name], work.run.digest, pure=False, retries=RETRIES
+            )
+            for name in work.run.shards
+            if _record_of(name) not in there
+        ]
+        for future in as_completed(futures, loop=client.loop):
+            if future.status != "finished":
+                raise InputError(f"a worker failed: {future.exception()!s:.500}")
+            report(future.result())
+    return conclude(work.run, folder)
+
+
+def start(run: Run, folder: Folder) -> None:
+    """Writes `run.json` into a folder without one.
+
+    Raises:
+        InputError: The folder holds another run.
+    """
+    if RUN_FILE not in folder.names():
+        folder.write(RUN_FILE, _packed(run))
+    found = _read(Run, folder, RUN_FILE)
+    if found.digest == run.digest:
+        return
+    pairs = [*_differences(run.settings, found.settings)]
+    if not pairs:
+        pairs = [f"{len(found.shards)} files there, {len(run.shards)} here"]
+    raise InputError(
+        f"{folder} holds another run: {', '.join(pairs)}; choose another folder or its settings"
+    )
+
+
+def finish(folder: Folder, name: str, task: Callable[[], Shard], run: str) -> Record:
+    """Makes a shard, writes its file and then its record, unless both are there.
+
+    It may be killed at any time and be called again, at the same time too.
+
+    Args:
+        folder: Where it is written.
+        name: Its file.
+        task: Makes it.
+        run: Digest of the run.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    if _record_of(name) in folder.names():
+        return _read(Record, folder, _record_of(name))
+    shard = task()
+    digest = hashlib.sha256(shard.content).hexdigest()
+    record = Record(name, len(shard.content), digest, shard.items, shard.wrong, run)
+    folder.write(name, shard.content)
+    folder.write(_record_of(name), _packed(record))
+    return record
+
+
+def conclude(run: Run, folder: Folder) -> Manifest | None:
+    """Writes the manifest once every shard is finished; before, returns None.
+
+    Raises:
+        DataError: A shard is of another run.
+    """
+    there = folder.names()
+    if not all(_record_of(name) in there for name in run.shards):
+        return None
+    records = tuple(_read(Record, folder, _record_of(name)) for name in run.shards)
+    for record in records:
+        if record.run != run.digest:
+            raise DataError(f"{folder}: {record.name} is of another run; delete it and its record")
+    manifest = Manifest(run, records)
+    folder.write(MANIFEST_FILE, _packed(manifest))
+    folder.tidy()
+    return manifest
+
+
+def check(folder: Folder) -> Manifest:
+    """Reads a finished run and compares every file with the manifest, byte by byte.
+
+    Raises:
+        DataError: A file is missing or differs, numbers do not add up, or the run is not finished.
+    """
+    there = folder.names()
+    if RUN_FILE not in there:
+        raise DataError(f"{folder} holds no run: it has no {RUN_FILE}")
+    if MANIFEST_FILE not in there:
+        names = _read(Run, folder, RUN_FILE).shards
+        missing = [name for name in names if _record_of(name) not in there]
+        named = ", ".join(missing[:3]) + (", …" if len(missing) > 3 else "")
+        problem = f"{len(missing)} of {len(names)} files are missing ({named}); run it again"
+        raise DataError(f"{folder} is not finished: {problem}")
+    manifest = _read(Manifest, folder, MANIFEST_FILE)
+    if tuple(record.name for record in manifest.shards) != manifest.run.shards:
+        raise DataError(f"{folder}: {MANIFEST_FILE} lists other files than its run; run it again")
+    problems = [*_wrong_files(manifest, folder, there)]
+    if problems:
+        more = f", and {len(problems) - 5} more" if len(problems) > 5 else ""
+        raise DataError(
+            f"{folder}: {', '.join(problems[:5])}{more}; delete these files and their records and "
+            "run it again"
+        )
+    counted = sum(record.items + len(record.wrong) for record in manifest.shards)
+    if counted != manifest.run.items:
+        raise DataError(f"{folder}: {counted} items, expected {manifest.run.items}")
+    return manifest
+
+
+def _wrong_files(manifest: Manifest, folder: Folder, there: set[str]) -> Iterator[str]:
+    for record in manifest.shards:
+        if record.name not in there:
+            yield f"{record.name} is missing"
+            continue
+        content = folder.read(record.name)
+        if len(content) != record.size:
+            yield f"{record.name} has {len(content):,} bytes, expected {record.size:,}"
+        elif hashlib.sha256(content).hexdigest() != record.sha256:
+            yield f"{record.name} has another content"
+
+
+def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> Iterator[str]:
+    for key in dict.fromkeys([*here, *there]):
+        if here.get(key) != there.get(key):
+            yield f"{key} is {there.get(key)!r:.80} there, {here.get(key)!r:.80} here"
+
+
+def _record_of(name: str) -> str:
+    return f"{name}.json"
+
+
+def _packed(value: Run | Record | Manifest) -> bytes:
+    return (json.dumps(to_json(value), indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def _read(cls: type, folder: Folder, name: str) -> Any:
+    path = f"{folder}/{name}"
+    with blamed_on(path):
+        return from_json(cls, parse_json(folder.read(name), path))

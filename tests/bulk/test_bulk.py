@@ -1,0 +1,307 @@
+"""`latentmotion bulk`: prompts of three kinds, motions in shards, workers that are killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors import safe_open
+
+from latentmotion.bulk.motions import BulkGeneration, work_of
+from latentmotion.bulk.prompts import read_rows
+from latentmotion.cli.main import main
+from latentmotion.errors import FileFormatError, InputError, LatentMotionError
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.storage import limits, shards
+from latentmotion.storage.address import folder_at
+
+PROMPTS = [
+    "a person walks",
+    "a person jumps twice",
+    "",
+    "a man runs and then sits down",
+    "kickLeft",
+    "someone waves",
+    "a person walks",
+]
+
+
+@pytest.fixture
+def prompts(tmp_path: Path) -> Path:
+    path = tmp_path / "prompts.txt"
+    path.write_text("\n".join(PROMPTS) + "\n")
+    return path
+
+
+def bulk(prompts: Path, folder: Path, *words: str) -> None:
+    main(["bulk", str(prompts), "-o", str(folder), "--rows=2", "--no-clean", *words])
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture
+def whole(prompts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, bytes]:
+    bulk(prompts, tmp_path / "whole")
+    out, err = capsys.readouterr()
+    assert "5 motions, 2 rows left out; files 4" in out
+    assert f"{prompts}:3: the sentence is empty; say what the person does; left out" in err
+    assert f"{prompts}:5: 'kickLeft' looks like a label" in err
+    return content(tmp_path / "whole")
+
+
+def test_bytes_do_not_depend_on_the_number_of_processes(
+    prompts: Path, whole: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for share in ("3/3", "1/3", "2/3"):
+        bulk(prompts, tmp_path / "parts", f"--shard={share}")
+    assert content(tmp_path / "parts") == whole
+    assert "shard 3/3 is finished, others are not" in capsys.readouterr().out
+    main(["bulk", "-o", str(tmp_path / "parts"), "--check"])
+    assert "5 motions, 2 rows left out; files 4" in capsys.readouterr().out
+
+
+KILLED = """
+import os, signal, sys
+from latentmotion.bulk import motions
+from latentmotion.cli.main import main
+
+make, left = motions.make_shard, [int(sys.argv[1])]
+
+def killed_make(*arguments):
+    left[0] -= 1
+    if left[0] == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return make(*arguments)
+
+motions.make_shard = killed_make
+main(sys.argv[2:])
+"""
+"""Generates, but is killed before a shard."""
+
+
+def test_killed_and_restarted_processes_make_the_same_motions(
+    prompts: Path, whole: dict[str, bytes], tmp_path: Path
+) -> None:
+    folder = tmp_path / "parts"
+    words = ["bulk", str(prompts), "-o", str(folder), "--rows=2", "--no-clean"]
+    workers = [
+        subprocess.Popen([sys.executable, "-c", KILLED, at, *words, f"--shard={share}"])
+        for at, share in (("1", "1/2"), ("2", "2/2"))
+    ]
+    assert [worker.wait() for worker in workers] == [-signal.SIGKILL] * 2
+    assert "motions-00001.safetensors.json" in content(folder)
+    bulk(prompts, folder, "--shard=2/2")
+    bulk(prompts, folder, "--shard=1/2")
+    assert content(folder) == whole
+
+
+def test_a_shard_holds_what_the_pipeline_makes_of_its_rows(
+    whole: dict[str, bytes], tmp_path: Path
+) -> None:
+    generate = MotionPipeline.from_pretrained(threads=1)
+    first, second = generate.batch(PROMPTS[:2], seeds=[0, 1])
+    (last,) = generate.batch(PROMPTS[6:], seeds=[6])
+    with safe_open(tmp_path / "whole" / "motions-00000.safetensors", "numpy") as file:
+        about = json.loads(file.metadata()["latentmotion"])
+        frames, joints = file.get_tensor("frames"), file.get_tensor("joints")
+        assert file.get_tensor("line").tolist() == [1, 2]
+    assert about["prompts"] == PROMPTS[:2] and about["fps"] == 20 and len(about["joints"]) == 22
+    assert frames.tolist() == [len(first), len(second)]
+    assert np.array_equal(joints, np.concatenate([first.joints, second.joints]))
+    with safe_open(tmp_path / "whole" / "motions-00003.safetensors", "numpy") as file:
+        assert file.get_tensor("seed").tolist() == [6]
+        assert np.array_equal(file.get_tensor("joints"), last.joints)
+
+
+def test_parquet_holds_the_same_motions(prompts: Path, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    bulk(prompts, tmp_path / "tables", "--format=parquet", "--shard=1/4")
+    bulk(prompts, tmp_path / "tensors", "--shard=1/4")
+    table = parquet.read_table(tmp_path / "tables" / "motions-00000.parquet")
+    with safe_open(tmp_path / "tensors" / "motions-00000.safetensors", "numpy") as file:
+        joints, frames = file.get_tensor("joints"), file.get_tensor("frames")
+    rows = table.to_pylist()
+    assert [row["prompt"] for row in rows] == PROMPTS[:2]
+    assert [row["frames"] for row in rows] == frames.tolist()
+    second = np.array(rows[1]["joints"], np.float32).reshape(-1, 22, 3)
+    assert np.array_equal(second, joints[frames[0] :])
+    assert json.loads(table.schema.metadata[b"latentmotion"])["fps"] == 20
+
+
+def test_rows_of_tables_have_lengths_and_seeds_of_their_own(tmp_path: Path) -> None:
+    path = tmp_path / "prompts.csv"
+    lines = ["prompt,seed,seconds", "a,7,2.5", "b,,", "c,-1,", "d,,soon", "e,1.5,nan"]
+    path.write_text("\n".join(lines) + "\n")
+    rows = read_rows(path, 100)
+    assert [(row.line, row.seed, row.seconds) for row in rows[:2]] == [(2, 7, 2.5), (3, 101, None)]
+    assert [row.problem.partition(":")[0] for row in rows[2:]] == [
+        "seed '-1'",
+        "'soon' seconds",
+        "seed '1.5'",
+    ]
+    parquet = pytest.importorskip("pyarrow.parquet")
+    arrow = pytest.importorskip("pyarrow")
+    columns = {"prompt": ["a", "b", None], "seconds": [2.5, None, None], "other": [1, 2, 3]}
+    parquet.write_table(arrow.table(columns), tmp_path / "prompts.parquet")
+    rows = read_rows(tmp_path / "prompts.parquet")
+    assert [(row.line, row.prompt, row.seed, row.seconds) for row in rows] == [
+        (1, "a", 0, 2.5),
+        (2, "b", 1, None),
+        (3, "", 2, None),
+    ]
+
+
+def test_lengths_out_of_range_are_wrong_rows(tmp_path: Path) -> None:
+    path = tmp_path / "prompts.csv"
+    path.write_text("prompt,seconds\na person walks,2\na person walks,99\na person walks,0\n")
+    manifest = shards.make(work_of(BulkGeneration(clean=False), path), at(tmp_path / "out"))
+    assert manifest is not None
+    assert [wrong.line for wrong in manifest.shards[0].wrong] == [3, 4]
+    assert manifest.shards[0].wrong[0].problem.startswith("99 seconds: model 'fast' makes")
+
+
+def at(folder: Path) -> shards.Folder:
+    return folder_at(str(folder), create=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("p.txt", b"", "holds no prompt"),
+        ("p.txt", b"\xff\xfe", "is not UTF-8"),
+        ("p.csv", b"text\nwalks\n", "lacks the column prompt; found text"),
+        ("p.parquet", b"PAR1 but no more", "cannot be read as Parquet"),
+        ("none.txt", None, "No such file"),
+    ],
+)
+def test_a_wrong_file_is_refused(
+    name: str, content: bytes | None, told: str, tmp_path: Path
+) -> None:
+    if name.endswith("parquet"):
+        pytest.importorskip("pyarrow")
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(LatentMotionError, match=told):
+        read_rows(tmp_path / name)
+
+
+def test_wrong_parquet_columns_and_too_many_rows_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "p.parquet"
+    parquet.write_table(arrow.table({"prompt": [1, 2]}), path)
+    with pytest.raises(FileFormatError, match="column prompt holds int64, expected text"):
+        read_rows(path)
+    parquet.write_table(arrow.table({"text": ["a"]}), path)
+    with pytest.raises(FileFormatError, match="lacks the column prompt; found text"):
+        read_rows(path)
+    monkeypatch.setattr(limits, "MOST_PROMPTS", 2)
+    (tmp_path / "p.txt").write_text("a\n" * 3)
+    parquet.write_table(arrow.table({"prompt": ["a"] * 3}), path)
+    for file in (path, tmp_path / "p.txt"):
+        with pytest.raises(FileFormatError, match="3 rows, at most 2 are read"):
+            read_rows(file)
+
+
+def test_a_prompt_that_is_a_book_is_a_wrong_row(tmp_path: Path) -> None:
+    (tmp_path / "p.txt").write_text("a person walks\n" + "walks " * 1000 + "\n")
+    first, second = read_rows(tmp_path / "p.txt")
+    assert not first.problem and second.problem == "5,999 characters, expected at most 2,000"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--seconds=99"], "99 seconds: model 'fast' makes motions of"),
+        (["--steps=7"], "takes 1, 2, 4"),
+        (["--rows=0"], "0 rows of a shard"),
+        (["--seed=-1"], "seed -1: expected"),
+        (["--shard=3/2"], "expected a number of a total"),
+        (["--shard=1/2", "--dask=tcp://127.0.0.1:1"], "give either --shard or --dask"),
+        (["--model=fest"], "did you mean 'fast'"),
+    ],
+)
+def test_wrong_options_leave_no_folder(
+    words: list[str], told: str, prompts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        bulk(prompts, tmp_path / "out", *words)
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_model_of_the_same_name_is_refused(prompts: Path) -> None:
+    (task, *_) = work_of(BulkGeneration(), prompts).tasks.values()
+    generation, rows = task.args
+    other = BulkGeneration(**{**vars(generation), "weights": "0" * 64})
+    with pytest.raises(LatentMotionError, match="is not the model that the run was started with"):
+        task.func(other, rows)
+
+
+DASK = """
+import os, signal, sys
+from pathlib import Path
+from distributed import LocalCluster
+from latentmotion.cli.main import main
+
+if __name__ == "__main__":
+    with LocalCluster(2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as cluster:
+        main([*sys.argv[1:], "--dask", cluster.scheduler_address])
+"""
+"""Generates on two worker processes of a cluster of its own."""
+
+KILLED_ONCE = """
+import os, signal
+from pathlib import Path
+from latentmotion.bulk import motions
+
+make, mark = motions.make_shard, Path(os.environ["MARK"])
+
+def killed_make(generation, rows):
+    if rows[0].line == 3 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return make(generation, rows)
+"""
+
+
+def test_dask_workers_may_be_killed(prompts: Path, whole: dict[str, bytes], tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    (tmp_path / "killed_once.py").write_text(KILLED_ONCE)
+    program = "from latentmotion.bulk import motions; import killed_once; "
+    program += "motions.make_shard = killed_once.killed_make\n" + DASK
+    script, folder = tmp_path / "run.py", tmp_path / "out"
+    script.write_text(program)
+    words = ["bulk", str(prompts), "-o", str(folder), "--rows=2", "--no-clean"]
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "MARK": str(tmp_path / "mark"), "PYTHONPATH": paths}
+    done = subprocess.run(
+        [sys.executable, str(script), *words], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "mark").exists()
+    assert content(folder) == whole
+
+
+def test_a_cluster_that_is_not_there_is_told(
+    prompts: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip("distributed")
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError("Timed out trying to connect")
+
+    monkeypatch.setattr(distributed, "Client", refuse)
+    work = work_of(BulkGeneration(), prompts)
+    with pytest.raises(InputError, match="no Dask scheduler at tcp"):
+        shards.submit(work, at(tmp_path / "out"), "tcp://127.0.0.1:1")

@@ -1,0 +1,200 @@
+"""Work in shards: killed at any moment, repeated, checked; folders at an address."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from latentmotion.errors import DataError, InputError
+from latentmotion.storage import shards
+from latentmotion.storage.address import folder_at
+from latentmotion.storage.shards import Run, Shard, Share, Work, Wrong
+
+COUNT = 9
+NAMES = tuple(f"numbers-{number}.txt" for number in range(COUNT))
+
+
+def numbers(first: int) -> Shard:
+    content = "".join(f"{first + number}\n" for number in range(1000)).encode()
+    return Shard(content, 9, (Wrong(first + 1, "one is wrong"),))
+
+
+def work(seed: int = 0) -> Work:
+    tasks = {name: partial(numbers, 10 * n + seed) for n, name in enumerate(NAMES)}
+    return Work(Run({"seed": seed}, 10 * COUNT, NAMES), tasks)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture
+def whole(tmp_path: Path) -> dict[str, bytes]:
+    manifest = shards.make(work(), folder_at(str(tmp_path / "whole"), create=True))
+    assert manifest is not None and len(manifest.shards) == COUNT
+    return content(tmp_path / "whole")
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+
+deadly = int(sys.argv[3])
+write, replace = Path.write_bytes, Path.replace
+
+def passes():
+    global deadly
+    deadly -= 1
+    return deadly != 0
+
+def die():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def killed_write(path, content):
+    if not passes():
+        write(path, content[: len(content) // 2])
+        die()
+    return write(path, content)
+
+def killed_replace(path, target):
+    passes() or die()
+    replace(path, target)
+    passes() or die()
+
+Path.write_bytes, Path.replace = killed_write, killed_replace
+
+from latentmotion.storage import shards
+from latentmotion.storage.address import folder_at
+from tests.storage.test_shards import work
+
+shards.make(work(), folder_at(sys.argv[1], create=True), shards.Share.parse(sys.argv[2]))
+"""
+"""Makes shards, but is killed before or after a rename, or half through a file."""
+
+
+@pytest.mark.parametrize("shares", [("1/2", "2/2"), ("1/1", "1/1")])
+def test_two_workers_killed_at_random_make_the_same_bytes(
+    shares: tuple[str, str], whole: dict[str, bytes], tmp_path: Path
+) -> None:
+    moments, folder, kills = random.Random(3), tmp_path / "parts", 0
+    waiting = list(shares)
+    while waiting:
+        workers = [
+            subprocess.Popen(
+                [sys.executable, "-c", KILLED, str(folder), share, str(moments.randint(1, 20))]
+            )
+            for share in waiting
+        ]
+        codes = [worker.wait() for worker in workers]
+        assert set(codes) <= {0, -signal.SIGKILL}
+        kills += sum(code != 0 for code in codes)
+        waiting = [share for share, code in zip(waiting, codes, strict=True) if code]
+    assert kills >= 3
+    shards.make(work(), folder_at(str(folder)))
+    assert content(folder) == whole
+    shards.check(folder_at(str(folder)))
+
+
+def test_finished_shards_are_skipped(whole: dict[str, bytes], tmp_path: Path) -> None:
+    made: list[str] = []
+    (tmp_path / "whole" / f"{NAMES[4]}.json").unlink()
+    again = folder_at(str(tmp_path / "whole"))
+    shards.make(work(), again, report=lambda record: made.append(record.name))
+    assert made == [NAMES[4]]
+    assert content(tmp_path / "whole") == whole
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 20])
+def test_shares_cover_every_shard_once(count: int, whole: dict[str, bytes], tmp_path: Path) -> None:
+    shares = [Share(number, count) for number in range(1, count + 1)]
+    assert sorted(name for share in shares for name in share.of(NAMES)) == sorted(NAMES)
+    folder = folder_at(str(tmp_path / "shared"), create=True)
+    manifests = [shards.make(work(), folder, share) for share in shares]
+    assert manifests[-1] is not None
+    assert content(tmp_path / "shared") == whole
+
+
+@pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "-1/3", "1/0"])
+def test_a_wrong_share_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="expected a number of a total"):
+        Share.parse(text)
+
+
+def test_another_run_is_refused(whole: dict[str, bytes], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="another run: seed is 0 there, 1 here"):
+        shards.make(work(1), folder_at(str(tmp_path / "whole")))
+    assert content(tmp_path / "whole") == whole
+
+
+def test_a_shard_of_another_run_is_not_taken(tmp_path: Path) -> None:
+    for seed in (0, 1):
+        folder = folder_at(str(tmp_path / str(seed)), create=True)
+        shards.make(work(seed), folder, Share(1, 2))
+    other = tmp_path / "1" / f"{NAMES[0]}.json"
+    (tmp_path / "0" / other.name).write_bytes(other.read_bytes())
+    with pytest.raises(DataError, match=r"numbers-0\.txt is of another run"):
+        shards.make(work(), folder_at(str(tmp_path / "0")))
+
+
+def damaged(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "whole" / name
+    path.write_bytes(path.read_bytes().replace(b"7", b"8", 1))
+
+
+def test_a_check_finds_changes_gaps_and_missing_items(
+    whole: dict[str, bytes], tmp_path: Path
+) -> None:
+    folder, path = folder_at(str(tmp_path / "whole")), tmp_path / "whole"
+    damaged(NAMES[2], tmp_path)
+    (path / NAMES[3]).unlink()
+    (path / NAMES[5]).write_bytes(b"")
+    with pytest.raises(DataError) as told:
+        shards.check(folder)
+    assert f"{NAMES[2]} has another content, {NAMES[3]} is missing, {NAMES[5]} has 0" in str(
+        told.value
+    )
+    for name in NAMES:
+        (path / name).write_bytes(whole[name])
+    manifest = json.loads(whole["manifest.json"])
+    manifest["shards"][0]["items"] = 8
+    (path / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(DataError, match="89 items, expected 90"):
+        shards.check(folder)
+
+
+def test_a_check_names_what_is_not_finished(tmp_path: Path) -> None:
+    folder = folder_at(str(tmp_path / "run"), create=True)
+    with pytest.raises(DataError, match=r"no run: it has no run\.json"):
+        shards.check(folder)
+    shards.make(work(), folder, Share(2, 2))
+    with pytest.raises(DataError, match=r"5 of 9 files are missing \(numbers-0.txt, .*, …\)"):
+        shards.check(folder)
+
+
+def test_a_url_holds_the_same_bytes(whole: dict[str, bytes]) -> None:
+    fsspec = pytest.importorskip("fsspec")
+    memory = fsspec.filesystem("memory")
+    memory.pipe_file("/bulk/numbers/.left.txt.part", b"half")
+    folder = folder_at("memory://bulk/numbers", create=True)
+    shards.make(work(), folder, Share(2, 2))
+    shards.make(work(), folder)
+    shards.check(folder)
+    assert {name: folder.read(name) for name in folder.names()} == whole
+    with pytest.raises(InputError, match="cannot use memory://bulk/numbers"):
+        folder.read("nothing")
+    with pytest.raises(InputError, match="Protocol not known: nowhere"):
+        folder_at("nowhere://a")
+
+
+def test_a_url_without_fsspec_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fsspec.core", None)
+    with pytest.raises(Exception, match=r'pip install "latentmotion\[bulk\]"'):
+        folder_at("s3://bucket/motions")
+    assert folder_at(str(Path.cwd())).names()
