@@ -15,6 +15,7 @@ import torch
 
 import benchmarks.__main__ as everything
 from benchmarks.generation import (
+    bulk,
     cold_start,
     files,
     first_motion,
@@ -96,6 +97,13 @@ def test_figures_have_three_digits(value: float, text: str):
 
 def test_sentences_are_all_different():
     assert len(set(islice(sentences(), 1000))) == 1000
+
+
+def test_bulk_counts_what_its_processes_make(capsys):
+    bulk.main(["3", "--processes", "2", "--options", "rows=2", "seconds=1"])
+    (cells,) = [cells for name, cells in rows(capsys.readouterr().out).items() if name == "3"]
+    processes, size, clock, pace, *_ = numbers(cells)
+    assert (processes, pace) == (2, pytest.approx(3 / clock, rel=0.02)) and size > 0
 
 
 def test_the_authors_shapes_have_the_published_numbers_of_weights(monkeypatch):

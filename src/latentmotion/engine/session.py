@@ -7,11 +7,13 @@ none that spins while it waits.
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.util import find_spec
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,6 +22,7 @@ import numpy as np
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard
+from latentmotion.storage.limits import GRAPH_MEMORY
 
 Runtime = Literal["auto", "onnxruntime", "openvino"]
 """Engine of the graphs; `auto` takes ONNX Runtime, as fast as OpenVINO and sooner loaded."""
@@ -39,11 +42,13 @@ def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = No
     Raises:
         InputError: The number of threads is below 1.
         MissingExtraError: OpenVINO is requested and not installed.
-        ModelError: The file is missing or damaged.
+        ModelError: The file is missing or damaged, or holds a loop.
     """
     engine, limit = _ENGINES[_checked(path, runtime)], thread_limit(threads)
     try:
         return engine(path, limit)
+    except ModelError:
+        raise
     except Exception as error:  # each engine has error classes of its own
         raise ModelError(
             f"{path} cannot be loaded, it is damaged or no ONNX graph; copy the folder again"
@@ -159,7 +164,11 @@ def onnxruntime_session(path: Path, threads: int, optimized: Path | None = None)
         path: The `.onnx` file.
         threads: Maximum number of threads.
         optimized: File to which ONNX Runtime writes the graph as it runs it, if any.
+
+    Raises:
+        ModelError: It holds a loop, or cannot be read.
     """
+    check_graph(path)
     # ONNX Runtime (seen in 1.31) starts telemetry when imported, unless this is set before.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     import onnxruntime
@@ -169,11 +178,44 @@ def onnxruntime_session(path: Path, threads: int, optimized: Path | None = None)
     options.inter_op_num_threads = 1
     # Threads that spin while idle make times bimodal on shared cores.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    _limit_memory(onnxruntime)
+    options.add_session_config_entry("session.use_env_allocators", "1")
     # Its further fusions make transformers slower (by 6 % alone, 18 % in batches) and load later.
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
     if optimized is not None:
         options.optimized_model_filepath = str(optimized)
     return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+
+
+def check_graph(path: Path) -> None:
+    """Checks that a graph ends: nodes that repeat others may do so forever.
+
+    Raises:
+        ModelError: It has such a node, or cannot be read.
+    """
+    try:
+        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+            found = [match[1].decode() for match in _REPEATING.finditer(content)]
+    except (OSError, ValueError) as error:  # ValueError: an empty file
+        raise ModelError(f"{path} cannot be read: {error}") from error
+    if found:
+        raise ModelError(
+            f"{path} has a node {found[0]}, which may repeat others forever; graphs of "
+            "this package have none"
+        )
+
+
+_REPEATING = re.compile(rb"(?:\x04|\x84\x80*\x00|\x0b|\x8b\x80*\x00)(Loop|Scan|SequenceMap)")
+"""Kinds of nodes behind their length, in any spelling that protobuf has for it."""
+
+
+@cache
+def _limit_memory(onnxruntime: Any) -> None:
+    """Limits what all graphs of this process take: one of a few bytes may ask for any amount."""
+    arena = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
+    memory = onnxruntime.OrtMemoryInfo("Cpu", arena, 0, onnxruntime.OrtMemType.DEFAULT)
+    settings = onnxruntime.OrtArenaCfg(GRAPH_MEMORY, -1, -1, -1)
+    onnxruntime.create_and_register_allocator(memory, settings)
 
 
 def _checked(path: Path, runtime: Runtime) -> str:
@@ -213,6 +255,7 @@ def _on_openvino(path: Path, threads: int) -> Session:
         "INFERENCE_NUM_THREADS": threads,
         "PERFORMANCE_HINT": "LATENCY",
     }
+    check_graph(path)
     model = openvino.Core().compile_model(path, "CPU", settings)
     names = [name for value in model.inputs for name in value.get_names()]
 

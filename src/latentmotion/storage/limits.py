@@ -70,6 +70,10 @@ MOST_STEPS = 100_000
 MOST_TOKENS = 200_000
 """Latent tokens, or frames, of one generated motion."""
 
+GRAPH_MEMORY = 1 << 33
+"""Bytes that all graphs of a process may take together on ONNX Runtime, with weights; large text
+encoders have half."""
+
 USD_MEMORY = 1 << 32
 """Bytes of address space of the process that reads USD: its libraries take 1 GB of them."""
 
