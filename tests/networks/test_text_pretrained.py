@@ -151,3 +151,21 @@ def test_cache_asks_once_and_answers_the_same(tmp_path: Path) -> None:
         np.testing.assert_array_equal(embedding.words, expected.words)
         np.testing.assert_array_equal(embedding.mask, expected.mask)
     assert (remembered.name, remembered.width) == (plain.name, 3)
+
+
+class Touch:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple:
+        return (Path.touch, (self.path,))
+
+
+def test_pickled_weights_run_no_code(tmp_path: Path) -> None:
+    folder = tmp_path / "clip"
+    MODELS["distilbert"]().save_pretrained(folder)
+    (folder / "model.safetensors").unlink()
+    torch.save({"embeddings.weight": Touch(tmp_path / "ran")}, folder / "pytorch_model.bin")
+    with pytest.raises(ModelError, match="clip cannot be loaded"):
+        PretrainedTextEncoder.load("distilbert", str(folder))
+    assert not (tmp_path / "ran").exists()

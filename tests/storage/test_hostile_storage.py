@@ -141,3 +141,35 @@ def test_what_a_killed_writer_left_is_removed_by_the_next(tmp_path: Path) -> Non
             other.write_text("other")
         assert file.is_file() and folder.is_dir()
     assert {path.name for path in tmp_path.iterdir()} == {"a[1].npz", "model"}
+
+
+KILLED_BETWEEN = """
+import os, signal, sys
+from pathlib import Path
+from latentmotion.storage.files import atomic_folder
+
+replace = Path.replace
+def killed_replace(path, target):
+    replace(path, target)
+    os.kill(os.getpid(), signal.SIGKILL)
+with atomic_folder(sys.argv[1], "marker") as folder:
+    (folder / "marker").write_text("new")
+    Path.replace = killed_replace
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no such signal")
+def test_an_old_folder_survives_a_kill_while_it_is_replaced(tmp_path: Path) -> None:
+    target = tmp_path / "model"
+    with atomic_folder(target, "marker") as folder:
+        (folder / "marker").write_text("old")
+    done = subprocess.run([sys.executable, "-c", KILLED_BETWEEN, str(target)], check=False)
+    assert done.returncode == -signal.SIGKILL and not target.exists()
+    with pytest.raises(KeyError), atomic_folder(target, "marker"):
+        assert (target / "marker").read_text() == "old"
+        raise KeyError
+    assert (target / "marker").read_text() == "old"
+    with atomic_folder(target, "marker") as folder:
+        (folder / "marker").write_text("new")
+    assert (target / "marker").read_text() == "new"
+    assert [path.name for path in tmp_path.iterdir()] == ["model"]

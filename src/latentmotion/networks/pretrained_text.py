@@ -341,10 +341,12 @@ def _load(source: str, kind: Pretrained) -> tuple[Any, Any]:
 
     transformers.utils.logging.disable_progress_bar()
     try:
-        model = getattr(transformers, kind.model_class).from_pretrained(source)
+        model_class = getattr(transformers, kind.model_class)
+        # Of pickled weights (.bin) tensors alone are read.
+        model = model_class.from_pretrained(source, weights_only=True, trust_remote_code=False)
         model = kind.finish(model, source) if kind.finish else model
         tokenizer = transformers.AutoTokenizer.from_pretrained(source)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, pickle.UnpicklingError) as error:
         raise ModelError(
             f"{source} cannot be loaded: {error}; give a folder that holds a {kind.model_class} of "
             "transformers, or a name on the hub and a network"

@@ -65,6 +65,8 @@ def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
         InputError: The parent cannot be written, or there is something else in this place.
     """
     target = Path(path)
+    aside = target.absolute().parent / f".{target.name}.replaced"
+    _put_back(aside, target)  # a writer was killed between the two renames below
     check_replaceable(target, marker)
     temporary = _temporary_name(target)
     try:
@@ -74,11 +76,12 @@ def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
             if file.is_file() and not file.is_symlink():
                 _permit(file, temporary.stat().st_mode & 0o666)
         if target.is_dir():
-            shutil.rmtree(target)
+            target.replace(aside)
         temporary.replace(target)
     except _FAILURES as error:
         raise _unwritable(target, error) from error
     finally:
+        _put_back(aside, target)
         shutil.rmtree(temporary, ignore_errors=True)
 
 
@@ -157,6 +160,14 @@ def sha256(path: str | Path) -> str:
     """Returns the SHA-256 of a file as hexadecimal digits."""
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _put_back(aside: Path, target: Path) -> None:
+    """Gives a folder that was set aside its name again, or removes it if there is a new one."""
+    with suppress(OSError):
+        if aside.is_dir() and not target.exists():
+            aside.replace(target)
+        shutil.rmtree(aside, ignore_errors=True)
 
 
 def _unwritable(target: Path, error: Exception) -> InputError:

@@ -23,7 +23,7 @@ from jaxtyping import Bool, Float, Int
 from tokenizers import Tokenizer
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.errors import DataError
+from latentmotion.errors import DataError, InputError
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.storage.files import atomic_folder
 from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz
@@ -73,7 +73,10 @@ def teacher_targets(
             (temporary / stamp.name).write_text(json.dumps(digest))
     context.wait()
     names = ("pooled", "words", "starts")
-    return Targets(*(np.load(folder / f"{name}.npy", mmap_mode="r") for name in names))
+    try:  # nothing is unpickled: `np.load` refuses arrays of objects
+        return Targets(*(np.load(folder / f"{name}.npy", mmap_mode="r") for name in names))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder} is damaged ({error}); delete it and start again") from error
 
 
 @torch.no_grad()
