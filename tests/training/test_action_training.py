@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from latentmotion.cli.main import main
+from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.networks.build import build
+from latentmotion.training import vae
 from latentmotion.training.presets import preset_named
 from latentmotion.training.vae import BatchSampler, FeatureCache, items_by_length
 from tests.support.action_files import write_humanact12
@@ -121,3 +123,25 @@ def test_crops_begin_where_the_root_is_at_zero(folder: Path) -> None:
     features, _ = memory.batch(crops, 60)
     _, way = dataset.representation.pose(features)
     np.testing.assert_array_equal(way[:, 0], np.zeros((len(crops), 3)))
+
+
+def test_crops_of_more_than_fits_are_read_from_the_shards(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = Dataset.load(folder / "data")
+    cropping, clips = preset_named("mld_humanact12").vae_cropping, dataset.clips("train")
+    crops = BatchSampler(items_by_length(clips, 60), 4, cropping, 0)(0)
+    kept = FeatureCache(dataset, clips, dataset.normalizer).batch(crops, 60)
+    monkeypatch.setattr(vae, "MOST_CACHED", 1000)
+    opened: list[str] = []
+    features = Dataset.features
+
+    def counted(self: Dataset, clip: Clip) -> np.ndarray:
+        opened.append(clip.id)
+        return features(self, clip)
+
+    memory = FeatureCache(dataset, clips, dataset.normalizer)
+    monkeypatch.setattr(Dataset, "features", counted)
+    read = memory.batch(crops, 60)
+    assert opened == [crop.clip.id for crop in crops]
+    np.testing.assert_array_equal(read[0], kept[0])

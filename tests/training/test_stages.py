@@ -143,10 +143,12 @@ def test_a_killed_run_goes_on_bit_for_bit(figures: Path, tmp_path: Path) -> None
     assert read_journal(tmp_path / "whole") == read_journal(tmp_path / "parts")
 
 
+TORCHRUN = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
+TORCHRUN += ["--local-addr=127.0.0.1", "--nproc-per-node=2"]  # No name is looked up.
+
+
 def test_two_ranks_have_the_losses_of_one(figures: Path, vae_run: Path, tmp_path: Path) -> None:
-    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
-    torchrun += ["--local-addr=127.0.0.1", "--nproc-per-node=2"]  # No name is looked up.
-    words = [*torchrun, "-m", "latentmotion", *command(figures, tmp_path)]
+    words = [*TORCHRUN, "-m", "--", "latentmotion", *command(figures, tmp_path)]
     done = subprocess.run(words, env=environment(), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     one, two = read_journal(vae_run), read_journal(tmp_path)
@@ -154,6 +156,48 @@ def test_two_ranks_have_the_losses_of_one(figures: Path, vae_run: Path, tmp_path
     for first, second in zip(one, two, strict=True):
         figures_of = [[v for v in line.values() if v != line["kind"]] for line in (first, second)]
         np.testing.assert_allclose(*figures_of, rtol=2e-3)
+
+
+KILLED_RANK = """
+import os, signal
+from latentmotion.cli.main import main
+from latentmotion.training import loop
+
+optimize = loop.optimize
+
+def killed_optimize(*arguments):
+    if os.environ["RANK"] + os.environ["TORCHELASTIC_RESTART_COUNT"] == "10" and arguments[3] == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return optimize(*arguments)
+
+loop.optimize = killed_optimize
+main()
+"""
+"""Trains as one rank of several, the second of which is killed before step 5 of its first start."""
+
+
+@pytest.mark.skipif("LATENTMOTION_SLOW" not in os.environ, reason="20 s; set LATENTMOTION_SLOW")
+def test_torchrun_restarts_killed_ranks_to_the_same_bits(figures: Path, tmp_path: Path) -> None:
+    script = tmp_path / "killed_rank.py"
+    script.write_text(KILLED_RANK)
+    for name, program in (("whole", ["-m", "--", "latentmotion"]), ("parts", ["--", str(script)])):
+        words = [*TORCHRUN, "--max-restarts=1", *program, *command(figures, tmp_path / name)]
+        done = subprocess.run(words, env=environment(), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert "exitcode: -9" in done.stderr
+    assert weights(tmp_path / "whole") == weights(tmp_path / "parts")
+    assert read_journal(tmp_path / "whole") == read_journal(tmp_path / "parts")
+
+
+def test_torchrun_takes_our_options() -> None:
+    from torch.distributed.run import parse_args
+
+    words = ["train", "denoiser", "--start", "starter"]
+    read = parse_args(["--nproc-per-node", "2", "-m", "--", "latentmotion", *words])
+    assert read.module and [read.training_script, *read.training_script_args] == [
+        "latentmotion",
+        *words,
+    ]
 
 
 def test_each_rank_has_its_share_of_the_batch(figures: Path, vae_run: Path) -> None:

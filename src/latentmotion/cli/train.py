@@ -1,7 +1,7 @@
 """`latentmotion train …`: the parts of a motion model, its text encoder and the evaluators.
 
 The same command again resumes a run that was stopped. Under torchrun it uses several devices:
-`torchrun --nproc-per-node 8 -m latentmotion train vae …`.
+`torchrun --nproc-per-node 8 -m -- latentmotion train vae …`.
 """
 
 from __future__ import annotations

@@ -54,6 +54,11 @@ class BatchSampler:
         return plan_epoch(self._items, *self._arguments, epoch)
 
 
+MOST_CACHED = 1 << 33
+"""Bytes of features that training keeps in memory: 14 hours a GB. Of more, none are kept, and crops
+are read from the data's shards, where the system keeps what it has room for."""
+
+
 class FeatureCache:
     """Features of clips, read once and given out normalized, each crop as a clip of its own.
 
@@ -68,13 +73,17 @@ class FeatureCache:
     """
 
     def __init__(self, dataset: Dataset, clips: Sequence[Clip], normalizer: Normalizer) -> None:
-        self._features = {clip.id: dataset.features(clip) for clip in clips}
-        self._normalizer, self._representation = normalizer, dataset.representation
-        if not self._features:
+        if not clips:
             raise DataError("no clip to train on; see what there is: latentmotion data check")
+        self._dataset, self._representation = dataset, dataset.representation
+        self._normalizer = normalizer
+        size = 4 * dataset.representation.width * sum(clip.frames for clip in clips)
+        every = math.ceil(size / MOST_CACHED)
+        read = {clip.id: dataset.features(clip) for clip in clips[::every]}
         if self._representation.normalized:
-            every = np.concatenate(list(self._features.values()))
-            normalizer.check(normalizer.normalize(every), self._representation.blocks)
+            features = np.concatenate(list(read.values()))
+            normalizer.check(normalizer.normalize(features), self._representation.blocks)
+        self._features = read if every == 1 else {}
 
     def batch(
         self, crops: Sequence[Crop], frames: int
@@ -88,7 +97,9 @@ class FeatureCache:
         return torch.from_numpy(features), prefix_mask(lengths, frames)
 
     def _part(self, crop: Crop) -> Float[np.ndarray, "frames features"]:
-        part = self._features[crop.clip.id][crop.start : crop.start + crop.frames]
+        features = self._features.get(crop.clip.id)
+        features = self._dataset.features(crop.clip) if features is None else features
+        part = features[crop.start : crop.start + crop.frames]
         return self._normalizer.normalize(self._representation.restart(part))
 
 
