@@ -14,7 +14,8 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from latentmotion.data.clip import Clip
+from latentmotion.data.captions import mirror_words
+from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, items_of
 from latentmotion.errors import DataError, InputError, hint
 from latentmotion.evaluation.evaluators.text_motion import (
@@ -31,13 +32,21 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     squared_distances,
     top_hits,
 )
-from latentmotion.evaluation.evaluators.words import GloveWords, WordVectors
+from latentmotion.evaluation.evaluators.tower_network import TowerConfig, TowerNetworks
+from latentmotion.evaluation.evaluators.words import GloveWords, Sentences, WordVectors
 from latentmotion.motion import Motion
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.hard_negatives import HardBatchSampler, HardNegatives
 from latentmotion.training.loop import Stage, train
 from latentmotion.training.run_folder import MODEL, open_run, provenance_of
 from latentmotion.training.vae import BatchSampler, FeatureCache
+
+NetworkConfig = TextMotionConfig | TowerConfig
+"""Sizes of either kind of networks."""
+
+Networks = TextMotionNetworks | TowerNetworks
+"""Either kind of networks."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +55,7 @@ class EvaluatorExperiment:
 
     name: str
     """What the evaluator is called."""
-    networks: TextMotionConfig
+    networks: NetworkConfig
     """Sizes; those of features and words are taken from the data."""
     objective: InfoNCE | Margin
     """What is minimized."""
@@ -56,6 +65,8 @@ class EvaluatorExperiment:
     """Longest crop, in frames; several take turns by step, so that it judges short crops too."""
     mirrored: bool = True
     """Whether mirrored copies of the clips are trained on too."""
+    hard: HardNegatives | None = None
+    """Batches of alike sentences and mirror images; None for random ones."""
 
     def croppings(self) -> list[Cropping]:
         """Which parts of clips each turn sees."""
@@ -79,7 +90,28 @@ def small() -> EvaluatorExperiment:
     return EvaluatorExperiment("small", networks, InfoNCE(), training, longest=(64, 196))
 
 
-RECIPES: dict[str, Callable[[], EvaluatorExperiment]] = {"t2m": t2m, "small": small}
+def scorer() -> EvaluatorExperiment:
+    """Small towers of unit vectors that tell sides, turns and counts apart, to score takes."""
+    training = TrainingSettings(
+        steps=1200,
+        batch_size=128,
+        learning_rate=1e-3,
+        warm_up=100,
+        ema_decay=0.99,
+        report_every=20,
+        validate_every=200,
+        snapshot_every=100,
+        sample_every=0,
+    )
+    networks, objective = TowerConfig(), InfoNCE(temperature=0.1)
+    return EvaluatorExperiment("scorer", networks, objective, training, hard=HardNegatives())
+
+
+RECIPES: dict[str, Callable[[], EvaluatorExperiment]] = {
+    "t2m": t2m,
+    "small": small,
+    "scorer": scorer,
+}
 
 
 def recipe_named(name: str) -> EvaluatorExperiment:
@@ -93,11 +125,14 @@ def recipe_named(name: str) -> EvaluatorExperiment:
     return RECIPES[name]()
 
 
+LONGEST = 196
+"""Longest crop of any experiment, in frames."""
+
 GROUP = 32
 """Motions among which a validation looks for the right one."""
 
 
-class EvaluatorStage(Stage[TextMotionNetworks]):
+class EvaluatorStage(Stage[Networks]):
     """The networks, the crops and sentences they are shown, and those they are measured on.
 
     Args:
@@ -113,7 +148,7 @@ class EvaluatorStage(Stage[TextMotionNetworks]):
 
     def __init__(
         self,
-        networks: TextMotionNetworks,
+        networks: Networks,
         vectors: WordVectors,
         dataset: Dataset,
         experiment: EvaluatorExperiment,
@@ -128,13 +163,17 @@ class EvaluatorStage(Stage[TextMotionNetworks]):
         held_out = captioned(dataset.clips("val"))
         self._held_out = [crop for clip in held_out for crop in _crops(clip, experiment.longest)]
         self._captions = {c.text: c for clip in train + held_out for c in clip.captions}
-        self._captions_of = {clip.id: {c.text for c in clip.captions} for clip in train + held_out}
+        self._spans_of = {clip.id: spans_of(clip) for clip in train + held_out}
         self._memory = FeatureCache(dataset, [*train, *held_out], dataset.normalizer)
         batch, seed = experiment.training.batch_size, experiment.training.seed
-        items = items_of(train)
-        self._batch_samplers = [
-            BatchSampler(items, batch, cropping, seed) for cropping in experiment.croppings()
-        ]
+        self._batch_samplers: list[Callable[[int], list[Crop]]] = []
+        for cropping in experiment.croppings():
+            if experiment.hard is None:
+                self._batch_samplers.append(BatchSampler(items_of(train), batch, cropping, seed))
+                continue
+            self._batch_samplers.append(
+                HardBatchSampler(train, batch, cropping, experiment.hard, seed, self._embed)
+            )
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""
@@ -147,39 +186,62 @@ class EvaluatorStage(Stage[TextMotionNetworks]):
         return {"total": self._experiment.objective(squared, self._matches(own, own))}
 
     @torch.no_grad()
-    def validate(self, network: TextMotionNetworks) -> dict[str, float]:
+    def validate(self, network: Networks) -> dict[str, float]:
         """Loss, and how often one of the right held-out motions is among the nearest 1, 2, 3."""
         groups = _groups(self._held_out)
         figures = [self._figures(network, group) for group in groups]
         names = ("loss", "top_1", "top_2", "top_3")
         means = np.mean(figures, axis=0).tolist() if figures else ()
-        return dict(zip(names, means, strict=False))
+        return {**dict(zip(names, means, strict=False)), **self._sides(network)}
 
-    def sample(self, network: TextMotionNetworks) -> list[Motion]:
+    def sample(self, network: Networks) -> list[Motion]:
         """Nothing: an evaluator makes no motions."""
         return []
 
-    def _figures(self, network: TextMotionNetworks, crops: Sequence[Crop]) -> list[float]:
+    def _figures(self, network: Networks, crops: Sequence[Crop]) -> list[float]:
         squared = self._distances(network, [crop.caption for crop in crops], crops)
         matches = self._matches(crops, crops)
         loss = float(self._experiment.objective(squared, matches))
         return [loss, *top_hits(squared, matches)]
 
+    def _sides(self, network: Networks) -> dict[str, float]:
+        """Returns how often a caption with a side is nearer than with left and right swapped."""
+        crops = [crop for crop in self._held_out if mirror_words(crop.caption) != crop.caption]
+        hits = []
+        for start in range(0, len(crops), GROUP):
+            group = crops[start : start + GROUP]
+            own = self._distances(network, [crop.caption for crop in group], group)
+            other = self._distances(network, [mirror_words(crop.caption) for crop in group], group)
+            hits += (own.diagonal() < other.diagonal()).tolist()
+        return {"sides": float(np.mean(hits))} if hits else {}
+
     def _distances(
-        self, network: TextMotionNetworks, sentences: Sequence[str], crops: Sequence[Crop]
+        self, network: Networks, sentences: Sequence[str], crops: Sequence[Crop]
     ) -> Float[torch.Tensor, "sentences crops"]:
         device = self._context.device
         features, mask = self._memory.batch(crops, max(crop.frames for crop in crops))
-        read = self._vectors([self._captions[text] for text in sentences])
+        read = self._read(sentences)
         words, parts, seen = (torch.from_numpy(x) for x in (read.words, read.parts, read.mask))
         motions = network.motions(features.to(device), mask.to(device))
         texts = network.texts(words.to(device), parts.to(device), seen.to(device))
         return squared_distances(texts, motions)
 
+    def _read(self, sentences: Sequence[str]) -> Sentences:
+        return self._vectors([self._captions.get(s, Caption(s, 0, 0)) for s in sentences])
+
+    def _embed(self, sentences: Sequence[str]) -> Float[np.ndarray, "sentences width"]:
+        """Returns the mean of each sentence's words."""
+        read = self._read(sentences)
+        real = read.mask[..., None]
+        return (read.words * real).sum(axis=1) / real.sum(axis=1)
+
     def _matches(
         self, sentences: Sequence[Crop], motions: Sequence[Crop]
     ) -> Bool[torch.Tensor, "sentences motions"]:
-        rows = [[s.caption in self._captions_of[m.clip.id] for m in motions] for s in sentences]
+        rows = [
+            [_describes(self._spans_of[m.clip.id].get(s.caption, ()), m) for m in motions]
+            for s in sentences
+        ]
         return torch.tensor(rows, device=self._context.device)
 
 
@@ -188,12 +250,35 @@ def captioned(clips: Sequence[Clip]) -> list[Clip]:
     return [clip for clip in clips if clip.captions and clip.frames >= FRAMES]
 
 
+Spans = Mapping[str, tuple[tuple[int, int], ...]]
+"""First and one past the last frame of what each sentence describes."""
+
+
+def spans_of(clip: Clip) -> Spans:
+    """Returns what each of a clip's sentences describes."""
+    spans: dict[str, tuple[tuple[int, int], ...]] = {}
+    for caption in clip.captions:
+        span = caption.start_frame, caption.end_frame
+        spans[caption.text] = (*spans.get(caption.text, ()), span)
+    return spans
+
+
+def _describes(spans: Sequence[tuple[int, int]], crop: Crop) -> bool:
+    """Returns whether one of the spans and a crop are mostly the same part of a clip."""
+    end = crop.start + crop.frames
+    shared = ((min(last, end) - max(first, crop.start), last - first) for first, last in spans)
+    # A crop of a long span is as long as crops can be.
+    return any(2 * both > max(crop.frames, min(span, LONGEST)) for both, span in shared)
+
+
 def _crops(clip: Clip, longest: Sequence[int]) -> list[Crop]:
     """One crop per caption of a clip, of the lengths that take turns in training."""
-    return [
-        Crop(clip, 0, min(clip.frames, longest[turn % len(longest)]) // FRAMES * FRAMES, c.text)
-        for turn, c in enumerate(clip.captions)
-    ]
+    crops = []
+    for turn, c in enumerate(clip.captions):
+        frames = min(c.end_frame - c.start_frame, longest[turn % len(longest)])
+        if frames >= FRAMES:
+            crops.append(Crop(clip, c.start_frame, frames // FRAMES * FRAMES, c.text))
+    return crops
 
 
 def _groups(crops: Sequence[Crop]) -> list[list[Crop]]:
@@ -253,15 +338,24 @@ def train_evaluator(
     return folder / MODEL
 
 
-def fit_to(config: TextMotionConfig, dataset: Dataset, vectors: WordVectors) -> TextMotionConfig:
+def fit_to(config: NetworkConfig, dataset: Dataset, vectors: WordVectors) -> NetworkConfig:
     """Returns the sizes with those that data and word vectors dictate."""
-    contacts = dataset.representation.blocks.get("contacts", slice(0, 0))
-    return replace(
+    blocks = dataset.representation.blocks
+    contacts = blocks.get("contacts", slice(0, 0))
+    fitted = replace(
         config,
         features=dataset.representation.width,
         left_out=contacts.stop - contacts.start,
         word_width=vectors.width,
     )
+    if not isinstance(fitted, TowerConfig):
+        return fitted
+    if not {"rotations", "contacts"} <= set(blocks):
+        raise DataError(
+            f"features {dataset.representation.name!r} have no positions; preset scorer needs "
+            "HumanML3D's or KIT's"
+        )
+    return replace(fitted, rotations=(blocks["rotations"].start, blocks["rotations"].stop))
 
 
 def _card(

@@ -1,4 +1,4 @@
-"""Text-motion evaluators of the T2M architecture: embeddings, and evaluator folders.
+"""Text-motion evaluators, T2M's or small towers: embeddings, and evaluator folders.
 
 A folder holds `evaluator.json`, `weights.safetensors` and, for words without a table, the text
 encoder. The weights file holds the networks, the evaluator's own statistics and a table of word
@@ -31,6 +31,7 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     TextMotionConfig,
     TextMotionNetworks,
 )
+from latentmotion.evaluation.evaluators.tower_network import TowerConfig, TowerNetworks
 from latentmotion.evaluation.evaluators.words import EncodedWords, GloveWords, WordVectors
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
 from latentmotion.networks.checkpoint import load_weights, read_weights
@@ -57,7 +58,7 @@ class TextMotionCard:
     """Name of the evaluator."""
     representation: str
     """Name of the motion features."""
-    networks: TextMotionConfig
+    networks: TextMotionConfig | TowerConfig
     """Sizes of the networks."""
     words: str
     """Source of word vectors: `glove`, or the name of a text encoder."""
@@ -79,8 +80,8 @@ class T2MEvaluator:
 
     card: TextMotionCard
     """The evaluator's card."""
-    networks: TextMotionNetworks
-    """The three networks, in `eval()` mode."""
+    networks: TextMotionNetworks | TowerNetworks
+    """The networks, in `eval()` mode."""
     normalizer: Normalizer
     """The evaluator's own statistics, which differ from the data set's."""
     vectors: WordVectors
