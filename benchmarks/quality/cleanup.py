@@ -32,13 +32,8 @@ from benchmarks.quality.starter_motions import starter_features
 from latentmotion.cleanup import CleanUp, clean
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.data.dataset import Dataset
-from latentmotion.evaluation.metrics.joints import (
-    foot_sliding,
-    jitter,
-    penetration,
-    skating_ratio,
-)
 from latentmotion.kinematics.inverse_kinematics import solve
+from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.motion import Motion
 from latentmotion.representation.interface import Representation
 

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from latentmotion.control.goals import Goal
     from latentmotion.control.stream import MotionStream, StreamState
     from latentmotion.control.timeline import Span
+    from latentmotion.ranking.best import Take
+    from latentmotion.ranking.scorer import Scorer
 
 MAX_BATCH_SIZE = 32
 """Maximum number of motions that go through the networks at once, which bounds memory."""
@@ -221,6 +223,56 @@ class MotionPipeline:
                 requests.unpadded(joints, rows, frames), prompts, seeds, strict=True
             )
         ]
+
+    def ranked(
+        self,
+        prompt: str,
+        of: int = 8,
+        seconds: float | None = None,
+        seed: int = 0,
+        scorer: Scorer | None = None,
+        goals: Sequence[Goal] = (),
+        **sampling: Any,
+    ) -> list[Take]:
+        """Generates several takes of a sentence, scores them and returns the best first.
+
+        Args:
+            prompt: What the person does.
+            of: Number of takes.
+            seconds: As for one motion.
+            seed: Seed of the first take; later ones count up from it.
+            scorer: Compares motions with sentences; by default the one that ships.
+            goals: As for one motion; all takes have them.
+            sampling: `steps`, `guidance` and `sampler`, as for one motion.
+
+        Raises:
+            InputError: The model reads no sentences or moves another skeleton, or a number is out
+                of range.
+        """
+        from latentmotion.ranking import best
+
+        best.check_sentence(self.card, prompt, of)
+        seeds = range(seed, seed + of)
+        if goals:
+            takes = [self(prompt, seconds, n, goals=goals, **sampling) for n in seeds]
+        else:
+            takes = self.batch([prompt] * of, seconds, seeds, **sampling)
+        return best.ranked(takes, prompt, scorer or best.scorer_beside(self.condition))
+
+    def best(self, prompt: str, of: int = 8, **settings: Any) -> Motion:
+        """Returns the best of several takes; its metadata tell the scores of all.
+
+        Args:
+            prompt: What the person does.
+            of: Number of takes.
+            settings: As for `ranked`.
+
+        Raises:
+            InputError: As for `ranked`.
+        """
+        from latentmotion.ranking.best import best_of
+
+        return best_of(self.ranked(prompt, of, **settings))
 
     def features(
         self,

@@ -19,12 +19,7 @@ from latentmotion.cleanup.pipeline import ground_path, in_place
 from latentmotion.cleanup.smoothing import smooth, upper_envelope
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError
-from latentmotion.evaluation.metrics.joints import (
-    foot_sliding,
-    jitter,
-    penetration,
-    skating_ratio,
-)
+from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
 

@@ -27,15 +27,12 @@ from latentmotion.evaluation.metrics.joints import (
     TrainingClips,
     acceleration_errors,
     ave,
-    foot_sliding,
-    jitter,
     joint_errors,
     mpjpe,
     pa_errors,
     parts_of,
-    penetration,
-    skating_ratio,
 )
+from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.moving_figures import joints_of

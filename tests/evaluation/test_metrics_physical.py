@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.evaluation.metrics.joints import (
-    foot_sliding,
-    jitter,
-    penetration,
-    skating_ratio,
-)
+from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.skeleton import HUMANML3D
 
 FPS = 20.0

@@ -18,11 +18,7 @@ from latentmotion.evaluation.metrics.embeddings import (
     ranks,
     shared_pairs_multimodality,
 )
-from latentmotion.evaluation.metrics.joints import (
-    acceleration_errors,
-    joint_errors,
-    pa_errors,
-)
+from latentmotion.evaluation.metrics.joints import acceleration_errors, joint_errors, pa_errors
 
 Golden = dict[str, np.ndarray]
 

@@ -88,7 +88,8 @@ def test_an_evaluator_is_trained_with_word_vectors(figures: Path, tmp_path: Path
     assert isinstance(found, T2MEvaluator)
     assert found.card.vocabulary == tuple(WORDS)
     assert found.card.provenance.license == "CC0-1.0"
-    assert set(found.card.figures) == {"val_loss", "val_top_1", "val_top_2", "val_top_3"}
+    names = ("loss", "top_1", "top_2", "top_3", "sides")
+    assert set(found.card.figures) == {f"val_{name}" for name in names}
     dataset = Dataset.load(figures)
     assert np.array_equal(found.normalizer.std, dataset.normalizer.std)
     (clip, *_) = dataset.clips("val")
@@ -169,6 +170,17 @@ def test_crops_of_both_lengths_take_turns(figures: Path) -> None:
     stage = EvaluatorStage(experiment.networks.build(), LETTERS, dataset, experiment, CONTEXT)
     short, long = stage._batch_samplers[0](0), stage._batch_samplers[1](0)
     assert max(crop.frames for crop in short) <= 16 < max(crop.frames for crop in long)
+
+
+def test_a_scorer_is_trained_with_hard_negatives(figures: Path, tmp_path: Path) -> None:
+    changes = {"hidden": 16, "motion_layers": 1, "text_layers": 1, "heads": 2, "width": 8}
+    settings = {f"networks.{key}": value for key, value in changes.items()}
+    settings |= {key: value for key, value in SMALLER.items() if key.startswith("training")}
+    experiment = with_changes(
+        RECIPES["scorer"](), [f"{key}={value}" for key, value in settings.items()]
+    )
+    folder = train_evaluator(experiment, figures, LETTERS, tmp_path / "run", CONTEXT)
+    assert folder.is_dir() and len(read_journal(tmp_path / "run")) == 8
 
 
 def test_data_without_captions_is_refused(figures: Path, monkeypatch: pytest.MonkeyPatch) -> None:

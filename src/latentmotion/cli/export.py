@@ -5,9 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
+from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
+from latentmotion.evaluation.evaluators.scorer_export import export_scorer
+from latentmotion.evaluation.evaluators.text_motion import load_text_motion
 from latentmotion.export import package
 from latentmotion.export.swap_decoder import with_decoder
 from latentmotion.export.text_encoder import export_pretrained
@@ -109,3 +115,34 @@ class SwapDecoder:
         model, other = (load_stages(find_model(name)) for name in (self.model, self.decoder))
         save_model(self.output, with_decoder(model, other))
         print(self.output)
+
+
+@dataclass(frozen=True)
+class ExportScorer:
+    """Make a scorer of an evaluator that was trained with --preset scorer; it runs without PyTorch.
+
+    Example: latentmotion export scorer runs/scorer/model -o my_scorer
+    """
+
+    evaluator: Annotated[Positional[Path], arg(metavar="EVALUATOR")]
+    """Folder of the evaluator."""
+    output: options.Output
+    """Scorer folder to write."""
+    data: options.OptionalData = None
+    """Prepared training data, whose recorded clips' vectors and names are added for `latentmotion
+    nearest`."""
+    name: str | None = None
+    """Name of the scorer; by default the evaluator's."""
+
+    def run(self) -> None:
+        """Writes the folder and prints its size.
+
+        Raises:
+            DataError: The data have other features.
+            ModelError: The evaluator is missing, or no such one.
+        """
+        evaluator = load_text_motion(self.evaluator)
+        data = Dataset.load(self.data) if self.data else None
+        export_scorer(evaluator, self.output, data, self.name)
+        size = sum(file.stat().st_size for file in self.output.iterdir()) / 1e6
+        print(f"wrote {self.output} ({size:.2f} MB)")

@@ -53,6 +53,9 @@ class Generate:
     """Length of each motion; by default the model predicts it from the sentence, or it is 4."""
     count: int = 1
     """Motions per prompt."""
+    best_of: int = 1
+    """Takes of each motion, of which the best is kept: the one that matches its sentence, with
+    steady feet on the floor (docs/guide/best_of.md)."""
     seed: int = 0
     """Seed of the first motion; later motions count up from it. The same seed gives the same
     motion."""
@@ -119,6 +122,8 @@ class Generate:
             motions = [motion.resampled(self.fps) for motion in motions]
         for motion in motions if self.clean else []:
             print(_goal_text(motion), end="", file=sys.stderr)
+        for motion in motions:
+            print(_take_text(motion), end="", file=sys.stderr)
         written = [file for path in outputs for file in formats.save(path, motions)]
         if not self.json:
             print("\n".join(f"wrote {path}" for path in written))
@@ -147,6 +152,14 @@ class Generate:
 
     def _checked_prompts(self, scene: Scene | None) -> list[str]:
         """Returns the prompts; for an unconditional model or a timeline an empty one."""
+        if self.best_of < 1:
+            raise InputError(f"--best-of {self.best_of}: expected 1 or more")
+        several = bool(self.timeline) or (scene is not None and bool(scene.spans()))
+        if self.best_of != 1 and (several or self.prior):
+            raise InputError(
+                f"--best-of {self.best_of}: takes are scored by their one sentence; leave --prior, "
+                "--timeline and scenes with a timeline out"
+            )
         alone = [self.prompts, self.file, self.prior, self.scene, self.reach, self.heading]
         if self.timeline and any([*alone, self.path, self.seconds, self.sampler]):
             raise InputError(
@@ -205,6 +218,13 @@ class Generate:
                 generator.timeline(spans, seed, self.steps, self.guidance)
                 for seed in range(first, first + self.count)
             ]
+        if self.best_of != 1:
+            named = dict(zip(("steps", "guidance", "sampler"), sampling, strict=True))
+            settings = {"seconds": seconds, "goals": goals, **named}
+            return [
+                generator.best(prompt, self.best_of, seed=first + self.best_of * number, **settings)
+                for number, prompt in enumerate(repeated)
+            ]
         if not goals:
             return generator.batch(repeated, seconds, seeds, *sampling)
         return [
@@ -225,6 +245,19 @@ def _goal_text(motion: Motion) -> str:
     shown = lines if len(lines) <= 12 else [*lines[:11], f"… and {len(lines) - 11} more\n"]
     sliding = 1e2 * motion.metadata["foot_sliding"]
     return "".join([*shown, f"feet that stand slide {sliding:.1f} cm/s\n"])
+
+
+def _take_text(motion: Motion) -> str:
+    """Returns a line about the take that was the best of several."""
+    takes = motion.metadata.get("best_of")
+    if not takes:
+        return ""
+    best, last = takes[0], takes[-1]
+    return (
+        f"best of {len(takes)}: seed {best['seed']}, score {best['score']:.3f} (worst "
+        f"{last['score']:.3f}): text {best['text']:.3f}, feet slide {1e2 * best['sliding']:.1f} "
+        f"cm/s, {1e2 * best['penetration']:.1f} cm below the floor, jerk {best['jerk']:.0f} m/s³\n"
+    )
 
 
 def located(execution: ExecutionOptions) -> ExecutionOptions:

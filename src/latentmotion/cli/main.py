@@ -31,6 +31,8 @@ VERBS = {
     "edit": Verb("edit:Edit", "Generate a part of a motion anew."),
     "between": Verb("edit:Between", "Generate what leads from one motion to another."),
     "render": Verb("motions:Render", "Draw motion files as video, GIF or picture."),
+    "search": Verb("search:Search", "Find motions in your own files by a sentence."),
+    "nearest": Verb("search:Nearest", "Report the training clips nearest to a motion."),
     "retarget": Verb("motions:Retarget", "Retarget motions to your own character."),
     "blender-addon": Verb(
         "motions:BlenderAddon", "Write the add-on for Blender, ready to install."
@@ -63,6 +65,7 @@ VERBS = {
     "train classifier": Verb("train:TrainClassifier", "Train an action classifier for evaluation."),
     "swap-decoder": Verb("export:SwapDecoder", "Give a model the decoder of another model."),
     "export": Verb("export:Export", "Make a trained model run without PyTorch."),
+    "export scorer": Verb("export:ExportScorer", "Make a scorer of takes of an evaluator."),
     "evaluate": Verb("evaluate:Evaluate", "Measure a model."),
     "convert": Verb("convert:Convert", "Turn an MLD or MotionLCM checkpoint into a model."),
     "convert evaluator": Verb(

@@ -63,8 +63,8 @@ RunFolder = Annotated[
 Sizes = Annotated[
     str,
     arg(
-        help="Sizes to start from: t2m (those of the official evaluator) or small (for a few "
-        "hundred clips). The defaults below are those of the preset."
+        help="Sizes to start from: t2m (those of the official evaluator), small (for a few "
+        "hundred clips) or scorer (to score takes). The defaults below are the preset's."
     ),
 ]
 

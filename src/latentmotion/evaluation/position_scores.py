@@ -24,14 +24,11 @@ from latentmotion.evaluation.metrics.joints import (
     acceleration_errors,
     ape,
     ave,
-    foot_sliding,
-    jitter,
     joint_errors,
     pa_errors,
     parts_of,
-    penetration,
-    skating_ratio,
 )
+from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation.smpl import SmplRepresentation, representation_of
 

@@ -46,7 +46,7 @@ DEFAULT = "fast"
 HUB_FILES = ("*.json", "*.onnx", "*.safetensors", "LICENSE*", "README.md")
 """Patterns of the files of a model folder: card, tokenizer, graphs, weights and documentation."""
 
-_SHIPPED = Path(__file__).parents[1] / "models"
+SHIPPED = Path(__file__).parents[1] / "models"
 """Folder of the models inside the package, each a folder."""
 
 _HUB_ID = re.compile(r"(?P<repository>\w[\w.-]*/\w[\w.-]*)(@(?P<revision>\w[\w./-]*))?", re.ASCII)
@@ -212,7 +212,7 @@ def check_card(card: ModelCard) -> None:
 def shipped_models() -> tuple[str, ...]:
     """Returns the names of the models inside the package."""
     # A folder that begins with a dot is still being written.
-    return tuple(sorted(c.parent.name for c in _SHIPPED.glob(f"[!.]*/{CARD_FILE}")))
+    return tuple(sorted(c.parent.name for c in SHIPPED.glob(f"[!.]*/{CARD_FILE}")))
 
 
 def find_model(model: str | Path) -> Path:
@@ -222,7 +222,7 @@ def find_model(model: str | Path) -> Path:
         ModelError: There is no such model; the message names the nearest.
     """
     if str(model) in shipped_models():
-        return _SHIPPED / str(model)
+        return SHIPPED / str(model)
     if Path(model).is_dir():
         inside = Path(model) / "model"  # where a training run puts it
         return inside if (inside / CARD_FILE).is_file() else Path(model)
@@ -280,11 +280,16 @@ def text_encoder_folder(card: ModelCard, folder: Path) -> Path | None:
     """
     if (folder / TEXT_GRAPH_FILE).is_file():
         return folder
-    for name in shipped_models():
-        shipped = _SHIPPED / name
+    return shipped_text_encoder(card.condition.text_encoder)
+
+
+def shipped_text_encoder(name: str | None) -> Path | None:
+    """Returns the folder of the shipped model with the text encoder of this name, if any."""
+    for model in shipped_models():
+        shipped = SHIPPED / model
         if not (shipped / TEXT_GRAPH_FILE).is_file():
             continue
-        if read_card(shipped).condition.text_encoder == card.condition.text_encoder:
+        if read_card(shipped).condition.text_encoder == name:
             return shipped
     return None
 

@@ -14,8 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from latentmotion.data.captions import mirror_words
-from latentmotion.data.clip import Caption, Clip
+from latentmotion.data.clip import Caption, Clip, mirror_words
 from latentmotion.data.dataset import Crop, Cropping, Dataset, items_of
 from latentmotion.errors import DataError, InputError, hint
 from latentmotion.evaluation.evaluators.text_motion import (
@@ -93,7 +92,7 @@ def small() -> EvaluatorExperiment:
 def scorer() -> EvaluatorExperiment:
     """Small towers of unit vectors that tell sides, turns and counts apart, to score takes."""
     training = TrainingSettings(
-        steps=1200,
+        steps=4000,
         batch_size=128,
         learning_rate=1e-3,
         warm_up=100,

@@ -15,8 +15,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.data.captions import mirror_words
-from latentmotion.data.clip import Clip
+from latentmotion.data.clip import Clip, mirror_words
 from latentmotion.data.dataset import Crop, Cropping, items_of
 from latentmotion.errors import InputError
 from latentmotion.training.vae import BatchSampler

@@ -15,9 +15,15 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from latentmotion.networks.attention import SelfAttention
-from latentmotion.networks.embeddings import SinePosition
-from latentmotion.networks.transformer import EncoderLayer, FeedForward, PreNorm, Stack, initialize
+from latentmotion.networks.transformer import (
+    EncoderLayer,
+    FeedForward,
+    PreNorm,
+    SelfAttention,
+    SinePosition,
+    Stack,
+    initialize,
+)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Metrics of motions: MPJPE, ACCL, APE, AVE, foot sliding, jitter, floor, nearest training clip.
+"""Metrics of motions: MPJPE, ACCL, APE, AVE, nearest training clip.
 
 MPJPE: how far reconstructed joints are from the true ones.
 
@@ -34,31 +34,6 @@ Motions start above the origin facing +z, as a representation decodes them. The 
 figures on HumanML3D (`TemosMetric`) are in other units, with sides swapped (mld.md §8), and compare
 with nobody's.
 
-Foot sliding: how fast feet move along the floor while they stand on it.
-
-    mean over foot joints j and steps t of   v_jt · max(0, 2 − 2^(h_jt / H)),   H = 2.5 cm
-
-v is the horizontal speed, h the height above the floor: a joint on the floor counts in full, one
-2.5 cm above it not at all. Zhang et al. 2018, "Mode-adaptive neural networks for quadruped motion
-control", section 8.
-
-    skating ratio: share of steps in which a foot moves more than 2.5 cm while below 5 cm,
-
-Karunratanakul et al. 2023, "Guided motion diffusion", section 5, at the 20 frames per second of
-HumanML3D; here as a speed, 0.5 m/s, so that it does not depend on the frame rate.
-
-Jitter: how much joints shake, as the mean size of their jerk.
-
-    mean over joints j and frames t of   |p_{t+3} − 3 p_{t+2} + 3 p_{t+1} − p_t| · fps³,   m/s³
-
-Flash and Hogan 1985 (minimum jerk); used so by Yi et al. 2021, "TransPose", section 5.
-
-Floor penetration: how deep the lowest joint is below the floor.
-
-    mean over frames t of   max(0, floor − min_j y_jt),   meters
-
-Yuan et al. 2023, "PhysDiff", section 4, with joints in place of a body mesh.
-
 Two motions are compared pose by pose: root-centered, turned to face the same way (HumanML3D's
 root-relative joint positions), over the length of the generated motion, at the offset into the
 training clip where they agree best. The distance is the mean over frames and joints, meters.
@@ -77,7 +52,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace
-from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import heading, turn
 
 
@@ -180,73 +155,6 @@ def _variance(
     part: Float[np.ndarray, "frames points axes"],
 ) -> Float[np.ndarray, "points axes"]:
     return part.var(axis=0, ddof=1) if len(part) > 1 else np.zeros(part.shape[1:])
-
-
-_FADING_HEIGHT = 0.025
-_CONTACT_HEIGHT, _SKATING_SPEED = 0.05, 0.5
-
-
-def foot_sliding(
-    joints: Float[np.ndarray, "frames joints 3"],
-    fps: float,
-    skeleton: Skeleton = HUMANML3D,
-    floor: float = 0.0,
-) -> float:
-    """Returns the mean sliding speed of the feet, m/s; 0 for a single frame.
-
-    Args:
-        joints: Joint positions, meters, y up.
-        fps: Frames per second.
-        skeleton: Says which joints are feet.
-        floor: Height of the floor, meters.
-    """
-    speed, height = _steps(joints, fps, skeleton, floor)
-    weight = np.clip(2 - 2 ** (height / _FADING_HEIGHT), 0, 1)
-    return float((speed * weight).mean()) if speed.size else 0.0
-
-
-def skating_ratio(
-    joints: Float[np.ndarray, "frames joints 3"],
-    fps: float,
-    skeleton: Skeleton = HUMANML3D,
-    floor: float = 0.0,
-) -> float:
-    """Returns the share of steps in which a foot skates, from 0 to 1."""
-    speed, height = _steps(joints, fps, skeleton, floor)
-    skates = (speed > _SKATING_SPEED) & (height < _CONTACT_HEIGHT)
-    return float(skates.any(axis=1).mean()) if len(speed) else 0.0
-
-
-def _steps(
-    joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton, floor: float
-) -> tuple[Float[np.ndarray, "steps feet"], Float[np.ndarray, "steps feet"]]:
-    """Returns horizontal speed, m/s, and the greater height of both ends, of each step."""
-    feet = np.asarray(joints, dtype=np.float64)[:, [*skeleton.left_foot, *skeleton.right_foot]]
-    speed = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1) * fps
-    height = feet[..., 1] - floor
-    return speed, np.maximum(height[1:], height[:-1])
-
-
-def jitter(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> float:
-    """Returns the mean jerk of the joints, m/s³; 0 for fewer than four frames.
-
-    Args:
-        joints: Joint positions, meters.
-        fps: Frames per second.
-    """
-    jerk = np.diff(np.asarray(joints, dtype=np.float64), n=3, axis=0) * fps**3
-    return float(np.linalg.norm(jerk, axis=-1).mean()) if len(jerk) else 0.0
-
-
-def penetration(joints: Float[np.ndarray, "frames joints 3"], floor: float = 0.0) -> float:
-    """Returns the mean depth of the lowest joint below the floor, meters.
-
-    Args:
-        joints: Joint positions, meters, y up.
-        floor: Height of the floor, meters.
-    """
-    lowest = np.asarray(joints, dtype=np.float64)[..., 1].min(axis=1)
-    return float(np.maximum(0, floor - lowest).mean())
 
 
 _SEGMENT = 8

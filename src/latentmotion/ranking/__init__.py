@@ -1,0 +1,1 @@
+"""Scoring of takes by their sentence, and search among motions, without PyTorch."""

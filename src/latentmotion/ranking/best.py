@@ -1,0 +1,107 @@
+"""Best of several takes: match of sentence and motion, less what feet, floor and jerk cost.
+
+    score = cosine(sentence, motion) − sliding − 2 · penetration − max(0, jerk − 150)/1000
+
+with sliding in m/s, penetration in m, jerk in m/s³ (`kinematics/plausibility.py`); recordings have
+jerks of some 100. Weights are such that ordinary differences of feet and floor decide only between
+takes that match about as well (docs/measurements/best_of.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from latentmotion.condition.interface import Condition
+from latentmotion.condition.task import SentenceCondition
+from latentmotion.errors import InputError
+from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
+from latentmotion.model.card import ModelCard
+from latentmotion.motion import Motion
+from latentmotion.ranking.scorer import Scorer, shipped_scorer
+
+MOST_TAKES = 256
+"""Most takes of one prompt."""
+
+_PENETRATION, _JERK, _USUAL_JERK = 2.0, 1e-3, 150.0
+"""Costs of a meter below the floor and of one m/s³ of jerk above the usual."""
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """One of several motions of a prompt, with its score and the reasons for it."""
+
+    motion: Motion
+    """The motion."""
+    score: float
+    """The match less the costs; the highest is the best."""
+    text: float
+    """Cosine of the vectors of sentence and motion, -1 to 1."""
+    sliding: float
+    """Mean speed of feet along the floor, m/s."""
+    penetration: float
+    """Mean depth of the lowest joint below the floor, meters."""
+    jerk: float
+    """Mean jerk of the joints, m/s³."""
+
+    def about(self) -> dict[str, Any]:
+        """Returns seed, score and reasons, as JSON can hold them."""
+        figures = ("score", "text", "sliding", "penetration", "jerk")
+        return {"seed": self.motion.metadata.get("seed")} | {
+            name: round(getattr(self, name), 5) for name in figures
+        }
+
+
+def check_sentence(card: ModelCard, prompt: str, of: int) -> None:
+    """Checks that a model's takes can be scored by their sentence.
+
+    Raises:
+        InputError: The model reads no sentences, the sentence is empty, or the number of takes is
+            out of range.
+    """
+    if not 1 <= of <= MOST_TAKES:
+        raise InputError(f"best of {of}: expected 1 to {MOST_TAKES} takes")
+    if not card.condition.reads_text or not prompt.strip():
+        raise InputError(
+            f"best of {of}: takes are scored by their sentence, and there is none; give one, to a "
+            "model of sentences"
+        )
+
+
+def scorer_beside(condition: Condition) -> Scorer:
+    """Returns the scorer that ships, with the model's own text encoder if it reads the same."""
+    scorer = shipped_scorer()
+    encoder = condition.encoder if isinstance(condition, SentenceCondition) else None
+    if encoder is None or encoder.name != scorer.card.text_encoder:
+        return scorer
+    return replace(scorer, encoder=encoder)
+
+
+def ranked(motions: Sequence[Motion], prompt: str, scorer: Scorer) -> list[Take]:
+    """Returns the takes of a prompt, the best first.
+
+    Args:
+        motions: At least one take, of the skeleton that the scorer reads.
+        prompt: The sentence.
+        scorer: Compares motions with sentences.
+
+    Raises:
+        InputError: A motion has another skeleton or is too short.
+    """
+    matches = scorer.motions(motions) @ scorer.texts([prompt])[0]
+    takes = []
+    for motion, match in zip(motions, matches.tolist(), strict=True):
+        joints, fps = motion.joints, motion.fps
+        sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
+        jerk = jitter(joints, fps)
+        costs = sliding + _PENETRATION * depth + _JERK * max(0.0, jerk - _USUAL_JERK)
+        takes.append(Take(motion, match - costs, match, sliding, depth, jerk))
+    return sorted(takes, key=lambda take: -take.score)
+
+
+def best_of(takes: Sequence[Take]) -> Motion:
+    """Returns the best take's motion, whose metadata tell of all takes."""
+    first = takes[0].motion
+    about = {**first.metadata, "best_of": [take.about() for take in takes]}
+    return replace(first, metadata=about)

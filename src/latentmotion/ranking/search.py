@@ -1,0 +1,252 @@
+"""Search of motion files by a sentence: an index of windows of four seconds, kept in a cache file.
+
+The index is one safetensors file: vectors in 16 bits, and for each file its size and time of
+change, so that only new and changed files are read again. A file that cannot be read is named and
+left out.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from latentmotion import formats
+from latentmotion.data.recording import files_below
+from latentmotion.errors import InputError, LatentMotionError
+from latentmotion.motion import Motion
+from latentmotion.ranking.scorer import UNIT, Scorer
+from latentmotion.storage.files import atomic_file
+
+WINDOW, STEP = 80, 20
+"""Frames of a window and between windows."""
+
+_FORMAT = "latentmotion index 1"
+
+_MOST_INDEX = 2**31
+"""Most bytes of an index that are read."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a motion file."""
+
+    path: Path
+    """The file."""
+    take: int
+    """Number of the motion in the file, from 0."""
+    start: float
+    """Begin in seconds."""
+    end: float
+    """End in seconds."""
+
+
+@dataclass(frozen=True)
+class Hit:
+    """A window with its score."""
+
+    window: Window
+    """The part of a file."""
+    score: float
+    """Cosine of the vectors of sentence and window, -1 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class IndexedFile:
+    """What the index knows of a file."""
+
+    size: int
+    """Bytes."""
+    changed: int
+    """Time of the last change, nanoseconds."""
+    spans: tuple[tuple[int, float, float], ...]
+    """Take, begin and end of each window."""
+    vectors: Float[np.ndarray, "windows width"]
+    """A vector for each."""
+    problem: str = ""
+    """Why the file cannot be read, if it cannot."""
+
+
+@dataclass(frozen=True)
+class MotionIndex:
+    """The windows of a folder's motion files."""
+
+    scorer: Scorer
+    """Compares them with sentences."""
+    files: dict[Path, IndexedFile] = field(default_factory=dict)
+    """What is known, by path."""
+
+    @classmethod
+    def of(
+        cls,
+        folder: str | Path,
+        scorer: Scorer,
+        cache: Path | None = None,
+        report: Callable[[str], None] = lambda line: None,
+    ) -> MotionIndex:
+        """Indexes the motion files below a folder.
+
+        Args:
+            folder: Where to look, at any depth.
+            scorer: Makes the vectors.
+            cache: File that keeps the index; None for none.
+            report: Called with a line for each file that is read.
+
+        Raises:
+            InputError: There is no such folder, it has no motion file, or the cache cannot be
+                written.
+        """
+        if not Path(folder).is_dir():
+            raise InputError(f"{folder} is no folder; expected one of motion files")
+        paths = files_below(Path(folder), list(formats.READABLE))
+        if not paths:
+            raise InputError(f"{folder} has no motion file: {' '.join(formats.READABLE)}")
+        known = _read(cache, scorer) if cache else {}
+        files: dict[Path, IndexedFile] = {}
+        for number, path in enumerate(paths, 1):
+            about = path.stat()
+            old = known.get(path.resolve())
+            if old and (old.size, old.changed) == (about.st_size, about.st_mtime_ns):
+                files[path] = old
+                continue
+            report(f"{number}/{len(paths)} {path}")
+            files[path] = _indexed(path, about.st_size, about.st_mtime_ns, scorer)
+        # Other folders of the same cache file stay known.
+        together = {**known, **{path.resolve(): one for path, one in files.items()}}
+        if cache and any(known.get(path) is not one for path, one in together.items()):
+            _write(cache, together, scorer)
+        return cls(scorer, files)
+
+    @property
+    def problems(self) -> dict[Path, str]:
+        """Files that cannot be read, and why."""
+        return {path: one.problem for path, one in self.files.items() if one.problem}
+
+    def search(self, sentence: str, count: int = 10) -> list[Hit]:
+        """Returns the windows nearest to a sentence, the best first.
+
+        Of windows of one motion that share more than half a window, only the best is returned.
+
+        Args:
+            sentence: What the person does.
+            count: Most windows.
+
+        Raises:
+            InputError: The sentence is empty or `count` below 1.
+        """
+        if not sentence.strip():
+            raise InputError("the sentence is empty; say what the person does")
+        return self.nearest(self.scorer.texts([sentence])[0], count)
+
+    def nearest(self, vector: Float[np.ndarray, " width"], count: int) -> list[Hit]:
+        """Returns the windows nearest to a vector, the best first.
+
+        Raises:
+            InputError: `count` is below 1.
+        """
+        if count < 1:
+            raise InputError(f"{count} results: expected 1 or more")
+        hits = [
+            Hit(Window(path, *span), score)
+            for path, one in self.files.items()
+            for span, score in zip(one.spans, (one.vectors @ vector).tolist(), strict=True)
+        ]
+        chosen: list[Hit] = []
+        for hit in sorted(hits, key=lambda hit: -hit.score):
+            if len(chosen) == count:
+                break
+            if not any(_overlap(hit.window, other.window) for other in chosen):
+                chosen.append(hit)
+        return chosen
+
+
+def index_name(folder: Path, scorer: Scorer) -> str:
+    """Returns the name of a folder's index in the user's cache."""
+    key = f"{folder.resolve()}\n{scorer.card.fingerprint}"
+    return f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.safetensors"
+
+
+def windows_of(frames: int) -> list[tuple[int, int]]:
+    """Returns first and one past the last frame of each window; short motions are one."""
+    if frames <= WINDOW + STEP // 2:
+        return [(0, frames)]
+    starts = list(range(0, frames - WINDOW, STEP))
+    return [(start, start + WINDOW) for start in (*starts, frames - WINDOW)]
+
+
+def _overlap(one: Window, other: Window) -> bool:
+    if (one.path, one.take) != (other.path, other.take):
+        return False
+    shared = min(one.end, other.end) - max(one.start, other.start)
+    return shared > 0.5 * min(one.end - one.start, other.end - other.start)
+
+
+def _indexed(path: Path, size: int, changed: int, scorer: Scorer) -> IndexedFile:
+    """Reads a file; what cannot be read is noted."""
+    empty = np.zeros((0, scorer.card.width), np.float32)
+    try:
+        spans, parts = _windows(formats.load(path), scorer)
+    except LatentMotionError as error:
+        return IndexedFile(size, changed, (), empty, str(error))
+    # As it is kept, so that a cached index gives the same scores.
+    vectors = scorer.embed(parts).astype(np.float16).astype(np.float32) if parts else empty
+    return IndexedFile(size, changed, spans, vectors)
+
+
+def _windows(
+    motions: Iterable[Motion], scorer: Scorer
+) -> tuple[tuple[tuple[int, float, float], ...], list[Float[np.ndarray, "_ features"]]]:
+    spans: list[tuple[int, float, float]] = []
+    parts: list[Float[np.ndarray, "_ features"]] = []
+    fps = scorer.representation.fps
+    for take, motion in enumerate(motions):
+        if motion.seconds * fps <= UNIT + 1:
+            continue
+        features = scorer.features_of(motion)
+        for start, end in windows_of(len(features)):
+            spans.append((take, start / fps, end / fps))
+            parts.append(features[start:end])
+    return tuple(spans), parts
+
+
+def _read(path: Path, scorer: Scorer) -> dict[Path, IndexedFile]:
+    """Returns the files of an index; none if it is absent, damaged or of another scorer."""
+    try:
+        if path.stat().st_size > _MOST_INDEX:
+            return {}
+        with safe_open(path, "numpy") as opened:
+            about = opened.metadata() or {}
+            vectors = opened.get_tensor("vectors").astype(np.float32)
+        if (about["format"], about["scorer"]) != (_FORMAT, scorer.card.fingerprint):
+            return {}
+        files, first = {}, 0
+        for name, size, changed, spans, problem in json.loads(about["files"]):
+            rows = tuple((int(take), float(start), float(end)) for take, start, end in spans)
+            part = vectors[first : first + len(rows)]
+            if part.shape != (len(rows), scorer.card.width) or not np.isfinite(part).all():
+                return {}
+            files[Path(name)] = IndexedFile(int(size), int(changed), rows, part, str(problem))
+            first += len(rows)
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError):
+        return {}
+    return files
+
+
+def _write(path: Path, files: dict[Path, IndexedFile], scorer: Scorer) -> None:
+    rows = [
+        [str(name), one.size, one.changed, one.spans, one.problem] for name, one in files.items()
+    ]
+    empty = np.zeros((0, scorer.card.width), np.float32)
+    vectors: Sequence[np.ndarray] = [empty, *(one.vectors for one in files.values())]
+    metadata = {"format": _FORMAT, "scorer": scorer.card.fingerprint, "files": json.dumps(rows)}
+    if not path.parent.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_file(path) as temporary:
+        save_file({"vectors": np.concatenate(vectors).astype(np.float16)}, temporary, metadata)

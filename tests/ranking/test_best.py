@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from latentmotion import Motion, MotionPipeline
+from latentmotion.cli.main import main
+from latentmotion.errors import InputError, ModelError
+from latentmotion.kinematics.skeleton import KIT
+from latentmotion.ranking.best import best_of, ranked
+from latentmotion.ranking.scorer import Scorer, shipped_scorer
+from tests.support.walker import walker
+
+
+@pytest.fixture(scope="module")
+def walk() -> Motion:
+    return Motion(walker(50).joints())
+
+
+@pytest.fixture(scope="module")
+def fast() -> MotionPipeline:
+    return MotionPipeline.from_pretrained("fast", threads=1)
+
+
+def test_vectors_have_unit_length_and_no_company(walk: Motion) -> None:
+    scorer = shipped_scorer()
+    other = replace(walk, joints=walk.joints[:23])
+    together, alone = scorer.motions([walk, other]), scorer.motions([other])
+    assert np.allclose(np.linalg.norm(together, axis=1), 1, atol=1e-5)
+    assert np.abs(together[1] - alone[0]).max() < 1e-5
+    sentences = scorer.texts(["a person walks", "jump twice on the left foot"])
+    assert np.array_equal(sentences[:1], scorer.texts(["a person walks"]))
+
+
+def test_place_heading_and_frame_rate_do_not_matter(walk: Motion) -> None:
+    scorer = shipped_scorer()
+    moved = replace(walk, joints=walk.joints * [-1, 1, -1] + [3, 0, 5])
+    dense = Motion(np.repeat(walk.joints, 2, axis=0)[:-1], fps=40)
+    vectors = scorer.motions([walk, moved, dense])
+    assert (vectors @ vectors[0]).min() > 0.99
+
+
+def test_the_score_is_the_match_less_feet_and_floor(walk: Motion) -> None:
+    below = replace(walk, joints=walk.joints - [0, 0.3, 0])
+    good, bad = ranked([below, walk], "a person walks", shipped_scorer())
+    assert good.motion is walk and bad.motion is below
+    assert good.text == pytest.approx(bad.text, abs=1e-4)
+    assert bad.penetration > good.penetration and bad.score < good.score
+
+
+def test_the_best_tells_of_all_takes(fast: MotionPipeline) -> None:
+    takes = fast.ranked("a person kicks", of=3, seconds=1.6, seed=5)
+    assert [take.score for take in takes] == sorted((t.score for t in takes), reverse=True)
+    assert {take.motion.metadata["seed"] for take in takes} == {5, 6, 7}
+    best = fast.best("a person kicks", of=3, seconds=1.6, seed=5)
+    assert np.array_equal(best.joints, takes[0].motion.joints)
+    assert json.loads(json.dumps(best.metadata["best_of"])) == [take.about() for take in takes]
+
+
+def test_one_take_is_the_motion_itself(fast: MotionPipeline) -> None:
+    alone = fast("a person kicks", seconds=1.6, seed=2)
+    assert np.array_equal(best_of(fast.ranked("a person kicks", 1, 1.6, 2)).joints, alone.joints)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "of"), [("a person kicks", 0), ("a person kicks", 999), ("", 4)]
+)
+def test_what_cannot_be_scored_is_refused(fast: MotionPipeline, prompt: str, of: int) -> None:
+    with pytest.raises(InputError, match=f"best of {of}"):
+        fast.best(prompt, of)
+
+
+def test_other_skeletons_and_too_short_motions_are_refused(walk: Motion) -> None:
+    with pytest.raises(InputError, match="'kit'"):
+        shipped_scorer().motions([Motion(KIT.rest_joints()[None].repeat(9, 0), skeleton=KIT)])
+    with pytest.raises(InputError, match=r"0\.3 s or more"):
+        shipped_scorer().motions([replace(walk, joints=walk.joints[:4])])
+
+
+def test_a_folder_that_is_no_scorer_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r"no scorer\.json"):
+        Scorer.load(tmp_path)
+    (tmp_path / "scorer.json").write_text("{}")
+    with pytest.raises(ModelError, match="missing key"):
+        Scorer.load(tmp_path)
+
+
+def test_the_command_line_tells_scores(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = f"-o {tmp_path}/kick.npz --seconds 1.6 --no-cache --threads 1"
+    main(["generate", "a person kicks", *f"--best-of 2 --json {out}".split()])
+    captured = capsys.readouterr()
+    (motion,) = json.loads(captured.out)["motions"]
+    assert set(motion["best_of"][0]) == {
+        *("seed", "score", "text", "sliding", "penetration", "jerk")
+    }
+    assert "best of 2: seed" in captured.err
+
+
+@pytest.mark.parametrize(
+    "words", [["--timeline", "a person walks", "--best-of", "2"], ["walk", "--best-of", "0"]]
+)
+def test_mistakes_are_named(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["generate", *words, "-o", str(tmp_path / "out.npz")])
+    assert stop.value.code == 2 and "best" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
