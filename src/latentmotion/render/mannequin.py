@@ -9,17 +9,25 @@ The body is the surface f(p) = 0 of tapered capsules, blended by a soft minimum
 
 and wᵢ, the share that each capsule has in the blend, is also the skinning weight of its joint.
 The surface net of a coarse grid is pulled onto f = 0 by Newton's method.
+
+That takes a tenth of a second, so it is done once for each kind of skeleton, with standard lengths,
+and stretched along the bones of each body: a vertex p at the shares tᵢ along the capsules becomes
+
+    p' = s p + Σᵢ wᵢ ((1 − tᵢ) (aᵢ' − s aᵢ) + tᵢ (bᵢ' − s bᵢ)),
+
+where aᵢ and bᵢ are the joints at both ends of capsule i, and s is the ratio of the bodies' sizes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation, Skeleton
 
 
 def surface_net(
@@ -74,6 +82,9 @@ _SOFTNESS = 1.5
 """How much wider skinning weights blend than the skin, so that bent joints stay round."""
 
 _INFLUENCES = 4
+
+_MOST_STRETCH = 1.35
+"""How much longer or shorter a stretched bone may be; other bodies are built anew."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,29 +176,76 @@ def make_mannequin(skeleton: Skeleton, cell: float = 0.022) -> Mannequin:
             and a skeleton with other names gets a stick for each bone.
         cell: Size of the grid's cells, meters on a body of 1.7 m: about the length of a face.
     """
+    standard = _standard_lengths(skeleton)
+    rest = tuple(map(tuple, standard.offsets.tolist()))
+    built, anchors = _build(skeleton.name, skeleton.names, skeleton.parents, rest, cell)
+    ratio = _scale(skeleton) / _scale(standard)
+    joints, standard_joints = skeleton.rest_joints(), standard.rest_joints()
+    vertices = ratio * built.vertices + anchors @ (joints - ratio * standard_joints)
+    flat, floor = built.vertices[:, 1] < standard_joints[:, 1].min() + 1e-9, joints[:, 1].min()
+    flat &= vertices[:, 1] < floor + 0.01  # soles, but not of the shorter leg
+    vertices[:, 1] = np.where(flat, floor, np.maximum(vertices[:, 1], floor))
+    return replace(built, vertices=vertices, skeleton=skeleton)
+
+
+def _standard_lengths(skeleton: Skeleton) -> Skeleton:
+    """Returns a skeleton with the same bone directions and standard lengths, if it has any."""
+    for known in (HUMANML3D, KIT, BODY):
+        if (known.names, known.parents) == (skeleton.names, skeleton.parents):
+            standard = np.linalg.norm(known.offsets[1:], axis=-1, keepdims=True)
+            lengths = np.linalg.norm(skeleton.offsets[1:], axis=-1, keepdims=True)
+            stretch = lengths / standard / (_scale(skeleton) / _scale(known))
+            if stretch.min() * _MOST_STRETCH > 1 and stretch.max() < _MOST_STRETCH:
+                # Rounded, so that files of one body, read back, are the same kind of skeleton.
+                directions = np.round(skeleton.offsets[1:] / lengths, 2) + 0.0
+                offsets = np.concatenate([np.zeros((1, 3)), directions * standard])
+                return replace(known, offsets=offsets)
+    return skeleton
+
+
+def _scale(skeleton: Skeleton) -> float:
+    """Returns the length of leg and trunk in rest pose, relative to `_REFERENCE_HEIGHT`."""
+    if not {"neck", "left_ankle"} <= set(skeleton.names):
+        return 1.0
+    height, index = skeleton.rest_joints()[:, 1], skeleton.names.index
+    return max(0.1, float(height[index("neck")] - height[index("left_ankle")]) / _REFERENCE_HEIGHT)
+
+
+@lru_cache(maxsize=16)
+def _build(
+    name: str,
+    names: tuple[str, ...],
+    parents: tuple[int, ...],
+    offsets: tuple[tuple[float, ...], ...],
+    cell: float,
+) -> tuple[Mannequin, Float[np.ndarray, "vertices joints"]]:
+    """Returns the body of a skeleton, and the share of each joint in moving a vertex if it moves.
+
+    The arrays cannot be written to, since several bodies share them.
+    """
+    skeleton = Skeleton(name, names, parents, np.array(offsets))
     body = _Body(skeleton)
-    cell = cell * body.scale
-    low, values = body.sample(cell)
+    low, values = body.sample(cell * body.scale)
     corners, quads = surface_net(values)
-    vertices = low + cell * corners
+    vertices = low + cell * body.scale * corners
     for _ in range(2):
         value, slope, _ = body.evaluate(vertices)
         vertices = vertices - (value / (slope**2).sum(-1))[:, None] * slope
     _, slope, share = body.evaluate(vertices)
     joints, weights = body.influences(vertices, share)
     normals = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
-    return Mannequin(vertices, normals, quads, joints, weights, skeleton)
+    anchors = body.anchors(vertices, share)
+    for array in (vertices, normals, quads, joints, weights, anchors):
+        array.setflags(write=False)
+    return Mannequin(vertices, normals, quads, joints, weights, skeleton), anchors
 
 
 class _Body:
     """The capsules of one skeleton as arrays, and the function whose zero is their skin."""
 
     def __init__(self, skeleton: Skeleton) -> None:
-        self.skeleton, self.scale = skeleton, 1.0
+        self.skeleton, self.scale = skeleton, _scale(skeleton)
         names, rest, index = skeleton.names, skeleton.rest_joints(), skeleton.names.index
-        if {"neck", "left_ankle"} <= set(names):  # the length of leg and trunk
-            height = rest[index("neck"), 1] - rest[index("left_ankle"), 1]
-            self.scale = max(0.1, float(height) / _REFERENCE_HEIGHT)
         body = [_named(capsule, "", 1) for capsule in _MIDDLE]
         for side, sign in (("left_", 1), ("right_", -1)):
             body += [_named(capsule, side, sign) for capsule in _SIDE]
@@ -198,9 +256,9 @@ class _Body:
                 Capsule(a, (0, 0, 0), (0, 0, 0), (0.035, 0.025), b) for a, b in bones[1:] or bones
             ]
         self.owner = np.array([index(capsule.joint) for capsule in capsules])
-        toward = [index(capsule.toward) for capsule in capsules]
+        self.toward = np.array([index(capsule.toward) for capsule in capsules])
         self.start = rest[self.owner] + self.scale * np.array([c.start for c in capsules])
-        self.end = rest[toward] + self.scale * np.array([c.end for c in capsules])
+        self.end = rest[self.toward] + self.scale * np.array([c.end for c in capsules])
         self.radii = self.scale * np.array([capsule.radii for capsule in capsules])
         self.squash = np.array([capsule.squash for capsule in capsules])
         self.blend = _BLEND * self.scale
@@ -213,14 +271,30 @@ class _Body:
         start, radii, squash = self.start[which], self.radii[which], self.squash[which]
         axis = (self.end[which] - start) / squash
         taper = (radii[:, 1] - radii[:, 0]) / np.maximum((axis**2).sum(-1), 1e-9)
-        along = (points[..., None, :] - start) / squash
-        share = (along * axis).sum(-1) / np.maximum((axis**2).sum(-1), 1e-9)
+        along, share = self.places(points, which)
         between = (share > 0) & (share < 1)
         share = np.clip(share, 0, 1)
         across = along - share[..., None] * axis
         length = np.linalg.norm(across, axis=-1)
         slope = across / np.maximum(length, 1e-9)[..., None] - (between * taper)[..., None] * axis
         return length - radii[:, 0] - share * (radii[:, 1] - radii[:, 0]), slope / squash
+
+    def places(
+        self, points: Float[np.ndarray, "*batch 3"], which: slice = slice(None)
+    ) -> tuple[Float[np.ndarray, "*batch capsules 3"], Float[np.ndarray, "*batch capsules"]]:
+        """Returns points from each capsule's start, and the share of its length they are at."""
+        start, squash = self.start[which], self.squash[which]
+        axis = (self.end[which] - start) / squash
+        along = (points[..., None, :] - start) / squash
+        return along, (along * axis).sum(-1) / np.maximum((axis**2).sum(-1), 1e-9)
+
+    def anchors(
+        self, points: Float[np.ndarray, "points 3"], share: Float[np.ndarray, "points capsules"]
+    ) -> Float[np.ndarray, "points joints"]:
+        """Returns how far each point goes with each joint when the lengths of bones change."""
+        place = np.clip(self.places(points)[1], 0, 1)
+        joint = np.eye(len(self.skeleton))
+        return share * (1 - place) @ joint[self.owner] + share * place @ joint[self.toward]
 
     def evaluate(
         self, points: Float[np.ndarray, "points 3"]
