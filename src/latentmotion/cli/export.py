@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,7 @@ from latentmotion.evaluation.evaluators.text_motion import load_text_motion
 from latentmotion.export import package
 from latentmotion.export.swap_decoder import with_decoder
 from latentmotion.export.text_encoder import export_pretrained
+from latentmotion.export.web import WebWeights, export_web
 from latentmotion.gpu.backend import find_encoder, text_encoder_named
 from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard, find_model
@@ -50,6 +52,12 @@ class Export:
     """Leave out the VAE's encoder, which only training and evaluation need, if a shipped model has
     the same one; saves some 4 MB."""
 
+    web: bool = False
+    """Write a folder for web pages, of a few-step model of sentences (docs/guide/web.md)."""
+    web_weights: WebWeights = "int8"
+    """Large matrices of the web folder: int8 has a scale for each row and is 6 MB smaller, float16
+    is as exact as the model."""
+
     def run(self) -> None:
         """Writes the folder and prints its size.
 
@@ -57,14 +65,25 @@ class Export:
             ModelError: Something is missing, or a graph does not repeat its network.
         """
         source = find_model(self.model)
-        name = self.name or self.output.resolve().name
+        if not self.web:
+            self._package(source, self.output)
+        elif any(source.glob("fused_*.onnx")):
+            export_web(source, self.output, self.web_weights)
+        else:
+            with tempfile.TemporaryDirectory() as temporary:
+                packaged = Path(temporary) / self.output.resolve().name
+                self._package(source, packaged)
+                export_web(packaged, self.output, self.web_weights)
+        size = sum(file.stat().st_size for file in self.output.iterdir()) / 1e6
+        print(f"wrote {self.output} ({size:.1f} MB)")
+
+    def _package(self, source: Path, output: Path) -> None:
+        name = self.name or output.resolve().name
         card = replace(cards.read_card(source), name=name, precision=self.precision)
         if self.license:
             card = replace(card, provenance=replace(card.provenance, license=self.license))
         text_files = self._text_files(card, source)
-        package.package_model(source, card, text_files, self.output, self.share_encoder)
-        size = sum(file.stat().st_size for file in self.output.iterdir()) / 1e6
-        print(f"wrote {self.output} ({size:.1f} MB)")
+        package.package_model(source, card, text_files, output, self.share_encoder)
 
     def _text_files(self, card: ModelCard, source: Path) -> package.WriteTextEncoder | None:
         """Returns a function that writes text encoder and length model, if the model reads text."""

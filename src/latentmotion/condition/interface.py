@@ -29,13 +29,13 @@ class Conditioning:
 
 @dataclass(frozen=True)
 class TextEmbedding:
-    """What a text encoder says of a batch of sentences."""
+    """What a text encoder says of a batch of sentences, NumPy or torch."""
 
-    pooled: Float[np.ndarray, "batch width"]
+    pooled: Float[Any, "batch width"]
     """One vector per sentence."""
-    words: Float[np.ndarray, "batch words _"]
+    words: Float[Any, "batch words _"]
     """One vector per word piece, zero where there is none; CLIP's may be of another width."""
-    mask: Bool[np.ndarray, "batch words"]
+    mask: Bool[Any, "batch words"]
     """True on real word pieces."""
 
 

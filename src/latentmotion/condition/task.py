@@ -15,6 +15,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from latentmotion.arrays import array_namespace
 from latentmotion.condition.interface import Condition, Conditioning, TextEmbedding, TextEncoder
 from latentmotion.errors import InputError
 
@@ -46,11 +47,15 @@ class TextConditioning:
         words, seen = embedding.words[:, : self.words], embedding.mask[:, : self.words]
         if not self.pooled:
             return Conditioning(words, seen)
-        pooled, always = embedding.pooled[:, None], np.ones((len(seen), 1), dtype=bool)
+        xp = array_namespace(embedding.pooled)
+        pooled, always = (
+            embedding.pooled[:, None],
+            xp.ones_like(embedding.pooled[:, :1], dtype=xp.bool),
+        )
         if not self.words:  # CLIP's words may be of another width than its sentences
             return Conditioning(pooled, always)
-        tokens = np.concatenate([pooled, words], axis=1)
-        return Conditioning(tokens, np.concatenate([always, seen], axis=1))
+        tokens = xp.concat([pooled, words], axis=1)
+        return Conditioning(tokens, xp.concat([always, seen], axis=1))
 
 
 @dataclass(frozen=True)

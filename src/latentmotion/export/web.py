@@ -1,0 +1,372 @@
+"""Export for web pages: a sentence's tokens, noise, frames, guidance → joints, in one graph.
+
+The graph joins what the model's folder has, text encoder and fused sampler, with the reading of the
+sentence and the way from features to joints, which are traced from the code that Python runs. There
+is one graph for each number of steps; all read the same `weights.bin`, in which large matrices are
+kept as 8-bit integers with one scale a row. Nothing that only training needs is in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import onnx
+import torch
+from onnx import ModelProto, TensorProto, compose, helper, numpy_helper, parser
+from tokenizers import Tokenizer
+from torch import Tensor, nn
+
+from latentmotion.condition.interface import TextEmbedding
+from latentmotion.condition.task import SentenceCondition, TextConditioning
+from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.engine.feature_decoder import representation_of
+from latentmotion.engine.session import fused_sampler_file, open_session
+from latentmotion.errors import ModelError
+from latentmotion.export.onnx import anonymous, trace
+from latentmotion.model import card as cards
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.representation.interface import Representation
+from latentmotion.storage.files import atomic_folder
+from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthModel
+
+WebWeights = Literal["int8", "float16"]
+"""How large matrices are kept: 8 bits with a scale for each row, or exactly as in the model."""
+
+MANIFEST_FILE = "web.json"
+WEIGHTS_FILE = "weights.bin"
+SECONDS_FILE = "seconds.onnx"
+FORMAT = "latentmotion web 1"
+
+TOLERANCE: dict[WebWeights, float] = {"int8": 0.15, "float16": 1e-4}
+"""Largest distance allowed between joints of the graph and of the model, meters."""
+
+_LEAST_BYTES = 1024
+"""Minimum size of a tensor that is kept in the file of weights."""
+
+_ALIGNMENT = 64
+
+_MASKS = """<ir_version: 10, opset_import: ["" : 20]>
+masks (int64[1,n] tokens, float[1,t,w] noise, int64[1] frames)
+  => (bool[1,n] mask, bool[1,t] latents_mask, bool[1,f] frames_mask)
+  <int64[1] one = {1}>
+{
+  n_shape = Shape (tokens)
+  mask = ConstantOfShape <value = bool[1] {1}> (n_shape)
+  t_shape = Shape <end = 2> (noise)
+  latents_mask = ConstantOfShape <value = bool[1] {1}> (t_shape)
+  f_shape = Concat <axis = 0> (one, frames)
+  frames_mask = ConstantOfShape <value = bool[1] {1}> (f_shape)
+}"""
+"""One sentence and one motion have no padding, so all masks are true."""
+
+_PERCEPTRON = """<ir_version: 10, opset_import: ["" : 20]>
+lengths (float[1,w] pooled) => (float[1,1] seconds)
+{
+  into = MatMul (pooled, hidden)
+  sum = Add (into, hidden_bias)
+  positive = Relu (sum)
+  from = MatMul (positive, out)
+  quantiles = Add (from, out_bias)
+  longest, places = TopK (quantiles, count)
+  median = Gather <axis = 1> (longest, first)
+  seconds = Max (median, least)
+}"""
+"""`LengthModel.usual` for one sentence."""
+
+
+def export_web(source: Path, output: Path, weights: WebWeights = "int8") -> None:
+    """Writes a folder from which the npm package `latentmotion` generates.
+
+    Args:
+        source: Model folder that `latentmotion export` wrote, of a few-step model of sentences.
+        output: Folder to write, replaced as a whole.
+        weights: How large matrices are kept.
+
+    Raises:
+        InputError: There is something else at `output`.
+        ModelError: The model reads no sentences, is not distilled or lacks a file; or a graph does
+            not repeat it.
+    """
+    card = cards.read_card(source)
+    pipeline = MotionPipeline.from_pretrained(source, "onnxruntime", 1)
+    if not isinstance(pipeline.condition, SentenceCondition):
+        raise ModelError(f"model {card.name!r} reads no sentences; a web page needs one that does")
+    if not pipeline.backend.fused:
+        raise ModelError(
+            f"model {card.name!r} has no fused sampler, as few-step models do (fused_4.onnx); "
+            "distill it: latentmotion train distill, then latentmotion export"
+        )
+    text_graph, tokenizer = cards.find_text_encoder(card, source)
+    with atomic_folder(output, MANIFEST_FILE) as folder, tempfile.TemporaryDirectory() as temporary:
+        store = _WeightStore(weights)
+        text = onnx.load(text_graph)
+        reading = _traced_reading(pipeline.condition.conditioning, text, Path(temporary))
+        joints = _traced_joints(representation_of(card), Path(temporary))
+        for steps in pipeline.backend.fused:
+            fused = onnx.load(source / fused_sampler_file(steps))
+            graph = store.taken(_joined(text, reading, fused, joints))
+            onnx.save(anonymous(graph), folder / motion_file(steps))
+        lengths = cards.lengths_file(card, source)
+        if lengths:
+            model = LengthModel.read(lengths, card.condition.text_encoder)
+            onnx.save(anonymous(store.taken(_seconds(text, model))), folder / SECONDS_FILE)
+        store.write(folder / WEIGHTS_FILE)
+        shutil.copyfile(tokenizer, folder / cards.TOKENIZER_FILE)
+        for steps in pipeline.backend.fused:
+            error = joints_error(pipeline, folder, steps)
+            if not error < TOLERANCE[weights]:
+                raise ModelError(
+                    f"{motion_file(steps)} differs from its model by {error:.2g} m; not written"
+                )
+        manifest = _manifest(pipeline, folder, weights)
+        (folder / MANIFEST_FILE).write_text(json.dumps(manifest, separators=(",", ":")), "utf-8")
+
+
+def motion_file(steps: int) -> str:
+    """Returns the name of the graph for so many steps."""
+    return f"motion_{steps}.onnx"
+
+
+def joints_error(pipeline: MotionPipeline, folder: Path, steps: int) -> float:
+    """Returns the largest distance between joints of a graph and of its model, meters."""
+    sentence, seed, guidance = (
+        "a person walks forward and waves",
+        7,
+        pipeline.card.sampling.guidance,
+    )
+    frames = pipeline.card.frames[1]
+    tokenizer = Tokenizer.from_file(str(folder / cards.TOKENIZER_FILE))
+    space = pipeline.card.latents
+    session = open_session(folder / motion_file(steps), "onnxruntime", 1)
+    found = session(
+        tokens=np.array([tokenizer.encode(sentence).ids], np.int64),
+        noise=SeededNoise([seed])((1, space.tokens_of(frames), space.width)),
+        frames=np.array([frames]),
+        guidance=np.array([guidance], np.float32),
+    )
+    seconds = frames / pipeline.representation.fps
+    expected = pipeline(sentence, seconds, seed, steps, guidance).joints
+    return float(np.linalg.norm(found[0] - expected, axis=-1).max())
+
+
+class _Reading(nn.Module):
+    """What the denoiser sees of a sentence."""
+
+    def __init__(self, conditioning: TextConditioning) -> None:
+        super().__init__()
+        self.conditioning = conditioning
+
+    def forward(self, pooled: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        seen = self.conditioning(TextEmbedding(pooled, words, mask))
+        return seen.tokens, seen.mask
+
+
+class _Joints(nn.Module):
+    """Features to joints."""
+
+    def __init__(self, representation: Representation) -> None:
+        super().__init__()
+        self.representation = representation
+
+    def forward(self, features: Tensor) -> Tensor:
+        return self.representation.decode(features)
+
+
+def _traced_reading(conditioning: TextConditioning, text: ModelProto, folder: Path) -> ModelProto:
+    width, words_width = (_last_size(text, output) for output in range(2))
+    pieces = 2 * (conditioning.words + 1)  # an example that is cut
+    example = {
+        "pooled": torch.randn(1, width),
+        "words": torch.randn(1, pieces, words_width),
+        "mask": torch.ones(1, pieces, dtype=torch.bool),
+    }
+    free = {"pooled": (), "words": (1,), "mask": (1,)}
+    trace(_Reading(conditioning), example, folder / "r.onnx", ("seen", "seen_mask"), free=free)
+    return onnx.load(folder / "r.onnx")
+
+
+def _traced_joints(representation: Representation, folder: Path) -> ModelProto:
+    example = {"features": torch.randn(1, 9, representation.width)}
+    trace(_Joints(representation), example, folder / "j.onnx", ("joints",), free={"features": (1,)})
+    return onnx.load(folder / "j.onnx")
+
+
+def _last_size(graph: ModelProto, output: int) -> int:
+    return graph.graph.output[output].type.tensor_type.shape.dim[-1].dim_value
+
+
+def _joined(
+    text: ModelProto, reading: ModelProto, fused: ModelProto, joints: ModelProto
+) -> ModelProto:
+    """Returns one graph of all parts."""
+    latents = fused.graph.input[0].type.tensor_type.shape.dim[2].dim_value
+    skeleton = joints.graph.output[0].type.tensor_type.shape.dim[2].dim_value
+    inputs = [
+        helper.make_tensor_value_info("tokens", TensorProto.INT64, [1, "pieces"]),
+        helper.make_tensor_value_info("noise", TensorProto.FLOAT, [1, "latents", latents]),
+        helper.make_tensor_value_info("frames", TensorProto.INT64, [1]),
+        helper.make_tensor_value_info("guidance", TensorProto.FLOAT, [1]),
+    ]
+    shape = [1, "frames_made", skeleton, 3]
+    output = helper.make_tensor_value_info("joints", TensorProto.FLOAT, shape)
+    graph = helper.make_graph([], "motion", inputs, [output])
+    masks = parser.parse_model(_MASKS)
+    features = fused.graph.output[0].name
+    seen = {"words": "seen", "words_mask": "seen_mask"}
+    given = {"mask": "latents_mask", "frames": "frames_mask", "noise": "noise"}
+    _add(graph, masks, "masks", {name: name for name in ("tokens", "noise", "frames", *_MADE)})
+    _add(graph, text, "text", {"tokens": "tokens", "mask": "mask"} | _same("pooled", "words"))
+    _add(graph, reading, "reading", _same("pooled", "words", "mask", "seen", "seen_mask"))
+    _add(graph, fused, "fused", seen | given | {"guidance": "guidance", features: "features"})
+    _add(graph, joints, "joints", _same("features", "joints"))
+    return helper.make_model(graph, opset_imports=fused.opset_import, ir_version=fused.ir_version)
+
+
+_MADE = ("mask", "latents_mask", "frames_mask")
+
+
+def _same(*names: str) -> dict[str, str]:
+    return {name: name for name in names}
+
+
+def _seconds(text: ModelProto, model: LengthModel) -> ModelProto:
+    """Returns the graph of a sentence's usual length: tokens → seconds."""
+    inputs = helper.make_tensor_value_info("tokens", TensorProto.INT64, [1, "pieces"])
+    output = helper.make_tensor_value_info("seconds", TensorProto.FLOAT, [1, 1])
+    graph = helper.make_graph([], "seconds", [inputs], [output])
+    made = {"mask": "mask", "tokens": "tokens"}
+    mask = parser.parse_model(_MASKS)
+    keep = [node for node in mask.graph.node if node.output[0] in ("n_shape", "mask")]
+    del mask.graph.node[:], mask.graph.initializer[:]
+    mask.graph.node.extend(keep)
+    _add(graph, mask, "masks", made)
+    _add(graph, text, "text", made | {"pooled": "pooled"})
+    longer = len(QUANTILES) - QUANTILES.index(0.5)  # the median is the last of so many from above
+    arrays = {"hidden": model.hidden.T, "hidden_bias": model.hidden_bias, "out": model.out.T}
+    arrays |= {"out_bias": model.out_bias, "least": np.float32(SHORTEST_USUAL)}
+    arrays |= {"count": np.array([longer]), "first": np.array([longer - 1])}
+    layers = parser.parse_model(_PERCEPTRON)
+    layers.graph.initializer.extend(
+        numpy_helper.from_array(np.array(array), name) for name, array in arrays.items()
+    )
+    _add(graph, layers, "lengths", {"pooled": "pooled", "seconds": "seconds"})
+    return helper.make_model(graph, opset_imports=text.opset_import, ir_version=text.ir_version)
+
+
+def _add(graph: onnx.GraphProto, part: ModelProto, prefix: str, names: dict[str, str]) -> None:
+    """Adds the nodes of a model to a graph.
+
+    Args:
+        graph: The graph to add to.
+        part: The model.
+        prefix: Begins the names of its own values.
+        names: The graph's names of the values that it shares with the model, by the model's.
+    """
+    prefixed = compose.add_prefix(part, f"{prefix}.").graph
+    shared = {f"{prefix}.{name}": whole for name, whole in names.items()}
+    for node in prefixed.node:
+        node.input[:] = [shared.get(name, name) for name in node.input]
+        node.output[:] = [shared.get(name, name) for name in node.output]
+    graph.node.extend(prefixed.node)
+    graph.initializer.extend(prefixed.initializer)
+
+
+class _WeightStore:
+    """The file of weights: every tensor once, whichever graphs read it."""
+
+    def __init__(self, weights: WebWeights) -> None:
+        self.weights = weights
+        self._content = bytearray()
+        self._offsets: dict[bytes, int] = {}
+
+    def taken(self, model: ModelProto) -> ModelProto:
+        """Moves the weights of a graph to the file, those in 16 bits as they are to be kept."""
+        casts, kept = [], []
+        for tensor in model.graph.initializer:
+            array = numpy_helper.to_array(tensor)
+            if array.dtype == np.float16 and array.ndim > 1 and self.weights == "int8":
+                packed, scale = _packed(array.astype(np.float32))
+                names = f"{tensor.name}.packed", f"{tensor.name}.scale", f"{tensor.name}.whole"
+                kept += [self._stored(packed, names[0]), self._stored(scale, names[1])]
+                # Engines compute constants once, as they load a graph.
+                casts += [
+                    helper.make_node("Cast", [names[0]], [names[2]], to=TensorProto.FLOAT),
+                    helper.make_node("Mul", [names[2], names[1]], [tensor.name]),
+                ]
+            else:
+                kept.append(self._stored(array, tensor.name))
+        nodes = list(model.graph.node)
+        del model.graph.initializer[:], model.graph.node[:]
+        model.graph.initializer.extend(kept)
+        model.graph.node.extend([*casts, *nodes])
+        return model
+
+    def write(self, path: Path) -> None:
+        """Writes the file."""
+        path.write_bytes(self._content)
+
+    def _stored(self, array: np.ndarray, name: str) -> TensorProto:
+        tensor, content = numpy_helper.from_array(array, name), array.tobytes()
+        if len(content) < _LEAST_BYTES:
+            return tensor
+        key = hashlib.sha256(content).digest()
+        if key not in self._offsets:
+            self._content.extend(bytes(-len(self._content) % _ALIGNMENT))
+            self._offsets[key] = len(self._content)
+            self._content.extend(content)
+        tensor.ClearField("raw_data")
+        tensor.data_location = TensorProto.EXTERNAL
+        where = {"location": WEIGHTS_FILE, "offset": self._offsets[key], "length": len(content)}
+        for field, value in where.items():
+            tensor.external_data.add(key=field, value=str(value))
+        return tensor
+
+
+def _packed(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns 8-bit integers and the scale of each row, the first axis."""
+    axes = tuple(range(1, rows.ndim))
+    scale = np.maximum(np.abs(rows).max(axes, keepdims=True) / 127, 1e-12).astype(np.float32)
+    return np.round(rows / scale).astype(np.int8), scale
+
+
+def _manifest(pipeline: MotionPipeline, folder: Path, weights: WebWeights) -> dict[str, Any]:
+    """Returns what a page has to know of the model."""
+    card, features = pipeline.card, pipeline.representation
+    assert card.few_step is not None  # as there are fused samplers
+    files = sorted(file for file in folder.iterdir())
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(file.read_bytes())
+    text = json.loads((folder / cards.TOKENIZER_FILE).read_text("utf-8"))
+    return {
+        "format": FORMAT,
+        "name": card.name,
+        "hash": digest.hexdigest(),
+        "license": card.provenance.license,
+        "weights": weights,
+        "files": {file.name: file.stat().st_size for file in files},
+        "skeleton": {
+            "name": features.skeleton.name,
+            "names": features.skeleton.names,
+            "parents": features.skeleton.parents,
+            "directions": features.skeleton.offsets.tolist(),
+        },
+        "fps": features.fps,
+        "frames": card.frames,
+        "latents": {
+            "width": card.latents.width,
+            "tokens": card.latents.tokens,
+            "framesPerToken": card.latents.frames_per_token,
+        },
+        "mostPieces": (text.get("truncation") or {}).get("max_length"),
+        "padding": text.get("padding"),
+        "steps": sorted(pipeline.backend.fused),
+        "guidance": card.few_step.guidance,
+        "usual": {"steps": card.sampling.steps, "guidance": card.sampling.guidance},
+    }
