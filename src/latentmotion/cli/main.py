@@ -37,6 +37,7 @@ VERBS = {
     "blender-addon": Verb(
         "motions:BlenderAddon", "Write the add-on for Blender, ready to install."
     ),
+    "web": Verb("web:Web", "Write a static site that generates in the visitor's browser."),
     "data prepare cmu": Verb("data:PrepareCmu", "CMU's trials with HumanML3D's captions."),
     "data prepare hdm05": Verb("data:PrepareHdm05", "HDM05's clips and their classes."),
     "data prepare snu": Verb("data:PrepareSnu", "SNU's takes, cut and named."),

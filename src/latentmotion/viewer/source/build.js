@@ -1,4 +1,4 @@
-// Bundles both pages' script with the parts of three.js that it uses: ../viewer.js.
+// Bundles all pages' script with the parts of three.js that it uses: ../viewer.js.
 import { readFileSync } from "node:fs";
 import { build } from "esbuild";
 
@@ -13,6 +13,7 @@ await build({
   target: "es2020",
   charset: "ascii",
   legalComments: "none",
+  external: ["./latentmotion.js"], // lies beside the site's page
   banner: {
     js: `/*! Built from viewer/source by "npm install && npm run build"; do not edit.\n` +
       `Latent Motion's viewer (MIT), with parts of three.js:\n\n${license}\n*/`,

@@ -1,5 +1,6 @@
 // The page: motions → stage, timeline, panel, keys; and `window.latentmotion` for programs.
 
+import { colorsOf } from "./colors.js";
 import { listenToKeys } from "./keyboard.js";
 import { readMotions } from "./motion.js";
 import { Pace } from "./pace.js";
@@ -8,12 +9,8 @@ import { Sketch } from "./sketch.js";
 import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 
-const COLORS = [
-  ...["#2f8f9d", "#e2694a", "#7a68c4", "#d99a2b", "#5c9452", "#c75c86", "#4a7fc1", "#8a7260"],
-];
-
 const motions = readMotions(document.getElementById("motions").textContent);
-const colors = motions.map((_, i) => COLORS[i % COLORS.length]);
+const colors = colorsOf(motions);
 const timeline = new Timeline(Math.max(...motions.map(({ seconds }) => seconds)));
 const stage = makeStage();
 const panel = new Panel(timeline, stage, motions, colors);

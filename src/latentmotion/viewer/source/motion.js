@@ -3,17 +3,18 @@
 /** Reads the page's motions: positions relative to the root as int16 steps, the root as float32. */
 export function readMotions(text) {
   const { skeletons, motions } = JSON.parse(text);
-  return motions.map((entry) => new Motion(entry, skeletons[entry.skeleton]));
+  return motions.map((entry) => {
+    const skeleton = skeletons[entry.skeleton];
+    return new Motion(entry, skeleton, absolutePositions(entry, skeleton.names.length * 3));
+  });
 }
 
-class Motion {
-  constructor(entry, skeleton) {
-    this.caption = entry.caption;
-    this.fps = entry.fps;
-    this.skeleton = skeleton;
+export class Motion {
+  /** `positions` are frames * joints * 3, meters. */
+  constructor({ caption, fps }, skeleton, positions) {
+    Object.assign(this, { caption, fps, skeleton, positions });
     this.size = skeleton.names.length * 3;
-    this.positions = absolutePositions(entry, this.size);
-    this.frames = this.positions.length / this.size;
+    this.frames = positions.length / this.size;
     this.seconds = (this.frames - 1) / this.fps;
   }
 

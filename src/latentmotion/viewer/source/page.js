@@ -1,5 +1,6 @@
-// What both pages carry, so that three.js is in the package once: the user study's script where the
-// page holds a study, else the script that shows motions.
+// What all pages carry, so that three.js is in the package once: the user study's script where the
+// page holds a study, that of the site where it has a prompt, else the script that shows motions.
 
 if (document.getElementById("study")) import("./study/main.js");
+else if (document.getElementById("make")) import("./site/main.js");
 else import("./main.js");
