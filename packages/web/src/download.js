@@ -18,7 +18,7 @@ export function downloads(address, { progress = () => {}, cache = true } = {}) {
     const all = storage && (await storage.open(`${CACHE}models`));
     const response = await fetch(place, { cache: "no-cache" }).catch(() => null);
     const found = response?.ok ? response : await all?.match(place);
-    if (!found) throw new Error(`${place} can't be loaded (${response?.status ?? "no network"})`);
+    if (!found) throw unloaded(place, response);
     if (response?.ok) await all?.put(place, response.clone());
     const content = new Uint8Array(await found.arrayBuffer());
     const { hash, files = {} } = JSON.parse(new TextDecoder().decode(content));
@@ -32,8 +32,8 @@ export function downloads(address, { progress = () => {}, cache = true } = {}) {
     const place = `${folder}${name}`;
     const before = await kept?.match(place);
     if (before) return new Uint8Array(await before.arrayBuffer());
-    const response = await fetch(place);
-    if (!response.ok) throw new Error(`${place} can't be loaded (${response.status})`);
+    const response = await fetch(place).catch(() => null);
+    if (!response?.ok) throw unloaded(place, response);
     const report = name === "weights.bin" ? progress : () => {};
     const content = await body(response, (count) => {
       state.loaded += count;
@@ -43,6 +43,10 @@ export function downloads(address, { progress = () => {}, cache = true } = {}) {
     await kept?.put(place, new Response(content)).catch(() => {});
     return content;
   };
+}
+
+function unloaded(place, response) {
+  return new Error(`${place} can't be loaded (${response?.status ?? "no network"})`);
 }
 
 async function body(response, got) {
