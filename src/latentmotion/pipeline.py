@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from latentmotion.control.goals import Goal
     from latentmotion.control.stream import MotionStream, StreamState
     from latentmotion.control.timeline import Span
+    from latentmotion.kinematics.keypoints import Keypoints
     from latentmotion.ranking.best import Take
     from latentmotion.ranking.scorer import Scorer
 
@@ -500,6 +501,40 @@ class MotionPipeline:
 
         sampling = self.card.sampling.but(steps, guidance, None)
         return generate_stream(self, prompt, seed, sampling, state)
+
+    def fit(
+        self,
+        joints: Float[np.ndarray, "frames keypoints coordinates"] | Keypoints,
+        seen: np.ndarray | None = None,
+        fps: float | None = None,
+        names: Sequence[str] | None = None,
+        noise: float | None = None,
+    ) -> Motion:
+        """Returns a clean motion near joints that were recorded with noise, gaps or one camera.
+
+        Nothing is sampled: of all motions that the decoder can make, it is the likely one that
+        explains what was seen. It lasts as long as the recording and is where that is, in the
+        person's size.
+
+        Args:
+            joints: Meters, y up; or pixels, right and down. NaN is not seen. A `Keypoints` has
+                names, frame rate and camera with it.
+            seen: True, or a confidence up to 1, where a joint was seen; by default everywhere.
+            fps: Frames per second of the recording; by default the model's.
+            names: Of the keypoints: HumanML3D's, COCO's, OpenPose's or MediaPipe's; by default
+                those of the layout with so many.
+            noise: Deviation of what was recorded, meters; by default it is estimated.
+
+        Raises:
+            InputError: Shapes do not fit, a name is unknown, or hardly anything was seen.
+            ModelError: The model has no `pullback.onnx`.
+        """
+        from latentmotion.control.fit_keypoints import generate_fitted
+        from latentmotion.kinematics.keypoints import keypoints_of
+
+        rate = self.representation.fps if fps is None else fps
+        found = keypoints_of(joints, seen, rate, names)
+        return generate_fitted(self, found, noise)
 
     def guided(self, sampling: Sampling) -> ParametrizedDenoiser:
         """Returns the denoiser with guidance around it, or inside it for a distilled model."""

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion.cleanup import clean
 from latentmotion.control.exact import inertialized
-from latentmotion.control.fit import fit_latents
+from latentmotion.control.fit import fit_latents, latent_width
 from latentmotion.control.generator import Generator, decoders_of, latents_of, metadata_of
 from latentmotion.control.goals import FASTEST, NO_TARGETS, TargetResidual, Targets
 from latentmotion.control.reach import Correction, DecodedMotion, ReachSettings, Sample, reach
@@ -169,7 +169,7 @@ def edited(
     # Where nothing is known before the gap, what follows says where the motion is.
     decoded = motion(frames)
     tokens = -(-frames // _STRIDE)
-    known, is_known = np.zeros((tokens, _width(decoded))), np.zeros(tokens, bool)
+    known, is_known = np.zeros((tokens, latent_width(decoded))), np.zeros(tokens, bool)
     if before:
         known[:before] = fit_latents(motion(_STRIDE * before), own[first : gap.start])
         is_known[:before] = True
@@ -248,10 +248,6 @@ def _filled(
     caption = ", ".join(text for text in (motion.caption, prompt) if text)
     about = {**motion.metadata, **metadata_of(generator, seed, sampling)}
     return Motion(joints, motion.fps, motion.skeleton, caption, about)
-
-
-def _width(motion: DecodedMotion) -> int:
-    return int(np.broadcast_to(motion.latents.std, motion.latents.mean.shape).size)
 
 
 def _seam_goals(

@@ -29,28 +29,54 @@ def fit_latents(
         joints: Positions, meters, of the model's skeleton.
         iterations: Steps at most.
     """
-    space = motion.representation
     # The last frame has no velocity; the one before is kept.
     ahead = joints[-1:] + (joints[-1:] - joints[-2:-1])
-    wanted = np.asarray(space.encode(np.concatenate([joints, ahead])), np.float64)
-    std = np.broadcast_to(motion.features.std, wanted.shape[1:])
-    weight = 1 / (std * std * wanted.size)
-    width = np.broadcast_to(motion.latents.std, motion.latents.mean.shape).size
+    wanted = motion.representation.encode(np.concatenate([joints, ahead]))
+    return fit_features(motion, wanted, np.ones(wanted.shape), 0.0, iterations)
+
+
+def fit_features(
+    motion: DecodedMotion,
+    wanted: Float[np.ndarray, "frames features"],
+    weights: Float[np.ndarray, "frames features"],
+    prior: float,
+    iterations: int,
+) -> Float[np.ndarray, "tokens width"]:
+    """Returns latents, in the denoiser's scale, whose features are near given ones.
+
+    Args:
+        motion: As long as the features.
+        wanted: The features, in their own units; all of them, or the first ones.
+        weights: How much each of them counts.
+        prior: How much a latent counts that is not 0, beside a normalized feature.
+        iterations: Steps at most.
+    """
+    wanted, count = np.asarray(wanted, np.float64), wanted.shape[1]
+    std = np.broadcast_to(motion.features.std, motion.representation.width)[:count]
+    weight, prior = weights / (std * std * wanted.size), prior / wanted.size
+    width = latent_width(motion)
 
     def loss(z: Float[np.ndarray, " numbers"]) -> tuple[float, Float[np.ndarray, " numbers"]]:
         latents = z.reshape(-1, width)
-        gap = motion.decode(latents) - wanted
+        gap = motion.decode(latents)[:, :count] - wanted
         slope = motion.features_pullback(latents, (gap * weight)[None])
-        return 0.5 * float((gap * gap * weight).sum()), slope.astype(np.float64).ravel()
+        value = float((gap * gap * weight).sum() + prior * (z @ z))
+        return 0.5 * value, slope.astype(np.float64).ravel() + prior * z
 
-    tokens = -(-len(joints) // 4)
+    tokens = -(-len(wanted) // 4)
     return lbfgs(loss, np.zeros(tokens * width), iterations).reshape(tokens, width)
+
+
+def latent_width(motion: DecodedMotion) -> int:
+    """Returns how many numbers a token has."""
+    return int(np.broadcast_to(motion.latents.std, motion.latents.mean.shape).size)
 
 
 def lbfgs(
     loss: Callable[[np.ndarray], tuple[float, np.ndarray]],
     start: Float[np.ndarray, " numbers"],
     iterations: int,
+    memory: int = _MEMORY,
 ) -> Float[np.ndarray, " numbers"]:
     """Returns where a function is small: L-BFGS with steps that are halved until they help.
 
@@ -58,6 +84,7 @@ def lbfgs(
         loss: Value and gradient.
         start: Where it begins.
         iterations: Steps at most.
+        memory: Steps that are remembered.
     """
     x, (value, slope) = start, loss(start)
     history: list[tuple[np.ndarray, np.ndarray]] = []
@@ -83,7 +110,7 @@ def lbfgs(
             break
         step, bend = size * direction, after_slope - slope
         if step @ bend > 1e-12 * (bend @ bend):
-            history = [*history[1 - _MEMORY :], (step, bend)]
+            history = [*history[1 - memory :], (step, bend)]
         improved = value - after
         x, value, slope = x + step, after, after_slope
         if improved < 1e-5 * value:

@@ -147,6 +147,36 @@ class Keypoints:
         return self.confidence * np.where(read, trust, 0.0)
 
 
+def keypoints_of(
+    points: Float[np.ndarray, "frames keypoints coordinates"] | Keypoints,
+    seen: np.ndarray | None,
+    fps: float,
+    names: Sequence[str] | None,
+) -> Keypoints:
+    """Returns arrays as keypoints.
+
+    Args:
+        points: As `Keypoints` has them; one that is given is returned.
+        seen: True or a confidence where a point was seen; by default everywhere.
+        fps: Frames per second.
+        names: Of the keypoints; by default those of the layout with so many.
+
+    Raises:
+        InputError: Sizes do not fit, a name is unknown, or a number is out of range.
+    """
+    if isinstance(points, Keypoints):
+        if seen is not None or names is not None:
+            raise InputError("keypoints have names and confidence of their own: leave the others")
+        return points
+    points = np.asarray(points, np.float64)
+    if points.ndim != 3:
+        raise InputError(f"points of shape {points.shape}: expected (frames, keypoints, 2 or 3)")
+    confidence = np.ones(points.shape[:2]) if seen is None else np.asarray(seen, np.float64)
+    if names is None:
+        names = layout_of(points.shape[1])
+    return Keypoints(points, confidence, fps, tuple(names))
+
+
 def canonical_names(names: Sequence[str]) -> tuple[str, ...]:
     """Returns names of keypoints as they are known here, OpenPose's among them.
 

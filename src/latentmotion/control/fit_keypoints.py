@@ -1,0 +1,499 @@
+"""Keypoints become a motion: latents, place and camera are found of which a tracker would see that.
+
+    start    smoothed keypoints → root, heading and joints → features → latents      (L-BFGS)
+    refine   Huber's loss of the keypoints + what latents are likely by themselves   (L-BFGS)
+             noise is estimated, what is far beyond it is dropped, and it is refined again
+    detail   what latents cannot express, as far as it stands out of the noise
+
+Likely are latents near 0 that change slowly: Σ (z_t - ρ z_{t-1})² / (1 - ρ²). Recordings longer
+than the model's motions are fitted in windows that overlap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from latentmotion.control.fit import fit_features, latent_width, lbfgs
+from latentmotion.control.generator import Generator, decoders_of
+from latentmotion.control.jacobian import joint_features
+from latentmotion.control.observe import Observation, robust, tilt
+from latentmotion.control.reach import DecodedMotion
+from latentmotion.errors import InputError
+from latentmotion.kinematics.keypoints import Keypoints, joint_weights
+from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.motion import Motion
+from latentmotion.representation.canonical import turn
+from latentmotion.representation.humanml3d import HumanML3DRepresentation
+
+Joints = Float[np.ndarray, "frames joints 3"]
+
+_LAG = 0.85
+"""Correlation of a latent with the one before, in recordings of the test split: 0.7 to 0.95."""
+
+_EXPRESSED = 0.02
+"""Meters that latents are off recordings by themselves."""
+
+_LASTING = 3.0
+"""Frames over which what they are off lasts."""
+
+_LEAST_NOISE, _MOST_NOISE = 0.002, 0.3
+"""Meters between which the noise of a tracker is taken to be."""
+
+_WINDOW, _OVERLAP = 160, 40
+"""Frames that are fitted at once, and that two windows share."""
+
+_ABOVE_HIPS = 0.09
+"""Meters of the pelvis above the middle of the hips."""
+
+_OUTLIER = 6.0
+"""Deviations beyond which a keypoint is taken for a mistake of the tracker."""
+
+_FIELD_OF_VIEW = 60.0
+"""Degrees that a picture of unknown focal length shows from side to side."""
+
+_BONES = tuple(
+    (f"{side}_{start}", f"{side}_{end}")
+    for side in ("left", "right")
+    for start, end in zip(
+        ("hip", "knee", "shoulder", "elbow"), ("knee", "ankle", "elbow", "wrist"), strict=True
+    )
+)
+"""Limbs by which a body is measured."""
+
+_UPRIGHT = (("mid_shoulder", "mid_hip", 0.5), ("mid_shoulder", "mid_ankle", 1.3))
+"""What shows how far away somebody is, and its length in meters."""
+
+
+def generate_fitted(
+    generator: Generator, keypoints: Keypoints, noise: float | None = None
+) -> Motion:
+    """Returns the motion of which a tracker would see these keypoints.
+
+    Args:
+        generator: The model.
+        keypoints: What was seen.
+        noise: Deviation of what was seen, meters; by default estimated.
+
+    Raises:
+        InputError: The points are in another unit, or the model's features of another kind.
+        ModelError: The model has no pullback.
+    """
+    motion, space = decoders_of(generator), generator.representation
+    joint_features(motion(1).representation)
+    if space.skeleton.names != HUMANML3D.names:
+        raise InputError(
+            f"model {generator.card.name!r} moves {space.skeleton.name!r}: keypoints are fitted by "
+            "models of HumanML3D's joints, such as fast"
+        )
+    shortest, longest = generator.card.frames
+    scene = Scene.of(keypoints, space.fps, noise)
+    length = min(_WINDOW, longest)
+    pieces, about = [], []
+    for start in range(0, max(1, scene.frames - _OVERLAP), max(1, length - _OVERLAP)):
+        frames = min(length, scene.frames - start)
+        window = scene.window(start, max(frames, shortest))
+        joints, found = _fitted_window(window, motion(window.frames))
+        # A camera stands still: later windows take its tilt from the first.
+        scene = replace(scene, pitch=found["pitch"])
+        pieces.append((start, joints[:frames]))
+        about.append(found)
+    joints, pitch = _joined(pieces, scene.frames), about[0]["pitch"]
+    if scene.flat:
+        # From the camera's axes to the floor: the motion starts above the origin.
+        joints = tilt(joints, -pitch)
+        joints -= [joints[0, 0, 0], np.percentile(joints[..., 1].min(axis=1), 10), joints[0, 0, 2]]
+    notes: dict[str, Any] = {
+        "noise": round(float(np.mean([found["noise"] for found in about])) / scene.scale, 4),
+        "dropped": round(float(np.mean([found["dropped"] for found in about])), 4),
+        "scale": round(scene.scale, 4),
+    }
+    if scene.flat:
+        notes["camera"] = {"focal": scene.focal, "pitch": round(float(np.degrees(pitch)), 2)}
+    card = generator.card
+    metadata = {"model": card.name, "license": card.provenance.license, "fit": notes}
+    joints = (joints / scene.scale).astype(np.float32)
+    return Motion(joints, space.fps, space.skeleton, "", metadata)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A whole recording in the model's frames and size."""
+
+    points: Float[np.ndarray, "observed keypoints coordinates"]
+    """Meters, or what a camera of focal length 1 sees."""
+    weights: Float[np.ndarray, "observed keypoints"]
+    """How much each counts."""
+    positions: Float[np.ndarray, " observed"]
+    """When each was observed, in frames of the motion."""
+    names: tuple[str, ...]
+    """Of the keypoints."""
+    frames: int
+    """Length of the motion."""
+    scale: float
+    """Size of the model's body beside the person's."""
+    noise: float
+    """Deviation of what was observed, meters in the model's size."""
+    depth: Float[np.ndarray, " observed"] | None = None
+    """Meters from the camera, roughly."""
+    focal: float | None = None
+    """Focal length of the camera, pixels."""
+    pitch: float | None = None
+    """Tilt of the camera, radians, once it is known."""
+
+    @classmethod
+    def of(cls, keypoints: Keypoints, fps: float, noise: float | None) -> Scene:
+        """Returns a recording in the model's frames.
+
+        Raises:
+            InputError: Bones have no length that people have.
+        """
+        points, weights, names = keypoints.points, keypoints.weights, keypoints.names
+        positions = np.arange(len(points)) * fps / keypoints.fps
+        frames = int((len(points) - 1) * fps / keypoints.fps + 1e-6) + 1
+        if not keypoints.flat:
+            own = white_noise(points)
+            scale = body_scale(points, names, own)
+            own = own * scale if noise is None else noise * scale
+            points = np.nan_to_num(points) * scale
+            return cls(points, weights, positions, names, frames, scale, own)
+        width, height = keypoints.size or np.nanmax(points, axis=(0, 1))
+        focal = keypoints.focal or width / 2 / np.tan(np.radians(_FIELD_OF_VIEW / 2))
+        points = (points - np.array([width, height]) / 2) / focal
+        depth = camera_distance(points, names, fps=keypoints.fps)
+        own = white_noise(points * depth[:, None, None]) if noise is None else noise
+        return cls(np.nan_to_num(points), weights, positions, names, frames, 1.0, own, depth, focal)
+
+    @property
+    def flat(self) -> bool:
+        """True where the points are a camera's."""
+        return self.depth is not None
+
+    def window(self, start: int, frames: int) -> Scene:
+        """Returns so many frames from a frame on."""
+        own = (self.positions >= start) & (self.positions <= start + frames - 1)
+        return replace(
+            self,
+            points=self.points[own],
+            weights=self.weights[own],
+            positions=self.positions[own] - start,
+            depth=None if self.depth is None else self.depth[own],
+            frames=frames,
+        )
+
+    def observation(self) -> Observation:
+        """Returns what there is to be explained."""
+        return Observation(
+            self.points,
+            self.weights,
+            self.positions,
+            joint_weights(self.names),
+            self.frames,
+            self.depth,
+        )
+
+
+def white_noise(points: Float[np.ndarray, "frames keypoints n"]) -> float:
+    """Returns the deviation of noise that differs from frame to frame, within plausible bounds."""
+    third = np.diff(points, n=3, axis=0)
+    third = np.abs(third[np.isfinite(third)])
+    # The variance of the third difference of white noise is 20 times its own.
+    found = float(np.median(third)) / 0.6745 / np.sqrt(20) if len(third) else _EXPRESSED
+    return float(np.clip(found, _LEAST_NOISE, _MOST_NOISE))
+
+
+def body_scale(
+    points: Float[np.ndarray, "frames keypoints 3"], names: tuple[str, ...], noise: float
+) -> float:
+    """Returns the size of the model's body beside the person's, by the lengths of limbs.
+
+    Raises:
+        InputError: They are such that the points cannot be meters.
+    """
+    lengths, ratios = np.linalg.norm(HUMANML3D.offsets, axis=-1), []
+    for start, end in _BONES:
+        if start in names and end in names:
+            bone = points[:, names.index(end)] - points[:, names.index(start)]
+            # Noise makes bones longer.
+            square = float(np.median(np.nan_to_num((bone**2).sum(axis=1), nan=np.inf)))
+            own = np.sqrt(max(square - 6 * noise**2, 1e-12))
+            ratios.append(lengths[HUMANML3D.names.index(end)] / own)
+    ratios = [ratio for ratio in ratios if ratio > 1e-9]
+    scale = float(np.median(ratios)) if ratios else 1.0
+    if not 0.5 < scale < 2.5:
+        raise InputError(
+            f"limbs are {1 / scale:.3g} times as long as an adult's: expected points in meters, "
+            "y up; for pixels give two coordinates"
+        )
+    return scale if abs(scale - 1) > max(0.03, noise) else 1.0
+
+
+def camera_distance(
+    points: Float[np.ndarray, "frames keypoints 2"], names: tuple[str, ...], fps: float
+) -> Float[np.ndarray, " frames"]:
+    """Returns how far away a person is, meters, by the size that a camera sees.
+
+    Raises:
+        InputError: Neither trunk nor limbs were seen.
+    """
+    lengths = np.linalg.norm(HUMANML3D.offsets, axis=-1)
+    pairs = [(a, b, lengths[HUMANML3D.names.index(b)]) for a, b in _BONES if {a, b} <= set(names)]
+    sizes = [
+        np.linalg.norm(points[:, names.index(b)] - points[:, names.index(a)], axis=-1) / length
+        for a, b, length in pairs
+    ]
+    for a, b, length in _UPRIGHT:
+        ends = [_middle(points, names, name) for name in (a, b)]
+        sizes.append(np.linalg.norm(ends[1] - ends[0], axis=-1) / length)
+    table = np.stack(sizes)
+    seen = np.isfinite(table).any(axis=0)
+    if not seen.any():
+        raise InputError("neither trunk nor limbs were seen: how far away the person is, is open")
+    # What is seen from the side looks shorter, nothing looks longer.
+    size = np.nanpercentile(np.where(seen, table, 1.0), 80, axis=0)
+    frames = np.arange(len(points))
+    size = np.interp(frames, frames[seen], size[seen])
+    return (
+        1 / np.maximum(_smoothed(size[:, None], np.ones(len(size)), frames, 0.3 * fps), 1e-3)[:, 0]
+    )
+
+
+def _middle(
+    points: Float[np.ndarray, "frames keypoints n"], names: tuple[str, ...], name: str
+) -> Float[np.ndarray, "frames n"]:
+    """Returns a keypoint such as `mid_hip`, itself or from both sides; NaN where it is not seen."""
+    if name in names:
+        return points[:, names.index(name)]
+    sides = [f"{side}_{name.removeprefix('mid_')}" for side in ("left", "right")]
+    if not set(sides) <= set(names):
+        return np.full(points[:, 0].shape, np.nan)
+    return points[:, [names.index(side) for side in sides]].mean(axis=1)
+
+
+def _smoothed(
+    points: Float[np.ndarray, "observed n"],
+    weights: Float[np.ndarray, " observed"],
+    at: Float[np.ndarray, " observed"],
+    width: float,
+    frames: int | None = None,
+) -> Float[np.ndarray, "frames n"]:
+    """Returns points at each frame: Gaussian means of what is near, straight lines elsewhere."""
+    wanted = at if frames is None else np.arange(frames)
+    near = np.exp(-0.5 * ((wanted[:, None] - at) / width) ** 2) * weights
+    total = near.sum(axis=1)
+    known = total > 0.1 * weights.max(initial=1e-9)
+    found = near @ points / np.maximum(total, 1e-12)[:, None]
+    if not known.any():
+        return np.full(found.shape, np.nan)
+    return np.stack([np.interp(wanted, wanted[known], row[known]) for row in found.T], axis=1)
+
+
+def _fitted_window(scene: Scene, motion: DecodedMotion) -> tuple[Joints, dict[str, float]]:
+    """Returns the joints of one window where the tracker sees them, and what was found."""
+    observation, width = scene.observation(), latent_width(motion)
+    if not (scene.weights > 0).any():
+        raise InputError(
+            f"nothing was seen for {scene.frames / motion.representation.fps:.1f} s: cut the "
+            "recording there"
+        )
+    noise = float(np.hypot(scene.noise, _EXPRESSED))
+    candidates = []
+    for yaw in _headings(scene):
+        start = _start(scene, motion, yaw)
+        candidates.append(_refined(observation, motion, start, noise, 30 if scene.flat else 100))
+    _, p = min(candidates, key=lambda found: found[0])
+    joints = _placed(motion, p, width)
+    off = np.linalg.norm(observation.missing(joints), axis=-1)
+    seen = scene.weights > 0
+    # Medians of the lengths of normal vectors of deviation 1 in three and two dimensions.
+    spread = float(np.median(off[seen])) / (1.177 if scene.flat else 1.538)
+    noise = float(np.clip(spread, 0.5 * _EXPRESSED, _MOST_NOISE))
+    kept = off < _OUTLIER * noise
+    observation = replace(observation, weights=scene.weights * kept)
+    _, p = _refined(observation, motion, p, noise, 80)
+    joints = _placed(motion, p, width)
+    if not scene.flat:
+        joints = joints + _detail(observation, joints, scene.noise)
+    dropped = float((seen & ~kept).sum() / seen.sum())
+    return joints, {"noise": scene.noise, "dropped": dropped, "pitch": float(p[-1])}
+
+
+def _refined(
+    observation: Observation,
+    motion: DecodedMotion,
+    start: Float[np.ndarray, " numbers"],
+    noise: float,
+    iterations: int,
+) -> tuple[float, Float[np.ndarray, " numbers"]]:
+    """Returns the loss of latents and placement near given ones, and these."""
+    space, width = motion.representation, latent_width(motion)
+
+    def loss(p: Float[np.ndarray, " numbers"]) -> tuple[float, Float[np.ndarray, " numbers"]]:
+        z = p[:-5].reshape(-1, width)
+        features = motion.decode(z)
+        joints = space.decode(features)
+        value, pull, of_placement = observation.loss(joints, p[-5:], noise)
+        of_latents = motion.rows(z, features, joints, pull[None])[0].astype(np.float64)
+        unlikely, slope = unlikeliness(z)
+        return value + unlikely, np.concatenate([(of_latents + slope).ravel(), of_placement])
+
+    found = lbfgs(loss, start, iterations, memory=40)
+    return loss(found)[0], found
+
+
+def unlikeliness(
+    z: Float[np.ndarray, "tokens width"],
+) -> tuple[float, Float[np.ndarray, "tokens width"]]:
+    """Returns what latents count by themselves, in the denoiser's scale, and its derivative."""
+    change, room = z[1:] - _LAG * z[:-1], 1 - _LAG**2
+    slope = np.zeros_like(z)
+    slope[0] = z[0]
+    slope[1:] += change / room
+    slope[:-1] -= _LAG * change / room
+    return 0.5 * float((z[0] ** 2).sum() + (change**2).sum() / room), slope
+
+
+def _placed(motion: DecodedMotion, p: Float[np.ndarray, " numbers"], width: int) -> Joints:
+    joints = turn(motion.joints(p[:-5].reshape(-1, width)), np.array(p[-5]))
+    return tilt(joints, float(p[-1])) + p[-4:-1]
+
+
+def _start(
+    scene: Scene, motion: DecodedMotion, yaw: Float[np.ndarray, " frames"]
+) -> Float[np.ndarray, " numbers"]:
+    """Returns latents and placement to begin with, from smoothed keypoints.
+
+    Args:
+        scene: What was seen.
+        motion: The motion as a function of its latents.
+        yaw: Heading of the body in each frame.
+    """
+    space = motion.representation
+    assert isinstance(space, HumanML3DRepresentation)
+    joints, known = rough_joints(scene)
+    low = float(np.percentile(joints[:, known.any(axis=0), 1], 2)) if not scene.flat else 0.0
+    if scene.flat:
+        low = float(np.median(joints[:, 0, 1])) - 0.9
+    place = np.array([joints[0, 0, 0], low, joints[0, 0, 2]])
+    own = turn(joints - place, -yaw[:1, None])
+    own = np.concatenate([own, 2 * own[-1:] - own[-2:-1]])
+    ahead = np.concatenate([yaw, yaw[-1:]]) - yaw[0]
+    count = joint_features(space)
+    wanted = space.describe(own, ahead)[:, :count]
+    weights = np.ones(wanted.shape)
+    weights[:, space.blocks["positions"]] = np.repeat(known[:, 1:], 3, axis=1)
+    z = fit_features(motion, wanted, weights, 0.2, 30)
+    return np.concatenate([z.ravel(), yaw[:1], place, [scene.pitch or 0.0]])
+
+
+def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:
+    """Returns smoothed joints in each frame, and which were seen; others are at the pelvis."""
+    fps_ratio = float(np.diff(scene.positions).mean()) if len(scene.positions) > 1 else 1.0
+    width = max(1.2, 0.6 * fps_ratio)
+    points = scene.points
+    if scene.depth is not None:
+        flat = points * scene.depth[:, None, None]
+        ahead = np.broadcast_to(scene.depth[:, None, None], (*flat.shape[:2], 1))
+        points = np.concatenate([-flat, ahead], axis=-1)
+    matrix, frames = joint_weights(scene.names), scene.frames
+    tracks = np.full((frames, len(scene.names), 3), np.nan)
+    for k in np.flatnonzero((scene.weights > 0).any(axis=0)):
+        own = scene.weights[:, k] > 0
+        tracks[:, k] = _smoothed(
+            points[own, k], scene.weights[own, k], scene.positions[own], width, frames
+        )
+    hips, shoulders = (_middle(tracks, scene.names, f"mid_{part}") for part in ("hip", "shoulder"))
+    whole = np.nanmean(tracks, axis=1)
+    pelvis = np.where(
+        np.isfinite(hips), hips + np.array([0, _ABOVE_HIPS, 0]), shoulders - np.array([0, 0.5, 0])
+    )
+    pelvis = np.where(np.isfinite(pelvis), pelvis, whole)
+    if "pelvis" in scene.names:
+        own = tracks[:, scene.names.index("pelvis")]
+        pelvis = np.where(np.isfinite(own), own, pelvis)
+    joints = np.repeat(pelvis[:, None], len(HUMANML3D), axis=1)
+    known = np.zeros(joints.shape[:2], bool)
+    known[:, 0] = True
+    if scene.flat:
+        return joints, known
+    seen_near = _seen_near(scene)
+    for k, row in enumerate(matrix):
+        if (row == 1).sum() == 1 and np.isfinite(tracks[:, k]).all():
+            joint = int(row.argmax())
+            joints[:, joint], known[:, joint] = tracks[:, k], seen_near[:, k]
+    return joints, known
+
+
+def _seen_near(scene: Scene) -> Bool[np.ndarray, "frames keypoints"]:
+    """Returns where keypoints were seen within a frame or two."""
+    gaps = np.abs(np.arange(scene.frames)[:, None] - scene.positions)
+    step = float(np.diff(scene.positions).mean()) if len(scene.positions) > 1 else 1.0
+    return (gaps <= max(1.0, step)).astype(float) @ (scene.weights > 0) > 0
+
+
+def _headings(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
+    """Returns the headings of the body to begin with: one, or those that a picture may show."""
+    across = np.zeros((scene.frames, scene.points.shape[2]))
+    for part in ("hip", "shoulder"):
+        sides = [f"{side}_{part}" for side in ("right", "left")]
+        if set(sides) <= set(scene.names):
+            k = [scene.names.index(side) for side in sides]
+            both = scene.weights[:, k].min(axis=1)
+            if (both > 0).any():
+                step = scene.points[:, k[0]] - scene.points[:, k[1]]
+                across += _smoothed(step, both, scene.positions, 2.0, scene.frames)
+    if not scene.flat:
+        return [np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))]
+    assert scene.depth is not None
+    # In the picture the right side is at -x; how wide hips and shoulders look says how far turned.
+    depth = _smoothed(
+        scene.depth[:, None], np.ones(len(scene.depth)), scene.positions, 2.0, scene.frames
+    )
+    wide = np.clip(across[:, 0] * depth[:, 0] / 0.55, -1, 1)
+    away = np.sqrt(1 - wide**2)
+    found = [np.unwrap(np.arctan2(sign * away, wide)) for sign in (1.0, -1.0)]
+    path = rough_joints(scene)[0][:, 0]
+    way = np.gradient(path, axis=0)
+    if np.linalg.norm(path[-1] - path[0]) > 0.5:
+        way = _smoothed(way, np.ones(len(way)), np.arange(len(way)), 6.0)
+        found.append(np.unwrap(np.arctan2(way[:, 0], way[:, 2])))
+    return found
+
+
+def _detail(observation: Observation, joints: Joints, noise: float) -> Joints:
+    """Returns what is to be added to joints: what latents do not express, without the noise.
+
+    Residuals of joints are a Gaussian process (Matérn 3/2) and noise; its mean goes to 0 in gaps.
+    """
+    off, added = observation.missing(joints), np.zeros(joints.shape)
+    share, frames = observation.times, np.arange(len(joints))
+    apart = np.sqrt(3) * np.abs(frames[:, None] - frames) / _LASTING
+    expected = _EXPRESSED**2 * (1 + apart) * np.exp(-apart)
+    spread = np.linalg.norm(off, axis=-1) / np.hypot(noise, _EXPRESSED)
+    weights = observation.weights * robust(spread)
+    for k, row in enumerate(observation.joints):
+        if (row == 1).sum() != 1 or not (weights[:, k] > 0).any():
+            continue
+        count = share.T @ weights[:, k]
+        seen = count > 0.05
+        mean = (share.T @ (weights[:, k, None] * off[:, k]))[seen] / count[seen, None]
+        both = expected[np.ix_(seen, seen)] + np.diag(noise**2 / count[seen])
+        added[:, int(row.argmax())] = expected[:, seen] @ np.linalg.solve(both, mean)
+    return added
+
+
+def _joined(pieces: list[tuple[int, Joints]], frames: int) -> Joints:
+    """Returns windows as one: where two overlap, one goes over to the other."""
+    whole = np.zeros((frames, *pieces[0][1].shape[1:]))
+    for start, piece in pieces:
+        share = np.ones(len(piece))
+        if start:
+            count = min(_OVERLAP, len(piece))
+            ramp = (np.arange(count) + 1) / (count + 1)
+            share[:count] = ramp * ramp * (3 - 2 * ramp)
+        part = whole[start : start + len(piece)]
+        part += share[:, None, None] * (piece - part)
+    return whole
