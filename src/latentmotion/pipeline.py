@@ -372,6 +372,7 @@ class MotionPipeline:
         seed: int = 0,
         steps: int | None = None,
         guidance: float | None = None,
+        parts: Sequence[str] = (),
     ) -> Motion:
         """Generates a part of a motion again; all frames outside of it stay bit-identical.
 
@@ -382,15 +383,18 @@ class MotionPipeline:
             seed: As for one motion.
             steps: As for one motion.
             guidance: As for one motion.
+            parts: Parts of the body that change, such as `left_arm`; all other joints stay
+                bit-identical. By default the whole body changes.
 
         Raises:
-            InputError: The motion is of another kind, or the times are not within it.
+            InputError: The motion is of another kind, the times are not within it, or there is no
+                such part.
             ModelError: The model has no `pullback.onnx`.
         """
         from latentmotion.control.edit import generate_edited
 
         sampling = self.card.sampling.but(steps, guidance, None)
-        return generate_edited(self, motion, prompt, between, seed, sampling)
+        return generate_edited(self, motion, prompt, between, seed, sampling, parts)
 
     def between(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
@@ -16,6 +16,7 @@ from latentmotion.motion import Motion
 from latentmotion.pipeline import ON_THE_WAY, MotionPipeline
 from latentmotion.storage.files import check_writable
 
+PartName = Literal["left_arm", "right_arm", "left_leg", "right_leg", "head", "upper_body"]
 _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
 
 
@@ -58,6 +59,8 @@ class Edit(_Filling):
     """What the person does in that part."""
     between: tuple[float, float]
     """Its start and end, seconds."""
+    parts: tuple[PartName, ...] = ()
+    """Parts of the body that change; by default all."""
 
     def run(self) -> None:
         """Reads, generates, writes.
@@ -68,7 +71,13 @@ class Edit(_Filling):
         """
         generate, motion = self._pipeline(), Motion.load(self.file)
         edited = generate.edit(
-            motion, self.prompt, self.between, self.seed, self.steps, self.guidance
+            motion,
+            self.prompt,
+            self.between,
+            self.seed,
+            self.steps,
+            self.guidance,
+            self.parts,
         )
         self._write(edited)
 

@@ -7,7 +7,7 @@ are pasted with the position and the velocity of both seams.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from latentmotion.control.exact import inertialized
 from latentmotion.control.fit import fit_latents, latent_width
 from latentmotion.control.generator import Generator, decoders_of, latents_of, metadata_of
 from latentmotion.control.goals import FASTEST, NO_TARGETS, TargetResidual, Targets
+from latentmotion.control.parts import parts_named, with_parts
 from latentmotion.control.reach import Correction, DecodedMotion, ReachSettings, Sample, reach
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
@@ -79,6 +80,7 @@ def generate_edited(
     between: tuple[float, float],
     seed: int,
     sampling: Sampling,
+    parts: Sequence[str] = (),
 ) -> Motion:
     """Generates a part of a motion again, as `MotionPipeline.edit` does.
 
@@ -89,14 +91,21 @@ def generate_edited(
         between: Its start and end, seconds.
         seed: Seed of the noise.
         sampling: Steps, guidance and sampler.
+        parts: Parts of the body that change; by default all.
 
     Raises:
-        InputError: The motion is of another kind, or the times are not within it.
+        InputError: The motion is of another kind, the times are not within it, or there is no such
+            part.
         ModelError: The model has no pullback.
     """
     _check_like(generator, motion)
-    gap = gap_between(motion, between)
-    return _filled(generator, motion, gap, prompt, seed, sampling)
+    gap, changed = gap_between(motion, between), parts_named(parts, motion.skeleton)
+    made = _filled(generator, motion, gap, prompt, seed, sampling)
+    if not changed:
+        return made
+    joints, frames = motion.joints.copy(), slice(gap.start, gap.end)
+    joints[frames] = with_parts(joints[frames], made.joints[frames], changed, motion.skeleton)
+    return replace(made, joints=joints)
 
 
 def generate_between(
