@@ -4,6 +4,7 @@ import base64
 import html
 import json
 import re
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT
 from latentmotion.motion import Motion
+from latentmotion.viewer.marks import marks_of
 from latentmotion.viewer.page import notebook_html, page_html, write_page
 from tests.support.pages import CHROMIUM, HOSTILE, Elements, chromium, walking
 
@@ -163,3 +165,57 @@ def test_pixels_of_the_figure_move(page, tmp_path, flags):
     assert figure.sum() > 1_000, "no figure in the picture"
     assert moved.sum() > 500, "the figure stands still"
     assert moved.mean() < 0.3, "everything changed, not only the figure"
+
+
+def asked() -> Motion:
+    wrist = {"joint": "right_wrist", "at": 1.0, "to": [-0.3, None, 1.2]}
+    path = [{"joint": "pelvis", "at": at, "to": [0.0, None, at]} for at in (0.5, 1.5)]
+    pose = [{"joint": name, "at": 0.75, "to": [0, 1, 0]} for name in HUMANML3D.names]
+    spans = [{"prompt": HOSTILE, "start": 0, "end": 1}, {"prompt": "turns", "start": 1, "end": 2}]
+    return replace(walking(), metadata={"goals": [wrist, *path, *pose], "spans": spans})
+
+
+def test_page_has_what_was_asked_of_the_motion():
+    motion = asked()
+    marks = payload(page_html([motion]))["motions"][0]["marks"]
+    wrist = HUMANML3D.names.index("right_wrist")
+    (goal,) = marks["goals"]
+    assert goal["joint"] == "right_wrist"
+    assert goal["to"] == pytest.approx([-0.3, motion.joints[20, wrist, 1], 1.2], abs=1e-4)
+    start = motion.joints[0, 0, ::2]
+    assert marks["path"][0] == {"at": 0, "to": pytest.approx(start.tolist(), abs=1e-4)}
+    assert [stop["at"] for stop in marks["path"][1:]] == [0.5, 1.5]
+    assert marks["poses"] == [0.75]
+    assert [span["prompt"] for span in marks["spans"]] == [HOSTILE, "turns"]
+    assert marks_of(walking()) == {}
+
+
+@pytest.mark.parametrize(
+    "metadata",
+    [
+        {"goals": "pelvis", "spans": 3},
+        {"goals": [1, {"joint": "tail", "at": 0, "to": [0, 0, 0]}]},
+        {"goals": [{"joint": "head", "at": "0", "to": [0, 0, 0]}]},
+        {"goals": [{"joint": "head", "at": 0, "to": [0, float("nan"), 0]}]},
+        {"goals": [{"joint": "head", "at": 99, "to": [0, 0, 0]}]},
+        {"goals": [{"joint": ["head"], "at": 0, "to": [0, 0]}]},
+        {"spans": [{"prompt": 1, "start": 0, "end": 1}, {"prompt": "a", "start": 1, "end": 0}]},
+    ],
+)
+def test_marks_of_foreign_files_are_left_out(metadata):
+    assert marks_of(replace(walking(), metadata=metadata)) == {}
+
+
+def test_browser_draws_what_was_asked(tmp_path):
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    path = tmp_path / "page.html"
+    write_page(path, [asked()])
+    dom, _ = shown(path, 0.5, tmp_path / "a")
+    elements = Elements(dom)
+    assert [attrs.get("title") for tag, attrs in elements.tags if tag == "span"][:2] == [
+        HOSTILE,
+        "turns",
+    ]
+    assert [tag for tag, _ in elements.tags].count("i") == 4
+    assert [tag for tag, _ in elements.tags].count("b") == 0

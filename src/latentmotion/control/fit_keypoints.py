@@ -1,12 +1,13 @@
 """Keypoints become a motion: latents, place and camera are found of which a tracker would see that.
 
     start    smoothed keypoints → root, heading and joints → features → latents      (L-BFGS)
-    refine   Huber's loss of the keypoints + what latents are likely by themselves   (L-BFGS)
+    refine   Huber's loss of the keypoints + what is likely by itself                (L-BFGS)
              noise is estimated, what is far beyond it is dropped, and it is refined again
-    detail   what latents cannot express, as far as it stands out of the noise
+    detail   what latents cannot express, as far as it stands out of the noise; short gaps are
+             drawn toward a cubic curve
 
-Likely are latents near 0 that change slowly: Σ (z_t - ρ z_{t-1})² / (1 - ρ²). Recordings longer
-than the model's motions are fitted in windows that overlap.
+Likely are latents near 0 that change slowly, Σ (z_t - ρ z_{t-1})² / (1 - ρ²), and joints that keep
+their speed. Recordings longer than the model's motions are fitted in windows that overlap.
 """
 
 from __future__ import annotations
@@ -37,14 +38,20 @@ _LAG = 0.85
 _EXPRESSED = 0.02
 """Meters that latents are off recordings by themselves."""
 
-_LASTING = 3.0
-"""Frames over which what they are off lasts."""
+_LASTING = (3.0, 15.0)
+"""Frames over which halves of what they are off last."""
+
+_PUSH = 0.01
+"""Meters by which a joint is elsewhere than where it would be at the speed of the frame before."""
 
 _LEAST_NOISE, _MOST_NOISE = 0.002, 0.3
 """Meters between which the noise of a tracker is taken to be."""
 
 _WINDOW, _OVERLAP = 160, 40
 """Frames that are fitted at once, and that two windows share."""
+
+_UNSEEN, _BRIDGED = 0.04, 0.12
+"""Meters that a joint is off in a gap: by the latents, and by a curve over a gap of one second."""
 
 _ABOVE_HIPS = 0.09
 """Meters of the pelvis above the middle of the hips."""
@@ -317,6 +324,7 @@ def _fitted_window(scene: Scene, motion: DecodedMotion) -> tuple[Joints, dict[st
     joints = _placed(motion, p, width)
     if not scene.flat:
         joints = joints + _detail(observation, joints, scene.noise)
+        joints = _bridged(observation, joints, motion.representation.fps)
     dropped = float((seen & ~kept).sum() / seen.sum())
     return joints, {"noise": scene.noise, "dropped": dropped, "pitch": float(p[-1])}
 
@@ -336,6 +344,11 @@ def _refined(
         features = motion.decode(z)
         joints = space.decode(features)
         value, pull, of_placement = observation.loss(joints, p[-5:], noise)
+        push = np.diff(joints, n=2, axis=0) / _PUSH**2
+        value += 0.5 * _PUSH**2 * float((push**2).sum())
+        pull[:-2] += push
+        pull[1:-1] -= 2 * push
+        pull[2:] += push
         of_latents = motion.rows(z, features, joints, pull[None])[0].astype(np.float64)
         unlikely, slope = unlikeliness(z)
         return value + unlikely, np.concatenate([(of_latents + slope).ravel(), of_placement])
@@ -470,8 +483,10 @@ def _detail(observation: Observation, joints: Joints, noise: float) -> Joints:
     """
     off, added = observation.missing(joints), np.zeros(joints.shape)
     share, frames = observation.times, np.arange(len(joints))
-    apart = np.sqrt(3) * np.abs(frames[:, None] - frames) / _LASTING
-    expected = _EXPRESSED**2 * (1 + apart) * np.exp(-apart)
+    between = np.sqrt(3) * np.abs(frames[:, None] - frames)
+    expected = np.zeros(between.shape)
+    for apart in (between / frames_long for frames_long in _LASTING):
+        expected += _EXPRESSED**2 / len(_LASTING) * (1 + apart) * np.exp(-apart)
     spread = np.linalg.norm(off, axis=-1) / np.hypot(noise, _EXPRESSED)
     weights = observation.weights * robust(spread)
     for k, row in enumerate(observation.joints):
@@ -483,6 +498,33 @@ def _detail(observation: Observation, joints: Joints, noise: float) -> Joints:
         both = expected[np.ix_(seen, seen)] + np.diag(noise**2 / count[seen])
         added[:, int(row.argmax())] = expected[:, seen] @ np.linalg.solve(both, mean)
     return added
+
+
+def _bridged(observation: Observation, joints: Joints, fps: float) -> Joints:
+    """Returns joints that are drawn, in short gaps, toward a curve that keeps their speed.
+
+    What a cubic curve is off grows with the square of the gap; what latents are off hardly does.
+    """
+    found, count = joints.copy(), observation.times.T @ (observation.weights > 0)
+    for k, row in enumerate(observation.joints):
+        seen = np.flatnonzero(count[:, k] > 0)
+        if (row == 1).sum() != 1:
+            continue
+        joint = int(row.argmax())
+        for last, first in zip(seen[:-1], seen[1:], strict=True):
+            length = int(first - last)
+            if length < 3 or last < 2 or first + 2 >= len(joints):
+                continue
+            off = _BRIDGED * (length / fps) ** 2
+            share = _UNSEEN**2 / (_UNSEEN**2 + off**2)
+            before = (joints[last, joint] - joints[last - 2, joint]) / 2
+            after = (joints[first + 2, joint] - joints[first, joint]) / 2
+            t = np.arange(1, length)[:, None] / length
+            ends = (2 * t**3 - 3 * t**2 + 1, 3 * t**2 - 2 * t**3)
+            curve = ends[0] * joints[last, joint] + ends[1] * joints[first, joint]
+            curve += length * ((t**3 - 2 * t**2 + t) * before + (t**3 - t**2) * after)
+            found[last + 1 : first, joint] += share * (curve - joints[last + 1 : first, joint])
+    return found
 
 
 def _joined(pieces: list[tuple[int, Joints]], frames: int) -> Joints:

@@ -21,6 +21,7 @@ import numpy as np
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file
+from latentmotion.viewer.marks import marks_of
 
 FINEST_STEP = 1e-4
 """Step of the quantized joint positions, meters."""
@@ -38,9 +39,12 @@ def page_html(motions: Sequence[Motion], title: str | None = None) -> str:
     """
     if not motions:
         raise InputError("no motion to show; give at least one")
+    content = payload(motions)
+    for entry, motion in zip(content["motions"], motions, strict=True):
+        entry["marks"] = marks_of(motion)
     fields = {
         "title": html.escape(title or motions[0].caption or "Latent Motion"),
-        "motions": json_in_html(payload(motions)),
+        "motions": json_in_html(content),
         "script": script(),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))

@@ -10,9 +10,9 @@ export function readMotions(text) {
 }
 
 export class Motion {
-  /** `positions` are frames * joints * 3, meters. */
-  constructor({ caption, fps }, skeleton, positions) {
-    Object.assign(this, { caption, fps, skeleton, positions });
+  /** `positions` are frames * joints * 3, meters; `marks` say what was asked of the motion. */
+  constructor({ caption, fps, marks = {} }, skeleton, positions) {
+    Object.assign(this, { caption, fps, marks, skeleton, positions });
     this.size = skeleton.names.length * 3;
     this.frames = positions.length / this.size;
     this.seconds = (this.frames - 1) / this.fps;

@@ -9,6 +9,7 @@ export class Panel {
     Object.assign(this, { timeline, stage, motions });
     this.#writeCaptions(colors);
     this.#writeSpeeds();
+    this.#writeSpans(colors);
     this.#wire();
     timeline.addEventListener("time", () => this.#showTime());
     timeline.addEventListener("state", () => this.#showState());
@@ -47,6 +48,30 @@ export class Panel {
   #writeSpeeds() {
     const options = SPEEDS.map((speed) => new Option(`${speed}×`, speed));
     find("speed").append(...options);
+  }
+
+  // Prompts with their times and ticks of goals above the time bar, those of the first take.
+  #writeSpans(colors) {
+    const take = Math.max(this.motions.findIndex(({ marks }) => Object.keys(marks).length), 0);
+    const { spans = [], goals = [], path = [], poses = [] } = this.motions[take].marks;
+    const percent = (time) => `${(100 * time) / (this.timeline.seconds || 1)}%`;
+    const words = spans.map(({ prompt, start, end }) => {
+      const span = document.createElement("span");
+      span.textContent = span.title = prompt;
+      span.style.left = percent(start);
+      span.style.width = percent(Math.min(end, this.timeline.seconds) - start);
+      return span;
+    });
+    const times = [...[...goals, ...path].map(({ at }) => at), ...poses];
+    const ticks = [...new Set(times)].map((time) => {
+      const tick = document.createElement("i");
+      tick.style.left = percent(time);
+      return tick;
+    });
+    find("marks").hidden = !words.length && !ticks.length;
+    find("marks").style.setProperty("--take", colors[take]);
+    find("marks").append(...words, ...ticks);
+    find("track").classList.toggle("spans", words.length > 0);
   }
 
   #wire() {

@@ -82,6 +82,7 @@ export class Sketch {
     const view = this.#view(width, height);
     this.#drawFloor(view);
     this.motions.forEach((motion, i) => this.#drawFigure(motion, i, view));
+    this.motions.forEach((motion, i) => this.#drawMarks(motion.marks, i, view));
   }
 
   /** Returns the function from a point in space to the screen, and pixels per meter. */
@@ -128,6 +129,17 @@ export class Sketch {
       if (parent >= 0) this.#line([at(parent), at(j)], 0.07 * pixels, this.colors[take]);
     });
     if (names.includes("head")) this.#disc(at(names.indexOf("head")), 0.11 * pixels, take);
+  }
+
+  #drawMarks({ goals = [], path = [] }, take, { project, pixels }) {
+    const [dx, dz] = this.offsets[take];
+    const stops = path.map(({ to: [x, z] }) => project(x + dx, 0, z + dz));
+    stops.slice(1).forEach((stop, i) => this.#line([stops[i], stop], 2, this.colors[take]));
+    for (const { joint, to: [x, y, z] } of goals) {
+      const [left, top] = project(x + dx, y, z + dz);
+      this.#disc([left, top], 0.04 * pixels, take);
+      this.context.fillText(joint.replaceAll("_", " "), left + 0.06 * pixels, top);
+    }
   }
 
   #line([from, to], width, color) {

@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { bodyGeometry, Figure } from "./figure.js";
 import { Floor } from "./floor.js";
+import { Marks } from "./marks.js";
 import { alongPath, lineUp, smoothPath } from "./motion.js";
 
 const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the camera first looks
@@ -27,11 +28,14 @@ export class Stage {
     this.figures = this.#figures(motions, colors);
     this.paths = motions.map(smoothPath);
     this.floor = new Floor(motions, this.offsets, colors);
+    this.marks = this.figures.map(({ motion }, i) => {
+      return new Marks(motion, geometries.get(motion.skeleton), colors[i], this.offsets[i]);
+    });
     this.all = motions.map((_, take) => take);
     this.seconds = Math.max(...motions.map(({ seconds }) => seconds));
     this.sun = sunlight(this.#spread(this.all, true).length() / 2 + 1.9);
     this.scene = new THREE.Scene().add(
-      ...this.figures.map((figure) => figure.object),
+      ...[...this.figures, ...this.marks].map((drawn) => drawn.object),
       ...[this.floor.object, this.sun, this.sun.target, skylight(), rimlight()],
     );
     this.watched = null;
@@ -52,7 +56,7 @@ export class Stage {
 
   showTime(time) {
     this.time = time;
-    this.figures.forEach((figure) => figure.showTime(time));
+    [...this.figures, ...this.marks].forEach((drawn) => drawn.showTime(time));
     this.#look();
     this.floor.showTime(time);
     this.#aimSun();

@@ -1,0 +1,102 @@
+// What was asked of a motion: goals with names, the path with times, ghosts at keyframes.
+
+import * as THREE from "three";
+import { Figure } from "./figure.js";
+
+const NEAR = 0.25; // seconds around its time in which a goal is lit
+const LIFT = 0.006; // meters of the path above the floor
+
+export class Marks {
+  /** `at` is the [x, z] shift of the take. */
+  constructor(motion, geometry, color, [dx, dz]) {
+    const { goals = [], path = [], poses = [] } = motion.marks;
+    this.goals = goals.map((goal) => new Goal(goal, color));
+    this.stops = path.map((stop) => new Stop(stop, color));
+    this.object = new THREE.Group().add(...[...this.goals, ...this.stops].map((mark) => mark.object));
+    if (path.length > 1) this.object.add(curve(path, color));
+    for (const time of poses) this.object.add(ghost(motion, geometry, color, time));
+    this.object.position.set(dx, 0, dz);
+  }
+
+  showTime(time) {
+    for (const mark of [...this.goals, ...this.stops]) mark.showTime(time);
+  }
+}
+
+class Goal {
+  constructor({ joint, at, to }, color) {
+    this.at = at;
+    this.ball = new THREE.Mesh(
+      new THREE.SphereGeometry(0.035, 24, 16),
+      new THREE.MeshStandardMaterial({ color, emissive: color, transparent: true, opacity: 0.85 }),
+    );
+    this.object = new THREE.Group().add(this.ball, label(`${joint.replaceAll("_", " ")} · ${at} s`, 0.09));
+    this.object.position.set(...to);
+  }
+
+  showTime(time) {
+    const near = Math.max(0, 1 - Math.abs(time - this.at) / NEAR);
+    this.ball.scale.setScalar(1 + 0.6 * near);
+    this.ball.material.emissiveIntensity = 0.15 + 0.85 * near;
+  }
+}
+
+class Stop {
+  constructor({ at, to: [x, z] }, color) {
+    this.at = at;
+    this.disc = new THREE.Mesh(
+      new THREE.CircleGeometry(0.06, 32),
+      new THREE.MeshBasicMaterial({ color, transparent: true, depthWrite: false }),
+    );
+    this.disc.rotation.x = -Math.PI / 2;
+    this.object = new THREE.Group().add(this.disc, label(`${at} s`, 0.1));
+    this.object.position.set(x, LIFT, z);
+  }
+
+  showTime(time) {
+    const near = Math.max(0, 1 - Math.abs(time - this.at) / NEAR);
+    this.disc.scale.setScalar(1 + near);
+    this.disc.material.opacity = 0.6 + 0.4 * near;
+  }
+}
+
+function curve(path, color) {
+  const points = path.map(({ to: [x, z] }) => new THREE.Vector3(x, LIFT, z));
+  const line = new THREE.CatmullRomCurve3(points, false, "centripetal");
+  const material = new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.5 });
+  return new THREE.Mesh(new THREE.TubeGeometry(line, 24 * path.length, 0.012, 8), material);
+}
+
+function ghost(motion, geometry, color, time) {
+  const figure = new Figure(motion, geometry, color, [0, 0]);
+  const [transparent, opacity, depthWrite] = [true, 0.3, false];
+  figure.object.material = new THREE.MeshLambertMaterial({ color, transparent, opacity, depthWrite });
+  figure.object.castShadow = false;
+  figure.object.receiveShadow = false;
+  figure.showTime(time);
+  return figure.object;
+}
+
+// Words that face the camera, `up` meters above what they name.
+function label(text, up) {
+  const canvas = document.createElement("canvas");
+  const context = canvas.getContext("2d");
+  const font = "600 44px system-ui, sans-serif";
+  context.font = font;
+  canvas.width = Math.ceil(context.measureText(text).width) + 40;
+  canvas.height = 72;
+  Object.assign(context, { font, fillStyle: "#1d2433d0", textBaseline: "middle" });
+  context.beginPath();
+  context.roundRect(0, 0, canvas.width, canvas.height, 24);
+  context.fill();
+  context.fillStyle = "#ffffff";
+  context.fillText(text, 20, canvas.height / 2 + 2);
+  const map = new THREE.CanvasTexture(canvas);
+  map.colorSpace = THREE.SRGBColorSpace;
+  const material = new THREE.SpriteMaterial({ map, depthTest: false, toneMapped: false });
+  const sprite = new THREE.Sprite(material);
+  sprite.scale.set((0.085 * canvas.width) / canvas.height, 0.085, 1);
+  sprite.position.y = up;
+  sprite.renderOrder = 2;
+  return sprite;
+}

@@ -1,0 +1,183 @@
+"""Fit: derivatives against finite differences, motions found again, parts of the body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from latentmotion import Motion, MotionPipeline
+from latentmotion.control.fit_keypoints import Scene, body_scale, unlikeliness, white_noise
+from latentmotion.control.observe import Observation
+from latentmotion.control.parts import PARTS, parts_named, with_parts
+from latentmotion.errors import InputError
+from latentmotion.kinematics.keypoints import LAYOUTS, Keypoints, joint_weights
+from latentmotion.kinematics.skeleton import HUMANML3D, KIT
+from latentmotion.representation.canonical import turn
+from tests.support.walker import walker
+
+NAMES = HUMANML3D.names
+
+
+@pytest.fixture(scope="module")
+def generate() -> MotionPipeline:
+    return MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+
+
+@pytest.fixture(scope="module")
+def walk(generate: MotionPipeline) -> np.ndarray:
+    joints = generate("a person walks forward", 2.0, 3).joints.astype(float)
+    return turn(joints, np.array(0.8)) + np.array([2.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_derivatives_of_an_observation_are_those_of_its_loss(flat: bool) -> None:
+    draw = np.random.default_rng(0)
+    seen = Observation(
+        draw.normal(size=(7, 5, 2 if flat else 3)),
+        draw.random((7, 5)),
+        np.linspace(0, 5, 7),
+        draw.normal(size=(5, 22)) * (draw.random((5, 22)) < 0.2),
+        6,
+        np.full(7, 3.0) if flat else None,
+    )
+    joints, place = draw.normal(size=(6, 22, 3)), np.array([0.4, 0.1, 0.2, 12, 0.3 * flat])
+    _, of_joints, of_place = seen.loss(joints, place, 0.5)
+    for number in range(5 if flat else 4):
+        step = 1e-6 * np.eye(5)[number]
+        ends = [seen.loss(joints, place + sign * step, 0.5)[0] for sign in (1, -1)]
+        assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(of_place[number], rel=1e-5)
+    step = 1e-6 * draw.normal(size=joints.shape)
+    ends = [seen.loss(joints + sign * step, place, 0.5)[0] for sign in (1, -1)]
+    assert (ends[0] - ends[1]) / 2 == pytest.approx((of_joints * step).sum(), rel=1e-5)
+
+
+def test_derivatives_of_what_is_unlikely() -> None:
+    draw = np.random.default_rng(1)
+    z, step = draw.normal(size=(2, 6, 4))
+    ends = [unlikeliness(z + sign * 1e-6 * step)[0] for sign in (1, -1)]
+    assert (ends[0] - ends[1]) / 2e-6 == pytest.approx((unlikeliness(z)[1] * step).sum())
+
+
+def test_noise_and_gaps_are_taken_away_where_the_recording_is(
+    generate: MotionPipeline, walk: np.ndarray
+) -> None:
+    noisy = walk + np.random.default_rng(2).normal(0, 0.05, walk.shape)
+    seen = np.ones(walk.shape[:2], bool)
+    seen[15:25, [4, 5, 7, 8, 10, 11]] = False
+    noisy[0, 20] += 3.0  # a mistake of the tracker
+    fitted = generate.fit(noisy, seen)
+    assert len(fitted) == len(walk) and fitted.fps == 20
+    off = np.linalg.norm(fitted.joints - walk, axis=-1)
+    assert off.mean() < 0.03 and off[~seen].mean() < 0.08
+    assert off[0, 20] < 0.2
+    assert fitted.metadata["fit"]["noise"] == pytest.approx(0.05, abs=0.015)
+
+
+def test_other_rates_and_layouts_are_fitted(generate: MotionPipeline, walk: np.ndarray) -> None:
+    fast = Motion(walk).resampled(50)
+    points = np.einsum("kj,tjc->tkc", joint_weights(LAYOUTS["coco_17"]), fast.joints)
+    fitted = generate.fit(points, fps=50)
+    count = min(len(fitted), len(walk))
+    assert abs(len(fitted) - len(walk)) <= 1
+    assert np.linalg.norm(fitted.joints[:count] - walk[:count], axis=-1).mean() < 0.05
+
+
+def test_a_camera_sees_which_way_somebody_walks(generate: MotionPipeline) -> None:
+    joints = generate("a person walks forward", 2.0, 3).joints.astype(float)
+    seen = turn(joints - joints[0, 0] * (1, 0, 1), np.array(np.pi / 2))
+    seen += np.array([-1.0, -1.0, 5.0])
+    points = np.einsum("kj,tjc->tkc", joint_weights(LAYOUTS["body_25"]), seen)
+    pixels = (640, 360) - 1000 * points[..., :2] / points[..., 2:]
+    keypoints = Keypoints(
+        pixels, np.ones(pixels.shape[:2]), 20, LAYOUTS["body_25"], (1280, 720), 1000
+    )
+    fitted = generate.fit(keypoints)
+    walked = fitted.joints[-1, 0] - fitted.joints[0, 0]
+    assert walked[0] == pytest.approx(seen[-1, 0, 0] - seen[0, 0, 0], rel=0.25)
+    own, real = (x - x[:, :1] for x in (fitted.joints, seen))
+    assert np.linalg.norm(own - real, axis=-1).mean() < 0.12
+    assert abs(fitted.joints[..., 1].min()) < 0.1
+
+
+def test_long_recordings_are_fitted_in_windows(
+    generate: MotionPipeline, monkeypatch: pytest.MonkeyPatch, walk: np.ndarray
+) -> None:
+    monkeypatch.setattr("latentmotion.control.fit_keypoints._WINDOW", 24)
+    monkeypatch.setattr("latentmotion.control.fit_keypoints._OVERLAP", 8)
+    fitted = generate.fit(walk, noise=0.01)
+    assert len(fitted) == len(walk)
+    assert np.linalg.norm(fitted.joints - walk, axis=-1).mean() < 0.03
+
+
+def test_noise_and_size_are_measured(walk: np.ndarray) -> None:
+    draw = np.random.default_rng(3)
+    noisy = np.tile(walk, (3, 1, 1)) + draw.normal(0, 0.05, (3 * len(walk), 22, 3))
+    assert white_noise(noisy) == pytest.approx(0.05, rel=0.15)
+    # A child of two thirds.
+    assert body_scale(walk * 0.66, NAMES, 0.0) == pytest.approx(1.5, rel=0.05)
+    with pytest.raises(InputError, match="expected points in meters"):
+        body_scale(walk * 1000, NAMES, 0.0)
+
+
+def test_nothing_seen_for_a_whole_window_is_told(
+    generate: MotionPipeline, monkeypatch: pytest.MonkeyPatch, walk: np.ndarray
+) -> None:
+    monkeypatch.setattr("latentmotion.control.fit_keypoints._WINDOW", 24)
+    monkeypatch.setattr("latentmotion.control.fit_keypoints._OVERLAP", 8)
+    seen = np.ones(walk.shape[:2], bool)
+    seen[14:] = False
+    with pytest.raises(InputError, match=r"nothing was seen for .* s: cut the recording there"):
+        generate.fit(walk, seen)
+
+
+def test_frames_of_a_window_are_counted_from_its_start(walk: np.ndarray) -> None:
+    keypoints = Keypoints(walk, np.ones(walk.shape[:2]), 40.0, NAMES)
+    scene = Scene.of(keypoints, 20.0, 0.01)
+    assert scene.frames == 20
+    window = scene.window(5, 8)
+    np.testing.assert_allclose(window.positions, np.arange(15) / 2)
+    np.testing.assert_array_equal(window.points, scene.points[10:25])
+
+
+# Parts of the body
+
+
+def test_other_joints_of_an_edited_part_are_the_same_numbers(generate: MotionPipeline) -> None:
+    walk = Motion(walker(60).joints())
+    edited = generate.edit(walk, "a person waves", (1.0, 2.0), parts=["left_arm", "head"])
+    changed = (edited.joints != walk.joints).any(axis=-1)
+    moved = {NAMES[joint] for joint in np.flatnonzero(changed.any(axis=0))}
+    assert moved == {"left_elbow", "left_wrist", "head"}
+    assert not changed[:20].any() and not changed[40:].any()
+    bones = [np.linalg.norm(m.joints[:, 18] - m.joints[:, 16], axis=-1) for m in (edited, walk)]
+    np.testing.assert_allclose(*bones, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_of_the_same_motion_elsewhere_is_that_of_the_motion(name: str) -> None:
+    own = walker(30).joints()
+    other = turn(own, np.array(1.1)) + np.array([3, 0, 1])
+    (part,) = parts_named([name], HUMANML3D)
+    np.testing.assert_allclose(with_parts(own, other, [part], HUMANML3D), own, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("names", "reason"),
+    [
+        (["left_hand"], "unknown part 'left_hand': did you mean 'left_arm'"),
+        (["left_arm", "upper_body"], "left_elbow belongs to both left_arm and upper_body"),
+        ("left_arm", r"expected a list of names"),
+    ],
+)
+def test_wrong_parts_are_named(names: list[str], reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        parts_named(names, HUMANML3D)
+    with pytest.raises(InputError, match="lacks"):
+        parts_named(["left_arm"], KIT)
+
+
+def test_keypoints_bring_their_own_names(generate: MotionPipeline, walk: np.ndarray) -> None:
+    with pytest.raises(InputError, match=r"shape \(40, 2, 3\): expected \(frames, 22 keypoints"):
+        generate.fit(walk[:, :2], names=NAMES)
+    with pytest.raises(InputError, match="leave the others"):
+        generate.fit(Keypoints(walk, np.ones(walk.shape[:2]), 20.0, NAMES), names=NAMES)
