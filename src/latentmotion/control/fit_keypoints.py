@@ -13,6 +13,7 @@ their speed. Recordings longer than the model's motions are fitted in windows th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -511,7 +512,7 @@ def _bridged(observation: Observation, joints: Joints, fps: float) -> Joints:
         if (row == 1).sum() != 1:
             continue
         joint = int(row.argmax())
-        for last, first in zip(seen[:-1], seen[1:], strict=True):
+        for last, first in pairwise(seen):
             length = int(first - last)
             if length < 3 or last < 2 or first + 2 >= len(joints):
                 continue
