@@ -12,7 +12,7 @@ from tokenizers import Tokenizer
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.diffusion.noise import SeededNoise
+from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.session import open_session
 from latentmotion.errors import ModelError
 from latentmotion.export.web import export_web

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.convert import weight_names
+from latentmotion.convert import reading
 from latentmotion.convert.mld import Unstated, load_denoiser, load_vae
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.networks.vae.interface import vae_losses
@@ -233,9 +233,9 @@ def as_double(weights: Weights) -> Weights:
     return {name: value.double().requires_grad_() for name, value in weights.items()}
 
 
-def gradients_of(weights: Weights, loss: Tensor, rules: weight_names.Rules) -> Weights:
+def gradients_of(weights: Weights, loss: Tensor, rules: reading.Rules) -> Weights:
     found = torch.autograd.grad(loss, list(weights.values()))
-    return weight_names.rename(dict(zip(weights, found, strict=True)), rules)
+    return reading.rename(dict(zip(weights, found, strict=True)), rules)
 
 
 def test_a_step_of_stage_1() -> None:
@@ -275,7 +275,7 @@ def test_a_step_of_stage_1() -> None:
     assert float(found["total"]) == pytest.approx(total.item(), rel=CLOSE)
     for name, loss in losses.items():
         assert float(found[name]) == pytest.approx(loss.item(), rel=CLOSE), name
-    check_gradients(gradients, gradients_of(author, total, weight_names.MLD_VAE))
+    check_gradients(gradients, gradients_of(author, total, reading.MLD_VAE))
     check_update(network, before, gradients)
 
 
@@ -305,5 +305,5 @@ def test_a_step_of_stage_2(predicts: str) -> None:
         mld_humanml3d().denoiser_training,
     )
     assert float(found["total"]) == pytest.approx(total.item(), rel=CLOSE)
-    check_gradients(gradients, gradients_of(author, total, weight_names.DENOISER_IN_CONTEXT))
+    check_gradients(gradients, gradients_of(author, total, reading.DENOISER_IN_CONTEXT))
     check_update(network, before, gradients)

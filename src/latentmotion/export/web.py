@@ -24,8 +24,8 @@ from torch import Tensor, nn
 
 from latentmotion.condition.interface import TextEmbedding
 from latentmotion.condition.task import SentenceCondition, TextConditioning
-from latentmotion.diffusion.noise import SeededNoise
-from latentmotion.engine.feature_decoder import representation_of
+from latentmotion.diffusion.samplers import SeededNoise
+from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session
 from latentmotion.errors import ModelError
 from latentmotion.export.onnx import anonymous, trace

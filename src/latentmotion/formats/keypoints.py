@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError, hint
-from latentmotion.formats.lines import read_lines, whole_rate
+from latentmotion.formats.checks import read_lines, whole_rate
 from latentmotion.kinematics.keypoints import LAYOUTS, Keypoints, layout_of
 from latentmotion.storage.array_files import names_in, read_array, read_arrays
 from latentmotion.storage.limits import MOST_FRAMES, MOST_NUMBER
