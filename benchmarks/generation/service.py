@@ -41,7 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     threads, measured = str(options.threads), (options.seconds, options.clients)
-    with served("--threads", threads) as one, served("--threads", threads, "--batch", "1") as two:
+    with (
+        served("--threads", threads) as one,
+        served("--threads", threads, "--batch-size", "1") as two,
+    ):
         contenders = {"batched": (one, RAW), "one after the other": (two, RAW), "GLB": (one, GLB)}
         found: dict[str, list[tuple[float, float]]] = {name: [] for name in contenders}
         for _ in range(options.turns):

@@ -48,7 +48,7 @@ def arrived(address: str) -> float:
 
 
 def test_sigterm_loses_nothing_and_streams_end(tmp_path: Path) -> None:
-    with served("--batch", "2", "--file-workers", "1") as (process, address):
+    with served("--batch-size", "2", "--file-workers", "1") as (process, address):
         with Client(address) as client, client.stream("a person walks", seed=5) as stream:
             expected = MotionPipeline.from_pretrained(threads=1).stream("a person walks", 5)
             for _ in range(3):

@@ -44,7 +44,7 @@ class Serve:
     runtime: options.Runtime = "auto"
     """Engine of the networks; a model that was not exported cannot be served."""
     threads: Annotated[int, arg(help="Threads that run the model, each a batch of its own.")] = 1
-    batch: int = 16
+    batch_size: int = 16
     """Motions that are generated together at most."""
     queue: int = 64
     """Motions that wait at most; beyond, requests are refused (429)."""
@@ -84,7 +84,7 @@ class Serve:
             runtime=self.runtime,
             threads=self.threads,
             queue=self.queue,
-            batch=self.batch,
+            batch=self.batch_size,
             deadline=self.deadline,
             file_workers=self.file_workers,
             jobs=self.jobs,
