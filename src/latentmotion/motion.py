@@ -37,7 +37,7 @@ class Motion:
     caption: str = ""
     """The sentence it was made from, or that describes it."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
-    """Any values that JSON can hold: model, seed, guidance, license."""
+    """Any values that JSON can hold: model, seed, guidance, rights, weights_license."""
     goals: tuple[Reach, ...] = ()
     """Places of joints to which clean-up yields."""
 

@@ -210,8 +210,7 @@ class MotionPipeline:
         for batch in rows:
             placed = self.joints_of(self.generate_batch(request.take(batch)))
             joints.append(self.backend.to_host(placed))
-        metadata = {"steps": sampling.steps, "guidance": sampling.guidance}
-        metadata["license"] = self.card.provenance.license
+        metadata = {"steps": sampling.steps, "guidance": sampling.guidance, **self.card.terms()}
         return [
             Motion(
                 positions.astype(np.float32, copy=False),

@@ -135,4 +135,4 @@ def metadata_of(generator: Generator, seed: int, sampling: Sampling) -> dict[str
     """Returns what a motion's file says about how it was made."""
     settings = {"seed": seed, "steps": sampling.steps, "guidance": sampling.guidance}
     card = generator.card
-    return {"model": card.name, **settings, "license": card.provenance.license}
+    return {"model": card.name, **settings, **card.terms()}

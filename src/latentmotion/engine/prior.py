@@ -54,7 +54,7 @@ class MotionPrior:
         """
         features, card = self.representation, self.card
         frames = frames_of(card, seconds, len(seeds), features.fps)
-        metadata = {"model": card.name, "license": card.provenance.license}
+        metadata = {"model": card.name, **card.terms()}
         return [
             Motion(
                 features.decode(values),

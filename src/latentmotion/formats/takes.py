@@ -55,8 +55,9 @@ def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> M
     Raises:
         DataError: No joint map fits the skeleton.
     """
-    metadata = {key: value for key, value in (notes or {}).items() if key not in ("caption", "fps")}
-    caption = str((notes or {}).get("caption", ""))
+    notes = current_notes(notes or {})
+    metadata = {key: value for key, value in notes.items() if key not in ("caption", "fps")}
+    caption = str(notes.get("caption", ""))
     tips = animation.skeleton.end_sites
     names = tuple(n for j, n in enumerate(animation.skeleton.names) if j not in tips)
     known = OURS.get(names)
@@ -78,7 +79,17 @@ def parse_notes(path: str | Path, text: Any) -> dict[str, Any]:
         raise FileFormatError(
             path, f"its metadata are a {type(notes).__name__}, expected an object"
         )
-    return notes
+    return current_notes(notes)
+
+
+def current_notes(notes: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns a file's metadata in today's names.
+
+    Earlier files call the license of the model's weights `license`, as if it were that of the
+    motion.
+    """
+    old = "license" in notes and "model" in notes and "weights_license" not in notes
+    return {"weights_license" if old and key == "license" else key: notes[key] for key in notes}
 
 
 def numbered(path: Path, count: int) -> list[Path]:

@@ -46,6 +46,12 @@ DEFAULT = "fast"
 HUB_FILES = ("*.json", "*.onnx", "*.safetensors", "LICENSE*", "README.md")
 """Patterns of the files of a model folder: card, tokenizer, graphs, weights and documentation."""
 
+RIGHTS_IN_MOTIONS = (
+    "The authors of Latent Motion claim no rights in generated motions: as far as they are "
+    "concerned, use them for anything."
+)
+"""What every generated motion says of itself, beside the license of the weights."""
+
 SHIPPED = Path(__file__).parents[1] / "models"
 """Folder of the models inside the package, each a folder."""
 
@@ -144,6 +150,10 @@ class ModelCard:
         if self.denoiser is None:
             raise ModelError(f"model {self.name!r} lacks a denoiser; train both stages first")
         return self.denoiser
+
+    def terms(self) -> dict[str, str]:
+        """Returns what holds for a motion made with the model, and, apart, for its weights."""
+        return {"rights": RIGHTS_IN_MOTIONS, "weights_license": self.provenance.license}
 
     def parametrized(self, denoiser: Denoiser) -> ParametrizedDenoiser:
         """Returns this model's denoiser, a network or session, with the meaning of its output."""
