@@ -37,6 +37,7 @@ from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
+from latentmotion.progress import counted
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder
@@ -207,7 +208,7 @@ class MotionPipeline:
         sampling = self.card.sampling.but(steps, guidance, sampler)
         request = GenerationRequest(tuple(prompts), tuple(frames), tuple(seeds), sampling)
         rows, joints = self._batches(request), []
-        for batch in rows:
+        for batch in counted(rows, "generating batches"):
             placed = self.joints_of(self.generate_batch(request.take(batch)))
             joints.append(self.backend.to_host(placed))
         metadata = {"steps": sampling.steps, "guidance": sampling.guidance, **self.card.terms()}
@@ -308,7 +309,8 @@ class MotionPipeline:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
         rows = self._batches(request)
-        features = (self.generate_batch(request.take(batch)) for batch in rows)
+        counting = counted(rows, "generating batches")
+        features = (self.generate_batch(request.take(batch)) for batch in counting)
         return requests.unpadded(map(self.backend.to_host, features), rows, request.frames)
 
     def generate_batch(

@@ -43,7 +43,7 @@ def judged_by_length(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def found(model: Model, journal: Path, trials: LengthTrials = TRIALS) -> Any:
-    return judged_lengths(model, trials, journal, lambda line: None)
+    return judged_lengths(model, trials, journal)
 
 
 def test_lengths_are_spread_over_the_range_in_whole_frames() -> None:

@@ -16,6 +16,7 @@ from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian, smooth
 from latentmotion.errors import InputError
+from latentmotion.progress import counted
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 
@@ -86,13 +87,17 @@ def clean_batch(motions: Sequence[Motion], steps: CleanUp = CleanUp()) -> list[M
     for number, motion in enumerate(motions):
         alike.setdefault((len(motion), motion.fps, motion.skeleton), []).append(number)
     cleaned = list(motions)
-    for (_, fps, skeleton), every in alike.items():
-        for first in range(0, len(every), _TOGETHER):
-            numbers = every[first : first + _TOGETHER]
-            joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
-            joints = _cleaned(joints, fps, skeleton, steps).astype(np.float32)
-            for place, number in enumerate(numbers):
-                cleaned[number] = replace(motions[number], joints=joints[:, place])
+    batches = [
+        every[first : first + _TOGETHER]
+        for every in alike.values()
+        for first in range(0, len(every), _TOGETHER)
+    ]
+    for numbers in counted(batches, "cleaning up"):
+        joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
+        fps, skeleton = motions[numbers[0]].fps, motions[numbers[0]].skeleton
+        joints = _cleaned(joints, fps, skeleton, steps).astype(np.float32)
+        for place, number in enumerate(numbers):
+            cleaned[number] = replace(motions[number], joints=joints[:, place])
     return cleaned
 
 

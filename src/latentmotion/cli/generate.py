@@ -24,6 +24,7 @@ from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_model, read_card
 from latentmotion.motion import Motion, cleaned
 from latentmotion.pipeline import MotionPipeline
+from latentmotion.progress import counted
 from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.files import cache_folder, check_writable, read_lines
 
@@ -119,7 +120,8 @@ class Generate:
         if self.clean:
             motions = cleaned(motions)
         if self.fps is not None:
-            motions = [motion.resampled(self.fps) for motion in motions]
+            resampling = counted(motions, "resampling")
+            motions = [motion.resampled(self.fps) for motion in resampling]
         for motion in motions if self.clean else []:
             print(_goal_text(motion), end="", file=sys.stderr)
         for motion in motions:

@@ -12,6 +12,7 @@ from importlib import import_module
 from latentmotion import __version__
 from latentmotion.cli.usage import current_verb
 from latentmotion.errors import InputError, LatentMotionError, MissingExtraError, hint
+from latentmotion.progress import shown_progress
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,9 @@ def _run(words: list[str]) -> None:
     module, _, cls = VERBS[name].target.partition(":")
     try:
         command = getattr(import_module(f"latentmotion.cli.{module}"), cls)
-        parsed(command, name, words[len(name.split()) :]).run()
+        job = parsed(command, name, words[len(name.split()) :])
+        with shown_progress(quiet=getattr(job, "json", False)):
+            job.run()
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("latentmotion"):
             raise

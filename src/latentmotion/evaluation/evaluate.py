@@ -42,6 +42,7 @@ from latentmotion.evaluation.protocol import (
     TestSet,
 )
 from latentmotion.evaluation.report import GROUND_TRUTH, UNITS, Figure, Report, provenance_of
+from latentmotion.progress import counted
 
 __all__ = [
     "CLEAN",
@@ -97,7 +98,7 @@ def compare(
     """
     test_set = build_test_set(candidates, dataset, evaluator, protocol)
     evaluation = _Evaluation(tuple(candidates), dataset, evaluator, protocol)
-    for number in range(protocol.replications):
+    for number in counted(range(protocol.replications), "replications"):
         evaluation.replicate(test_set.replication(number))
     population = protocol.quirks.population_deviation
     rows = {

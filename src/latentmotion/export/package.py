@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard
 from latentmotion.networks import checkpoint
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel
+from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.encoder import load_text_encoder
 
@@ -121,14 +123,19 @@ def copied(folder: Path) -> WriteTextEncoder:
 
 def _write_graphs(model: LatentModel, folder: Path) -> None:
     card, width = model.card, model.card.trained_denoiser.condition_width
-    graphs.export_denoiser(model.denoiser, card.latents.width, width, folder / "denoiser.onnx")
+    denoiser, decoder = folder / "denoiser.onnx", folder / "decoder.onnx"
+    writers = [partial(graphs.export_denoiser, model.denoiser, card.latents.width, width, denoiser)]
     if card.vae.has_weights:
-        graphs.export_decoder(model.vae, card.latents.frames_per_token, folder / "decoder.onnx")
+        per_token = card.latents.frames_per_token
+        writers.append(partial(graphs.export_decoder, model.vae, per_token, decoder))
     if card.vae.decoder_margin() is not None:
-        export_pullback(model.vae, folder / PULLBACK_FILE)
+        writers.append(partial(export_pullback, model.vae, folder / PULLBACK_FILE))
     for steps in _fused_steps(card):
-        graphs.export_fused_sampler(model, steps, folder / fused_sampler_file(steps))
-    for graph in folder.glob("*.onnx"):
+        sampler = folder / fused_sampler_file(steps)
+        writers.append(partial(graphs.export_fused_sampler, model, steps, sampler))
+    for write in counted(writers, "writing graphs"):
+        write()
+    for graph in counted(sorted(folder.glob("*.onnx")), "sharing weights"):
         if card.precision == "int8" and graph.name != PULLBACK_FILE:  # derivatives stay exact
             quantize(graph)
         if graph.name != cards.TEXT_GRAPH_FILE:  # whose weights are its own

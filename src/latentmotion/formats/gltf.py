@@ -20,6 +20,7 @@ from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion
+from latentmotion.progress import counted
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 
 _COLOR = (0.10, 0.215, 0.552, 1.0)
@@ -48,7 +49,7 @@ def write(path: str | Path, motions: Sequence[Motion], miss: float = 0.0) -> lis
 
 def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
     """Returns the figure with all motions, not written yet; see `bone_axes` for `miss`."""
-    animations = [motion.animation() for motion in motions]
+    animations = [motion.animation() for motion in counted(motions, "finding rotations")]
     skeleton = animations[0].skeleton
     axes, rest = bone_axes(skeleton, miss), skeleton.offsets
     # All takes animate the same joints, those that any take moves: a program that changes takes

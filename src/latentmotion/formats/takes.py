@@ -11,6 +11,7 @@ from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation
 from latentmotion.motion import Motion
+from latentmotion.progress import counted
 from latentmotion.storage.reading import blamed_on, parse_json
 
 OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
@@ -27,7 +28,7 @@ def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         InputError: The folder cannot be written.
     """
     paths = numbered(Path(path), len(motions))
-    animations = [motion.animation() for motion in motions]
+    animations = [motion.animation() for motion in counted(motions, "finding rotations")]
     for target, animation in zip(paths, animations, strict=True):
         write_bvh(target, animation)
     return paths

@@ -30,6 +30,7 @@ from latentmotion.formats.bones import BoneAxes, bone_axes
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion
+from latentmotion.progress import counted
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 from latentmotion.storage.files import atomic_file
 
@@ -70,7 +71,7 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
 
 def make_stage(motions: Sequence[Motion]) -> Any:
     """Returns the figure with all motions as a stage in memory."""
-    animations = [motion.animation() for motion in motions]
+    animations = [motion.animation() for motion in counted(motions, "finding rotations")]
     skeleton, fps = animations[0].skeleton, motions[0].fps
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)

@@ -21,6 +21,7 @@ from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.ground_truth import Claim
 from latentmotion.instructions.motions import Joints
 from latentmotion.instructions.prompts import GROUPS, VERSION, Instruction
+from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import atomic_folder
 
@@ -145,10 +146,12 @@ def judge(
     Raises:
         InputError: A motion is too short, or not of 22 joints.
     """
-    scenes = [[scene_of(joints) for joints in takes] for takes in motions]
+    scenes = [
+        [scene_of(joints) for joints in takes] for takes in counted(motions, "judging prompts")
+    ]
     outcomes = [outcome_of(one, takes) for one, takes in zip(instructions, scenes, strict=True)]
     claims = []
-    for claim in real:
+    for claim in counted(real, "judging captions"):
         scene = scene_of(claim.joints)
         fulfilled, check = fulfills(scene, claim.check), str(claim.check)
         seconds = scene.facts.seconds

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -23,10 +22,8 @@ from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.prompts import Instruction
 from latentmotion.pipeline import MotionPipeline
+from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_file
-
-REPORT_EVERY = 100
-"""Prompts between lines of progress."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,6 @@ def judged_lengths(
     model: MotionPipeline,
     trials: LengthTrials,
     journal: Path,
-    report: Callable[[str], None] = print,
 ) -> LengthVerdicts:
     """Generates drawn prompts at many lengths and judges the motions.
 
@@ -81,7 +77,6 @@ def judged_lengths(
         model: Generates the motions.
         trials: Which motions.
         journal: File that keeps the results, of an earlier run too.
-        report: Called with lines of progress.
 
     Raises:
         DataError: The journal is damaged.
@@ -91,12 +86,11 @@ def judged_lengths(
     instructions = drawn_instructions(trials.prompts, trials.seed)
     with journal.open("a", encoding="utf-8") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # unknown words show in the result
-        for number in range(len(rows), len(instructions)):
+        left = range(len(rows), len(instructions))
+        for number in counted(left, "trials of prompts", done=len(rows)):
             rows.append(_judged(model, trials, number, instructions[number]))
             file.write(json.dumps(rows[-1]) + "\n")
             file.flush()
-            if (number + 1) % REPORT_EVERY == 0:
-                report(f"{number + 1} of {len(instructions)} prompts")
     motions = [(prompt, *motion) for prompt, each in rows for motion in each]
     prompts, seconds, obeyed = zip(*motions, strict=True)
     return LengthVerdicts(prompts, np.array(seconds, np.float32), np.array(obeyed, bool))

@@ -22,6 +22,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.config import Sampling
 from latentmotion.motion import cleaned
 from latentmotion.pipeline import MotionPipeline
+from latentmotion.progress import counted
 from latentmotion.storage.array_files import read_array, read_arrays
 from latentmotion.storage.limits import FARTHEST
 
@@ -83,7 +84,7 @@ def generate_motions(
                 sampling.sampler,
             )
             joints = []
-            for motion in cleaned(motions) if settings.clean else motions:
+            for motion in counted(cleaned(motions) if settings.clean else motions, "checking motions"):
                 if motion.skeleton.names != HUMANML3D.names:
                     raise ModelError(
                         f"motions have skeleton {motion.skeleton.name!r}; expected "

@@ -15,6 +15,7 @@ import numpy as np
 
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.motion import Motion
+from latentmotion.progress import counted
 from latentmotion.render import painter
 from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
@@ -96,7 +97,7 @@ def frames(motions: Sequence[Motion], size: int = 512, view: View = "follow") ->
     ]
     captions = [motion.caption for motion in motions]
     captions = captions[:1] if len(set(captions)) == 1 else captions
-    for frame in range(max(len(motion) for motion in motions)):
+    for frame in counted(range(max(len(motion) for motion in motions)), "drawing frames"):
         whole = painter.Image.new("RGB", (width * len(panels), size), painter.BACKGROUND)
         for number, panel in enumerate(panels):
             whole.paste(panel.draw(frame), (number * width, 0))

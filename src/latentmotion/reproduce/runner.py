@@ -26,6 +26,7 @@ from latentmotion.gpu.backend import torch_pipeline, torch_prior
 from latentmotion.model.card import read_card
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.pipeline import MotionPipeline
+from latentmotion.progress import counted
 from latentmotion.reproduce.markdown import RowResult, TableResult, markdown
 from latentmotion.reproduce.plots import draw_figure, draw_latents
 from latentmotion.reproduce.table import Row, Table
@@ -61,7 +62,7 @@ class TableRunner:
             DataError: The data cannot be used for this table.
         """
         page = self.work.folder / f"{self.table.name}.md"
-        for row in rows:
+        for row in counted(rows, "rows"):
             if row.kind != "real":
                 self.row(row)
                 # After every row, so that an interrupted run leaves what it has measured.

@@ -45,6 +45,7 @@ from latentmotion.data.sources.humanml3d import (
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
+from latentmotion.progress import counted
 from latentmotion.storage.reading import read_json_file, read_text
 
 CMU = Source(
@@ -150,7 +151,7 @@ class CmuTrials:
             uncaptioned: Whether to yield also the rest of each trial, in pieces without captions
                 for training; never of a trial with a clip of val or test.
         """
-        for trial in sorted(self.paths):
+        for trial in counted(sorted(self.paths), "trials"):
             rows = self.rows.get(trial, ())
             if not rows and not uncaptioned:
                 continue

@@ -16,6 +16,7 @@ from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_words
 from latentmotion.data.recording import FPS, Dropped, Label, Recording, files_below, joints_at
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
+from latentmotion.progress import counted
 
 HDM05 = Source(
     name="hdm05",
@@ -141,7 +142,7 @@ def hdm05_recordings(folder: Path) -> Iterator[Recording | Dropped]:
     Raises:
         DataError: There is no such folder, or no clip in it.
     """
-    for path in find_clips(folder):
+    for path in counted(find_clips(folder), "clips"):
         match = _NAME.match(path.stem)
         assert match is not None
         action, rate = match["action"], float(match["fps"])

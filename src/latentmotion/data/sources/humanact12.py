@@ -24,6 +24,7 @@ from latentmotion.data.recording import (
     as_numbers,
 )
 from latentmotion.errors import FileFormatError
+from latentmotion.progress import counted
 from latentmotion.storage import pickles
 
 HUMANACT12 = Source(
@@ -78,7 +79,8 @@ def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | 
         raise FileFormatError(
             path, f"action {unknown[0]}; expected 0 to {len(ACTIONS) - 1}: is it another data set?"
         )
-    for number, (pose, joints, action) in enumerate(zip(*map(content.get, _NEEDED), strict=True)):
+    clips = list(zip(*map(content.get, _NEEDED), strict=True))
+    for number, (pose, joints, action) in enumerate(counted(clips, "clips")):
         label = Label(
             id=f"humanact12-{number:04d}",
             source=HUMANACT12.name,

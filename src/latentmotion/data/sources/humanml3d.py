@@ -33,6 +33,7 @@ from latentmotion.data.clip import (
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.store import StoredNormalizer, stored_normalizer
 from latentmotion.errors import DataError, FileFormatError, InputError
+from latentmotion.progress import counted
 from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.array_files import read_array
 from latentmotion.storage.reading import parse_json, read_table, read_text, unpack_xz
@@ -168,7 +169,7 @@ def official_recordings(
             f"Std.npy, found no {FEATURES}; follow {source.url}"
         )
     splits, texts = read_splits(folder), read_texts(folder)
-    for name, split in sorted(splits.items()):
+    for name, split in counted(sorted(splits.items()), "clips"):
         if name.startswith("M"):
             continue
         sentences = sentences_of(texts, name)

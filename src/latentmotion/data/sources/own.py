@@ -45,6 +45,7 @@ from latentmotion.formats.asf_amc import find_asf, read_asf_amc
 from latentmotion.formats.bvh import read_bvh
 from latentmotion.kinematics.humanoid import JointMap
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.progress import counted
 from latentmotion.storage.reading import read_table, read_text
 
 ENDINGS = (".bvh", ".amc", ".npz")
@@ -97,7 +98,7 @@ class OwnMotions:
                 for sentence in known.sentences:
                     reason = f"{self.captions} names a file that is not there: {sentence.text}"
                     yield Dropped(name, "caption", reason)
-        for name, path in paths.items():
+        for name, path in counted(paths.items(), "motion files"):
             try:
                 known = listed.get(name) or self._annotations_beside(path)
                 joints = self._joints(path)

@@ -38,6 +38,7 @@ from latentmotion.data.sources.evidence import floor_of, shows
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
+from latentmotion.progress import counted
 from latentmotion.storage.reading import read_text
 
 SNU = Source(
@@ -151,7 +152,7 @@ def snu_recordings(folder: Path) -> Iterator[Recording | Dropped]:
     """
     annotations = read_annotations(folder)
     takes_by_length: dict[int, list[tuple[str, Joints]]] = defaultdict(list)
-    for path in find_takes(folder):
+    for path in counted(find_takes(folder), "takes"):
         try:
             if (
                 path.suffix.lower() == ".bvh"

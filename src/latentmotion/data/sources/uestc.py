@@ -26,6 +26,7 @@ from latentmotion.data.clip import Source, Split, mirror_words
 from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording, as_numbers
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
+from latentmotion.progress import counted
 from latentmotion.storage import pickles
 from latentmotion.storage.reading import read_text
 
@@ -106,7 +107,7 @@ def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dro
         raise DataError(
             f"{folder / FRAMES}: expected {len(names)} lines as {NAMES} has, a number in each"
         )
-    for number, name in enumerate(names):
+    for number, name in enumerate(counted(names, "videos")):
         match = _VIDEO.match(name)
         video = Video(*map(int, match.groups())) if match else None
         if video is None or video.action >= len(actions) or not 0 <= video.view <= 8:
