@@ -57,13 +57,15 @@ def counted(
         from tqdm import tqdm
     except ModuleNotFoundError:
         return items
+    columns, rows = get_terminal_size()  # 80 and 24 where the terminal does not say
     bar = tqdm(
         items,
         name,
         total,
         leave=False,
         file=sys.stderr,
-        ncols=get_terminal_size().columns - 1,  # 80 where the terminal does not say
+        ncols=columns - 1,
+        nrows=rows,
         delay=DELAY,
         initial=done,
     )
