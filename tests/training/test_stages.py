@@ -14,6 +14,7 @@ import torch
 from latentmotion.cli.main import main
 from latentmotion.data.store import read_manifest
 from latentmotion.errors import InputError, ModelError
+from latentmotion.gpu import device
 from latentmotion.model.card import find_model
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_model, load_stages
@@ -22,7 +23,7 @@ from latentmotion.training.distributed import DistributedContext, Ranks
 from latentmotion.training.experiment import Experiment, with_changes
 from latentmotion.training.journal import Previews, read_journal
 from latentmotion.training.presets import PRESETS, preset_named
-from latentmotion.training.stages import train_denoiser, train_vae
+from latentmotion.training.stages import train_denoiser, train_vae, with_networks_of
 from latentmotion.training.vae import VAEStage
 from tests.support.moving_figures import write_moving_figures
 from tests.support.small_training import CHANGES, CONTEXT, LetterCount, killed_at, small
@@ -298,3 +299,83 @@ def test_a_model_to_start_from_that_does_not_exist_is_named(
     with pytest.raises(SystemExit):
         main([*words.split(), "--set", "task=unconditional"])
     assert "no model 'nothing'" in capsys.readouterr().err
+
+
+def test_a_finished_run_goes_on_with_more_steps(figures: Path, tmp_path: Path) -> None:
+    def run(steps: int, **others: object) -> int:
+        train_vae(small(**{"vae_training.steps": steps, **others}), figures, tmp_path, CONTEXT)
+        return read_journal(tmp_path)[-1]["step"]
+
+    assert run(4) == 4
+    first = weights(tmp_path)
+    assert run(6) == 6
+    assert weights(tmp_path) != first
+    assert len([line for line in read_journal(tmp_path) if line["kind"] == "train"]) == 6
+    with pytest.raises(InputError, match=r"vae_training\.steps \(6 → 5\)"):
+        run(5)
+    with pytest.raises(InputError, match=r"differing: experiment\.vae_training\.seed"):
+        run(8, **{"vae_training.seed": 3})
+
+
+def test_packaged_models_are_vae_and_start_by_name_with_their_layers(
+    figures: Path, tmp_path: Path
+) -> None:
+    words = f"train denoiser --data {figures} --vae starter --start starter -o {tmp_path}"
+    quick = "--steps 1 --batch-size 2 --sample-every 0 --warm-up 1000 --set latents.per_item=1"
+    main([*words.split(), *quick.split(), "--preset", "fast"])
+    before, after = load_model(find_model("starter")), load_model(tmp_path / "model")
+    assert after.card.denoiser == before.card.denoiser
+    assert (after.card.latents, after.card.vae) == (before.card.latents, before.card.vae)
+    pairs = zip(before.denoiser.parameters(), after.denoiser.parameters(), strict=True)
+    assert all(torch.allclose(one, other, atol=1e-4) for one, other in pairs)
+
+
+def test_who_starts_from_a_distilled_model_is_told_of_its_teacher() -> None:
+    with pytest.raises(ModelError, match="distilled to few steps; start from its teacher"):
+        with_networks_of(find_model("fast"), preset_named("starter"))
+
+
+@pytest.mark.parametrize("ending", ["json", "toml"])
+def test_presets_can_be_files(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"mine.{ending}"
+    if ending == "json":
+        settings = {"preset": "fast", "name": "mine", "vae_training": {"steps": 7}}
+        path.write_text(json.dumps(settings))
+    else:
+        path.write_text('preset = "fast"\nname = "mine"\n[vae_training]\nsteps = 7\n')
+    fast = preset_named("fast")
+    expected = replace(fast, name="mine", vae_training=replace(fast.vae_training, steps=7))
+    assert preset_named(str(path)) == expected
+
+
+def test_run_folders_are_presets(vae_run: Path) -> None:
+    assert preset_named(str(vae_run / "experiment.json")) == small()
+
+
+def test_files_of_settings_that_do_not_fit_are_told(tmp_path: Path) -> None:
+    for name, text, message in [
+        ("a.json", '{"vae_training": {"step": 3}}', "did you mean 'steps'"),
+        ("b.toml", "steps = ", "b.toml: "),
+        ("c.json", "[3]", "expected an object of settings"),
+        ("d.json", '{"preset": "startr"}', "did you mean 'starter'"),
+    ]:
+        (tmp_path / name).write_text(text)
+        with pytest.raises(InputError, match=message):
+            preset_named(str(tmp_path / name))
+    with pytest.raises(InputError, match="nothing"):
+        preset_named(str(tmp_path / "nothing.json"))
+
+
+@pytest.mark.parametrize(("flags", "halved"), [({"avx512_bf16"}, True), ({"avx2"}, False)])
+def test_bfloat16_is_chosen_where_the_processor_multiplies_it(
+    monkeypatch: pytest.MonkeyPatch, flags: set[str], halved: bool
+) -> None:
+    monkeypatch.setattr(device, "processor_flags", lambda: flags)
+    device.has_bfloat16.cache_clear()
+    products = {}
+    for precision in ("auto", "float32", "bfloat16"):
+        with device.autocast(torch.device("cpu"), precision):
+            products[precision] = (torch.ones(2, 2) @ torch.ones(2, 2)).dtype
+    device.has_bfloat16.cache_clear()
+    auto = torch.bfloat16 if halved else torch.float32
+    assert products == {"auto": auto, "float32": torch.float32, "bfloat16": torch.bfloat16}

@@ -46,8 +46,8 @@ from latentmotion.training.text_encoder.stage import StudentRecipe, train_text_e
 Preset = Annotated[
     str,
     arg(
-        help=f"Experiment to start from: {', '.join(PRESETS)}. The defaults below are those of "
-        "the preset."
+        help=f"Experiment to start from: {', '.join(PRESETS)}; or a .json or .toml file of "
+        "settings. The defaults below are those of the preset."
     ),
 ]
 PRESET = "starter"
@@ -76,8 +76,8 @@ class TrainVAE:
     data: options.Data
     output: RunFolder
     start: str | None = None
-    """Model whose VAE training starts from, by name, run folder or model folder. The new one may
-    have more latent channels."""
+    """Model whose VAE training starts from, by name, run folder or model folder. The new one has
+    its layers, and more latent channels if wanted (--set vae.channels=64)."""
     preset: Preset = PRESET
     set: options.Changes = ()
     """Change any other setting of the experiment, e.g. vae_objective.bones=0.5; repeatable."""
@@ -93,10 +93,12 @@ class TrainVAE:
 
     def run(self) -> None:
         """Trains to the last step."""
+        start = find_model(self.start) if self.start else None
         experiment = replace(preset_named(self.preset), vae_training=self.training)
+        if start:
+            experiment = stages.with_networks_of(start, experiment)
         experiment = with_changes(experiment, self.set)
         with distributed_context(self.device) as context:
-            start = folder_to_start_from(self.start)
             folder = stages.train_vae(experiment, self.data, self.output, context, self.body, start)
             print(folder)
 
@@ -106,13 +108,13 @@ class TrainDenoiser:
     """Train the denoiser on the latents of a trained VAE (stage 2) and write OUTPUT/model."""
 
     data: options.Data
-    vae: Path
-    """Run folder of `latentmotion train vae`, or model folder; `none` for diffusion on raw
-    frames."""
+    vae: str
+    """Run folder of `latentmotion train vae`, name or folder of a model; `none` for diffusion on
+    raw frames."""
     output: RunFolder
     start: str | None = None
     """Model whose denoiser training starts from, by name, run folder or model folder; its VAE must
-    be that of --vae."""
+    be that of --vae. The new one has its layers."""
     text_encoder: options.TextEncoderName = options.TEXT_ENCODER
     preset: Preset = PRESET
     set: options.Changes = ()
@@ -128,15 +130,17 @@ class TrainDenoiser:
 
     def run(self) -> None:
         """Trains to the last step."""
+        vae = None if self.vae == "none" else find_model(self.vae)
+        start = find_model(self.start) if self.start else None
         experiment = replace(preset_named(self.preset), denoiser_training=self.training)
+        if start:
+            experiment = stages.with_networks_of(start, experiment, vae)
         experiment = with_changes(experiment, self.set)
-        vae = None if str(self.vae) == "none" else self.vae
         encoder = None
         if TASKS[experiment.task].reads_text:
             named = text_encoder_named(self.text_encoder)
             encoder = CachedTextEncoder(named, self.output / "text")
         with distributed_context(self.device) as context:
-            start = folder_to_start_from(self.start)
             folder = stages.train_denoiser(
                 experiment, self.data, vae, encoder, self.output, context, start
             )
@@ -257,18 +261,6 @@ class TrainDistill:
                 settings, self.data, teacher, encoder, self.output, context, start
             )
             print(folder)
-
-
-def folder_to_start_from(name: str | None) -> Path | None:
-    """Returns the model folder of a model given by name, run folder or model folder.
-
-    Raises:
-        ModelError: There is none.
-    """
-    if name is None:
-        return None
-    run = Path(name) / "model"
-    return run if run.is_dir() else find_model(name)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from contextlib import ExitStack
+from functools import cache
 from threading import Lock
 from typing import Any
 
@@ -22,7 +23,7 @@ from torch import Tensor, nn
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.engine.session import Session
 from latentmotion.errors import InputError
-from latentmotion.storage.provenance import processor
+from latentmotion.storage.provenance import processor, processor_flags
 
 GPU = torch.cuda.__name__.rpartition(".")[2]
 """PyTorch's name for the type of NVIDIA's GPUs."""
@@ -44,6 +45,25 @@ def device_named(name: str) -> torch.device:
     except (RuntimeError, AssertionError) as error:
         raise InputError(f"no device {name!r} here: {error}; try --device cpu") from error
     return torch.device(name)
+
+
+def autocast(device: torch.device, precision: str = "auto") -> torch.autocast:
+    """Returns the context in which networks compute in a precision.
+
+    Args:
+        device: Where they compute.
+        precision: `float32`, `bfloat16`, or `auto` for bfloat16 where the device multiplies it.
+    """
+    halved = precision == "bfloat16" or (precision == "auto" and has_bfloat16(device.type))
+    return torch.autocast(device.type, torch.bfloat16, halved)
+
+
+@cache
+def has_bfloat16(kind: str) -> bool:
+    """Returns whether a kind of device multiplies bfloat16; others take four times as long."""
+    if kind == GPU:
+        return torch.cuda.get_device_capability() >= (8, 0)
+    return kind == "cpu" and bool({"avx512_bf16", "amx_bf16", "bf16"} & processor_flags())
 
 
 def describe_machine() -> str:

@@ -21,8 +21,8 @@ from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.training.denoiser_loss import DenoiserObjective
 
-Precision = Literal["float32", "bfloat16"]
-"""Of a network's arithmetic; weights and losses stay in float32."""
+Precision = Literal["float32", "bfloat16", "auto"]
+"""Of a network's arithmetic; `auto` is bfloat16 on devices that multiply it, else float32."""
 
 
 @dataclass(frozen=True)

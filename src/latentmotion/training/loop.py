@@ -24,6 +24,7 @@ from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
 from latentmotion.errors import LatentMotionError, ModelError
+from latentmotion.gpu.device import autocast
 from latentmotion.model.version_1 import upgraded_weights
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file
@@ -180,7 +181,7 @@ def optimize(
 ) -> dict[str, torch.Tensor]:
     """Takes one step; returns its losses, "gradient" (norm) and "rate" with them."""
     losses_of.train()
-    with torch.autocast(context.device.type, torch.bfloat16, settings.precision == "bfloat16"):
+    with autocast(context.device, settings.precision):
         losses = losses_of(step)
     optimizer.zero_grad(set_to_none=True)
     losses["total"].backward()

@@ -13,8 +13,11 @@ with `latentmotion train denoiser --vae none --preset mdm`.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from latentmotion.condition.task import TextConditioning
 from latentmotion.data.dataset import Cropping
@@ -32,6 +35,8 @@ from latentmotion.model.config import (
     VPoserTConfig,
 )
 from latentmotion.networks.vae.interface import VAEObjective
+from latentmotion.storage.configuration import from_json, read_plain, to_json
+from latentmotion.storage.reading import read_text
 from latentmotion.training.denoiser_loss import DenoiserObjective
 from latentmotion.training.experiment import Experiment, LatentSettings, TrainingSettings
 
@@ -159,7 +164,7 @@ def starter() -> Experiment:
         ),
         vae_cropping=Cropping(unit=4, max_frames=96, min_frames=16),
         vae_training=TrainingSettings(
-            steps=10_000, batch_size=48, learning_rate=7e-4, warm_up=500, precision="bfloat16"
+            steps=10_000, batch_size=48, learning_rate=7e-4, warm_up=500, precision="auto"
         ),
         latents=LatentSettings(Cropping(unit=4, max_frames=196, min_frames=12), per_item=2),
         denoiser=DenoiserConfig(
@@ -177,7 +182,7 @@ def starter() -> Experiment:
             batch_size=64,
             learning_rate=1e-3,
             warm_up=500,
-            precision="bfloat16",
+            precision="auto",
         ),
         sampling=Sampling(steps=50, guidance=6.0, guidance_rule="projected"),
         conditioning=TextConditioning(pooled=True, words=24),
@@ -206,7 +211,7 @@ def fast() -> Experiment:
         learning_rate=2e-4,
         warm_up=1_000,
         ema_decay=0.9999,
-        precision="bfloat16",
+        precision="auto",
         report_every=100,
         validate_every=5_000,
         snapshot_every=1_000,
@@ -334,11 +339,46 @@ PRESETS: dict[str, Callable[[], Experiment]] = {
 
 
 def preset_named(name: str) -> Experiment:
-    """Returns a preset.
+    """Returns a preset, or what a file of settings says.
+
+    Args:
+        name: Of a preset; or a file that ends with .json or .toml: the settings that differ from
+            those of a preset, which it names as `preset` (by default starter). The
+            `experiment.json` of a run folder is such a file.
 
     Raises:
-        InputError: There is none of this name; the nearest is named.
+        InputError: There is none of this name; the nearest is named. Or the file cannot be read,
+            or does not fit.
     """
+    if name.lower().endswith((".json", ".toml")):
+        return _preset_of(Path(name))
     if name not in PRESETS:
         raise InputError(f"unknown preset {name!r}; {hint(name, PRESETS)}")
     return PRESETS[name]()
+
+
+def _preset_of(path: Path) -> Experiment:
+    if path.suffix.lower() == ".json":
+        data = read_plain(path)
+    else:
+        try:
+            data = tomllib.loads(read_text(path))
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{path}: {error}") from error
+    if isinstance(data, dict) and isinstance(data.get("experiment"), dict):
+        data = data["experiment"]  # of a run folder
+    if not isinstance(data, dict):
+        raise InputError(f'{path}: expected an object of settings, e.g. {{"mirrored": false}}')
+    base = preset_named(str(data.pop("preset", "starter")))
+    try:
+        return from_json(Experiment, _changed(to_json(base), data))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _changed(before: Any, after: Any) -> Any:
+    """Returns settings with those of another object in their place; other kinds replace them."""
+    parts = isinstance(before, dict) and isinstance(after, dict)
+    if not parts or after.get("kind", before.get("kind")) != before.get("kind"):
+        return after
+    return before | {key: _changed(before.get(key), value) for key, value in after.items()}

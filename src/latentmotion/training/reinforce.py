@@ -50,7 +50,7 @@ class Reinforcement:
     """b, how far the model in training stands for the step away from the old one."""
     training: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(
-            steps=500, batch_size=48, learning_rate=3e-4, warm_up=50, precision="bfloat16"
+            steps=500, batch_size=48, learning_rate=3e-4, warm_up=50, precision="auto"
         )
     )
     """How the denoiser is optimized."""

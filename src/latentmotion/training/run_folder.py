@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -53,6 +54,10 @@ AnyRun = TypeVar("AnyRun")
 _OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json", "state.pt")
 """What other folders of this package have; `state.pt` is of text encoders trained earlier."""
 
+_STEPS = re.compile(r"(?:\w+\.)*\w*training\.steps \((\d+) → (\d+)\)")
+_PRECISION = re.compile(r"(?:\w+\.)*\w*training\.precision \(.*\)")
+"""Settings that may differ when a run is resumed."""
+
 MODEL = "model"
 """Where in a run folder the trained model is put."""
 
@@ -74,6 +79,8 @@ class Run:
 def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     """Makes the folder, or checks that it was made with the same.
 
+    With more steps than before a finished run goes on; the precision may be another, too.
+
     Args:
         folder: The run folder.
         run: A `Run`, or another frozen dataclass that says all that decides what the run yields.
@@ -85,7 +92,7 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     """
     path = folder / NAME
     if path.exists():
-        _check_same(path, run)
+        _check_same(path, run, context)
     elif context.is_main:
         _check_free(folder)
         try:
@@ -122,15 +129,16 @@ def _check_free(folder: Path) -> None:
         )
 
 
-def _check_same(path: Path, run: Any) -> None:
+def _check_same(path: Path, run: Any, context: DistributedContext) -> None:
     # Through text, as the file went: tuples become lists.
     found = json.loads(json.dumps(to_json(read_run(type(run), path.parent))))
     wanted = json.loads(json.dumps(to_json(run)))
     differing = list(differing_keys(found, wanted))
-    if differing:
+    fixed = [key for key in differing if not _may_change(key)]
+    if fixed:
         raise InputError(
             f"{path.parent} holds a run with another configuration; differing: "
-            f"{', '.join(differing)}; use the same, or another folder"
+            f"{', '.join(fixed)}; use the same, or another folder"
         )
 
 
@@ -179,3 +187,11 @@ def second_stage_card(
         provenance=provenance_of(dataset, seconds, first.provenance),
         figures={**first.figures, **rounded},
     )
+    if differing and context.is_main:
+        write_json(path, {"format": FORMAT, **to_json(run)})
+
+
+def _may_change(difference: str) -> bool:
+    """Returns whether a run may be resumed in spite of a difference."""
+    steps = _STEPS.fullmatch(difference)
+    return int(steps[2]) > int(steps[1]) if steps else bool(_PRECISION.fullmatch(difference))

@@ -8,9 +8,11 @@ from pathlib import Path
 import torch
 
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition.task import TextTask
 from latentmotion.data.dataset import Dataset
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.smpl import SmplModel, load_smpl
+from latentmotion.model.card import read_card
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import (
     WEIGHTS_FILE,
@@ -154,6 +156,42 @@ def train_denoiser(
         card = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
         save_model(folder / MODEL, LatentModel(card, first.vae.cpu(), denoiser))
     return folder / MODEL
+
+
+def with_networks_of(start: Path, experiment: Experiment, vae: Path | None = None) -> Experiment:
+    """Returns an experiment with the networks of a model that training starts from.
+
+    Args:
+        start: Model folder.
+        experiment: Everything else.
+        vae: Model folder of the VAE of the second stage, which may have more latent channels.
+
+    Raises:
+        ModelError: The model is distilled, so it learns only from its teacher.
+    """
+    card = read_card(start)
+    if card.few_step:
+        raise ModelError(
+            f"--start {start}: {card.name!r} is distilled to few steps; start from its teacher "
+            f"({card.figures.get('teacher', 'starter')}) and distill again (latentmotion finetune "
+            "does both)"
+        )
+    experiment = replace(experiment, vae=card.vae)
+    if card.denoiser is None:
+        return experiment
+    objective = experiment.denoiser_objective
+    schedule, parametrization = card.schedule, card.parametrization
+    width = read_card(vae).latents.width if vae else card.latents.width
+    return replace(
+        experiment,
+        denoiser=replace(card.denoiser, latent_width=width),
+        denoiser_objective=replace(objective, schedule=schedule, parametrization=parametrization),
+        conditioning=(
+            card.condition.conditioning
+            if isinstance(card.condition, TextTask)
+            else experiment.conditioning
+        ),
+    )
 
 
 def load_start(folder: Path, experiment: Experiment, first: FirstStage) -> LatentModel:

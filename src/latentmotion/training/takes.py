@@ -21,6 +21,7 @@ from latentmotion.describe.reading import scene_of
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import SeededNoise, sample, sampler_named
 from latentmotion.engine.backend import FeatureDecoder, representation_of
+from latentmotion.gpu.device import autocast
 from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.prompts import Instruction
 from latentmotion.model.config import STRIDE
@@ -151,7 +152,7 @@ def _make(
         z = torch.from_numpy(noise((len(rows), max(tokens), card.latents.width))).to(device)
         mask = prefix_mask(torch.tensor(tokens)).to(device)
         condition = prompts([one.prompt for one in asked])
-        with torch.autocast(device.type, torch.bfloat16):
+        with autocast(device):
             z = sample(denoiser, sampler, z, condition, mask, settings.steps, noise).float()
         real = prefix_mask(torch.tensor(frames[rows])).to(device)
         joints = representation_of(card).decode(decoder(z, real).float().cpu().numpy())

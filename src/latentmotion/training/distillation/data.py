@@ -104,7 +104,7 @@ class Distillation:
             learning_rate=1e-3,
             weight_decay=0.0,
             ema_decay=0.995,
-            precision="bfloat16",
+            precision="auto",
         )
     )
     """How the student is optimized; the teacher answers in the same precision."""

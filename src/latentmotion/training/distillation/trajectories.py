@@ -36,6 +36,7 @@ from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.parametrization import Estimates, ParametrizedDenoiser, add_noise
 from latentmotion.diffusion.samplers import SamplerName, SeededNoise, sample, sampler_named
 from latentmotion.diffusion.schedule import FewStepConfig, Schedule, StepCondition
+from latentmotion.gpu.device import autocast
 from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard
 from latentmotion.networks.denoiser import Denoiser
@@ -126,7 +127,7 @@ class Teacher:
             return guided(z, t, condition, mask)
 
         sampler = sampler_named(self.solver, self.card.schedule)
-        with torch.autocast(self.device.type, torch.bfloat16, self.precision == "bfloat16"):
+        with autocast(self.device, self.precision):
             last = sample(watched, sampler, z, condition, mask, self.few_step.solver_steps, nothing)
         return torch.stack([[*states, last][stop] for stop in self.few_step.stops], dim=1)
 

@@ -24,6 +24,7 @@ from tokenizers import Tokenizer
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.errors import DataError, InputError
+from latentmotion.gpu.device import autocast
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.storage.files import atomic_folder
 from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz
@@ -95,7 +96,7 @@ def _compute_targets(
         rows = by_length[first : first + AT_ONCE]
         tokens, mask = padded([ids[row] for row in rows])
         # Three times faster than float32; cosines change in the 5th digit.
-        with torch.autocast(device.type, torch.bfloat16):
+        with autocast(device):
             reading = teacher.kind.read(teacher.model, tokens.to(device), mask.to(device))
         pooled[rows] = reading.pooled.float().cpu().numpy()
         states = reading.words.float().cpu()

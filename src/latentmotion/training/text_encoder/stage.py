@@ -76,7 +76,7 @@ class StudentRecipe:
     training: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(
             steps=7000, batch_size=64, learning_rate=5e-4, warm_up=200, ema_decay=0.0,
-            precision="bfloat16", report_every=100, snapshot_every=500, sample_every=0,
+            precision="auto", report_every=100, snapshot_every=500, sample_every=0,
         )
     )  # fmt: skip
     """How it is optimized; the seed also decides the variations of captions."""
