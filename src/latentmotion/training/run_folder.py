@@ -140,6 +140,8 @@ def _check_same(path: Path, run: Any, context: DistributedContext) -> None:
             f"{path.parent} holds a run with another configuration; differing: "
             f"{', '.join(fixed)}; use the same, or another folder"
         )
+    if differing and context.is_main:
+        write_json(path, {"format": FORMAT, **to_json(run)})
 
 
 def first_stage_card(
@@ -187,8 +189,6 @@ def second_stage_card(
         provenance=provenance_of(dataset, seconds, first.provenance),
         figures={**first.figures, **rounded},
     )
-    if differing and context.is_main:
-        write_json(path, {"format": FORMAT, **to_json(run)})
 
 
 def _may_change(difference: str) -> bool:
