@@ -66,6 +66,11 @@ class Motion:
     def __len__(self) -> int:
         return len(self.joints)
 
+    def __repr__(self) -> str:
+        caption = f"{self.caption!r}, " if self.caption else ""
+        rate = f"{len(self)} frames at {self.fps:g} per second"
+        return f"Motion({caption}{self.seconds:.2f} s, {rate}, {self.skeleton.name})"
+
     @property
     def seconds(self) -> float:
         """Duration in seconds."""
@@ -90,6 +95,58 @@ class Motion:
         # Its rotations are known, so writers need not solve for them again.
         motion.__dict__["_solved"] = animation
         return motion
+
+    def cut(self, start: float = 0.0, end: float | None = None) -> Motion:
+        """Returns the part between two times, where and as it was.
+
+        Args:
+            start: Seconds from the beginning.
+            end: Seconds from the beginning; by default the motion's end.
+
+        Raises:
+            InputError: There is no frame between them.
+        """
+        last = self.seconds if end is None else end
+        first, stop = round(start * self.fps), round(last * self.fps)
+        if not 0 <= first < stop <= len(self):
+            raise InputError(
+                f"cut from {start:g} to {last:g} s: expected times in order, from 0 to "
+                f"{self.seconds:g} s, at least a frame apart"
+            )
+        # Goals belong to frames of the whole.
+        return replace(self, joints=self.joints[first:stop], goals=())
+
+    def joined(self, *others: Motion) -> Motion:
+        """Returns motions one after the other, each from where the one before ends, facing its way.
+
+        They are joined by a cut; `MotionPipeline.between` generates a transition.
+
+        Raises:
+            InputError: They differ in skeleton or frame rate.
+        """
+        from latentmotion.representation.canonical import heading, turn
+
+        for other in others:
+            if (other.skeleton.names, other.fps) != (self.skeleton.names, self.fps):
+                raise InputError(
+                    f"{other!r} cannot follow {self!r}: expected the same skeleton and frame "
+                    "rate; call resampled first"
+                )
+        joints, on_floor = self.joints, np.array([1, 0, 1], np.float32)
+        for other in others:
+            last, first = joints[-1], other.joints[0]
+            angle = heading(last, self.skeleton) - heading(first, self.skeleton)
+            turned = turn(other.joints - first[0] * on_floor, np.asarray(angle))
+            joints = np.concatenate([joints, turned + last[0] * on_floor])
+        captions = [one.caption for one in (self, *others) if one.caption]
+        return replace(self, joints=joints, caption=", then ".join(captions), goals=())
+
+    def mirrored(self) -> Motion:
+        """Returns the mirror image: left and right are swapped, in the caption too."""
+        from latentmotion.data.captions import mirror_words
+
+        joints = self.joints[:, self.skeleton.mirror] * np.array([-1, 1, 1], np.float32)
+        return replace(self, joints=joints, caption=mirror_words(self.caption), goals=())
 
     def cleaned(self, steps: CleanUp | None = None) -> Motion:
         """Returns the motion with still feet, constant bones and less jitter.

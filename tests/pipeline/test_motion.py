@@ -11,6 +11,7 @@ from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT
 from latentmotion.motion import Motion
+from latentmotion.representation.canonical import heading
 from tests.support.walker import walker
 
 
@@ -129,3 +130,49 @@ def test_shows_itself_in_a_notebook(motion: Motion):
     page = motion._repr_html_()
     assert page.startswith("<iframe")
     assert "jemand läuft" in page
+
+
+def test_motions_are_shown_in_a_line() -> None:
+    motion = Motion(walker(30).joints(), caption="a person walks")
+    assert repr(motion) == (
+        "Motion('a person walks', 1.50 s, 30 frames at 20 per second, humanml3d)"
+    )
+
+
+def test_cuts_are_the_frames_between_two_times() -> None:
+    motion = Motion(walker(30).joints(), caption="a person walks")
+    part = motion.cut(0.5, 1.0)
+    assert np.array_equal(part.joints, motion.joints[10:20]) and part.caption == motion.caption
+    assert len(motion.cut(1.0)) == 10 and len(motion.cut(end=1.0)) == 20
+    for times in [(1.0, 0.5), (0.0, 2.0), (-0.1, 1.0), (0.5, 0.5)]:
+        with pytest.raises(InputError, match=r"expected times in order, from 0 to 1\.5 s"):
+            motion.cut(*times)
+
+
+def test_what_is_joined_goes_on_where_and_as_the_first_ends() -> None:
+    motion = Motion(walker(30).joints(), caption="a person walks")
+    turned = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    other = Motion(motion.joints @ turned + [3, 0, 5], caption="a person walks on")
+    joined = motion.joined(other)
+    assert len(joined) == 60 and joined.caption == "a person walks, then a person walks on"
+    assert np.array_equal(joined.joints[:30], motion.joints)
+    pelvis = joined.joints[:, 0, [0, 2]]
+    assert np.allclose(pelvis[30], pelvis[29], atol=1e-5)
+    skeleton = motion.skeleton
+    angles = heading(joined.joints[[29, 30]].astype(float), skeleton)
+    assert np.isclose(*angles, atol=1e-3)
+    lengths = [
+        np.linalg.norm(j[:, 1] - j[:, 2], axis=-1) for j in (other.joints, joined.joints[30:])
+    ]
+    assert np.allclose(*lengths, atol=1e-5)
+    with pytest.raises(InputError, match="call resampled first"):
+        motion.joined(motion.resampled(30))
+
+
+def test_mirror_images_swap_sides_of_body_and_caption() -> None:
+    motion = Motion(walker(30).joints(), caption="a person kicks with the left leg")
+    mirrored = motion.mirrored()
+    left, right = (motion.skeleton.names.index(f"{side}_ankle") for side in ("left", "right"))
+    assert np.allclose(mirrored.joints[:, left], motion.joints[:, right] * [-1, 1, 1])
+    assert mirrored.caption == "a person kicks with the right leg"
+    assert np.array_equal(mirrored.mirrored().joints, motion.joints)
