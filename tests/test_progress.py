@@ -70,15 +70,15 @@ def test_an_error_leaves_no_bar(terminal: Terminal) -> None:
 def test_verbs_show_it_unless_they_print_json(
     terminal: Terminal, tmp_path: Path, json: list[str]
 ) -> None:
-    verb = ["generate", "a person walks", "a person jumps", "--seconds=1", "-o"]
+    verb = ["generate", "a person walks", "a person sits down", "-o"]
     with redirect_stderr(terminal):
         main([*verb, str(tmp_path / "a.npz"), *json])
     assert ("cleaning up" in terminal.getvalue()) == (not json)
 
 
 def test_clean_shows_it(terminal: Terminal, tmp_path: Path) -> None:
-    motion = Motion(walker(20).joints().astype("f4"))
-    formats.save(tmp_path / "a.npz", [motion, motion])
+    motions = [Motion(walker(frames).joints().astype("f4")) for frames in (20, 30)]
+    formats.save(tmp_path / "a.npz", motions)
     with redirect_stderr(terminal):
         main(["clean", str(tmp_path / "a.npz"), "-o", str(tmp_path / "b.npz")])
     assert "cleaning up:   0%" in terminal.getvalue()

@@ -77,6 +77,10 @@ class MotionPipeline:
     lengths: LengthFile | None = None
     """Predicts the length of motions from their sentences, if it is not given."""
 
+    def __repr__(self) -> str:
+        sampling, task = self.card.sampling, self.card.task
+        return f"MotionPipeline({self.card.name!r}, {task}, {sampling.steps} steps)"
+
     @classmethod
     def from_pretrained(
         cls,
@@ -181,7 +185,7 @@ class MotionPipeline:
 
     def batch(
         self,
-        prompts: Sequence[str],
+        prompts: Sequence[str] | str,
         seconds: float | Sequence[float] | None = None,
         seeds: Sequence[int] | None = None,
         steps: int | None = None,
@@ -191,7 +195,7 @@ class MotionPipeline:
         """Turns several prompts into motions; each is what it would be alone.
 
         Args:
-            prompts: One per motion.
+            prompts: One per motion; a single string is one prompt.
             seconds: Length of all motions, or of each; by default as for one motion.
             seeds: One seed per motion; by default 0, 1, 2, ….
             steps: As for one motion.
@@ -201,6 +205,7 @@ class MotionPipeline:
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
+        prompts = [prompts] if isinstance(prompts, str) else prompts
         usual = self.usual_seconds(prompts) if seconds is None else None
         features = self.representation
         frames = requests.frames_of(self.card, seconds, len(prompts), features.fps, usual)

@@ -94,14 +94,14 @@ def clean_batch(motions: Sequence[Motion], steps: CleanUp = CleanUp()) -> list[M
     ]
     for numbers in counted(batches, "cleaning up"):
         joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
-        fps, skeleton = motions[numbers[0]].fps, motions[numbers[0]].skeleton
-        joints = _cleaned(joints, fps, skeleton, steps).astype(np.float32)
+        joints = _cleaned(joints, [motions[n] for n in numbers], steps).astype(np.float32)
         for place, number in enumerate(numbers):
             cleaned[number] = replace(motions[number], joints=joints[:, place])
     return cleaned
 
 
-def _cleaned(joints: Joints, fps: float, skeleton: Skeleton, steps: CleanUp) -> Joints:
+def _cleaned(joints: Joints, motions: Sequence[Motion], steps: CleanUp) -> Joints:
+    fps, skeleton = motions[0].fps, motions[0].skeleton
     if steps.smooth:
         joints = keep_knee_direction(smooth(joints, fps, steps.cutoff), joints, skeleton)
     if steps.bones:
@@ -111,7 +111,8 @@ def _cleaned(joints: Joints, fps: float, skeleton: Skeleton, steps: CleanUp) -> 
             one = moved[:, motion]
             frame, joint = np.unravel_index(one.argmax(), one.shape)
             warnings.warn(
-                f"bones were drawn so long or short that {skeleton.names[joint]} was moved by "
+                f"{_named(motions[motion])}bones were drawn so long or short that "
+                f"{skeleton.names[joint]} was moved by "
                 f"{100 * one.max():.0f} cm at {frame / fps:.1f} s to give them one length",
                 CleanUpWarning,
                 stacklevel=4,
@@ -124,7 +125,7 @@ def _cleaned(joints: Joints, fps: float, skeleton: Skeleton, steps: CleanUp) -> 
             joints = lock_feet(joints, contacts, fps, skeleton, steps.lock)
         else:
             warnings.warn(
-                f"skeleton {skeleton.name!r} names no feet below hip and knee; "
+                f"{_named(motions[0])}skeleton {skeleton.name!r} names no feet below hip and knee; "
                 "feet were left as they are",
                 CleanUpWarning,
                 stacklevel=4,
@@ -150,3 +151,11 @@ def in_place(
 ) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints without root motion: the figure stays above the origin."""
     return joints - ground_path(joints, fps, seconds)[..., None, :]
+
+
+def _named(motion: Motion) -> str:
+    """Returns which take a warning is about: caption and seed, as far as they are known."""
+    seed = motion.metadata.get("seed")
+    parts = [repr(motion.caption)] if motion.caption else []
+    parts += [] if seed is None else [f"seed {seed}"]
+    return f"{', '.join(parts)}: " if parts else ""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
+from latentmotion.cleanup import CleanUp
 from latentmotion.cli import options
 from latentmotion.engine.backend import ON_CPU, ExecutionOptions
 from latentmotion.engine.prior import MotionPrior
@@ -27,8 +28,10 @@ from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.files import cache_folder, check_writable, read_lines
+from latentmotion.storage.reading import read_text
 
 if TYPE_CHECKING:
+    from latentmotion.condition.interface import TextEncoder
     from latentmotion.control.goals import Goal
     from latentmotion.control.scene import Scene
 
@@ -93,6 +96,8 @@ class Generate:
     clean: bool = True
     """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
     (docs/guide/cleanup.md)."""
+    in_place: bool = False
+    """Remove the root's path along the floor, as game engines expect."""
     fps: float | None = None
     """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
     json: options.PrintJson = False
@@ -106,7 +111,10 @@ class Generate:
         """
         scene = self._scene()
         goals = self._goals(scene)
-        prompts = self._checked_prompts(scene)
+        lines = self._checked_lines()
+        wrong = [f"{self.file}:{number}: {error}" for number, _, error in lines if error]
+        prompts = self._checked_prompts(scene, [line for _, line, error in lines if not error])
+        print("".join(f"warning: {one}; left out\n" for one in wrong), end="", file=sys.stderr)
         if self.fps is not None:
             check_fps(self.fps)
         # By default a page whose name is not taken, so that nothing is overwritten.
@@ -118,7 +126,7 @@ class Generate:
             check_writable(path)
         motions = self._generated(prompts, scene, goals)
         if self.clean:
-            motions = cleaned(motions)
+            motions = cleaned(motions, CleanUp(in_place=self.in_place))
         if self.fps is not None:
             resampling = counted(motions, "resampling")
             motions = [motion.resampled(self.fps) for motion in resampling]
@@ -127,9 +135,14 @@ class Generate:
         for motion in motions:
             print(_take_text(motion), end="", file=sys.stderr)
         written = [file for path in outputs for file in formats.save(path, motions)]
-        if not self.json:
+        if self.json:
+            self._print_json(motions, written)
+        else:
             print("\n".join(f"wrote {path}" for path in written))
-            return
+        if wrong:
+            raise InputError(f"{len(wrong)} of {len(lines)} prompts of {self.file} were left out")
+
+    def _print_json(self, motions: list[Motion], written: list[Path]) -> None:
         details = [
             {"caption": m.caption, "seconds": m.seconds, "frames": len(m), "fps": m.fps}
             | dict(m.metadata)
@@ -152,7 +165,29 @@ class Generate:
             raise InputError("--prior takes no goals; leave them out")
         return goals
 
-    def _checked_prompts(self, scene: Scene | None) -> list[str]:
+    def _checked_lines(self) -> list[tuple[int, str, InputError | None]]:
+        """Returns number and prompt of each line of the file, and what is wrong with it."""
+        if self.file is None:
+            return []
+        read_lines(self.file, "prompt")  # raises an error where there are none
+        card = read_card(find_model(self.model))
+        lines = []
+        for number, line in enumerate(map(str.strip, read_text(self.file).splitlines()), 1):
+            error = None
+            try:
+                card.condition.check_prompt(line, card.name)
+                if card.condition.prompted and not card.condition.reads_text:
+                    card.prompt_condition(_no_text_encoder)([line])
+            except InputError as found:
+                error = found
+            if line:
+                lines.append((number, line, error))
+        if all(error for _, _, error in lines):
+            number, _, error = lines[0]
+            raise InputError(f"{self.file}:{number}: {error}")
+        return lines
+
+    def _checked_prompts(self, scene: Scene | None, lines: list[str]) -> list[str]:
         """Returns the prompts; for an unconditional model or a timeline an empty one."""
         if self.best_of < 1:
             raise InputError(f"--best-of {self.best_of}: expected 1 or more")
@@ -176,10 +211,15 @@ class Generate:
             raise InputError("give either prompts or --file, not both")
         if self.count < 1:
             raise InputError(f"--count {self.count}: expected 1 or more")
-        given = list(self.prompts) if self.file is None else read_lines(self.file, "prompt")
+        if self.in_place and not self.clean:
+            raise InputError("--in-place is a step of the clean-up; leave --no-clean out")
+        given = lines or list(self.prompts)
         if self.prior and given:
             raise InputError(f"--prior takes no prompt; leave {given[0]!r} out")
-        if self.prior or given:
+        if self.prior:
+            return given
+        if given:
+            self._warn_of_words(given)
             return given
         if self.timeline:
             return [""]
@@ -187,6 +227,17 @@ class Generate:
         if card.condition.prompted:
             raise card.condition.no_prompt(card.name)
         return [""]
+
+    def _warn_of_words(self, given: list[str]) -> None:
+        """Warns where the words of one sentence seem to have become prompts of their own."""
+        words = self.file is None and len(given) > 2 and not any(" " in word for word in given)
+        if words and read_card(find_model(self.model)).condition.reads_text:
+            sentence = " ".join(given)
+            print(
+                f"warning: {len(given)} motions, one for each word; for one motion put the "
+                f'sentence in quotes: "{sentence}"',
+                file=sys.stderr,
+            )
 
     def _generated(
         self, prompts: list[str], scene: Scene | None, goals: list[Goal]
@@ -233,6 +284,10 @@ class Generate:
             generator(prompt, seconds, seed, *sampling, goals)
             for prompt, seed in zip(repeated, seeds, strict=True)
         ]
+
+
+def _no_text_encoder() -> TextEncoder:
+    raise InputError("labels need no text encoder")
 
 
 def _goal_text(motion: Motion) -> str:

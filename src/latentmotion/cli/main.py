@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import warnings
@@ -66,6 +67,7 @@ VERBS = {
     "train length": Verb("train:TrainLength", "Train a predictor of a motion's length."),
     "train evaluator": Verb("train:TrainEvaluator", "Train the networks of FID and R-precision."),
     "train classifier": Verb("train:TrainClassifier", "Train an action classifier for evaluation."),
+    "finetune": Verb("finetune:FineTune", "Teach a model the movements of your own clips."),
     "swap-decoder": Verb("export:SwapDecoder", "Give a model the decoder of another model."),
     "export": Verb("export:Export", "Make a trained model run without PyTorch."),
     "export scorer": Verb("export:ExportScorer", "Make a scorer of takes of an evaluator."),
@@ -108,9 +110,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     except BrokenPipeError:
-        # Python flushes once more as it ends: into nothing.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_output()
         raise SystemExit(141) from None
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT) or error.filename is not None:
+            raise
+        _close_output()
+        print(f"error: cannot write the output: {error.strerror}", file=sys.stderr)
+        raise SystemExit(2) from None
+
+
+def _close_output() -> None:
+    """Sends what is left of standard output into nothing, as Python flushes it once more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(words: list[str]) -> None:

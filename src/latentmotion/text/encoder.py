@@ -28,6 +28,10 @@ class UnknownWordsWarning(UserWarning):
     """A sentence has words that the text encoder never met; it reads them by their pieces."""
 
 
+class LongSentenceWarning(UserWarning):
+    """A sentence is longer than the text encoder reads; its end is left out."""
+
+
 @runtime_checkable
 class EncoderWithVocabulary(TextEncoder, Protocol):
     """A text encoder that can say which words of a sentence it does not know."""
@@ -60,7 +64,10 @@ class GraphTextEncoder:
             raise InputError("no sentence to encode; give at least one")
         embeddings = {}
         for sentence in dict.fromkeys(sentences):
-            tokens = np.array([self.tokenizer.encode(sentence).ids], np.int64)
+            encoding = self.tokenizer.encode(sentence)
+            if encoding.overflowing:
+                warn_of_length(sentence, len(encoding.ids))
+            tokens = np.array([encoding.ids], np.int64)
             mask = np.ones(tokens.shape, dtype=bool)
             pooled, words = self.session.run(None, {"tokens": tokens, "mask": mask})
             embeddings[sentence] = TextEmbedding(pooled, words, mask)
@@ -180,6 +187,17 @@ def warn_of_unknown(words: Iterable[str]) -> None:
             UnknownWordsWarning,
             stacklevel=4,
         )
+
+
+def warn_of_length(sentence: str, pieces: int) -> None:
+    """Warns that the end of a sentence was not read."""
+    shown = sentence if len(sentence) <= 60 else f"{sentence[:60]}…"
+    warnings.warn(
+        f"{shown!r} is longer than the {pieces} word pieces that the text encoder reads; the rest "
+        "is left out. A shorter sentence works better; for one act after another see --timeline",
+        LongSentenceWarning,
+        stacklevel=4,
+    )
 
 
 def split_words(tokenizer: Any, sentence: str) -> list[str]:

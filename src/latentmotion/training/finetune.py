@@ -1,0 +1,233 @@
+"""Fine-tuning: a trained model learns the movements of a few clips and keeps what it knew.
+
+It is trained on the clips and on motions of its own that obey their prompts (rehearsal), then
+distilled to few steps and packaged. The VAE stays as it is. Every stage is resumed where it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from latentmotion.data import described
+from latentmotion.data.captions import TaggedSentence, mirror_sentence
+from latentmotion.data.clip import Source
+from latentmotion.data.prepare import Preparation, encode_all, merge
+from latentmotion.data.recording import Label, Recording
+from latentmotion.data.sources.own import OwnMotions, find_motions
+from latentmotion.data.store import MANIFEST, read_manifest
+from latentmotion.describe.reading import scene_of
+from latentmotion.diffusion.few_step import FewStepConfig
+from latentmotion.errors import DataError, ModelError
+from latentmotion.export import package
+from latentmotion.gpu.backend import find_encoder, torch_pipeline
+from latentmotion.instructions.checking import fulfills
+from latentmotion.instructions.drawn import drawn_instructions
+from latentmotion.model import card as cards
+from latentmotion.model.card import find_model, read_card
+from latentmotion.networks.checkpoint import WEIGHTS_FILE
+from latentmotion.progress import counted
+from latentmotion.representation.interface import representation_named
+from latentmotion.storage.files import sha256
+from latentmotion.text.cache import CachedTextEncoder
+from latentmotion.training import stages
+from latentmotion.training.distillation.config import Distillation, TrajectoryRegression
+from latentmotion.training.distillation.stage import distill
+from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.presets import preset_named
+from latentmotion.training.run_folder import open_run
+
+REHEARSAL = "rehearsal"
+"""Name of the source of the model's own motions."""
+
+SOLVER_STEPS = 12
+"""Sampling steps of rehearsed motions, by DPM-Solver++."""
+
+AT_ONCE = 64
+"""Motions of a batch that are generated for rehearsal."""
+
+
+@dataclass(frozen=True)
+class FineTuning:
+    """Settings of `latentmotion finetune`; the defaults are for some twenty clips and two cores."""
+
+    rehearsal: int = 400
+    """Drawn prompts whose motions the model rehearses, as far as they do what was asked."""
+    training: TrainingSettings = field(
+        default_factory=lambda: TrainingSettings(
+            steps=1_500,
+            batch_size=48,
+            learning_rate=3e-4,
+            warm_up=100,
+            precision="auto",
+            validate_every=250,
+            sample_every=500,
+        )
+    )
+    """How the denoiser is optimized."""
+    distillation: Distillation = field(
+        default_factory=lambda: Distillation(
+            few_step=FewStepConfig(guidance=(1.0, 9.0), solver_steps=12),  # as `fast` has
+            objective=TrajectoryRegression(1_024),
+            training=TrainingSettings(
+                steps=1_500,
+                batch_size=64,
+                learning_rate=5e-4,
+                weight_decay=0.0,
+                ema_decay=0.995,
+                precision="auto",
+            ),
+        )
+    )
+    """How the student is trained, which samples in few steps."""
+    few_steps: bool = True
+    """Whether the result is distilled to few steps, as the default model is."""
+
+
+@dataclass(frozen=True)
+class FineTuningRun:
+    """What the folder of a run was made with."""
+
+    files: dict[str, str]
+    """Hashes of the clips and captions."""
+    model: str
+    """Hash of the weights of the model that is trained on."""
+    settings: FineTuning
+    """Everything else."""
+
+
+def finetune(
+    settings: FineTuning,
+    clips: OwnMotions,
+    model: Path,
+    output: Path,
+    context: DistributedContext,
+) -> Path:
+    """Does the whole way, or what is left of it; returns the run's folder, beside the output.
+
+    Args:
+        settings: How.
+        clips: The folder of motion files. Where no sentences come with them, the names of the
+            files and what is measured in the motions become captions.
+        model: Folder of the model to train on; not a distilled one.
+        output: Model folder to write.
+        context: Device and rank.
+
+    Raises:
+        DataError: No clip can be used.
+        InputError: The run's folder holds another run.
+        ModelError: The model reads no sentences, or was distilled.
+    """
+    card = read_card(model)
+    if not card.condition.reads_text:
+        raise ModelError(f"model {card.name!r} reads no sentences, so none can be taught")
+    named = replace(preset_named("starter"), name=output.name, sampling=card.sampling)
+    named = replace(named, denoiser_training=settings.training)
+    experiment = stages.with_networks_of(model, named)
+    work = output.with_name(f"{output.name}.run")
+    run = FineTuningRun(_hashes(clips), sha256(model / WEIGHTS_FILE), settings)
+    open_run(work, run, context)
+    encoder = CachedTextEncoder(find_encoder(card, model), work / "text")
+    if context.is_main:
+        _prepare(settings, clips, model, work)
+    context.wait()
+    data = work / "data"
+    trained = stages.train_denoiser(
+        experiment, data, model, encoder, work / "denoiser", context, model
+    )
+    if settings.few_steps:
+        trained = distill(
+            replace(settings.distillation, name=output.name),
+            data,
+            trained,
+            encoder,
+            work / "student",
+            context,
+            _student_of(model),
+        )
+    if context.is_main:
+        folder = cards.text_encoder_folder(card, model)
+        text = package.copied(folder) if folder else None
+        package.package_model(trained, replace(read_card(trained), name=output.name), text, output)
+    context.wait()
+    return work
+
+
+def _hashes(clips: OwnMotions) -> dict[str, str]:
+    paths = [*find_motions(clips.folder).values(), *sorted(clips.folder.rglob("*.txt"))]
+    listed = {path.relative_to(clips.folder).as_posix(): sha256(path) for path in paths}
+    return listed | ({"captions": sha256(clips.captions)} if clips.captions else {})
+
+
+def _student_of(model: Path) -> Path | None:
+    """Returns the distilled model that ships, where its teacher is the model to train on."""
+    return find_model(cards.DEFAULT) if model == find_model("starter") else None
+
+
+def _prepare(settings: FineTuning, clips: OwnMotions, model: Path, work: Path) -> None:
+    """Prepares clips and rehearsal, each unless it is there, and joins them as `data`."""
+    own, own_motions, joined = work / "own", work / REHEARSAL, work / "data"
+    representation = representation_named(read_card(model).representation)
+    if not (own / MANIFEST).is_file():
+        preparation = Preparation(representation)
+        clips = _captioned(clips, work)
+        preparation.add(encode_all(clips.recordings(), representation))
+        print(preparation.write(own, (clips.source,)).text())
+    if not any(clip.captions for clip in read_manifest(own).clips if clip.split == "train"):
+        raise DataError(
+            f"no training clip of {clips.folder} has a caption; write NAME.txt beside NAME.bvh, or "
+            "a CSV with the columns file and caption, and pass it by --captions"
+        )
+    if settings.rehearsal and not (own_motions / MANIFEST).is_file():
+        preparation = Preparation(representation)
+        recordings, card = _rehearsed(settings, model), read_card(model)
+        preparation.add(encode_all(recordings, representation))
+        credit = "; ".join(card.provenance.data)
+        source = Source(REHEARSAL, card.provenance.license, f"motions of {card.name}; {credit}")
+        if preparation.motions:
+            preparation.write(own_motions, (source,))
+    if not (joined / MANIFEST).is_file():
+        parts = [own, own_motions]
+        merge([part for part in parts if (part / MANIFEST).is_file()], joined)
+
+
+def _captioned(clips: OwnMotions, work: Path) -> OwnMotions:
+    """Returns clips with captions: those that are there, else names and measured sentences."""
+    if clips.captions or any(clips.folder.rglob("*.txt")):
+        return clips
+    rows = described.describe_files(clips, 0, names=True)
+    path = work / "captions.csv"
+    described.write_captions(path, [row for row in rows if isinstance(row, described.FileRow)])
+    print(f"wrote {path}: captions from names of files and from the motions, to correct")
+    return replace(clips, captions=path)
+
+
+def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
+    """Returns motions of the model that do what was asked, one in twenty to validate with."""
+    pipeline = torch_pipeline(model)
+    instructions = drawn_instructions(settings.rehearsal, settings.training.seed + 1)
+    blocks = [instructions[i : i + AT_ONCE] for i in range(0, len(instructions), AT_ONCE)]
+    kept = []
+    for number, block in enumerate(counted(blocks, "rehearsing")):
+        seeds = range(number * AT_ONCE, number * AT_ONCE + len(block))
+        prompts = [one.prompt for one in block]
+        motions = pipeline.batch(prompts, seeds=seeds, steps=SOLVER_STEPS, sampler="dpm++")
+        kept += [
+            (one, motion.joints)
+            for one, motion in zip(block, motions, strict=True)
+            if fulfills(scene_of(motion.joints), one.check)
+        ]
+    recordings = []
+    for number, (one, joints) in enumerate(kept):
+        sentences = (TaggedSentence(one.prompt),)
+        label = Label(
+            id=f"{REHEARSAL}-{number:04d}",
+            source=REHEARSAL,
+            origin=one.prompt,
+            split="val" if number % 20 == 19 else "train",
+            sentences=sentences,
+            mirrored_sentences=tuple(map(mirror_sentence, sentences)),
+        )
+        recordings.append(Recording(label, joints))
+    return recordings
