@@ -143,7 +143,7 @@ class Motion:
 
     def mirrored(self) -> Motion:
         """Returns the mirror image: left and right are swapped, in the caption too."""
-        from latentmotion.data.captions import mirror_words
+        from latentmotion.data.clip import mirror_words
 
         joints = self.joints[:, self.skeleton.mirror] * np.array([-1, 1, 1], np.float32)
         return replace(self, joints=joints, caption=mirror_words(self.caption), goals=())

@@ -10,14 +10,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from latentmotion.data import described
-from latentmotion.data.captions import TaggedSentence, mirror_sentence
-from latentmotion.data.clip import Source
+from latentmotion.data.clip import Source, TaggedSentence, mirror_sentence
 from latentmotion.data.prepare import Preparation, encode_all, merge
 from latentmotion.data.recording import Label, Recording
 from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, read_manifest
 from latentmotion.describe.reading import scene_of
-from latentmotion.diffusion.few_step import FewStepConfig
+from latentmotion.diffusion.schedule import FewStepConfig
 from latentmotion.errors import DataError, ModelError
 from latentmotion.export import package
 from latentmotion.gpu.backend import find_encoder, torch_pipeline
@@ -31,7 +30,7 @@ from latentmotion.representation.interface import representation_named
 from latentmotion.storage.files import sha256
 from latentmotion.text.cache import CachedTextEncoder
 from latentmotion.training import stages
-from latentmotion.training.distillation.config import Distillation, TrajectoryRegression
+from latentmotion.training.distillation.data import Distillation, TrajectoryRegression
 from latentmotion.training.distillation.stage import distill
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings
