@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.cli import usage
+from latentmotion.cli import old_spellings
 from latentmotion.cli.main import VERBS, main
 
 SNAPSHOT = Path(__file__).parent / "command_line.txt"
@@ -61,7 +61,7 @@ def test_the_interface_is_as_it_was() -> None:
     difference = "\n".join(unified_diff(expected.splitlines(), found.splitlines(), lineterm=""))
     assert found == expected, (
         f"the command line differs from {SNAPSHOT.name}:\n{difference}\nA renamed option keeps its "
-        "old spelling in cli/usage.py for one release. If the change is wanted, write the "
+        "old spelling in cli/old_spellings.py for one release. If the change is wanted, write the "
         f"snapshot anew: {UPDATE}=1 pytest {Path(__file__).name}"
     )
 
@@ -94,10 +94,10 @@ def test_options_of_one_name_look_the_same_in_every_verb(verb: str) -> None:
     assert found.get("--seed", "--seed INT  (default: 0)") == "--seed INT  (default: 0)"
 
 
-@pytest.mark.parametrize("verb", usage.OPTIONS)
+@pytest.mark.parametrize("verb", old_spellings.OPTIONS)
 def test_an_old_spelling_is_hidden_and_leads_to_an_option(verb: str) -> None:
     assert verb in VERBS
-    for old, new in usage.OPTIONS[verb].items():
+    for old, new in old_spellings.OPTIONS[verb].items():
         assert old not in options_of(verb)
         assert new in options_of(verb) or frozen()[verb][0].startswith(f"{new}  ")
 
@@ -130,7 +130,7 @@ def test_an_old_spelling_is_hidden_and_leads_to_an_option(verb: str) -> None:
 def test_old_spellings_are_read_and_named(
     verb: str, typed: str, read: str, told: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert usage.current_options(verb, typed.split()) == read.split()
+    assert old_spellings.current_options(verb, typed.split()) == read.split()
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == len(told)
     for line, end in zip(lines, told, strict=True):

@@ -16,9 +16,9 @@ from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian, smooth
 from latentmotion.errors import InputError
-from latentmotion.progress import counted
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
+from latentmotion.progress import counted
 
 Joints = Float[np.ndarray, "frames motions joints 3"]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from latentmotion import __version__
-from latentmotion.cli.usage import current_verb
+from latentmotion.cli.old_spellings import current_verb
 from latentmotion.errors import InputError, LatentMotionError, MissingExtraError, hint
 from latentmotion.progress import shown_progress
 

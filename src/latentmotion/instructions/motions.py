@@ -84,7 +84,9 @@ def generate_motions(
                 sampling.sampler,
             )
             joints = []
-            for motion in counted(cleaned(motions) if settings.clean else motions, "checking motions"):
+            for motion in counted(
+                cleaned(motions) if settings.clean else motions, "checking motions"
+            ):
                 if motion.skeleton.names != HUMANML3D.names:
                     raise ModelError(
                         f"motions have skeleton {motion.skeleton.name!r}; expected "
