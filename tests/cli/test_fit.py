@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion import Motion
+from latentmotion import Motion, MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.kinematics.keypoints import LAYOUTS, joint_weights
-from tests.support.walker import walker
 
 
 @pytest.fixture
 def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
     monkeypatch.chdir(tmp_path)
-    joints = walker(30).joints()
+    generate = MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+    joints = generate("a person walks forward", 1.5, 3).cleaned().joints
     points = np.einsum("kj,tjc->tkc", joint_weights(LAYOUTS["coco_17"]), joints)
     np.save("points.npy", points + np.random.default_rng(0).normal(0, 0.02, points.shape))
     Motion(joints).save("walk.npz")

@@ -262,7 +262,7 @@ def camera_distance(
         raise InputError("neither trunk nor limbs were seen: how far away the person is, is open")
     # What is seen from the side looks shorter, nothing looks longer.
     size = np.nanpercentile(np.where(seen, table, 1.0), 80, axis=0)
-    frames = np.arange(len(points))
+    frames = np.arange(len(points), dtype=float)
     size = np.interp(frames, frames[seen], size[seen])
     return (
         1 / np.maximum(_smoothed(size[:, None], np.ones(len(size)), frames, 0.3 * fps), 1e-3)[:, 0]
@@ -472,7 +472,7 @@ def _headings(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
     path = rough_joints(scene)[0][:, 0]
     way = np.gradient(path, axis=0)
     if np.linalg.norm(path[-1] - path[0]) > 0.5:
-        way = _smoothed(way, np.ones(len(way)), np.arange(len(way)), 6.0)
+        way = _smoothed(way, np.ones(len(way)), np.arange(len(way), dtype=float), 6.0)
         found.append(np.unwrap(np.arctan2(way[:, 0], way[:, 2])))
     return found
 
@@ -528,15 +528,17 @@ def _bridged(observation: Observation, joints: Joints, fps: float) -> Joints:
     return found
 
 
-def _joined(pieces: list[tuple[int, Joints]], frames: int) -> Joints:
+def _joined(
+    pieces: list[tuple[int, Float[np.ndarray, "_ joints 3"]]], count: int
+) -> Float[np.ndarray, "frames joints 3"]:
     """Returns windows as one: where two overlap, one goes over to the other."""
-    whole = np.zeros((frames, *pieces[0][1].shape[1:]))
+    whole = np.zeros((count, *pieces[0][1].shape[1:]))
     for start, piece in pieces:
         share = np.ones(len(piece))
         if start:
-            count = min(_OVERLAP, len(piece))
-            ramp = (np.arange(count) + 1) / (count + 1)
-            share[:count] = ramp * ramp * (3 - 2 * ramp)
+            shared = min(_OVERLAP, len(piece))
+            ramp = (np.arange(shared) + 1) / (shared + 1)
+            share[:shared] = ramp * ramp * (3 - 2 * ramp)
         part = whole[start : start + len(piece)]
         part += share[:, None, None] * (piece - part)
     return whole

@@ -41,7 +41,7 @@ def _side(side: str) -> dict[str, Part]:
     }
 
 
-_TRUNK = ("spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
+_TRUNK = ("spine2", "spine3", "neck", "head", "left_collar", "right_collar")
 PARTS: Mapping[str, Part] = MappingProxyType(
     {
         **_side("left"),
@@ -52,7 +52,7 @@ PARTS: Mapping[str, Part] = MappingProxyType(
                 *_TRUNK,
                 *(f"{s}_{j}" for j in ("shoulder", "elbow", "wrist") for s in ("left", "right")),
             ),
-            ("pelvis", "left_hip", "right_hip"),
+            _HIPS,
         ),
     }
 )

@@ -181,7 +181,7 @@ def _csv(path: Path) -> dict[str, Any]:
     header = [name.strip() for name in rows[0]]
     named = [(name.rpartition("_")[0], column) for column, name in enumerate(header)]
     names = list(dict.fromkeys(n for n, c in named if header[c].endswith(tuple("xyz")) and n))
-    axes = _AXES if f"{names[0]}_z" in header else _AXES[:2] if names else ()
+    axes = _AXES if names and f"{names[0]}_z" in header else _AXES[:2]
     wanted = ["time", *(f"{name}_{axis}" for name in names for axis in axes)]
     missing = [name for name in wanted if name not in header]
     if missing or not names:
