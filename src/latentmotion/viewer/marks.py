@@ -66,7 +66,7 @@ def _is_goal(goal: Mapping[str, Any], motion: Motion) -> bool:
     return (
         goal.get("joint") in motion.skeleton.names
         and _is_number(at)
-        and 0 <= at <= motion.seconds
+        and 0 <= float(at or 0) <= motion.seconds
         and isinstance(to, list | tuple)
         and len(to) == 3
         and all(value is None or _is_number(value) for value in to)
