@@ -6,9 +6,9 @@
     python -m benchmarks.quality.best_of speed --model fast
 
 Takes are generated for the instruction benchmark's prompts, with its seeds, cleaned and judged by
-its detectors, which share no network with the scorer; a killed run is resumed. Of 8 takes, "best of
-4" is the best of the first four and of the last four. Beside the scorer stand the first take, a
-random one, the choice by feet and floor alone, and any (an oracle).
+its detectors, which share no network with the scorer, but signals with its claims; a
+killed run is resumed. Of 8 takes, "best of 4" is the best of the first four and of the last four.
+Beside the scorer stand its parts alone and any take that obeys (an oracle).
 """
 
 from __future__ import annotations
@@ -120,8 +120,11 @@ def read_takes(folder: Path, scorer: Scorer) -> list[Judged]:
 
 CHOICES: dict[str, Choose | None] = {
     "score": lambda takes: max(takes, key=lambda take: take.score),
+    "without claims": lambda takes: max(takes, key=lambda take: take.score - take.claims),
     "text alone": lambda takes: max(takes, key=lambda take: take.text),
-    "feet and floor alone": lambda takes: max(takes, key=lambda take: take.score - take.text),
+    "feet and floor alone": lambda takes: max(
+        takes, key=lambda take: take.score - take.text - take.claims
+    ),
     "any (oracle)": None,
 }
 

@@ -52,6 +52,17 @@ def test_the_score_is_the_match_less_feet_and_floor(walk: Motion) -> None:
     assert bad.penetration > good.penetration and bad.score < good.score
 
 
+@pytest.mark.parametrize(
+    ("prompt", "claims"),
+    [("a person walks to the left", 1), ("a person runs backward", -1), ("a person juggles", 0)],
+)
+def test_claims_are_shown_contradicted_or_not_made(walk: Motion, prompt: str, claims: int) -> None:
+    (take,) = ranked([walk], prompt, shipped_scorer())
+    assert np.sign(take.claims) == claims
+    costs = take.sliding + 2 * take.penetration + max(0, take.jerk - 150) / 1000
+    assert take.score == pytest.approx(take.claims + take.text - costs)
+
+
 def test_the_best_tells_of_all_takes(fast: MotionPipeline) -> None:
     takes = fast.ranked("a person kicks", of=3, seconds=1.6, seed=5)
     assert [take.score for take in takes] == sorted((t.score for t in takes), reverse=True)
@@ -95,7 +106,7 @@ def test_the_command_line_tells_scores(tmp_path: Path, capsys: pytest.CaptureFix
     captured = capsys.readouterr()
     (motion,) = json.loads(captured.out)["motions"]
     assert set(motion["best_of"][0]) == {
-        *("seed", "score", "text", "sliding", "penetration", "jerk")
+        *("seed", "score", "claims", "text", "sliding", "penetration", "jerk")
     }
     assert "best of 2: seed" in captured.err
 

@@ -1,10 +1,12 @@
-"""Best of several takes: match of sentence and motion, less what feet, floor and jerk cost.
+"""Best of several takes: claims and match of sentence and motion, less what feet and jerk cost.
 
-    score = cosine(sentence, motion) − sliding − 2 · penetration − max(0, jerk − 150)/1000
+    score = claims + cosine(sentence, motion) − sliding − 2 · penetration − max(0, jerk − 150)/1000
 
-with sliding in m/s, penetration in m, jerk in m/s³ (`kinematics/plausibility.py`); recordings have
-jerks of some 100. Weights are such that ordinary differences of feet and floor decide only between
-takes that match about as well (docs/measurements/best_of.md).
+`claims` is the share of the sentence's claims (side, turn, count, order, …) that the motion shows,
+less the share that it contradicts (`describe/agreement.py`). Sliding is in m/s, penetration in m,
+jerk in m/s³ (`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such
+that claims decide first, and ordinary differences of feet and floor only between takes that match
+about as well (docs/measurements/best_of.md).
 """
 
 from __future__ import annotations
@@ -13,8 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from latentmotion.condition.interface import Condition
 from latentmotion.condition.task import SentenceCondition
+from latentmotion.describe.agreement import check
+from latentmotion.describe.claims import claims_of
+from latentmotion.describe.reading import describe
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
 from latentmotion.model.card import ModelCard
@@ -35,7 +42,9 @@ class Take:
     motion: Motion
     """The motion."""
     score: float
-    """The match less the costs; the highest is the best."""
+    """Claims and match less the costs; the highest is the best."""
+    claims: float
+    """Share of the sentence's claims that are shown less that of those contradicted, -1 to 1."""
     text: float
     """Cosine of the vectors of sentence and motion, -1 to 1."""
     sliding: float
@@ -47,7 +56,7 @@ class Take:
 
     def about(self) -> dict[str, Any]:
         """Returns seed, score and reasons, as JSON can hold them."""
-        figures = ("score", "text", "sliding", "penetration", "jerk")
+        figures = ("score", "claims", "text", "sliding", "penetration", "jerk")
         return {"seed": self.motion.metadata.get("seed")} | {
             name: round(getattr(self, name), 5) for name in figures
         }
@@ -90,13 +99,17 @@ def ranked(motions: Sequence[Motion], prompt: str, scorer: Scorer) -> list[Take]
         InputError: A motion has another skeleton or is too short.
     """
     matches = scorer.motions(motions) @ scorer.texts([prompt])[0]
-    takes = []
+    takes, claims = [], claims_of(prompt)
     for motion, match in zip(motions, matches.tolist(), strict=True):
         joints, fps = motion.joints, motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
         jerk = jitter(joints, fps)
+        verdicts = check(claims, describe(joints.astype(np.float64))).verdicts
+        shown = verdicts.count("agrees") - verdicts.count("contradicts")
+        agreement = shown / max(len(verdicts), 1)
         costs = sliding + _PENETRATION * depth + _JERK * max(0.0, jerk - _USUAL_JERK)
-        takes.append(Take(motion, match - costs, match, sliding, depth, jerk))
+        score = agreement + match - costs
+        takes.append(Take(motion, score, agreement, match, sliding, depth, jerk))
     return sorted(takes, key=lambda take: -take.score)
 
 
