@@ -252,7 +252,7 @@ def foot_stances(
     speed = np.linalg.norm(velocity(path, fps), axis=-1)
     # Contacts lose their fast ends, except where the motion itself begins or stops.
     most, phases, fast = round(_ENDS * fps), [], (speed > landing).T.tolist()
-    for foot, start, end in contact_phases(standing.any(axis=-1)).tolist():
+    for foot, start, end in contact_phases(np.asarray(standing.any(axis=-1))).tolist():
         first, last = start, end
         while start > 0 and first < min(start + most, end) and fast[foot][first]:
             first += 1

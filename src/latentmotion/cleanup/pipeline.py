@@ -107,7 +107,7 @@ def _cleaned(joints: Joints, motions: Sequence[Motion], steps: CleanUp) -> Joint
     if steps.bones:
         before, joints = joints, constant_bones(joints, fps, skeleton)
         moved = np.linalg.norm(joints - before, axis=-1)
-        for motion in np.flatnonzero(moved.max(axis=(0, 2)) > _FAR):
+        for motion in np.flatnonzero(moved.max(axis=(0, 2)) > _FAR).tolist():
             one = moved[:, motion]
             frame, joint = np.unravel_index(one.argmax(), one.shape)
             warnings.warn(

@@ -178,7 +178,7 @@ def onnxruntime_session(path: Path, threads: int, optimized: Path | None = None)
     options.inter_op_num_threads = 1
     # Threads that spin while idle make times bimodal on shared cores.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    _limit_memory(onnxruntime)
+    _limit_memory()
     options.add_session_config_entry("session.use_env_allocators", "1")
     # Its further fusions make transformers slower (by 6 % alone, 18 % in batches) and load later.
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
@@ -210,8 +210,10 @@ _REPEATING = re.compile(rb"(?:\x04|\x84\x80*\x00|\x0b|\x8b\x80*\x00)(Loop|Scan|S
 
 
 @cache
-def _limit_memory(onnxruntime: Any) -> None:
+def _limit_memory() -> None:
     """Limits what all graphs of this process take: one of a few bytes may ask for any amount."""
+    import onnxruntime
+
     arena = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
     memory = onnxruntime.OrtMemoryInfo("Cpu", arena, 0, onnxruntime.OrtMemType.DEFAULT)
     settings = onnxruntime.OrtArenaCfg(GRAPH_MEMORY, -1, -1, -1)
