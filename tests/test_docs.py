@@ -29,7 +29,7 @@ FENCE = re.compile(r"^( *)```(\S*)([^\n`]*)\n(.*?)^\1```$", re.MULTILINE | re.DO
 REPOSITORY = "https://github.com/latentmotion/latentmotion/blob/main/"
 REASONS = ("needs ", "takes ")
 """How a title begins that says why a block is not run."""
-LANGUAGES = {"bash", "python", "js", "json"}
+LANGUAGES = {"bash", "python", "js", "json", "toml"}
 
 
 @dataclass(frozen=True)

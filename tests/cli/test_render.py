@@ -95,7 +95,7 @@ def test_a_still_camera_sees_the_whole_path_and_one_that_follows_the_middle(file
         )
     across = {}
     for camera in ("still", "follow"):
-        masks, _ = gif_frames(tmp_path / f"{camera}.gif")
+        masks = [mask[:110] for mask in gif_frames(tmp_path / f"{camera}.gif")[0]]  # no caption
         assert all(mask.any() for mask in masks)
         across[camera] = [np.flatnonzero(mask.any(0)).mean() for mask in masks]
         assert not any(mask[:, [0, -1]].any() for mask in masks)

@@ -65,6 +65,7 @@ def write_raw_model(folder: Path) -> None:
     save_model(folder, untrained(about, IdentityVAEConfig(263), denoiser))
 
 
+@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.LongSentenceWarning")
 @pytest.mark.parametrize("kind", ["clip", "clip_hidden", "sentence_t5"])
 def test_encoders_read_the_same_as_graphs(kind: str, clip_folder: Path, tmp_path: Path) -> None:
     source = clip_folder if kind != "sentence_t5" else tmp_path / "t5"

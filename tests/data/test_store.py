@@ -118,8 +118,8 @@ def test_other_folders_are_never_overwritten(tmp_path: Path, folder: Path) -> No
     with pytest.raises(InputError, match=r"has no manifest\.json"):
         merge([folder], precious)
     assert (precious / "thesis.tex").is_file()
-    with pytest.raises(InputError, match="does not exist"):
-        merge([folder], tmp_path / "no" / "such")
+    merge([folder], tmp_path / "new" / "below")
+    assert (tmp_path / "new" / "below" / "manifest.json").is_file()
 
 
 def test_merging(tmp_path: Path, folder: Path) -> None:
