@@ -22,7 +22,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from latentmotion import Motion, MotionPipeline, Path, Reach, read_bvh, to_humanml3d
-from latentmotion.control.direct import foot_sliding
+from latentmotion.control.direct import sliding_in_contact
 from latentmotion.representation.canonical import heading
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 
@@ -105,8 +105,8 @@ def goals_row(
         1e2 * float(np.mean([goal["before"] for goal in made.metadata["goals"]])),
         1e2 * float(np.mean([goal["before"] for goal in found])),
         1e3 * max(goal["after"] for goal in found),
-        1e2 * foot_sliding(cleaned),
-        1e2 * foot_sliding(without),
+        1e2 * sliding_in_contact(cleaned),
+        1e2 * sliding_in_contact(without),
         jitter(cleaned),
         jitter(without),
         ms,
@@ -151,7 +151,7 @@ def paths_table(generate: MotionPipeline, count: int) -> Iterable[str]:
                     1e3 * max(goal["after"] for goal in found),
                     1e2 * float(np.mean([goal["before"] for goal in found])),
                     facing_error(motion),
-                    1e2 * foot_sliding(motion),
+                    1e2 * sliding_in_contact(motion),
                 ]
             )
         mean, worst = np.mean(rows, axis=0), np.max(rows, axis=0)

@@ -4,14 +4,16 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from latentmotion import Motion
+from latentmotion import Motion, formats
 from latentmotion.cli.main import main
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
+from latentmotion.ranking import search
 from latentmotion.ranking.nearest import (
     KnownClip,
     TrainingVectors,
@@ -39,35 +41,59 @@ def test_windows_cover_a_motion() -> None:
     assert windows_of(130) == [(0, 80), (20, 100), (40, 120), (50, 130)]
 
 
-def test_a_folder_is_searched_and_kept(mocap: Path, tmp_path: Path) -> None:
-    read: list[str] = []
+@pytest.fixture
+def read(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """The files that are read, in order."""
+    paths: list[Path] = []
+
+    def load(path: Path) -> list[Motion]:
+        paths.append(path)
+        return formats.load(path)
+
+    monkeypatch.setattr(search, "formats", SimpleNamespace(load=load, READABLE=formats.READABLE))
+    return paths
+
+
+def test_a_folder_is_searched_and_kept(mocap: Path, tmp_path: Path, read: list[Path]) -> None:
     cache = tmp_path / "index.safetensors"
-    index = MotionIndex.of(mocap, shipped_scorer(), cache, read.append)
+    index = MotionIndex.of(mocap, shipped_scorer(), cache)
     assert len(read) == 3 and set(index.problems) == {mocap / "broken.glb"}
     hits = index.search("a person walks in a circle", 9)
     assert {hit.window.path.name for hit in hits} == {"long.npz", "short.bvh"}
     assert [hit.score for hit in hits] == sorted((hit.score for hit in hits), reverse=True)
-    assert hits == MotionIndex.of(mocap, shipped_scorer(), cache, read.append).search(
+    assert hits == MotionIndex.of(mocap, shipped_scorer(), cache).search(
         "a person walks in a circle", 9
     )
     assert len(read) == 3
 
 
-def test_a_changed_file_is_read_again(mocap: Path, tmp_path: Path) -> None:
-    cache, read = tmp_path / "index.safetensors", list[str]()
+def test_a_changed_file_is_read_again(mocap: Path, tmp_path: Path, read: list[Path]) -> None:
+    cache = tmp_path / "index.safetensors"
     MotionIndex.of(mocap, shipped_scorer(), cache)
+    read.clear()
     Motion(walker(40).joints()).save(mocap / "long.npz")
     cache.write_bytes(cache.read_bytes())
-    index = MotionIndex.of(mocap, shipped_scorer(), cache, read.append)
-    assert [line.split()[1] for line in read] == [str(mocap / "long.npz")]
+    index = MotionIndex.of(mocap, shipped_scorer(), cache)
+    assert read == [mocap / "long.npz"]
     assert len(index.files[mocap / "long.npz"].spans) == 1
 
 
-def test_a_damaged_index_is_made_anew(mocap: Path, tmp_path: Path) -> None:
-    cache, read = tmp_path / "index.safetensors", list[str]()
+def test_a_damaged_index_is_made_anew(mocap: Path, tmp_path: Path, read: list[Path]) -> None:
+    cache = tmp_path / "index.safetensors"
     cache.write_bytes(b"\xff" * 99)
-    MotionIndex.of(mocap, shipped_scorer(), cache, read.append)
+    MotionIndex.of(mocap, shipped_scorer(), cache)
     assert len(read) == 3 and cache.stat().st_size > 99
+
+
+def test_hidden_folders_are_left_out(mocap: Path, read: list[Path]) -> None:
+    shutil.copytree(mocap / "deep", mocap / ".trash")
+    assert len(MotionIndex.of(mocap, shipped_scorer()).files) == len(read) == 3
+
+
+def test_an_empty_sentence_is_told_before_files_are_read(mocap: Path, read: list[Path]) -> None:
+    with pytest.raises(SystemExit):
+        main(["search", str(mocap), " "])
+    assert read == []
 
 
 @pytest.mark.parametrize(

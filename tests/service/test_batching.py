@@ -12,10 +12,11 @@ import pytest
 
 from latentmotion.errors import InputError
 from latentmotion.service.batching import Batcher
-from latentmotion.service.core import ClientGoneError, unless_gone
 from latentmotion.service.metrics import Metrics
-from latentmotion.service.model import Prompt, RecentPrompts, Settings, run
+from latentmotion.service.model import BatchSettings, Prompt, run
 from latentmotion.service.problems import Problem
+from latentmotion.service.state import ClientGoneError, unless_gone
+from latentmotion.text.cache import MemoryCachedTextEncoder
 from tests.service.conftest import Called
 
 
@@ -134,7 +135,7 @@ def test_an_error_is_that_of_one() -> None:
 
 
 def test_a_wrong_prompt_spares_its_batch(called: Called) -> None:
-    pipeline, settings = called.service.pipeline, Settings(None, None, None, False)
+    pipeline, settings = called.service.pipeline, BatchSettings(None, None, None, False)
     wrong, right = Prompt("a person walks", 100.0, 0), Prompt("a person walks", 1.0, 0)
     error, motion = run(pipeline, settings, [wrong, right])
     assert isinstance(error, InputError)
@@ -152,7 +153,7 @@ def test_recent_prompts_are_encoded_once(called: Called) -> None:
             read.extend(sentences)
             return inside(sentences)
 
-    encoder = RecentPrompts(Encoder(), most=2)
+    encoder = MemoryCachedTextEncoder(Encoder(), most=2)
     for sentences in (["a", "b", "a"], ["b", "a"], ["c"], ["b"]):
         found, expected = encoder(sentences), inside(sentences)
         assert (found.words == expected.words).all()

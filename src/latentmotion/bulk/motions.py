@@ -11,7 +11,7 @@ import hashlib
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
@@ -21,17 +21,17 @@ from safetensors.numpy import save
 
 from latentmotion import __version__
 from latentmotion.bulk.prompts import Row, read_rows
-from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.model.card import DEFAULT, find_model
 from latentmotion.model.config import Sampling
-from latentmotion.motion import Motion
+from latentmotion.motion import Motion, cleaned
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import sha256
 from latentmotion.storage.shards import Run, Shard, Work, Wrong
+from latentmotion.text.cache import MemoryCachedTextEncoder
 
 Format = Literal["safetensors", "parquet"]
 """Format of the shards."""
@@ -116,7 +116,7 @@ class BulkGeneration:
             return []
         condition, fps = pipeline.condition, pipeline.representation.fps
         if isinstance(condition, SentenceCondition):  # lengths and networks read the same ones
-            condition = replace(condition, encoder=_Remembering(condition.encoder))
+            condition = replace(condition, encoder=MemoryCachedTextEncoder(condition.encoder))
             pipeline = replace(pipeline, condition=condition)
         motions = pipeline.batch(
             [row.prompt for row in rows],
@@ -124,7 +124,7 @@ class BulkGeneration:
             [row.seed for row in rows],
             *(self.steps, self.guidance, self.sampler),
         )
-        return [motion.cleaned() for motion in motions] if self.clean else motions
+        return cleaned(motions) if self.clean else motions
 
     def _sampling(self, pipeline: MotionPipeline) -> Sampling:
         return pipeline.card.sampling.but(self.steps, self.guidance, self.sampler)
@@ -176,14 +176,11 @@ def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> Shard:
     pipeline = opened(generation)
     problems = {row.line: generation.problem(pipeline, row) for row in rows}
     good = [row for row in rows if not problems[row.line]]
-    motions, card, space = (
-        generation.motions(pipeline, good),
-        pipeline.card,
-        pipeline.representation,
-    )
+    motions = generation.motions(pipeline, good)
+    card, space = pipeline.card, pipeline.representation
     about = {
         "model": card.name,
-        "license": card.provenance.license,
+        **card.terms(),
         "fps": space.fps,
         "joints": space.skeleton.names,
         "parents": space.skeleton.parents,
@@ -214,28 +211,6 @@ def opened(generation: BulkGeneration) -> MotionPipeline:
             f"{folder} is not the model that the run was started with; copy that one here"
         )
     return generation.open(generation.model, *generation.options)
-
-
-@dataclass(frozen=True)
-class _Remembering:
-    """A text encoder that reads each sentence of a shard once."""
-
-    encoder: TextEncoder
-    _known: dict[str, TextEmbedding] = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        return self.encoder.name
-
-    @property
-    def width(self) -> int:
-        return self.encoder.width
-
-    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
-        for sentence in sentences:
-            if sentence not in self._known:
-                self._known[sentence] = self.encoder([sentence])
-        return stack([self._known[sentence] for sentence in sentences])
 
 
 def _safetensors(

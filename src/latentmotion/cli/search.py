@@ -15,7 +15,7 @@ from latentmotion.cli import options
 from latentmotion.data.dataset import Dataset
 from latentmotion.ranking.nearest import nearest_clips, read_training_vectors, training_vectors
 from latentmotion.ranking.scorer import Scorer
-from latentmotion.ranking.search import MotionIndex, index_name
+from latentmotion.ranking.search import MotionIndex, check_search, index_name
 from latentmotion.storage.files import cache_folder, check_writable
 
 _FILES = " ".join(formats.READABLE)
@@ -54,11 +54,12 @@ class Search:
                 range.
             ModelError: The scorer cannot be loaded.
         """
+        check_search(self.sentence, self.count)
         if self.index is not None:
             check_writable(self.index)
         scorer, caches = Scorer.load(self.scorer), cache_folder()
         kept = self.index or (caches and caches / "search" / index_name(self.folder, scorer))
-        index = MotionIndex.of(self.folder, scorer, kept, lambda line: print(line, file=sys.stderr))
+        index = MotionIndex.of(self.folder, scorer, kept)
         hits = index.search(self.sentence, self.count)
         for path, problem in index.problems.items():
             print(f"warning: left out: {problem or path}", file=sys.stderr)

@@ -225,10 +225,10 @@ def goal_report(before: Motion, after: Motion) -> dict[str, object]:
         {"joint": goal.joint, "at": goal.at, "to": list(goal.to), "before": was, "after": now}
         for goal, was, now in missed
     ]
-    return {"goals": goals, "foot_sliding": foot_sliding(after)}
+    return {"goals": goals, "foot_sliding": sliding_in_contact(after)}
 
 
-def foot_sliding(motion: Motion) -> float:
+def sliding_in_contact(motion: Motion) -> float:
     """Returns the mean horizontal speed of feet while they stand, meters per second."""
     feet, slowest = motion.skeleton.left_foot, []
     if not feet or len(motion) < 2:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from latentmotion import formats
 from latentmotion.data.recording import files_below
 from latentmotion.errors import InputError, LatentMotionError
 from latentmotion.motion import Motion
+from latentmotion.progress import counted
 from latentmotion.ranking.scorer import UNIT, Scorer
 from latentmotion.storage.files import atomic_file
 
@@ -89,15 +90,13 @@ class MotionIndex:
         folder: str | Path,
         scorer: Scorer,
         cache: Path | None = None,
-        report: Callable[[str], None] = lambda line: None,
     ) -> MotionIndex:
         """Indexes the motion files below a folder.
 
         Args:
-            folder: Where to look, at any depth.
+            folder: Where to look, at any depth but in hidden folders.
             scorer: Makes the vectors.
             cache: File that keeps the index; None for none.
-            report: Called with a line for each file that is read.
 
         Raises:
             InputError: There is no such folder, it has no motion file, or the cache cannot be
@@ -105,18 +104,18 @@ class MotionIndex:
         """
         if not Path(folder).is_dir():
             raise InputError(f"{folder} is no folder; expected one of motion files")
-        paths = files_below(Path(folder), list(formats.READABLE))
+        found = files_below(Path(folder), list(formats.READABLE))
+        paths = [path for path in found if not _hidden(path.relative_to(folder))]
         if not paths:
             raise InputError(f"{folder} has no motion file: {' '.join(formats.READABLE)}")
         known = _read(cache, scorer) if cache else {}
         files: dict[Path, IndexedFile] = {}
-        for number, path in enumerate(paths, 1):
+        for path in counted(paths, "indexing"):
             about = path.stat()
             old = known.get(path.resolve())
             if old and (old.size, old.changed) == (about.st_size, about.st_mtime_ns):
                 files[path] = old
                 continue
-            report(f"{number}/{len(paths)} {path}")
             files[path] = _indexed(path, about.st_size, about.st_mtime_ns, scorer)
         # Other folders of the same cache file stay known.
         together = {**known, **{path.resolve(): one for path, one in files.items()}}
@@ -141,8 +140,7 @@ class MotionIndex:
         Raises:
             InputError: The sentence is empty or `count` below 1.
         """
-        if not sentence.strip():
-            raise InputError("the sentence is empty; say what the person does")
+        check_search(sentence, count)
         return self.nearest(self.scorer.texts([sentence])[0], count)
 
     def nearest(self, vector: Float[np.ndarray, " width"], count: int) -> list[Hit]:
@@ -167,6 +165,18 @@ class MotionIndex:
         return chosen
 
 
+def check_search(sentence: str, count: int) -> None:
+    """Checks what is searched for, which takes no time, before any file is read.
+
+    Raises:
+        InputError: The sentence is empty or `count` below 1.
+    """
+    if not sentence.strip():
+        raise InputError("the sentence is empty; say what the person does")
+    if count < 1:
+        raise InputError(f"{count} results: expected 1 or more")
+
+
 def index_name(folder: Path, scorer: Scorer) -> str:
     """Returns the name of a folder's index in the user's cache."""
     key = f"{folder.resolve()}\n{scorer.card.fingerprint}"
@@ -179,6 +189,10 @@ def windows_of(frames: int) -> list[tuple[int, int]]:
         return [(0, frames)]
     starts = list(range(0, frames - WINDOW, STEP))
     return [(start, start + WINDOW) for start in (*starts, frames - WINDOW)]
+
+
+def _hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
 
 
 def _overlap(one: Window, other: Window) -> bool:
@@ -246,7 +260,6 @@ def _write(path: Path, files: dict[Path, IndexedFile], scorer: Scorer) -> None:
     empty = np.zeros((0, scorer.card.width), np.float32)
     vectors: Sequence[np.ndarray] = [empty, *(one.vectors for one in files.values())]
     metadata = {"format": _FORMAT, "scorer": scorer.card.fingerprint, "files": json.dumps(rows)}
-    if not path.parent.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path) as temporary:
         save_file({"vectors": np.concatenate(vectors).astype(np.float16)}, temporary, metadata)

@@ -24,7 +24,6 @@ from latentmotion.errors import LatentMotionError
 from latentmotion.motion import Motion
 from latentmotion.service import metrics, page, problems, streams, uploads
 from latentmotion.service.answers import MEDIA_TYPES
-from latentmotion.service.core import DRAINING, ClientGoneError, Service, unless_gone
 from latentmotion.service.guard import Guard
 from latentmotion.service.jobs import Jobs
 from latentmotion.service.jobs import routes as job_routes
@@ -35,6 +34,7 @@ from latentmotion.service.schemas import (
     MotionRequest,
 )
 from latentmotion.service.settings import Settings
+from latentmotion.service.state import DRAINING, ClientGoneError, Service, unless_gone
 
 _PROBLEMS: dict[int | str, dict[str, Any]] = {
     status: {"description": about, "content": {problems.MEDIA_TYPE: {}}}

@@ -31,9 +31,9 @@ from pydantic import ValidationError
 
 from latentmotion.errors import LatentMotionError
 from latentmotion.service.answers import MEDIA_TYPES
-from latentmotion.service.core import Service
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest, JobState
+from latentmotion.service.state import Service
 from latentmotion.storage.files import atomic_file
 
 MOST = 1000

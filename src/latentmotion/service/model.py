@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
-from threading import Lock
 from typing import Any
 
-from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine.request import GenerationRequest, frames_of
 from latentmotion.errors import LatentMotionError
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
+from latentmotion.text.cache import MemoryCachedTextEncoder
+
+RECENT_PROMPTS = 1000
+"""Prompts whose embeddings stay in memory, some 20 kB each."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class BatchSettings:
     """What prompts need in common to be generated together."""
 
     steps: int | None
@@ -49,10 +50,15 @@ def with_recent_prompts(pipeline: MotionPipeline) -> MotionPipeline:
     condition = pipeline.condition
     if not isinstance(condition, SentenceCondition):
         return pipeline
-    return replace(pipeline, condition=replace(condition, encoder=RecentPrompts(condition.encoder)))
+    return replace(
+        pipeline,
+        condition=replace(
+            condition, encoder=MemoryCachedTextEncoder(condition.encoder, RECENT_PROMPTS)
+        ),
+    )
 
 
-def check(pipeline: MotionPipeline, settings: Settings, prompts: Sequence[Prompt]) -> None:
+def check(pipeline: MotionPipeline, settings: BatchSettings, prompts: Sequence[Prompt]) -> None:
     """Checks prompts without running a network.
 
     Raises:
@@ -72,13 +78,13 @@ def run(
 
     Args:
         pipeline: The model.
-        key: `Settings` for prompts; anything else for functions.
+        key: `BatchSettings` for prompts; anything else for functions.
         payloads: Prompts, or functions without arguments.
 
     Returns:
         Motions, or what the functions return; or the error of each that could not be made.
     """
-    if not isinstance(key, Settings):
+    if not isinstance(key, BatchSettings):
         return [_one(payload) for payload in payloads]
     try:
         return _motions(pipeline, key, payloads)
@@ -88,7 +94,7 @@ def run(
 
 
 def _motions(
-    pipeline: MotionPipeline, settings: Settings, prompts: Sequence[Prompt]
+    pipeline: MotionPipeline, settings: BatchSettings, prompts: Sequence[Prompt]
 ) -> list[Motion]:
     seconds = None if settings.predicted else [prompt.seconds or 0.0 for prompt in prompts]
     texts, seeds = [prompt.text for prompt in prompts], [prompt.seed for prompt in prompts]
@@ -96,7 +102,7 @@ def _motions(
     return pipeline.batch(texts, seconds, seeds, *sampling)
 
 
-def _only(pipeline: MotionPipeline, settings: Settings, prompt: Prompt) -> Motion:
+def _only(pipeline: MotionPipeline, settings: BatchSettings, prompt: Prompt) -> Motion:
     return _motions(pipeline, settings, [prompt])[0]
 
 
@@ -105,46 +111,3 @@ def _one(function: Callable[[], Any]) -> Any | LatentMotionError:
         return function()
     except LatentMotionError as error:
         return error
-
-
-@dataclass(eq=False)
-class RecentPrompts:
-    """A text encoder that keeps the embeddings of the last sentences, for several threads."""
-
-    encoder: TextEncoder
-    """The encoder inside."""
-    most: int = 1000
-    """Sentences that are kept, some 20 kB each."""
-    _known: OrderedDict[str, TextEmbedding] = field(default_factory=OrderedDict, repr=False)
-    _lock: Lock = field(default_factory=Lock, repr=False)
-
-    @property
-    def name(self) -> str:
-        """The encoder's name."""
-        return self.encoder.name
-
-    @property
-    def width(self) -> int:
-        """Numbers per vector."""
-        return self.encoder.width
-
-    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
-        """Returns the embeddings of sentences.
-
-        Raises:
-            InputError: There is no sentence.
-        """
-        found = [self._embedding(sentence) for sentence in sentences]
-        return stack(found) if found else self.encoder(sentences)
-
-    def _embedding(self, sentence: str) -> TextEmbedding:
-        with self._lock:
-            embedding = self._known.get(sentence)
-        if embedding is None:
-            embedding = self.encoder([sentence])
-        with self._lock:
-            self._known[sentence] = embedding
-            self._known.move_to_end(sentence)
-            while len(self._known) > self.most:
-                self._known.popitem(last=False)
-        return embedding

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from latentmotion.control.goals import Goal, Heading, Path, Reach
 from latentmotion.diffusion.samplers import SamplerName
-from latentmotion.service.model import Prompt, Settings
+from latentmotion.service.model import BatchSettings, Prompt
 
 MOST_CHARACTERS = 500
 """Of a prompt."""
@@ -114,9 +114,9 @@ class _Sampled(_Strict):
     clean: Clean = True
     fps: Fps = None
 
-    def settings(self, predicted: bool) -> Settings:
+    def settings(self, predicted: bool) -> BatchSettings:
         """Returns what motions need in common to be generated together."""
-        return Settings(self.steps, self.guidance, self.sampler, predicted)
+        return BatchSettings(self.steps, self.guidance, self.sampler, predicted)
 
 
 class MotionRequest(_Sampled):

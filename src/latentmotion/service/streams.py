@@ -20,10 +20,10 @@ from pydantic import ValidationError
 
 from latentmotion.control.stream import CALL, STRIDE, MotionStream
 from latentmotion.errors import InputError, LatentMotionError
-from latentmotion.service.core import Service
-from latentmotion.service.model import Prompt, Settings
+from latentmotion.service.model import BatchSettings, Prompt
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import StreamMessage
+from latentmotion.service.state import Service
 
 AHEAD = 2
 """Pieces that are sent and not acknowledged."""
@@ -95,7 +95,7 @@ class Stream:
         pipeline = self._service.pipeline
         if message.prompt is not None:
             seconds = STRIDE * CALL / pipeline.representation.fps
-            settings = Settings(message.steps, message.guidance, None, False)
+            settings = BatchSettings(message.steps, message.guidance, None, False)
             self._service.check(settings, [Prompt(message.prompt, seconds, message.seed)])
         if self._motion is None:
             if message.prompt is None:

@@ -14,7 +14,6 @@ from fastapi.responses import Response, StreamingResponse
 
 from latentmotion import formats
 from latentmotion.service.answers import MEDIA_TYPES
-from latentmotion.service.core import Service, unless_gone
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import (
     MOST_CHARACTERS,
@@ -24,6 +23,7 @@ from latentmotion.service.schemas import (
     MotionRequest,
     Readable,
 )
+from latentmotion.service.state import Service, unless_gone
 
 Fps = Annotated[float | None, Query(ge=1, le=240, allow_inf_nan=False)]
 Source = Annotated[Readable, Query(description="Format of the body.")]

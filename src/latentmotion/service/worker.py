@@ -21,7 +21,7 @@ from latentmotion import formats
 from latentmotion.cleanup import CleanUp
 from latentmotion.errors import LatentMotionError
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.motion import Motion
+from latentmotion.motion import Motion, cleaned
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.service.answers import encoded, packed
 from latentmotion.storage.files import atomic_file
@@ -76,7 +76,7 @@ def write(task: dict[str, Any], content: bytes) -> Reply:
         at += joints.nbytes
         motions.append(Motion(joints, one["fps"], skeleton, one["caption"], one["metadata"]))
     if task["clean"]:
-        motions = [motion.cleaned() for motion in motions]
+        motions = cleaned(motions)
     if task["fps"] is not None:
         motions = [motion.resampled(task["fps"]) for motion in motions]
     found, form = encoded(motions, task["format"])
@@ -88,7 +88,7 @@ def convert(task: dict[str, Any], content: bytes) -> Reply:
     os.chdir(task["folder"])
     motions = formats.load(task["file"])
     if task["clean"] is not None:
-        motions = [motion.cleaned(CleanUp(**task["clean"])) for motion in motions]
+        motions = cleaned(motions, CleanUp(**task["clean"]))
     if task["fps"] is not None:
         motions = [motion.resampled(task["fps"]) for motion in motions]
     found, form = encoded(motions, task["format"])

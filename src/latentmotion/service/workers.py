@@ -127,9 +127,8 @@ class FileWorkers:
         with suppress(ProcessLookupError):
             process.kill()
         await process.wait()
-        for stream in (process.stdin,):
-            if stream is not None:
-                stream.close()
+        if process.stdin is not None:
+            process.stdin.close()
 
 
 def written(motions: Sequence[Motion], form: str, clean: bool, fps: float | None) -> Any:

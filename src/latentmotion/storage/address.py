@@ -140,7 +140,7 @@ def folder_at(address: str, create: bool = False) -> Folder:
 
     Args:
         address: A local path, or a URL such as `s3://bucket/motions`.
-        create: Whether the folder is made where there is none; its parent must exist.
+        create: Whether the folder is made where there is none.
 
     Raises:
         InputError: There is no such folder, or the file system cannot be reached.
@@ -150,7 +150,8 @@ def folder_at(address: str, create: bool = False) -> Folder:
         path = Path(address).absolute()
         if create:
             check_writable(path)
-            path.mkdir(exist_ok=True) if not path.is_file() else None
+            if not path.is_file():
+                path.mkdir(exist_ok=True)
         if not path.is_dir():
             raise InputError(f"{path} is no folder; expected one that a run has written")
         return LocalFolder(path)

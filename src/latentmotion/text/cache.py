@@ -1,7 +1,7 @@
-"""Text cache: embeddings on disk, so that a slow text encoder reads each sentence only once.
+"""Text caches: embeddings in memory or on disk, so that an encoder reads a sentence only once.
 
-Each file holds the embeddings of some sentences with a checksum. Files appear whole or not at all,
-so processes may share the folder; a damaged file is computed again. A folder that cannot be
+On disk, each file holds the embeddings of some sentences with a checksum. Files appear whole or not
+at all, so processes may share the folder; a damaged file is computed again. A folder that cannot be
 written costs time only.
 """
 
@@ -11,11 +11,13 @@ import hashlib
 import json
 import os
 import re
+from collections import OrderedDict
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -31,6 +33,52 @@ MAX_PROMPTS = 1000
 
 SENTENCES_PER_FILE = 512
 """Sentences per file of a data set."""
+
+
+@dataclass(frozen=True, eq=False)
+class MemoryCachedTextEncoder:
+    """A text encoder that keeps embeddings in memory; threads may share it.
+
+    Sentences are read one by one, so that an embedding does not depend on the company.
+    """
+
+    encoder: TextEncoder
+    """The encoder inside; not used for known sentences."""
+    most: int | None = None
+    """Sentences that are kept, those used last; None for all."""
+    _known: OrderedDict[str, TextEmbedding] = field(default_factory=OrderedDict, repr=False)
+    _lock: Lock = field(default_factory=Lock, repr=False)
+
+    @property
+    def name(self) -> str:
+        """The encoder's name."""
+        return self.encoder.name
+
+    @property
+    def width(self) -> int:
+        """Numbers per vector."""
+        return self.encoder.width
+
+    def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
+        """Returns the embeddings of sentences.
+
+        Raises:
+            InputError: There is no sentence.
+        """
+        found = [self._embedding(sentence) for sentence in sentences]
+        return stack(found) if found else self.encoder(sentences)
+
+    def _embedding(self, sentence: str) -> TextEmbedding:
+        with self._lock:
+            embedding = self._known.get(sentence)
+        if embedding is None:
+            embedding = self.encoder([sentence])
+        with self._lock:
+            self._known[sentence] = embedding
+            self._known.move_to_end(sentence)
+            while self.most is not None and len(self._known) > self.most:
+                self._known.popitem(last=False)
+        return embedding
 
 
 @dataclass(frozen=True, eq=False)

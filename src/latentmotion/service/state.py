@@ -61,7 +61,7 @@ class Service:
         prompt = (getattr(condition, "labels", None) or ["a person walks"])[0]
         first = model.Prompt(prompt if condition.prompted else "", None, 0)
         try:
-            await self.generated(model.Settings(None, None, None, True), [first], 600.0)
+            await self.generated(model.BatchSettings(None, None, None, True), [first], 600.0)
         except Exception as error:
             self.obstacle = "the model could not be loaded; the log of the service says why"
             print(f"error: the model could not be loaded: {error}", file=sys.stderr)
@@ -115,7 +115,7 @@ class Service:
             directed=self.pipeline.backend.pullback is not None,
         )
 
-    def check(self, settings: model.Settings, prompts: Sequence[model.Prompt]) -> None:
+    def check(self, settings: model.BatchSettings, prompts: Sequence[model.Prompt]) -> None:
         """Checks prompts without running a network.
 
         Raises:
@@ -125,7 +125,7 @@ class Service:
 
     async def generated(
         self,
-        settings: model.Settings,
+        settings: model.BatchSettings,
         prompts: Sequence[model.Prompt],
         seconds: float,
         background: bool = False,
