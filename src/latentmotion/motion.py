@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from latentmotion.control.goals import Reach
 
 
+_OF_FRAMES = ("goals", "spans", "foot_sliding")
+"""Metadata that hold for a motion's frames as they were generated."""
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """One person moving: joint positions, meters, y up.
@@ -113,8 +117,7 @@ class Motion:
                 f"cut from {start:g} to {last:g} s: expected times in order, from 0 to "
                 f"{self.seconds:g} s, at least a frame apart"
             )
-        # Goals belong to frames of the whole.
-        return replace(self, joints=self.joints[first:stop], goals=())
+        return self._edited(self.joints[first:stop], self.caption)
 
     def joined(self, *others: Motion) -> Motion:
         """Returns motions one after the other, each from where the one before ends, facing its way.
@@ -139,14 +142,19 @@ class Motion:
             turned = turn(other.joints - first[0] * on_floor, np.asarray(angle))
             joints = np.concatenate([joints, turned + last[0] * on_floor])
         captions = [one.caption for one in (self, *others) if one.caption]
-        return replace(self, joints=joints, caption=", then ".join(captions), goals=())
+        return self._edited(joints, ", then ".join(captions))
 
     def mirrored(self) -> Motion:
         """Returns the mirror image: left and right are swapped, in the caption too."""
         from latentmotion.data.clip import mirror_words
 
         joints = self.joints[:, self.skeleton.mirror] * np.array([-1, 1, 1], np.float32)
-        return replace(self, joints=joints, caption=mirror_words(self.caption), goals=())
+        return self._edited(joints, mirror_words(self.caption))
+
+    def _edited(self, joints: Float[np.ndarray, "frames joints 3"], caption: str) -> Motion:
+        """Returns other joints of this motion, without what was said of its own frames."""
+        metadata = {name: it for name, it in self.metadata.items() if name not in _OF_FRAMES}
+        return replace(self, joints=joints, caption=caption, goals=(), metadata=metadata)
 
     def cleaned(self, steps: CleanUp | None = None) -> Motion:
         """Returns the motion with still feet, constant bones and less jitter.

@@ -169,6 +169,13 @@ def test_what_is_joined_goes_on_where_and_as_the_first_ends() -> None:
         motion.joined(motion.resampled(30))
 
 
+def test_marks_of_a_motion_are_not_those_of_its_parts() -> None:
+    about = {"seed": 3, "goals": [{}], "spans": [{}], "foot_sliding": 0.1}
+    motion = Motion(walker(30).joints(), metadata=about)
+    for edited in (motion.cut(0.5), motion.joined(motion), motion.mirrored()):
+        assert edited.metadata == {"seed": 3}
+
+
 def test_mirror_images_swap_sides_of_body_and_caption() -> None:
     motion = Motion(walker(30).joints(), caption="a person kicks with the left leg")
     mirrored = motion.mirrored()
