@@ -18,8 +18,8 @@ from latentmotion.evaluation.cost import (
     thop_macs,
     traffic,
 )
-from latentmotion.networks.build import build, encoder_stack
-from latentmotion.networks.transformer import SelfAttention
+from latentmotion.networks.build import build
+from latentmotion.networks.transformer import SelfAttention, encoder_stack
 from latentmotion.training.presets import mld_humanml3d, starter
 
 

@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from latentmotion.errors import InputError
 from latentmotion.model.config import TransformerConfig
-from latentmotion.networks.build import decoder_stack, encoder_stack
 from latentmotion.networks.transformer import (
     CrossAttention,
     Dropout,
@@ -18,6 +17,8 @@ from latentmotion.networks.transformer import (
     LearnedPosition,
     SelfAttention,
     SinePosition,
+    decoder_stack,
+    encoder_stack,
     sine_rate,
     sines,
 )

@@ -106,20 +106,17 @@ def load_stages(folder: str | Path) -> FirstStageModel:
     card = read_card(Path(folder))
     weights = model_weights(Path(folder))
     source = str(Path(folder) / WEIGHTS_FILE)
-    check_sizes(lambda: _networks(card), weights, source)
-    vae = build(card.vae)
-    model = (
-        FirstStageModel(card, vae)
-        if card.denoiser is None
-        else LatentModel(card, vae, build(card.denoiser))
-    )
+
+    def fresh() -> FirstStageModel | LatentModel:
+        vae = build(card.vae)
+        if card.denoiser is None:
+            return FirstStageModel(card, vae)
+        return LatentModel(card, vae, build(card.denoiser))
+
+    check_sizes(lambda: nn.ModuleDict(fresh().networks), weights, source)
+    model = fresh()
     load_weights(nn.ModuleDict(model.networks), weights, source)
     return model
-
-
-def _networks(card: ModelCard) -> nn.ModuleDict:
-    parts = {"vae": build(card.vae)}
-    return nn.ModuleDict(parts | ({"denoiser": build(card.denoiser)} if card.denoiser else {}))
 
 
 def check_sizes(make: Callable[[], nn.Module], weights: Mapping[str, Tensor], source: str) -> None:

@@ -5,7 +5,7 @@
     cross-attention:  decoder(latents, memory = context)
 
 Numbers (time, length) become tokens, context and latents get positions, and a transformer reads
-both. Every part is passed in; `networks.build` makes them of a `DenoiserConfig`.
+both. Every part is passed in; `Denoiser.of` makes them of a `DenoiserConfig`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,13 @@ from torch import Tensor, nn
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
-from latentmotion.networks.transformer import NumberEmbedding
+from latentmotion.model.config import DenoiserConfig
+from latentmotion.networks.transformer import (
+    NumberEmbedding,
+    decoder_stack,
+    encoder_stack,
+    position,
+)
 
 
 class TimeToken(nn.Module):
@@ -210,6 +216,40 @@ class Denoiser(nn.Module):
         self.body = body
         self.padding = padding
         self.step_embedding = step_embedding
+
+    @classmethod
+    def of(cls, config: DenoiserConfig) -> Denoiser:
+        """Builds the denoiser of a configuration with fresh weights."""
+        transformer, width = config.transformer, config.transformer.width
+        inner, outer = (config.latent_width, width), (width, config.latent_width)
+        latents_in = nn.Linear(*inner) if config.project_latents else nn.Identity()
+        latents_out = nn.Linear(*outer) if config.project_latents else nn.Identity()
+        kind = config.condition_projection
+        linear = nn.Linear(config.condition_width, width, bias=kind != "table")
+        time = NumberEmbedding(config.sine_width, width, config.time_scale)
+        length = NumberEmbedding(config.sine_width, width) if config.length_token else None
+        tables = [position(config.position, width, transformer.dropout) for _ in range(2)]
+        return cls(
+            latents_in=latents_in,
+            latents_out=latents_out,
+            condition_in={
+                "relu_linear": nn.Sequential(nn.ReLU(), linear),
+                "none": nn.Identity(),
+            }.get(kind, linear),
+            numbers=TimeToken(time) if length is None else TimeAndLengthTokens(time, length),
+            joining=WordsAddedToTime() if config.words == "added_to_time" else NumbersThenWords(),
+            positions={
+                "latents_first": LatentsFirst(tables[0]),
+                "context_first": ContextFirst(tables[0]),
+            }.get(config.positions, SeparatePositions(*tables)),
+            body=AcrossContext(decoder_stack(transformer))
+            if config.attention == "cross"
+            else InContext(encoder_stack(transformer)),
+            padding=AttendToPadding() if config.attends_to_padding else nn.Identity(),
+            step_embedding=StepEmbedding(config.sine_width, width)
+            if config.few_step
+            else NoStepEmbedding(),
+        )
 
     @property
     def further_inputs(self) -> tuple[str, ...]:

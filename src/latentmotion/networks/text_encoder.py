@@ -119,15 +119,13 @@ class Layer(nn.Module):
         mask: Bool[torch.Tensor, "batch words"],
     ) -> Float[torch.Tensor, "batch words width"]:
         """Returns the states after one layer; masked pieces are never attended to."""
-        states = self.attention_norm(states + self._attend(states, mask))
-        return self.output_norm(states + self.down(F.gelu(self.up(states))))
-
-    def _attend(self, states: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         batch, words, width = states.shape
         qkv = self.qkv(states).reshape(batch, words, 3, self.heads, width // self.heads)
         q, k, v = qkv.permute(2, 0, 3, 1, 4).unbind(0)
         attended = F.scaled_dot_product_attention(q, k, v, attn_mask=mask[:, None, None, :])
-        return self.out(attended.transpose(1, 2).reshape(batch, words, width))
+        attended = self.out(attended.transpose(1, 2).reshape(batch, words, width))
+        states = self.attention_norm(states + attended)
+        return self.output_norm(states + self.down(F.gelu(self.up(states))))
 
 
 class StudentNetwork(nn.Module):

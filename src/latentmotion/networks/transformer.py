@@ -3,8 +3,8 @@
     x → first layers, each output kept → middle layer → last layers → norm
     before each last layer:  x ← Linear([x, the most recent output kept])
 
-Where the layer norm sits, which activation is used and whether there are skips are parts that
-`networks.build` picks.
+A `TransformerConfig` picks where the layer norm sits, which activation is used and whether there
+are skips.
 
 A position embedding is learned, as in the paper, or a sine: p[i, 2k] = sin(i · 10000^(-2k/width)),
 p[i, 2k+1] = cos(same) (Vaswani et al. 2017, section 3.5). Timesteps use sines alone.
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 
 import torch
 import torch.nn.functional as F
@@ -21,6 +22,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from latentmotion.errors import InputError
+from latentmotion.model.config import PositionKind, TransformerConfig
 
 
 class Dropout(nn.Module):
@@ -36,13 +38,10 @@ class Dropout(nn.Module):
             return x
         if x.device.type != "cpu":
             return F.dropout(x, self.share)
-        return x * _kept(x, self.share).to(x.dtype).div_(1 - self.share)
-
-
-def _kept(x: Tensor, share: float) -> Tensor:
-    words = torch.empty((x.numel() + 3) // 4, dtype=torch.int64).random_(-(2**63), None)
-    bits = words.view(torch.int16)[: x.numel()].view(x.shape)
-    return bits >= round(share * 2**16) - 2**15
+        words = torch.empty((x.numel() + 3) // 4, dtype=torch.int64).random_(-(2**63), None)
+        bits = words.view(torch.int16)[: x.numel()].view(x.shape)
+        kept = bits >= round(self.share * 2**16) - 2**15
+        return x * kept.to(x.dtype).div_(1 - self.share)
 
 
 class SelfAttention(nn.Module):
@@ -82,16 +81,13 @@ class CrossAttention(nn.Module):
     ) -> Float[Tensor, "batch tokens width"]:
         """Attends to the memory's tokens whose mask is True."""
         if memory.shape[1] == 1:
-            return self._attend_to_one(x, memory).expand_as(x)
+            # The softmax over one key is 1, whatever the query: the paper's own case, MLD-1.
+            value = self.key_value(memory).chunk(2, dim=-1)[1]
+            # The queries keep the gradient that the full formula gives them: zero.
+            return self.output(value + 0 * self.query(x[:, :1])).expand_as(x)
         (q,) = _split_heads(self.query(x), self.heads, 1)
         k, v = _split_heads(self.key_value(memory), self.heads, 2)
         return self.output(_attend(q, k, v, mask, self.dropout if self.training else 0.0))
-
-    def _attend_to_one(self, x: Tensor, memory: Tensor) -> Tensor:
-        """The softmax over one key is 1, whatever the query: the paper's own case, MLD-1."""
-        value = self.key_value(memory).chunk(2, dim=-1)[1]
-        # The queries keep the gradient that the full formula gives them: zero.
-        return self.output(value + 0 * self.query(x[:, :1]))
 
 
 def _split_heads(x: Tensor, heads: int, parts: int) -> tuple[Tensor, ...]:
@@ -337,3 +333,50 @@ def sinusoid(number: Float[Tensor, " batch"], width: int) -> Float[Tensor, "batc
     steps = torch.arange(half, dtype=torch.float32, device=number.device)
     angles = number[:, None] * torch.exp(-math.log(10_000.0) / half * steps)
     return torch.cat([torch.cos(angles), torch.sin(angles)], dim=-1)
+
+
+def encoder_stack(config: TransformerConfig) -> nn.Module:
+    """Builds a stack called with (x, mask)."""
+    sizes, residual = (config.width, config.heads, config.attention_dropout), _residual(config)
+    return _stack(
+        config,
+        [
+            EncoderLayer(SelfAttention(*sizes), _feed_forward(config), residual)
+            for _ in range(config.layers)
+        ],
+    )
+
+
+def decoder_stack(config: TransformerConfig) -> nn.Module:
+    """Builds a stack called with (x, mask, memory, memory_mask)."""
+    sizes, residual = (config.width, config.heads, config.attention_dropout), _residual(config)
+    return _stack(
+        config,
+        [
+            DecoderLayer(
+                SelfAttention(*sizes), CrossAttention(*sizes), _feed_forward(config), residual
+            )
+            for _ in range(config.layers)
+        ],
+    )
+
+
+def position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
+    """Builds the positions of one sequence."""
+    return LearnedPosition(width) if kind == "learned" else SinePosition(width, dropout)
+
+
+def _stack(config: TransformerConfig, layers: list[nn.Module]) -> nn.Module:
+    norm = nn.LayerNorm(config.width) if config.final_norm else nn.Identity()
+    stack = SkipStack(layers, norm, config.width) if config.skips else Stack(layers, norm)
+    stack.apply(initialize)
+    return stack
+
+
+def _feed_forward(config: TransformerConfig) -> nn.Module:
+    activation = {"gelu": nn.GELU, "relu": nn.ReLU}[config.activation]()
+    return FeedForward(config.width, config.hidden, config.dropout, activation)
+
+
+def _residual(config: TransformerConfig) -> Callable[[], nn.Module]:
+    return partial({"post": PostNorm, "pre": PreNorm}[config.norm], config.width, config.dropout)

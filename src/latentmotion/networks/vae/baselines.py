@@ -30,15 +30,13 @@ class VPoserT(MotionVAE):
         super().__init__()
         self.config = config
         self.latent_width = config.width
-        self._build(config.frames * config.features, config.hidden, config.dropout)
-
-    def _build(self, numbers: int, hidden: int, dropout: float) -> None:
+        numbers, hidden = config.frames * config.features, config.hidden
         self.encoder = nn.Sequential(
             nn.BatchNorm1d(numbers),
             nn.Linear(numbers, hidden),
             nn.LeakyReLU(),
             nn.BatchNorm1d(hidden),
-            nn.Dropout(dropout),
+            nn.Dropout(config.dropout),
             nn.Linear(hidden, hidden),
             nn.Linear(hidden, hidden),
         )
@@ -47,11 +45,11 @@ class VPoserT(MotionVAE):
         self.decoder = nn.Sequential(
             nn.Linear(self.latent_width, hidden),
             nn.LeakyReLU(),
-            nn.Dropout(dropout),
+            nn.Dropout(config.dropout),
             nn.Linear(hidden, hidden),
             nn.LeakyReLU(),
             nn.Linear(hidden, numbers),
-            nn.Unflatten(1, (self.config.frames, self.config.features)),
+            nn.Unflatten(1, (config.frames, config.features)),
         )
 
     def encode(
@@ -67,7 +65,10 @@ class VPoserT(MotionVAE):
         self.config.check(mask.shape[1])
         if self.training:
             self.config.check_batch(len(mask))
-        h = self.encoder(_to_length(features, mask, self.config.frames).flatten(1))[:, None]
+        last = mask.sum(dim=1, keepdim=True) - 1  # repeated to the one length
+        frames = torch.arange(self.config.frames, device=mask.device).minimum(last)
+        whole = features.gather(1, frames[..., None].expand(-1, -1, features.shape[2]))
+        h = self.encoder(whole.flatten(1))[:, None]
         deviation = self.deviation(h).float().clamp(min=LEAST_DEVIATION)
         return Posterior(self.mean(h), 2 * deviation.log())
 
@@ -87,13 +88,6 @@ class VPoserT(MotionVAE):
     def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
         """Returns True for the one token."""
         return mask.new_ones(mask.shape[0], 1)
-
-
-def _to_length(features: Tensor, mask: Tensor, frames: int) -> Tensor:
-    """Replaces the padding by each motion's last real frame."""
-    last = mask.sum(dim=1, keepdim=True) - 1
-    positions = torch.arange(frames, device=mask.device).minimum(last)
-    return features.gather(1, positions[..., None].expand(-1, -1, features.shape[2]))
 
 
 class IdentityVAE(MotionVAE):

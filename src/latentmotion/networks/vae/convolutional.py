@@ -15,14 +15,19 @@ One forward pass serves any number of gradients, the rows of a Jacobian.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.model.config import STRIDE
+from latentmotion.model.config import (
+    STRIDE,
+    ConvolutionalVAEConfig,
+    MirroredDecoder,
+    QuarterRateDecoder,
+)
 from latentmotion.networks.vae.interface import MotionVAE, Posterior, decoder_modules
 
 
@@ -151,6 +156,33 @@ class ConvolutionalVAE(MotionVAE):
         self.encoder = encoder
         self.decoder = decoder
         self.latent_width = channels
+
+    @classmethod
+    def of(cls, config: ConvolutionalVAEConfig) -> ConvolutionalVAE:
+        """Builds the VAE of a configuration with fresh weights."""
+        channels, width, features = config.channels, config.width, config.features
+
+        def blocks(dilations: Sequence[int]) -> list[ResidualBlock]:
+            return [ResidualBlock(width, dilation) for dilation in dilations]
+
+        encoder: list[nn.Module] = [
+            MaskedConvolution(features, width, 3),
+            Halve(width),
+            *blocks(config.dilations),
+            Halve(width),
+            *blocks(config.dilations),
+            MaskedConvolution(width, 2 * channels, 3, activation=nn.SiLU()),
+        ]
+        decoder: list[nn.Module] = [MaskedConvolution(channels, width, 3)]
+        match config.decoder:
+            case MirroredDecoder():
+                dilations = config.dilations[::-1]
+                decoder += [*blocks(dilations), Double(width), *blocks(dilations), Double(width)]
+                decoder.append(MaskedConvolution(width, width, 3, activation=nn.SiLU()))
+                decoder.append(MaskedConvolution(width, features, 3, activation=nn.SiLU()))
+            case QuarterRateDecoder(dilations):
+                decoder += [*blocks(dilations), Unfold(width, features)]
+        return cls(Chain(encoder), Chain(decoder), channels)
 
     def encode(
         self,

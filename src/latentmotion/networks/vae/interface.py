@@ -14,7 +14,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
-from itertools import takewhile
 from typing import ClassVar
 
 import torch
@@ -129,16 +128,14 @@ def copy_encoder(vae: MotionVAE, trained: MotionVAE) -> None:
     Alike are the weights from the latents on, up to where name or shape differs.
     """
     own, given = (decoder_modules(one).state_dict().items() for one in (vae, trained))
-    pairs = takewhile(_are_alike, zip(own, given, strict=False))
-    alike = {name: value for _, (name, value) in pairs}
+    alike: dict[str, Tensor] = {}
+    for (name, value), (other, trained_value) in zip(own, given, strict=False):
+        if name != other or value.shape != trained_value.shape:
+            break
+        alike[name] = trained_value
     vae.load_state_dict({**vae.state_dict(), **encoder_state(trained), **alike})
     vae.requires_grad_(False)
     decoder_modules(vae).requires_grad_(True)
-
-
-def _are_alike(pair: tuple[tuple[str, Tensor], tuple[str, Tensor]]) -> bool:
-    (one, own), (other, given) = pair
-    return one == other and own.shape == given.shape
 
 
 def mean_of_real(
@@ -270,15 +267,14 @@ def feature_losses(
     feet = [*skeleton.left_foot, *skeleton.right_foot]
     found_feet, true_feet = (velocity[:, :, feet] for velocity in velocities)
     stands = (true_feet.norm(dim=-1, keepdim=True) < STANDING).to(found_feet.dtype)
-    found_bones, true_bones = (_bone_lengths(positions, skeleton) for positions in joints)
+    parents = list(skeleton.parents[1:])
+    found_bones, true_bones = (
+        (positions[:, :, 1:] - positions[:, :, parents]).norm(dim=-1) for positions in joints
+    )
     return losses | {
         "contacts": mean(stands * _distance(found_feet, true_feet, STANDING), mask[:, 1:]),
         "bones": mean(_distance(found_bones, true_bones, huber_delta), mask),
     }
-
-
-def _bone_lengths(joints: Tensor, skeleton: Skeleton) -> Tensor:
-    return (joints[:, :, 1:] - joints[:, :, list(skeleton.parents[1:])]).norm(dim=-1)
 
 
 def weighted_sum(losses: dict[str, Tensor], objective: VAEObjective) -> Tensor:

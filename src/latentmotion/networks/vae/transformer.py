@@ -6,12 +6,15 @@ authors' other one, and one that does most of its work at a quarter of the frame
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.model.config import LatentSpace
+from latentmotion.model.config import LatentSpace, TransformerVAEConfig
+from latentmotion.networks.transformer import decoder_stack, encoder_stack, position
 from latentmotion.networks.vae.interface import MotionVAE, Posterior
 
 STRIDE = 4
@@ -84,6 +87,42 @@ def _blank_frames(latents: Tensor, mask: Tensor) -> Tensor:
     return latents.new_zeros(*mask.shape, latents.shape[-1])
 
 
+def frame_decoder(config: TransformerVAEConfig) -> nn.Module:
+    """Builds the decoder that a configuration names, called with (latents, mask)."""
+    whole, fine = config.transformer, config.fine_layers
+    queries = position(config.position, whole.width, whole.dropout)
+    if config.decoding == "joint":
+        return JointDecoder(queries, encoder_stack(whole))
+    if config.decoding == "cross":
+        return CrossDecoder(queries, decoder_stack(whole))
+    return TwoRateDecoder(
+        position=queries,
+        coarse=decoder_stack(replace(whole, layers=whole.layers - fine)),
+        unfold=nn.Linear(whole.width, STRIDE * whole.width),
+        fine=decoder_stack(replace(whole, layers=fine, skips=False)),
+    )
+
+
+class TokenDistribution(nn.Module):
+    """The first half of the summary tokens is the mean, the other half the logvar."""
+
+    def forward(self, summary: Float[Tensor, "batch count width"]) -> Posterior:
+        """Returns the posterior of count / 2 tokens."""
+        return Posterior(*summary.chunk(2, dim=1))
+
+
+class LinearDistribution(nn.Module):
+    """A linear layer makes mean and logvar from each summary token (the authors' MLP_DIST)."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.linear = nn.Linear(width, 2 * width)
+
+    def forward(self, summary: Float[Tensor, "batch count width"]) -> Posterior:
+        """Returns the posterior of count tokens."""
+        return Posterior(*self.linear(summary).chunk(2, dim=-1))
+
+
 class TransformerVAE(MotionVAE):
     """A VAE with a fixed number of latent tokens for the whole motion.
 
@@ -129,6 +168,25 @@ class TransformerVAE(MotionVAE):
         self.widen = widen
         self.latent_width = latents.width
 
+    @classmethod
+    def of(cls, config: TransformerVAEConfig) -> TransformerVAE:
+        """Builds the VAE of a configuration with fresh weights."""
+        width, latent = config.transformer.width, config.latent_width or config.transformer.width
+        adapted = config.latent_width is not None
+        own_tokens = config.distribution == "tokens"
+        return cls(
+            frames_in=nn.Linear(config.features, width),
+            frames_out=nn.Linear(width, config.features),
+            summary=torch.randn(config.tokens * (2 if own_tokens else 1), width),
+            position=position(config.position, width, config.transformer.dropout),
+            encoder=encoder_stack(config.transformer),
+            distribution=TokenDistribution() if own_tokens else LinearDistribution(latent),
+            decoder=frame_decoder(config),
+            narrow=nn.Linear(width, latent) if adapted else nn.Identity(),
+            widen=nn.Linear(latent, width) if adapted else nn.Identity(),
+            latents=config.latent_space(),
+        )
+
     def encode(
         self,
         features: Float[Tensor, "batch frames features"],
@@ -151,23 +209,3 @@ class TransformerVAE(MotionVAE):
     def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
         """Returns True for every token: each stands for the whole motion."""
         return mask.new_ones(mask.shape[0], self.tokens)
-
-
-class TokenDistribution(nn.Module):
-    """The first half of the summary tokens is the mean, the other half the logvar."""
-
-    def forward(self, summary: Float[Tensor, "batch count width"]) -> Posterior:
-        """Returns the posterior of count / 2 tokens."""
-        return Posterior(*summary.chunk(2, dim=1))
-
-
-class LinearDistribution(nn.Module):
-    """A linear layer makes mean and logvar from each summary token (the authors' MLP_DIST)."""
-
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.linear = nn.Linear(width, 2 * width)
-
-    def forward(self, summary: Float[Tensor, "batch count width"]) -> Posterior:
-        """Returns the posterior of count tokens."""
-        return Posterior(*self.linear(summary).chunk(2, dim=-1))
