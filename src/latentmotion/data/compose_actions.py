@@ -15,14 +15,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from latentmotion.data import compose
 from latentmotion.data.clip import Caption
-from latentmotion.data.compose import (
-    Composed,
-    Composition,
-    composed_motion,
-    composed_source,
-    objection,
-)
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.segments import pose_descriptors, splice
 from latentmotion.data.singles import Found, find_singles
@@ -104,8 +98,8 @@ class Shot:
 
 
 def compose_actions(
-    dataset: Dataset, wanted: Composition, found: Sequence[Found] | None = None
-) -> Composed:
+    dataset: Dataset, wanted: compose.Composition, found: Sequence[Found] | None = None
+) -> compose.Composed:
     """Makes repeats and ordered pairs of single actions of the train split.
 
     Args:
@@ -130,13 +124,15 @@ def compose_actions(
         replace(one, clip=replace(one.clip, id=f"{COMPOSED}-single-{wanted.seed}-{number:05d}"))
         for number, one in enumerate(made)
     )
-    return Composed(motions, composed_source(dataset.sources), composer.refused)
+    return compose.Composed(motions, compose.composed_source(dataset.sources), composer.refused)
 
 
 class _Composer:
     """Draws shots, joins them and checks the result."""
 
-    def __init__(self, dataset: Dataset, singles: Sequence[Found], wanted: Composition) -> None:
+    def __init__(
+        self, dataset: Dataset, singles: Sequence[Found], wanted: compose.Composition
+    ) -> None:
         self.wanted, self.representation = wanted, dataset.representation
         self.generator = np.random.default_rng(wanted.seed)
         self.refused: Counter[str] = Counter()
@@ -254,7 +250,7 @@ class _Composer:
                 continue
             seam = len(joints) - 1
             joints = splice(joints, piece, self.wanted.transition, self.representation)
-            reason = objection(joints, seam, self.representation, self.wanted)
+            reason = compose.objection(joints, seam, self.representation, self.wanted)
             if reason and (reason != "too short or too long" or turn == times - 1):
                 return reason
         return joints
@@ -289,7 +285,7 @@ class _Composer:
             self.wanted.transition,
             self.representation,
         )
-        reason = objection(joints, seam, self.representation, self.wanted)
+        reason = compose.objection(joints, seam, self.representation, self.wanted)
         if reason:
             return self._refuse(reason)
         before = after = None
@@ -330,7 +326,7 @@ class _Composer:
             return self._refuse("no words")
         features = self.representation.encode(joints)
         captions = [Caption(text, 0, len(features)) for text in texts]
-        return composed_motion("", features, captions, origin)
+        return compose.composed_motion("", features, captions, origin)
 
     def _shot(self, name: str, action: SingleAction, joints: Joints) -> Shot:
         first, last = action.act[0] - action.start, action.act[1] - action.start

@@ -31,15 +31,8 @@ from latentmotion.data.store import MANIFEST, Manifest, StoredClip, StoredMotion
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Normalizer, representation_named
+from latentmotion.storage import files
 from latentmotion.storage.configuration import from_json, to_json, write_json
-from latentmotion.storage.files import (
-    VARIABLE,
-    atomic_file,
-    cache_folder,
-    check_replaceable,
-    check_writable,
-    sha256,
-)
 
 FORMAT = "latentmotion pack 1"
 
@@ -110,7 +103,7 @@ def write_pack(path: Path, header: PackHeader, blocks: Sequence[bytes]) -> None:
     plain = text.encode()
     packed = lzma.compress(plain, preset=6)
     rest = struct.pack("<II", len(packed), len(plain)) + packed + b"".join(blocks)
-    with atomic_file(path) as temporary:
+    with files.atomic_file(path) as temporary:
         temporary.write_bytes(_MAGIC + hashlib.sha256(rest).digest() + rest)
 
 
@@ -218,7 +211,7 @@ def pack(folder: Path, path: Path, quantum: float = QUANTUM) -> Differences:
         DataError: The folder is damaged, or its bodies have other bones than the skeleton.
         InputError: The file cannot be written, or the quantum is out of range.
     """
-    check_writable(path)
+    files.check_writable(path)
     if not _QUANTA[0] <= quantum <= _QUANTA[1]:
         raise InputError(f"a quantum of {quantum:g} m; expected {_QUANTA[0]:g} to {_QUANTA[1]:g}")
     dataset = Dataset.load(folder)
@@ -244,7 +237,7 @@ def unpack(path: Path, folder: Path) -> Manifest:
         FileFormatError: It is no pack, of another version or damaged.
         InputError: The folder cannot be written.
     """
-    check_replaceable(folder, MANIFEST)
+    files.check_replaceable(folder, MANIFEST)
     opened = read_pack(path)
     coder = _checked(opened)
     manifest = opened.header.manifest
@@ -272,12 +265,12 @@ def unpacked(path: Path) -> Path:
         FileFormatError: It is no pack, of another version or damaged.
         InputError: The folder cannot be written.
     """
-    cache = cache_folder()
+    cache = files.cache_folder()
     if cache is None:
         raise DataError(
-            f"{path} is a file and {VARIABLE} is off; first: latentmotion data unpack {path}"
+            f"{path} is a file and {files.VARIABLE} is off; first: latentmotion data unpack {path}"
         )
-    folder = cache / "data" / f"{path.stem}-{sha256(path)[:12]}"
+    folder = cache / "data" / f"{path.stem}-{files.sha256(path)[:12]}"
     if not folder.is_dir():
         folder.parent.mkdir(parents=True, exist_ok=True)
         temporary = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")

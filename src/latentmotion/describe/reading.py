@@ -9,33 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.describe import arms, legs, whole_body
 from latentmotion.describe.acts import acts_of
 from latentmotion.describe.agreement import check
-from latentmotion.describe.arms import arm_circles_of, claps_of, punches_of, raises_of, waves_of
 from latentmotion.describe.claims import claims_of
 from latentmotion.describe.facts import FPS, LEFT, RIGHT, Description, Event
-from latentmotion.describe.legs import (
-    balances_of,
-    climbs_of,
-    flights_of,
-    jumps_of,
-    kicks_of,
-    knees_of,
-    running_of,
-    steps_of,
-    treading_of,
-)
 from latentmotion.describe.sentences import sentences
 from latentmotion.describe.signals import Signals, activity_of, measure, twist_of
-from latentmotion.describe.whole_body import (
-    changes_of,
-    dips_of,
-    moves_of,
-    path_of,
-    poses_of,
-    postures_of,
-    turns_of,
-)
 
 _POSES = frozenset({"jack", "crawl", "arms_out", "hands_on_hips", "touch_head"})
 """Poses and exercises that are worth reporting."""
@@ -70,34 +50,34 @@ def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Description:
         InputError: The joints have another shape, fewer than 4 frames, or are not numbers.
     """
     signals = measure(joints)
-    flights = flights_of(signals)
-    running = running_of(flights, signals)
-    turns = turns_of(signals)
-    postures = postures_of(signals)
-    changes = changes_of(postures)
-    kicks = kicks_of(signals)
+    flights = legs.flights_of(signals)
+    running = legs.running_of(flights, signals)
+    turns = whole_body.turns_of(signals)
+    postures = whole_body.postures_of(signals)
+    changes = whole_body.changes_of(postures)
+    kicks = legs.kicks_of(signals)
     events: list[Event] = [
-        *jumps_of(signals, flights, running),
+        *legs.jumps_of(signals, flights, running),
         *kicks,
-        *knees_of(signals, kicks),
-        *balances_of(signals),
-        *climbs_of(signals),
-        *raises_of(signals),
-        *waves_of(signals),
-        *punches_of(signals),
-        *arm_circles_of(signals),
-        *claps_of(signals),
+        *legs.knees_of(signals, kicks),
+        *legs.balances_of(signals),
+        *legs.climbs_of(signals),
+        *arms.raises_of(signals),
+        *arms.waves_of(signals),
+        *arms.punches_of(signals),
+        *arms.arm_circles_of(signals),
+        *arms.claps_of(signals),
         *changes,
-        *dips_of(signals, changes),
+        *whole_body.dips_of(signals, changes),
     ]
     return Description(
         frames=signals.frames,
-        path=path_of(signals, turns),
-        moves=moves_of(signals, running, treading_of(signals)),
+        path=whole_body.path_of(signals, turns),
+        moves=whole_body.moves_of(signals, running, legs.treading_of(signals)),
         turns=turns,
         postures=postures,
         events=tuple(sorted(events, key=lambda event: (event.start, event.kind, event.side))),
-        steps=steps_of(signals),
+        steps=legs.steps_of(signals),
         twist=twist_of(signals),
         activity=activity_of(signals),
     )
@@ -113,7 +93,7 @@ def scene_of(joints: Float[np.ndarray, "frames 22 3"]) -> Scene:
         InputError: The joints have another shape, too few frames, or are not numbers.
     """
     signals = measure(joints)
-    return Scene(describe(joints), signals, poses_of(signals))
+    return Scene(describe(joints), signals, whole_body.poses_of(signals))
 
 
 def lasting(events: list[Event], seconds: float) -> list[Event]:

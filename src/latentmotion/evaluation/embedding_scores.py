@@ -19,22 +19,7 @@ from latentmotion.evaluation.evaluators.interface import (
     Evaluator,
     TextMotionEvaluator,
 )
-from latentmotion.evaluation.metrics.embeddings import (
-    BEST,
-    Gaussian,
-    accuracy,
-    diversity,
-    drawn_diversity,
-    drawn_kid,
-    frechet_distance,
-    kid,
-    label_pairs,
-    mm_dist,
-    multimodality,
-    r_precision,
-    ranks,
-    shared_pairs_multimodality,
-)
+from latentmotion.evaluation.metrics import embeddings as metrics
 from latentmotion.evaluation.protocol import Protocol, Replication, TestPrompt
 
 Motions = Sequence[Float[np.ndarray, "_ features"]]
@@ -225,10 +210,10 @@ def caption_multimodality(
     motions = candidate.generate(prompts, seeds)
     embeddings = np.asarray(cache.motions(motions)).reshape(count, repeats.samples, -1)
     if repeats.pairs is None:
-        return multimodality(list(embeddings))
+        return metrics.multimodality(list(embeddings))
     pairs = min(repeats.pairs, repeats.samples)
     one, other = (generator.choice(repeats.samples, pairs, replace=False) for _ in range(2))
-    return shared_pairs_multimodality(embeddings, one, other)
+    return metrics.shared_pairs_multimodality(embeddings, one, other)
 
 
 def groups(
@@ -257,18 +242,20 @@ def _distances(
     """FID and KID."""
     pairs, single = protocol.quirks.drawn_pairs, protocol.quirks.float32_means
     x, y = one.motions, other.motions
-    distance = frechet_distance(Gaussian.of(x, single), Gaussian.of(y, single))
+    distance = metrics.frechet_distance(
+        metrics.Gaussian.of(x, single), metrics.Gaussian.of(y, single)
+    )
     if pairs is None:
-        return {"FID": distance, "KID": kid(x, y, paired)}
+        return {"FID": distance, "KID": metrics.kid(x, y, paired)}
     generator = protocol.generator("kid", replication)
-    drawn = drawn_kid(x, y, pairs.kid_subsets, pairs.kid_size, generator)
+    drawn = metrics.drawn_kid(x, y, pairs.kid_subsets, pairs.kid_size, generator)
     return {"FID": distance, "KID": drawn}
 
 
 def _diversity(embeddings: Embeddings, protocol: Protocol, replication: int, real: bool) -> float:
     pairs = protocol.quirks.drawn_pairs
     if pairs is None:
-        return diversity(embeddings.motions)
+        return metrics.diversity(embeddings.motions)
     generator, items = protocol.generator("diversity", replication), len(embeddings.motions)
     if embeddings.logits is None:
         count = min(pairs.text_diversity, items)
@@ -276,7 +263,7 @@ def _diversity(embeddings: Embeddings, protocol: Protocol, replication: int, rea
     else:
         count = pairs.true_action_diversity if real else pairs.action_diversity
         one, other = generator.integers(items, size=(2, count))
-    return drawn_diversity(embeddings.motions, one, other)
+    return metrics.drawn_diversity(embeddings.motions, one, other)
 
 
 def _prompt_scores(
@@ -289,13 +276,15 @@ def _prompt_scores(
         generator = protocol.generator("groups", replication)
         drop = protocol.quirks.remainder_dropped
         drawn = list(groups(len(motions), protocol.group, generator, drop))
-        places = np.concatenate([ranks(texts[rows], motions[rows])[:own] for rows, own in drawn])
+        places = np.concatenate(
+            [metrics.ranks(texts[rows], motions[rows])[:own] for rows, own in drawn]
+        )
         counted = np.concatenate([rows[:own] for rows, own in drawn])
-        shares = r_precision(places)
-        scores |= {f"R@{k}": share for k, share in zip(BEST, shares, strict=True)}
-        scores["MM-Dist"] = mm_dist(texts[counted], motions[counted])
+        shares = metrics.r_precision(places)
+        scores |= {f"R@{k}": share for k, share in zip(metrics.BEST, shares, strict=True)}
+        scores["MM-Dist"] = metrics.mm_dist(texts[counted], motions[counted])
     if embeddings.logits is not None and labels is not None:
-        scores["Accuracy"] = accuracy(embeddings.logits, labels)
+        scores["Accuracy"] = metrics.accuracy(embeddings.logits, labels)
         scores["MultiModality"] = _label_multimodality(
             embeddings, labels, protocol, replication, real
         )
@@ -312,8 +301,10 @@ def _label_multimodality(
     """MultiModality of the motions of each label, from all pairs or from drawn ones."""
     pairs = protocol.quirks.drawn_pairs
     if pairs is None:
-        return multimodality([embeddings.motions[labels == label] for label in np.unique(labels)])
+        return metrics.multimodality(
+            [embeddings.motions[labels == label] for label in np.unique(labels)]
+        )
     quota = pairs.true_action_multimodality if real else pairs.action_multimodality
     generator = protocol.generator("multimodality", replication)
-    one, other = label_pairs(labels, quota, lambda items: int(generator.integers(items)))
-    return drawn_diversity(embeddings.motions, one, other)
+    one, other = metrics.label_pairs(labels, quota, lambda items: int(generator.integers(items)))
+    return metrics.drawn_diversity(embeddings.motions, one, other)

@@ -19,15 +19,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import Recognizer
 from latentmotion.evaluation.evaluators.interface import Evaluator
-from latentmotion.evaluation.metrics.joints import (
-    TrainingClips,
-    acceleration_errors,
-    ape,
-    ave,
-    joint_errors,
-    pa_errors,
-    parts_of,
-)
+from latentmotion.evaluation.metrics import joints as metrics
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation.smpl import SmplRepresentation, representation_of
@@ -89,9 +81,9 @@ class PositionScores:
             pairs = _padded(pairs, padding)
         bodies = [(self._decode(a), self._decode(b)) for a, b in pairs]
         return {
-            "MPJPE": 1000 * sum(joint_errors(a, b).sum() for a, b in bodies) / frames,
-            "PA-MPJPE": 1000 * sum(pa_errors(a, b).sum() for a, b in bodies) / frames,
-            "ACCL": 1000 * sum(acceleration_errors(a, b).sum() for a, b in bodies) / inner,
+            "MPJPE": 1000 * sum(metrics.joint_errors(a, b).sum() for a, b in bodies) / frames,
+            "PA-MPJPE": 1000 * sum(metrics.pa_errors(a, b).sum() for a, b in bodies) / frames,
+            "ACCL": 1000 * sum(metrics.acceleration_errors(a, b).sum() for a, b in bodies) / inner,
         }
 
     def average_errors(self, motions: Motions, real: Motions) -> Scores:
@@ -101,8 +93,8 @@ class PositionScores:
             return {}
         values: dict[str, list[float]] = {}
         for pair in zip(motions, real, strict=True):
-            a, b = (parts_of(self._decode(features), skeleton) for features in pair)
-            for metric, errors in (("APE", ape(a, b)), ("AVE", ave(a, b))):
+            a, b = (metrics.parts_of(self._decode(features), skeleton) for features in pair)
+            for metric, errors in (("APE", metrics.ape(a, b)), ("AVE", metrics.ave(a, b))):
                 for part, error in errors.items():
                     values.setdefault(f"{metric} {part}", []).append(error)
         return {name: fmean(errors) for name, errors in values.items()}
@@ -115,9 +107,9 @@ class PositionScores:
         return positions.reshape(len(positions), -1, 3)
 
     @cached_property
-    def _training(self) -> TrainingClips:
+    def _training(self) -> metrics.TrainingClips:
         clips = self.dataset.clips("train", mirrored=True)
-        return TrainingClips([self._poses(self.dataset.features(clip)) for clip in clips])
+        return metrics.TrainingClips([self._poses(self.dataset.features(clip)) for clip in clips])
 
 
 def _padded(

@@ -26,14 +26,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
-from latentmotion.kinematics.rotations import (
-    matrix_between,
-    matrix_from_quaternion,
-    quaternion_between,
-    quaternion_conjugate,
-    quaternion_multiply,
-    sixd_from_matrix,
-)
+from latentmotion.kinematics import rotations
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 
 SMOOTHING_FRAMES = 20.0
@@ -162,7 +155,7 @@ def rotations_from(
             u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
             world[:, joint] = u @ vt
         elif children:
-            swing = matrix_between(world[:, joint] @ rest[0], bones[:, 0])
+            swing = rotations.matrix_between(world[:, joint] @ rest[0], bones[:, 0])
             world[:, joint] = swing @ world[:, joint]
         elif parent >= 0:
             world[:, joint] = world[:, parent]
@@ -187,6 +180,8 @@ def bone_rotations(
     rest = xp.asarray(directions, dtype=bones.dtype, device=device(bones))
     none = xp.zeros_like(yaw)
     root = xp.stack([xp.cos(yaw / 2), none, -xp.sin(yaw / 2), none], axis=-1)[:, None, :]
-    world = xp.concat([root, quaternion_between(rest[1:], bones[:, 1:, :])], axis=1)
-    local = quaternion_multiply(quaternion_conjugate(world[:, list(above), :]), world)
-    return sixd_from_matrix(matrix_from_quaternion(local), "columns")
+    world = xp.concat([root, rotations.quaternion_between(rest[1:], bones[:, 1:, :])], axis=1)
+    local = rotations.quaternion_multiply(
+        rotations.quaternion_conjugate(world[:, list(above), :]), world
+    )
+    return rotations.sixd_from_matrix(rotations.matrix_from_quaternion(local), "columns")

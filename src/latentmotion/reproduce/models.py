@@ -12,12 +12,7 @@ from typing import Any, Literal
 
 from latentmotion.diffusion.parametrization import Epsilon, Parametrization, Sample, Velocity
 from latentmotion.diffusion.schedule import ScaledLinear
-from latentmotion.model.config import (
-    TransformerConfig,
-    TransformerVAEConfig,
-    VAEConfig,
-    VPoserTConfig,
-)
+from latentmotion.model import config
 from latentmotion.reproduce.budget import Budget, Change
 from latentmotion.training.experiment import Experiment
 from latentmotion.training.presets import actor_vae, fast, mdm, mdm_50, mld_humanml3d, starter
@@ -104,14 +99,14 @@ def _fitted(experiment: Experiment, features: int) -> Experiment:
     return replace(experiment, vae=vae)
 
 
-def with_vae(vae: VAEConfig) -> Change:
+def with_vae(vae: config.VAEConfig) -> Change:
     """Returns the change to another VAE."""
     return lambda experiment: replace(experiment, vae=vae)
 
 
 def with_transformer_vae(**settings: Any) -> Change:
     """Returns the change to MLD-1's VAE with other settings of its transformer."""
-    return with_vae(TransformerVAEConfig(transformer=TransformerConfig(**settings)))
+    return with_vae(config.TransformerVAEConfig(transformer=config.TransformerConfig(**settings)))
 
 
 def with_denoiser(**settings: Any) -> Change:
@@ -181,22 +176,22 @@ def _fast(name: str, *changes: Change) -> Model:
     return Model(f"fast_{name}", fast, changes, first="fast")
 
 
-NO_SKIPS = TransformerConfig(skips=False)
+NO_SKIPS = config.TransformerConfig(skips=False)
 
 VAES = (
     Model("mld_1"),
     *(
-        Model(f"mld_{n}", changes=(with_vae(TransformerVAEConfig(tokens=n)),))
+        Model(f"mld_{n}", changes=(with_vae(config.TransformerVAEConfig(tokens=n)),))
         for n in (2, 5, 7, 10)
     ),
     Model("actor", changes=(with_vae(actor_vae(263)),)),
-    Model("vposer_t", changes=(with_vae(VPoserTConfig()),)),
+    Model("vposer_t", changes=(with_vae(config.VPoserTConfig()),)),
     Model("mld_1_no_skip", changes=(with_transformer_vae(skips=False),)),
     *(Model(f"mld_1_{n}_layers", changes=(with_transformer_vae(layers=n),)) for n in (7, 11)),
-    Model("mld_1_two_rates", changes=(with_vae(TransformerVAEConfig(decoding="two_rate")),)),
+    Model("mld_1_two_rates", changes=(with_vae(config.TransformerVAEConfig(decoding="two_rate")),)),
     Model(
         "mld_1_coarse",
-        changes=(with_vae(TransformerVAEConfig(decoding="two_rate", fine_layers=0)),),
+        changes=(with_vae(config.TransformerVAEConfig(decoding="two_rate", fine_layers=0)),),
     ),
     Model("autoencoder", changes=(as_autoencoder,)),
 )
@@ -207,7 +202,7 @@ DENOISERS = (
     _mld("cross_no_skip", with_denoiser(attention="cross", transformer=NO_SKIPS)),
     _mld("denoiser_no_skip", with_denoiser(transformer=NO_SKIPS)),
     *(
-        _mld(f"denoiser_{n}_layers", with_denoiser(transformer=TransformerConfig(layers=n)))
+        _mld(f"denoiser_{n}_layers", with_denoiser(transformer=config.TransformerConfig(layers=n)))
         for n in (5, 7, 11)
     ),
     _mld("z0", with_objective(parametrization=Sample())),
@@ -245,7 +240,7 @@ LATENT_SPACES = (
     *(
         Model(
             f"narrow_16x{width}",
-            changes=(with_vae(TransformerVAEConfig(tokens=16, latent_width=width)),),
+            changes=(with_vae(config.TransformerVAEConfig(tokens=16, latent_width=width)),),
         )
         for width in (16, 32)
     ),

@@ -16,16 +16,7 @@ from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
-from latentmotion.training.denoiser import (
-    FrameCache,
-    LatentCache,
-    LatentData,
-    Posteriors,
-    cached_posteriors,
-    encode_crops,
-    frames_card,
-    keep_crops,
-)
+from latentmotion.training import denoiser
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment, LatentSettings
 from latentmotion.training.run_folder import MODEL, NAME
@@ -72,7 +63,7 @@ def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStag
     Raises:
         InputError: The frames should be normalized as latents.
     """
-    config, card = frames_card(experiment, dataset)
+    config, card = denoiser.frames_card(experiment, dataset)
     return FirstStage(build(config), card, "none")
 
 
@@ -108,7 +99,7 @@ def prepare_latents(
     folder: Path,
     context: DistributedContext,
     space: LatentSpace | None = None,
-) -> tuple[LatentData, LatentSpace]:
+) -> tuple[denoiser.LatentData, LatentSpace]:
     """Encodes crops and prompts, or reads them from the run folder.
 
     Latents are scaled as `space` says; by default their statistics are measured.
@@ -117,13 +108,13 @@ def prepare_latents(
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
     seen, held_out = (items_to_learn(conditioning.task, part) for part in clips)
     held_out = held_out[:HELD_OUT]
-    unseen = keep_crops(held_out, settings.cropping, 1, training.seed).every()
+    unseen = denoiser.keep_crops(held_out, settings.cropping, 1, training.seed).every()
     features = partial(FeatureCache, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
     if not first.card.vae.has_weights:
         cropping, space = settings.cropping, space or first.card.latents
-        latents = FrameCache(features(), context.device)
+        latents = denoiser.FrameCache(features(), context.device)
     else:
-        cropping = keep_crops(seen, settings.cropping, settings.per_item, training.seed)
+        cropping = denoiser.keep_crops(seen, settings.cropping, settings.per_item, training.seed)
         latents, space = _encode(
             settings, first, features, (cropping.every(), unseen), folder, context, space
         )
@@ -131,7 +122,7 @@ def prepare_latents(
         conditioning.condition, captions_of([*seen, *held_out]), context.device
     )
     batches = BatchSampler(seen, training.batch_size, cropping, training.seed)
-    return LatentData(batches, tuple(unseen), latents, prompts), space
+    return denoiser.LatentData(batches, tuple(unseen), latents, prompts), space
 
 
 def _encode(
@@ -142,26 +133,26 @@ def _encode(
     folder: Path,
     context: DistributedContext,
     space: LatentSpace | None,
-) -> tuple[LatentCache, LatentSpace]:
+) -> tuple[denoiser.LatentCache, LatentSpace]:
     """Encodes seen and unseen crops, or reads their posteriors.
 
     The seen ones give the scale where no space is given.
     """
     every = [*crops[0], *crops[1]]
 
-    def encode() -> Posteriors:
-        return encode_crops(first.vae.to(context.device), features(), every, context)
+    def encode() -> denoiser.Posteriors:
+        return denoiser.encode_crops(first.vae.to(context.device), features(), every, context)
 
-    posteriors = cached_posteriors(folder / "latents.safetensors", encode, context)
+    posteriors = denoiser.cached_posteriors(folder / "latents.safetensors", encode, context)
     if space is None:
         space = first.card.latents
         if settings.normalized:
             space = measured(space, posteriors.take(range(len(crops[0]))))
     posteriors = posteriors.normalized(space.mean, space.std).to(context.device)
-    return LatentCache(every, posteriors), space
+    return denoiser.LatentCache(every, posteriors), space
 
 
-def measured(space: LatentSpace, posteriors: Posteriors) -> LatentSpace:
+def measured(space: LatentSpace, posteriors: denoiser.Posteriors) -> LatentSpace:
     """Returns the latent space with mean and deviation per channel as these have them."""
     mean, std = posteriors.channel_statistics()
     return replace(space, mean=tuple(mean), std=tuple(std))

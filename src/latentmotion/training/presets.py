@@ -24,16 +24,7 @@ from latentmotion.data.dataset import Cropping
 from latentmotion.diffusion.parametrization import Sample, Velocity
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, hint
-from latentmotion.model.config import (
-    ConvolutionalVAEConfig,
-    DenoiserConfig,
-    IdentityVAEConfig,
-    QuarterRateDecoder,
-    Sampling,
-    TransformerConfig,
-    TransformerVAEConfig,
-    VPoserTConfig,
-)
+from latentmotion.model import config
 from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.storage.configuration import from_json, read_plain, to_json
 from latentmotion.storage.reading import read_text
@@ -41,12 +32,12 @@ from latentmotion.training.denoiser_loss import DenoiserObjective
 from latentmotion.training.experiment import Experiment, LatentSettings, TrainingSettings
 
 
-def actor_vae(features: int) -> TransformerVAEConfig:
+def actor_vae(features: int) -> config.TransformerVAEConfig:
     """Six layers without skips or final normalization, sine positions, one latent token."""
-    return TransformerVAEConfig(
+    return config.TransformerVAEConfig(
         features=features,
         tokens=1,
-        transformer=TransformerConfig(layers=6, skips=False, final_norm=False),
+        transformer=config.TransformerConfig(layers=6, skips=False, final_norm=False),
         position="sine",
     )
 
@@ -80,15 +71,15 @@ def mld_humanml3d() -> Experiment:
     training = constant_rate(steps=1_100_000)
     return Experiment(
         name="mld_humanml3d",
-        vae=TransformerVAEConfig(),
+        vae=config.TransformerVAEConfig(),
         vae_objective=VAEObjective(),
         vae_cropping=cropping,
         vae_training=training,
         latents=LatentSettings(cropping, normalized=False),
-        denoiser=DenoiserConfig(
+        denoiser=config.DenoiserConfig(
             latent_width=256,
             condition_width=768,
-            transformer=TransformerConfig(),
+            transformer=config.TransformerConfig(),
             project_latents=False,
             condition_projection="relu_linear",
             positions="latents_first",
@@ -96,7 +87,7 @@ def mld_humanml3d() -> Experiment:
         ),
         denoiser_objective=DenoiserObjective(),
         denoiser_training=training,
-        sampling=Sampling(steps=50, guidance=7.5),
+        sampling=config.Sampling(steps=50, guidance=7.5),
     )
 
 
@@ -123,10 +114,10 @@ def _mld_actions(name: str, classes: int) -> Experiment:
         vae_cropping=cropping,
         vae_training=training,
         latents=LatentSettings(cropping, per_item=8, normalized=False),
-        denoiser=DenoiserConfig(
+        denoiser=config.DenoiserConfig(
             latent_width=256,
             condition_width=classes,
-            transformer=TransformerConfig(layers=15),
+            transformer=config.TransformerConfig(layers=15),
             project_latents=False,
             condition_projection="table",
             positions="latents_first",
@@ -134,13 +125,13 @@ def _mld_actions(name: str, classes: int) -> Experiment:
         ),
         denoiser_objective=DenoiserObjective(),
         denoiser_training=training,
-        sampling=Sampling(steps=50, guidance=7.5),
+        sampling=config.Sampling(steps=50, guidance=7.5),
         mirrored=False,
         task="action",
     )
 
 
-VAE = ConvolutionalVAEConfig(channels=32, decoder=QuarterRateDecoder((9, 3, 1, 3, 1)))
+VAE = config.ConvolutionalVAEConfig(channels=32, decoder=config.QuarterRateDecoder((9, 3, 1, 3, 1)))
 """32 numbers for 4 frames, and a decoder at a quarter of the frame rate."""
 
 
@@ -167,10 +158,10 @@ def starter() -> Experiment:
             steps=10_000, batch_size=48, learning_rate=7e-4, warm_up=500, precision="auto"
         ),
         latents=LatentSettings(Cropping(unit=4, max_frames=196, min_frames=12), per_item=2),
-        denoiser=DenoiserConfig(
+        denoiser=config.DenoiserConfig(
             latent_width=32,
             condition_width=384,
-            transformer=TransformerConfig(width=256, layers=5, hidden=768, dropout=0.1),
+            transformer=config.TransformerConfig(width=256, layers=5, hidden=768, dropout=0.1),
             time_scale=1000.0,
             length_token=True,
         ),
@@ -184,7 +175,7 @@ def starter() -> Experiment:
             warm_up=500,
             precision="auto",
         ),
-        sampling=Sampling(steps=50, guidance=6.0, guidance_rule="projected"),
+        sampling=config.Sampling(steps=50, guidance=6.0, guidance_rule="projected"),
         conditioning=TextConditioning(pooled=True, words=24),
     )
 
@@ -224,9 +215,9 @@ def fast() -> Experiment:
         vae_cropping=Cropping(unit=4, max_frames=64, min_frames=40),
         vae_training=training,
         latents=LatentSettings(_MOTIONS, per_item=8),
-        denoiser=replace(small.denoiser, transformer=TransformerConfig()),
+        denoiser=replace(small.denoiser, transformer=config.TransformerConfig()),
         denoiser_training=training,
-        sampling=Sampling(steps=10, guidance=small.sampling.guidance, sampler="dpm++"),
+        sampling=config.Sampling(steps=10, guidance=small.sampling.guidance, sampler="dpm++"),
     )
 
 
@@ -240,19 +231,19 @@ def fast_tokens() -> Experiment:
     return replace(
         flow,
         name="fast_tokens",
-        vae=TransformerVAEConfig(tokens=16, latent_width=32),
+        vae=config.TransformerVAEConfig(tokens=16, latent_width=32),
         vae_objective=VAEObjective(),
         vae_cropping=_MOTIONS,
         denoiser=replace(flow.denoiser, latent_width=32),
     )
 
 
-def mdm_denoiser(features: int, condition_width: int) -> DenoiserConfig:
+def mdm_denoiser(features: int, condition_width: int) -> config.DenoiserConfig:
     """The network for HumanML3D has 17.9 million weights."""
-    return DenoiserConfig(
+    return config.DenoiserConfig(
         latent_width=features,
         condition_width=condition_width,
-        transformer=TransformerConfig(
+        transformer=config.TransformerConfig(
             width=512, layers=8, heads=4, hidden=1024, skips=False, final_norm=False
         ),
         words="added_to_time",
@@ -269,13 +260,13 @@ def actor() -> Experiment:
 
 def vposer_t() -> Experiment:
     """VPoser over time."""
-    return replace(mld_humanml3d(), name="vposer_t", vae=VPoserTConfig())
+    return replace(mld_humanml3d(), name="vposer_t", vae=config.VPoserTConfig())
 
 
 def mld_no_vae() -> Experiment:
     """MLD on raw frames, a plain decoder that looks at time and sentence (`--vae none`)."""
     experiment = mld_humanml3d()
-    transformer = TransformerConfig(width=512, skips=False)
+    transformer = config.TransformerConfig(width=512, skips=False)
     denoiser = replace(
         experiment.denoiser,
         latent_width=263,
@@ -287,11 +278,11 @@ def mld_no_vae() -> Experiment:
     return replace(
         experiment,
         name="mld_no_vae",
-        vae=IdentityVAEConfig(),
+        vae=config.IdentityVAEConfig(),
         latents=replace(experiment.latents, sampled=False),
         denoiser=denoiser,
         denoiser_objective=DenoiserObjective(schedule=ScaledLinear(offset=0, ends_clean=True)),
-        sampling=Sampling(steps=1000, guidance=7.5, sampler="ddpm"),
+        sampling=config.Sampling(steps=1000, guidance=7.5, sampler="ddpm"),
     )
 
 
@@ -306,7 +297,7 @@ def mdm(steps: int = 1000) -> Experiment:
     training = constant_rate(steps=600_000, weight_decay=0.0)
     return Experiment(
         name="mdm" if steps == 1000 else f"mdm_{steps}",
-        vae=IdentityVAEConfig(),
+        vae=config.IdentityVAEConfig(),
         vae_objective=VAEObjective(),
         vae_cropping=cropping,
         vae_training=training,
@@ -314,7 +305,7 @@ def mdm(steps: int = 1000) -> Experiment:
         denoiser=mdm_denoiser(263, condition_width=512),
         denoiser_objective=DenoiserObjective(schedule=Cosine(steps), parametrization=Sample()),
         denoiser_training=training,
-        sampling=Sampling(steps=steps, guidance=2.5, sampler="ddpm"),
+        sampling=config.Sampling(steps=steps, guidance=2.5, sampler="ddpm"),
     )
 
 

@@ -13,15 +13,8 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.smpl import SmplModel, load_smpl
 from latentmotion.model.card import read_card
+from latentmotion.networks import checkpoint
 from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import (
-    WEIGHTS_FILE,
-    FirstStageModel,
-    LatentModel,
-    load_model,
-    load_stages,
-    save_model,
-)
 from latentmotion.networks.widening import start_from
 from latentmotion.storage.files import sha256
 from latentmotion.training.denoiser import DenoiserStage
@@ -84,19 +77,19 @@ def train_vae(
     smpl = check_body(experiment, dataset, body)
     parents = {"body": smpl.fingerprint} if smpl else {}
     if start:
-        parents["start"] = sha256(start / WEIGHTS_FILE)
+        parents["start"] = sha256(start / checkpoint.WEIGHTS_FILE)
     open_run(folder, Run("vae", dataset.fingerprint, parents, experiment), context)
     torch.manual_seed(training.seed)
     network = build(experiment.vae)
     if start:
-        before = load_stages(start).vae
+        before = checkpoint.load_stages(start).vae
         start_from(network, before, network.latent_width, before.latent_width)
     skin = smpl.body if smpl else None
     stage = VAEStage(network, dataset, experiment, context, skin)
     vae, seconds = train(stage, training, folder, context)
     if context.is_main:
         card = first_stage_card(experiment, dataset, seconds, stage.validate(vae))
-        save_model(folder / MODEL, FirstStageModel(card, vae))
+        checkpoint.save_model(folder / MODEL, checkpoint.FirstStageModel(card, vae))
     return folder / MODEL
 
 
@@ -138,7 +131,7 @@ def train_denoiser(
     parents = {"vae": first.fingerprint, **conditioning.task.parents}
     before = load_start(start, experiment, first) if start else None
     if start:
-        parents["start"] = sha256(start / WEIGHTS_FILE)
+        parents["start"] = sha256(start / checkpoint.WEIGHTS_FILE)
     open_run(folder, Run("denoiser", dataset.fingerprint, parents, experiment), context)
     scale = before.card.latents if before and same_vae(before, first) else None
     seen, space = prepare_latents(experiment, dataset, first, conditioning, folder, context, scale)
@@ -154,7 +147,9 @@ def train_denoiser(
     if context.is_main:
         figures = stage.validate(denoiser)
         card = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
-        save_model(folder / MODEL, LatentModel(card, first.vae.cpu(), denoiser))
+        checkpoint.save_model(
+            folder / MODEL, checkpoint.LatentModel(card, first.vae.cpu(), denoiser)
+        )
     return folder / MODEL
 
 
@@ -194,14 +189,14 @@ def with_networks_of(start: Path, experiment: Experiment, vae: Path | None = Non
     )
 
 
-def load_start(folder: Path, experiment: Experiment, first: FirstStage) -> LatentModel:
+def load_start(folder: Path, experiment: Experiment, first: FirstStage) -> checkpoint.LatentModel:
     """Loads the model whose denoiser training starts from.
 
     Raises:
         InputError: It has another denoiser or another VAE.
         ModelError: There is none in the folder.
     """
-    before = load_model(folder)
+    before = checkpoint.load_model(folder)
     width = experiment.denoiser.latent_width
     if replace(before.card.trained_denoiser, latent_width=width) != experiment.denoiser:
         raise InputError(
@@ -215,7 +210,7 @@ def load_start(folder: Path, experiment: Experiment, first: FirstStage) -> Laten
     return before
 
 
-def same_vae(before: LatentModel, first: FirstStage, tolerance: float = 1e-2) -> bool:
+def same_vae(before: checkpoint.LatentModel, first: FirstStage, tolerance: float = 1e-2) -> bool:
     """Returns whether two VAEs are the same but for rounding, or for more latent channels.
 
     Args:

@@ -14,15 +14,8 @@ from functools import partial
 import numpy as np
 import torch
 
+from latentmotion.condition import task as tasks
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
-from latentmotion.condition.task import (
-    TASKS,
-    ActionTask,
-    Task,
-    TextTask,
-    TrainingCondition,
-    UnconditionalTask,
-)
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset, Item, items_of
 from latentmotion.errors import InputError
@@ -36,7 +29,7 @@ AT_ONCE = 512
 class TaskConditioning:
     """How prompts become what the denoiser sees."""
 
-    task: TextTask | ActionTask | UnconditionalTask
+    task: tasks.TextTask | tasks.ActionTask | tasks.UnconditionalTask
     """What the model card says of it."""
     condition: Condition
     """Prompts to words."""
@@ -58,8 +51,8 @@ def task_conditioning(
     clips = dataset.clips("train", mirrored=experiment.mirrored)
     labels = tuple(sorted({clip.action for clip in clips if clip.action}))
     loaded = partial(required_encoder, encoder)
-    given = TrainingCondition(str(dataset.folder), labels, loaded, experiment.conditioning)
-    task = TASKS[experiment.task].of_training(given)
+    given = tasks.TrainingCondition(str(dataset.folder), labels, loaded, experiment.conditioning)
+    task = tasks.TASKS[experiment.task].of_training(given)
     return TaskConditioning(task, task.condition(task.condition_width, loaded))
 
 
@@ -75,7 +68,7 @@ def with_condition_width(experiment: Experiment, conditioning: TaskConditioning)
     )
 
 
-def items_to_learn(task: Task, clips: Iterable[Clip]) -> list[Item]:
+def items_to_learn(task: tasks.Task, clips: Iterable[Clip]) -> list[Item]:
     """Returns what a model of a task can learn of clips; the captions of an item are prompts."""
     whole = (Item(clip, 0, clip.frames, ()) for clip in clips)
     items = list(whole) if task.whole_clips else items_of(clips)

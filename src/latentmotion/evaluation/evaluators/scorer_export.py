@@ -16,15 +16,8 @@ from latentmotion.evaluation.evaluators.tower_network import TowerNetworks
 from latentmotion.evaluation.evaluators.words import EncodedWords
 from latentmotion.export.onnx import trace
 from latentmotion.export.shared_weights import FEWEST
+from latentmotion.ranking import scorer as scorers
 from latentmotion.ranking.nearest import training_vectors
-from latentmotion.ranking.scorer import (
-    CARD_FILE,
-    CLIPS_FILE,
-    MOTION_FILE,
-    TEXT_FILE,
-    Scorer,
-    ScorerCard,
-)
 from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_folder
 
@@ -51,7 +44,7 @@ def export_scorer(
             f"evaluator {card.name!r} cannot be exported: expected one of latentmotion train "
             "evaluator --preset scorer, without --glove"
         )
-    about = ScorerCard(
+    about = scorers.ScorerCard(
         name=name or card.name,
         representation=card.representation,
         text_encoder=words.name,
@@ -61,19 +54,19 @@ def export_scorer(
         provenance=card.provenance,
         figures=card.figures,
     )
-    with atomic_folder(folder, CARD_FILE) as temporary:
-        write_json(temporary / CARD_FILE, about)
+    with atomic_folder(folder, scorers.CARD_FILE) as temporary:
+        write_json(temporary / scorers.CARD_FILE, about)
         frames = torch.ones(2, 28, dtype=torch.bool)
         features = torch.randn(2, 28, networks.config.features)
         motions = _MotionGraph(networks, evaluator)
-        trace(motions, {"features": features, "mask": frames}, temporary / MOTION_FILE)
+        trace(motions, {"features": features, "mask": frames}, temporary / scorers.MOTION_FILE)
         states, seen = torch.randn(2, 7, words.width), torch.ones(2, 7, dtype=torch.bool)
-        trace(_TextGraph(networks), {"words": states, "mask": seen}, temporary / TEXT_FILE)
-        for graph in (MOTION_FILE, TEXT_FILE):
+        trace(_TextGraph(networks), {"words": states, "mask": seen}, temporary / scorers.TEXT_FILE)
+        for graph in (scorers.MOTION_FILE, scorers.TEXT_FILE):
             halve_weights(temporary / graph)
         if data is not None:
-            scorer = Scorer.load(temporary, words.encoder)
-            training_vectors(data, scorer).write(temporary / CLIPS_FILE)
+            scorer = scorers.Scorer.load(temporary, words.encoder)
+            training_vectors(data, scorer).write(temporary / scorers.CLIPS_FILE)
 
 
 def halve_weights(graph: Path) -> None:

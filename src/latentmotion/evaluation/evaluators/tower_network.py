@@ -15,15 +15,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from latentmotion.networks.transformer import (
-    EncoderLayer,
-    FeedForward,
-    PreNorm,
-    SelfAttention,
-    SinePosition,
-    Stack,
-    initialize,
-)
+from latentmotion.networks import transformer
 
 
 @dataclass(frozen=True)
@@ -73,7 +65,7 @@ class TowerNetworks(nn.Module):
         self.motion_tower = Tower(config, config.motion_layers)
         self.words_in = nn.Linear(config.word_width, config.hidden)
         self.text_tower = Tower(config, config.text_layers)
-        self.apply(initialize)
+        self.apply(transformer.initialize)
 
     def motions(
         self,
@@ -111,13 +103,13 @@ class Tower(nn.Module):
     def __init__(self, config: TowerConfig, layers: int) -> None:
         super().__init__()
         width, dropout = config.hidden, config.dropout
-        self.position = SinePosition(width, dropout)
-        self.layers = Stack(
+        self.position = transformer.SinePosition(width, dropout)
+        self.layers = transformer.Stack(
             [
-                EncoderLayer(
-                    SelfAttention(width, config.heads, dropout),
-                    FeedForward(width, 2 * width, dropout, nn.GELU()),
-                    lambda: PreNorm(width, dropout),
+                transformer.EncoderLayer(
+                    transformer.SelfAttention(width, config.heads, dropout),
+                    transformer.FeedForward(width, 2 * width, dropout, nn.GELU()),
+                    lambda: transformer.PreNorm(width, dropout),
                 )
                 for _ in range(layers)
             ],

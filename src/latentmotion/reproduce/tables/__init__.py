@@ -6,55 +6,32 @@ from collections.abc import Sequence
 
 from latentmotion.errors import InputError, hint
 from latentmotion.reproduce.table import Row, Table
-from latentmotion.reproduce.tables.ablations import (
-    AUTOENCODER,
-    BATCH,
-    DECODER,
-    DENOISER,
-    DROPPED,
-    GUIDANCE,
-    LANGUAGE,
-    LAYERS,
-    PREDICTION,
-    TOKENS,
-    TRAINING,
-    VAE,
-)
+from latentmotion.reproduce.tables import ablations, tasks
 from latentmotion.reproduce.tables.fast import FAST, FAST_VAE
-from latentmotion.reproduce.tables.tasks import (
-    HDM05,
-    HUMANACT12,
-    HUMANML3D,
-    KIT,
-    LATENTS,
-    STEPS,
-    UESTC,
-    UNCONDITIONAL,
-)
 
 TABLES: dict[str, Table] = {
     table.name: table
     for table in (
-        HUMANML3D,
-        KIT,
-        HUMANACT12,
-        UESTC,
-        HDM05,
-        UNCONDITIONAL,
-        VAE,
-        LAYERS,
-        DECODER,
-        TOKENS,
-        DENOISER,
-        LANGUAGE,
-        AUTOENCODER,
-        PREDICTION,
-        STEPS,
-        GUIDANCE,
-        DROPPED,
-        BATCH,
-        TRAINING,
-        LATENTS,
+        tasks.HUMANML3D,
+        tasks.KIT,
+        tasks.HUMANACT12,
+        tasks.UESTC,
+        tasks.HDM05,
+        tasks.UNCONDITIONAL,
+        ablations.VAE,
+        ablations.LAYERS,
+        ablations.DECODER,
+        ablations.TOKENS,
+        ablations.DENOISER,
+        ablations.LANGUAGE,
+        ablations.AUTOENCODER,
+        ablations.PREDICTION,
+        tasks.STEPS,
+        ablations.GUIDANCE,
+        ablations.DROPPED,
+        ablations.BATCH,
+        ablations.TRAINING,
+        tasks.LATENTS,
         FAST_VAE,
         FAST,
     )

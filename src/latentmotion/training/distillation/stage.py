@@ -16,14 +16,8 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import CARD_FILE, ModelCard, Provenance, lengths_file, read_card
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.motion import Motion
+from latentmotion.networks import checkpoint
 from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import (
-    WEIGHTS_FILE,
-    LatentModel,
-    load_model,
-    load_weights,
-    save_model,
-)
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.networks.vae.interface import mean_of_real
 from latentmotion.pipeline import sampler_of
@@ -143,7 +137,7 @@ def distill(
         InputError: The run folder holds another run, or data and teacher do not fit.
     """
     dataset, source = Dataset.load(data), model_folder(teacher)
-    model = load_model(source)
+    model = checkpoint.load_model(source)
     check_teacher(model, dataset)
     settings = replace(settings, cropping=within(settings.cropping, model.card))
     card = student_card(model.card, settings)
@@ -164,13 +158,13 @@ def distill(
         before = read_card(start) if start else model.card
         made = provenance_of(dataset, seconds, before.provenance)
         card = finished(card, model.card, made, stage.validate(student))
-        save_model(folder / MODEL, LatentModel(card, model.vae, student))
+        checkpoint.save_model(folder / MODEL, checkpoint.LatentModel(card, model.vae, student))
     return folder / MODEL
 
 
 def fingerprint(folder: Path | None) -> str | None:
     """Returns the hash of a model's weights; None for none."""
-    return sha256(folder / WEIGHTS_FILE) if folder else None
+    return sha256(folder / checkpoint.WEIGHTS_FILE) if folder else None
 
 
 def model_folder(folder: Path) -> Path:
@@ -178,7 +172,7 @@ def model_folder(folder: Path) -> Path:
     return folder / MODEL if (folder / MODEL / CARD_FILE).is_file() else folder
 
 
-def check_teacher(model: LatentModel, dataset: Dataset) -> None:
+def check_teacher(model: checkpoint.LatentModel, dataset: Dataset) -> None:
     """Checks that a model can teach.
 
     Raises:
@@ -229,7 +223,7 @@ def student_card(teacher: ModelCard, settings: Distillation) -> ModelCard:
     )
 
 
-def first_student(teacher: LatentModel, card: ModelCard, start: Path | None) -> Denoiser:
+def first_student(teacher: checkpoint.LatentModel, card: ModelCard, start: Path | None) -> Denoiser:
     """Returns what training begins with: the teacher's weights, or those of an earlier student.
 
     Raises:
@@ -238,7 +232,7 @@ def first_student(teacher: LatentModel, card: ModelCard, start: Path | None) -> 
     config = card.trained_denoiser
     if start is None:
         return student_of(teacher.denoiser, config)
-    model = load_model(start)
+    model = checkpoint.load_model(start)
     if model.card.few_step is None:
         raise ModelError(f"{start} is not distilled; pass a student of the same teacher")
     for name in ("parametrization", "schedule", "latents"):
@@ -246,7 +240,7 @@ def first_student(teacher: LatentModel, card: ModelCard, start: Path | None) -> 
         if found != expected:
             raise ModelError(f"{start}: {name} {found}, expected {expected}: of another teacher")
     student = build(config)
-    load_weights(student, model.denoiser.state_dict(), str(start))
+    checkpoint.load_weights(student, model.denoiser.state_dict(), str(start))
     return student
 
 

@@ -40,20 +40,8 @@ from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import Stage, train
 from latentmotion.training.run_folder import open_run
+from latentmotion.training.text_encoder import data as text_data
 from latentmotion.training.text_encoder.augmentation import plain_phrases, vary
-from latentmotion.training.text_encoder.data import (
-    GROUP,
-    Batch,
-    HeldOut,
-    SentenceSampler,
-    TaggedCaption,
-    TrainingSet,
-    compare,
-    is_held_out,
-    milliseconds,
-    padded,
-    teacher_targets,
-)
 
 POOLED_WEIGHT = 20.0
 RELATION_WEIGHT = 20.0
@@ -85,7 +73,7 @@ class StudentRecipe:
 def distillation_losses(
     pooled: Float[torch.Tensor, "batch width"],
     states: Float[torch.Tensor, "batch words width"],
-    batch: Batch,
+    batch: text_data.Batch,
 ) -> dict[str, torch.Tensor]:
     """Returns the losses of one batch; "total" weights the others as stated at the top.
 
@@ -116,8 +104,8 @@ class TextEncoderStage(Stage[StudentNetwork]):
     def __init__(
         self,
         network: StudentNetwork,
-        data: TrainingSet,
-        held_out: HeldOut,
+        data: text_data.TrainingSet,
+        held_out: text_data.HeldOut,
         settings: TrainingSettings,
         context: DistributedContext,
     ) -> None:
@@ -125,7 +113,7 @@ class TextEncoderStage(Stage[StudentNetwork]):
         self.network = network
         self._data, self._held_out, self._context = data, held_out, context
         lengths = np.array([len(row) for row in data.ids])
-        self._sampler = SentenceSampler(lengths, settings.batch_size, settings.seed)
+        self._sampler = text_data.SentenceSampler(lengths, settings.batch_size, settings.seed)
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""
@@ -139,9 +127,11 @@ class TextEncoderStage(Stage[StudentNetwork]):
     def validate(self, network: StudentNetwork) -> dict[str, float]:
         """Agreement with the teacher on held-out sentences, see `Figures`."""
         ids, device = self._held_out.ids, self._context.device
-        batches = (padded(ids[first : first + AT_ONCE]) for first in range(0, len(ids), AT_ONCE))
+        batches = (
+            text_data.padded(ids[first : first + AT_ONCE]) for first in range(0, len(ids), AT_ONCE)
+        )
         pooled = [network(tokens.to(device), mask.to(device))[0] for tokens, mask in batches]
-        figures = compare(torch.cat(pooled).cpu().numpy(), self._held_out.pooled)
+        figures = text_data.compare(torch.cat(pooled).cpu().numpy(), self._held_out.pooled)
         return {k: v for k, v in dataclasses.asdict(figures).items() if k != "sentences"}
 
     def sample(self, network: StudentNetwork) -> list[Motion]:
@@ -165,7 +155,7 @@ class TextEncoderRun:
 
 def train_text_encoder(
     recipe: StudentRecipe,
-    captions: Sequence[TaggedCaption],
+    captions: Sequence[text_data.TaggedCaption],
     teacher: PretrainedTextEncoder,
     folder: Path,
     context: DistributedContext,
@@ -194,9 +184,9 @@ def train_text_encoder(
     pieces = vocabulary.pieces_to_keep(large, texts, recipe.words, recipe.continuations)
     small = vocabulary.restrict(large, pieces, recipe.positions)
     sentences = training_sentences(captions, large, recipe)
-    targets = teacher_targets(folder / "targets", sentences, large, teacher, context)
-    data = TrainingSet(_ids(small, sentences), aligned(sentences, large, small), targets)
-    measured = HeldOut(held_out, _ids(small, held_out), teacher(held_out).pooled)
+    targets = text_data.teacher_targets(folder / "targets", sentences, large, teacher, context)
+    data = text_data.TrainingSet(_ids(small, sentences), aligned(sentences, large, small), targets)
+    measured = text_data.HeldOut(held_out, _ids(small, held_out), teacher(held_out).pooled)
     network = first_network(recipe, teacher.model, vocabulary.places_in(large, small))
     stage = TextEncoderStage(network, data, measured, recipe.training, context)
     network, _ = train(stage, recipe.training, folder, context)
@@ -208,24 +198,24 @@ def train_text_encoder(
     return encoder
 
 
-def held_out_sentences(captions: Sequence[TaggedCaption]) -> list[str]:
+def held_out_sentences(captions: Sequence[text_data.TaggedCaption]) -> list[str]:
     """Returns the held-out captions in random order.
 
     Raises:
         DataError: There are fewer than 33, one group of the validation.
     """
-    found = sorted(caption.text for caption in captions if is_held_out(caption.text))
-    if len(found) < GROUP:
+    found = sorted(caption.text for caption in captions if text_data.is_held_out(caption.text))
+    if len(found) < text_data.GROUP:
         raise DataError(
             f"{len(found)} of {len(captions)} captions are held out for validation, expected "
-            f"{GROUP} or more; use more captions"
+            f"{text_data.GROUP} or more; use more captions"
         )
     random.Random(0).shuffle(found)
     return found
 
 
 def training_sentences(
-    captions: Sequence[TaggedCaption], tokenizer: Tokenizer, recipe: StudentRecipe
+    captions: Sequence[text_data.TaggedCaption], tokenizer: Tokenizer, recipe: StudentRecipe
 ) -> list[str]:
     """Returns captions, a variation of each, short phrases and the empty sentence, sorted.
 
@@ -236,11 +226,11 @@ def training_sentences(
     """
     generator = random.Random(recipe.training.seed)
     words = vocabulary.frequent_words(tokenizer, recipe.words)
-    train = [caption for caption in captions if not is_held_out(caption.text)]
+    train = [caption for caption in captions if not text_data.is_held_out(caption.text)]
     sentences = [caption.text for caption in train]
     sentences += [vary(caption, words, generator) for caption in train]
     sentences += plain_phrases(train, words, generator)
-    return sorted({text for text in sentences if not is_held_out(text)} | {""})
+    return sorted({text for text in sentences if not text_data.is_held_out(text)} | {""})
 
 
 def aligned(sentences: Sequence[str], large: Tokenizer, small: Tokenizer) -> list[bool]:
@@ -276,13 +266,15 @@ def known_words(tokenizer: Tokenizer, texts: Sequence[str]) -> list[str]:
     return [word for word, count in split.items() if count > 1]
 
 
-def write_card(folder: Path, recipe: StudentRecipe, teacher: str, held_out: HeldOut) -> None:
+def write_card(
+    folder: Path, recipe: StudentRecipe, teacher: str, held_out: text_data.HeldOut
+) -> None:
     """Writes the card of an exported student: origin, agreement with the teacher, speed, sizes."""
     student = StudentTextEncoder.load(folder)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnknownWordsWarning)
-        figures = compare(student(held_out.sentences).pooled, held_out.pooled)
-        pace = milliseconds(student, held_out.sentences[:300])
+        figures = text_data.compare(student(held_out.sentences).pooled, held_out.pooled)
+        pace = text_data.milliseconds(student, held_out.sentences[:300])
     card = {
         "name": student.name,
         "teacher": "all-MiniLM-L6-v2" if teacher.startswith("minilm") else teacher,
