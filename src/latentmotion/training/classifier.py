@@ -145,7 +145,9 @@ class ClassifierStage(Stage[TemporalClassifier]):
         targets = self._data.targets(crops)
         loss = float(F.cross_entropy(logits, targets))
         if loss < best_loss(self._best):
-            _keep(self._best, network, loss)
+            kept = {key: value.cpu().contiguous() for key, value in network.state_dict().items()}
+            with atomic_file(self._best) as temporary:
+                save_file(kept, temporary, {"loss": repr(loss)})
         accuracy = float((logits.argmax(1) == targets).float().mean())
         return {"loss": loss, "accuracy": accuracy}
 
@@ -165,12 +167,6 @@ def best_loss(path: Path) -> float:
         return math.inf
     with safe_open(path, "pt") as file:
         return float(file.metadata()["loss"])
-
-
-def _keep(path: Path, network: TemporalClassifier, loss: float) -> None:
-    with atomic_file(path) as temporary:
-        weights = {key: tensor.cpu().contiguous() for key, tensor in network.state_dict().items()}
-        save_file(weights, temporary, {"loss": repr(loss)})
 
 
 BEST = "best.safetensors"
@@ -199,19 +195,29 @@ def train_classifier(
         InputError: The run folder holds another run.
     """
     dataset = Dataset.load(data)
-    labels, normalizer = _labels(dataset, experiment), _normalizer(dataset)
+    labels = _labels(dataset, experiment)
+    # Measured anew, since a data set may leave its features as they are.
+    normalizer = Normalizer.fit(
+        [dataset.features(clip) for clip in dataset.clips("train", mirrored=True)],
+        dataset.representation.blocks,
+    )
     sizes = {"features": dataset.representation.width, "labels": len(labels)}
     experiment = replace(experiment, network=replace(experiment.network, **sizes))
     open_run(folder, ClassifierRun("classifier", dataset.fingerprint, experiment), context)
     torch.manual_seed(experiment.training.seed)
-    seen = _labelled_data(dataset, labels, normalizer)
-    network = experiment.network.build()
-    stage = ClassifierStage(network, seen, experiment, folder / BEST, context)
-    network, _ = train(stage, experiment.training, folder, context)
+    seen, held_out = (labelled(dataset, part, labels, mirrored=True) for part in ("train", "val"))
+    memory = FeatureCache(dataset, [*seen, *held_out], normalizer)
+    labelled_data = LabelledData(labels, tuple(seen), tuple(held_out), memory)
+    network, best = experiment.network.build(), folder / BEST
+    stage = ClassifierStage(network, labelled_data, experiment, best, context)
+    network = train(stage, experiment.training, folder, context)[0].cpu()
     if context.is_main:
-        network = _chosen(network.cpu(), folder / BEST)
+        if best.exists():  # the weights that did best on the val split, where there is one
+            network.load_state_dict(load_file(best))
         about = _describe(experiment, dataset, labels, normalizer)
-        figures = _accuracies(recognizer_of(about, network, ""), dataset, experiment)
+        recognizer, frames = recognizer_of(about, network, ""), experiment.cropping.max_frames
+        found = {split: accuracy(recognizer, dataset, split, frames) for split in SPLITS}
+        figures = {f"{k}_accuracy": round(v, 4) for k, v in found.items() if v is not None}
         save_action_classifier(
             folder / MODEL, replace(about, figures=figures), network.state_dict()
         )
@@ -230,16 +236,14 @@ def accuracy(recognizer: Recognizer, dataset: Dataset, split: str, frames: int) 
     clips = labelled(dataset, split, recognizer.labels, mirrored=True)
     if not clips:
         return None
-    restart = dataset.representation.restart
-    motions = [restart(_middle(dataset.features(clip), frames)) for clip in clips]
+    motions = []
+    for clip in clips:
+        features = dataset.features(clip)
+        start = max(0, (len(features) - frames) // 2)
+        motions.append(dataset.representation.restart(features[start : start + frames]))
     found = recognizer(motions).logits.argmax(axis=1)
     hits = [recognizer.labels[row] == clip.action for row, clip in zip(found, clips, strict=True)]
     return sum(hits) / len(hits)
-
-
-def _middle(features, frames: int):
-    start = max(0, (len(features) - frames) // 2)
-    return features[start : start + frames]
 
 
 def _labels(dataset: Dataset, experiment: ClassifierExperiment) -> tuple[str, ...]:
@@ -250,27 +254,6 @@ def _labels(dataset: Dataset, experiment: ClassifierExperiment) -> tuple[str, ..
             "prepare data with labels, e.g. latentmotion data prepare hdm05"
         )
     return labels
-
-
-def _normalizer(dataset: Dataset) -> Normalizer:
-    """Measured anew, since a data set may leave its features as they are."""
-    features = [dataset.features(clip) for clip in dataset.clips("train", mirrored=True)]
-    return Normalizer.fit(features, dataset.representation.blocks)
-
-
-def _labelled_data(
-    dataset: Dataset, labels: tuple[str, ...], normalizer: Normalizer
-) -> LabelledData:
-    clips = [labelled(dataset, split, labels, mirrored=True) for split in ("train", "val")]
-    memory = FeatureCache(dataset, [*clips[0], *clips[1]], normalizer)
-    return LabelledData(labels, tuple(clips[0]), tuple(clips[1]), memory)
-
-
-def _chosen(network: TemporalClassifier, best: Path) -> TemporalClassifier:
-    """The weights that did best on the val split, where there is one."""
-    if best.exists():
-        network.load_state_dict(load_file(best))
-    return network
 
 
 def _describe(
@@ -289,11 +272,3 @@ def _describe(
         origin=f"{command_line()} (data {dataset.fingerprint[:12]}; {sources})",
         license="; ".join(dict.fromkeys(source.license for source in dataset.sources)),
     )
-
-
-def _accuracies(
-    recognizer: Recognizer, dataset: Dataset, experiment: ClassifierExperiment
-) -> dict[str, float]:
-    frames = experiment.cropping.max_frames
-    found = {split: accuracy(recognizer, dataset, split, frames) for split in SPLITS}
-    return {f"{k}_accuracy": round(v, 4) for k, v in found.items() if v is not None}

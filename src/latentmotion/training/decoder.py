@@ -21,7 +21,7 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.export.swap_decoder import check_latents, other_figures, scale_of
 from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard, read_card
-from latentmotion.model.config import LatentSpace, VAEConfig
+from latentmotion.model.config import VAEConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, FirstStageModel, load_stages, save_model
 from latentmotion.networks.vae.interface import (
@@ -99,10 +99,6 @@ class ImitatingStage(VAEStage):
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`; "imitated" is that on generated latents."""
         losses = super().forward(step)
-        imitated = self._imitated(step)
-        return {**losses, "total": losses["total"] + imitated, "imitated": imitated}
-
-    def _imitated(self, step: int) -> torch.Tensor:
         settings, context = self._settings, self._context
         rows = self._imitation.rows(step, settings.batch_size, settings.seed)
         batch = self._imitation.batch(rows[context.ranks.shard(len(rows))], self._most)
@@ -111,8 +107,9 @@ class ImitatingStage(VAEStage):
             true = self._imitation.vae.decode(latents, mask)
         found = self.network.decode(latents, mask).float()
         fps, objective = self._dataset.representation.fps, self._objective
-        losses = feature_losses(found, true, mask, self._joints, fps, objective, self.skeleton)
-        return weighted_sum(losses, objective)
+        parts = feature_losses(found, true, mask, self._joints, fps, objective, self.skeleton)
+        imitated = weighted_sum(parts, objective)
+        return {**losses, "total": losses["total"] + imitated, "imitated": imitated}
 
 
 def load_imitation(run: Path, model: FirstStageModel) -> Imitation:
@@ -134,18 +131,13 @@ def load_imitation(run: Path, model: FirstStageModel) -> Imitation:
             f"{run}: expected latents over time in {TRAJECTORIES_FILE}; pass the run folder of a "
             "distillation by TrajectoryRegression of a model that has such"
         )
-    latents, mask = _sorted(*ends_of(trajectories), space)
+    ends, mask = ends_of(trajectories)
+    by_length = mask.sum(dim=1).argsort(stable=True)
+    latents = Scale(torch.tensor(space.mean), torch.tensor(space.std)).denormalize(ends)
     vae = student.vae.eval().requires_grad_(False)
     fingerprint = sha256(trajectories) + sha256(run / MODEL / WEIGHTS_FILE)
+    latents, mask = latents[by_length], mask[by_length]
     return Imitation(latents, mask, space.frames_per_token, vae, fingerprint)
-
-
-def _sorted(
-    ends: torch.Tensor, mask: torch.Tensor, space: LatentSpace
-) -> tuple[torch.Tensor, torch.Tensor]:
-    order = mask.sum(dim=1).argsort(stable=True)
-    scale = Scale(torch.tensor(space.mean), torch.tensor(space.std))
-    return scale.denormalize(ends)[order], mask[order]
 
 
 def train_decoder(
@@ -222,7 +214,14 @@ def vae_with_latents_of(trained: FirstStageModel, config: VAEConfig) -> MotionVA
     if found != wanted:
         raise _another_encoder(trained.card, *islice(differing_keys(wanted, found), 3))
     copy_encoder(vae, trained.vae)
-    if not _encode_alike(vae, trained.vae, trained.card):
+    # Weights do not tell dilations, heads and such: what both make of the same does.
+    width, frames = len(trained.card.normalizer_mean), trained.card.frames[1]
+    generator = torch.Generator().manual_seed(0)
+    features = torch.randn(1, frames, width, generator=generator)
+    mask = torch.ones(features.shape[:2], dtype=torch.bool)
+    with torch.no_grad():
+        means = [one.eval().encode(features, mask).mean for one in (vae, trained.vae)]
+    if not torch.equal(*means):
         raise _another_encoder(trained.card, "of weights of the same shapes")
     return vae
 
@@ -262,16 +261,6 @@ def decoder_card(
 
 def _sizes(vae: MotionVAE) -> dict[str, list[int]]:
     return {name: list(value.shape) for name, value in encoder_state(vae).items()}
-
-
-def _encode_alike(vae: MotionVAE, other: MotionVAE, card: ModelCard) -> bool:
-    """Returns whether both make the same latents; weights do not tell dilations, heads and such."""
-    generator = torch.Generator().manual_seed(0)
-    features = torch.randn(1, card.frames[1], len(card.normalizer_mean), generator=generator)
-    mask = torch.ones(features.shape[:2], dtype=torch.bool)
-    with torch.no_grad():
-        means = [one.eval().encode(features, mask).mean for one in (vae, other)]
-    return torch.equal(*means)
 
 
 def _another_encoder(card: ModelCard, *how: str) -> InputError:

@@ -136,7 +136,12 @@ def encode_crops(
         real = vae.latent_mask(mask)
         for row, index in enumerate(part):
             rows[index] = posterior.mean[row][real[row]].cpu(), posterior.std[row][real[row]].cpu()
-    return _padded([rows[index] for index in range(len(crops))])
+    means, stds = ([rows[index][part] for index in range(len(crops))] for part in range(2))
+    pad = torch.nn.utils.rnn.pad_sequence
+    lengths = torch.tensor([len(mean) for mean in means])
+    return Posteriors(
+        pad(means, batch_first=True), pad(stds, batch_first=True), prefix_mask(lengths)
+    )
 
 
 def cached_posteriors(
@@ -154,16 +159,6 @@ def cached_posteriors(
 
 def _key(crop: Crop) -> tuple[str, int, int]:
     return crop.clip.id, crop.start, crop.frames
-
-
-def _padded(rows: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> Posteriors:
-    pad = torch.nn.utils.rnn.pad_sequence
-    lengths = torch.tensor([len(mean) for mean, _ in rows])
-    return Posteriors(
-        pad([mean for mean, _ in rows], batch_first=True),
-        pad([std for _, std in rows], batch_first=True),
-        prefix_mask(lengths),
-    )
 
 
 class FrameCache:
@@ -262,7 +257,12 @@ class DenoiserStage(Stage[Denoiser]):
         held_out = self._data.held_out
         seen = self._data.batches(0)[: len(held_out)]
         parts = {"loss": held_out, "loss_of_seen": seen} if held_out else {}
-        return {name: self._mean_loss(network, crops) for name, crops in parts.items()}
+        device, losses = self._context.device, {}
+        for name, crops in parts.items():
+            draws = (StepRandomness(n, 0, len(crops), Ranks(), device) for n in range(DRAWS))
+            every = [self._loss(network, crops, crops, draw, dropped=0.0) for draw in draws]
+            losses[name] = float(torch.stack(every).mean())
+        return losses
 
     @torch.no_grad()
     def sample(self, network: Denoiser) -> list[Motion]:
@@ -296,9 +296,3 @@ class DenoiserStage(Stage[Denoiser]):
         condition = self._data.prompts([crop.caption for crop in crops])
         condition = drop(condition, self._null, randomness.chance(dropped))
         return denoiser_loss(network, z0, epsilon, t, condition, latents.mask, objective)
-
-    def _mean_loss(self, network: Denoiser, crops: Sequence[Crop]) -> float:
-        device = self._context.device
-        draws = (StepRandomness(n, 0, len(crops), Ranks(), device) for n in range(DRAWS))
-        losses = [self._loss(network, crops, crops, draw, dropped=0.0) for draw in draws]
-        return float(torch.stack(losses).mean())

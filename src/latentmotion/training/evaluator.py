@@ -187,8 +187,15 @@ class EvaluatorStage(Stage[Networks]):
     @torch.no_grad()
     def validate(self, network: Networks) -> dict[str, float]:
         """Loss, and how often one of the right held-out motions is among the nearest 1, 2, 3."""
-        groups = _groups(self._held_out)
-        figures = [self._figures(network, group) for group in groups]
+        crops, figures = self._held_out, []
+        # Groups of `GROUP` in a fixed random order; fewer make one group.
+        order = np.random.default_rng(0).permutation(len(crops))
+        for n in range(max(len(crops) // GROUP, min(len(crops), 1))):
+            group = [crops[i] for i in order[n * GROUP : (n + 1) * GROUP]]
+            squared = self._distances(network, [crop.caption for crop in group], group)
+            matches = self._matches(group, group)
+            loss = float(self._experiment.objective(squared, matches))
+            figures.append([loss, *top_hits(squared, matches)])
         names = ("loss", "top_1", "top_2", "top_3")
         means = np.mean(figures, axis=0).tolist() if figures else ()
         return {**dict(zip(names, means, strict=False)), **self._sides(network)}
@@ -196,12 +203,6 @@ class EvaluatorStage(Stage[Networks]):
     def sample(self, network: Networks) -> list[Motion]:
         """Nothing: an evaluator makes no motions."""
         return []
-
-    def _figures(self, network: Networks, crops: Sequence[Crop]) -> list[float]:
-        squared = self._distances(network, [crop.caption for crop in crops], crops)
-        matches = self._matches(crops, crops)
-        loss = float(self._experiment.objective(squared, matches))
-        return [loss, *top_hits(squared, matches)]
 
     def _sides(self, network: Networks) -> dict[str, float]:
         """Returns how often a caption with a side is nearer than with left and right swapped."""
@@ -280,13 +281,6 @@ def _crops(clip: Clip, longest: Sequence[int]) -> list[Crop]:
     return crops
 
 
-def _groups(crops: Sequence[Crop]) -> list[list[Crop]]:
-    """Groups of `GROUP` in a fixed random order; fewer make one group."""
-    order = np.random.default_rng(0).permutation(len(crops))
-    whole = max(len(crops) // GROUP, 1) if len(crops) else 0
-    return [[crops[i] for i in order[n * GROUP : (n + 1) * GROUP]] for n in range(whole)]
-
-
 @dataclass(frozen=True)
 class EvaluatorRun:
     """What a run folder was made with."""
@@ -331,7 +325,16 @@ def train_evaluator(
     stage = EvaluatorStage(fitted.build(), vectors, dataset, experiment, context)
     networks, seconds = train(stage, settings, folder, context)
     if context.is_main:
-        card = _card(experiment, dataset, vectors, seconds, stage.validate(networks))
+        figures = stage.validate(networks)
+        card = TextMotionCard(
+            name=experiment.name,
+            representation=dataset.representation.name,
+            networks=experiment.networks,
+            words=vectors.name,
+            vocabulary=vectors.words if isinstance(vectors, GloveWords) else (),
+            provenance=provenance_of(dataset, seconds),
+            figures={f"val_{name}": round(value, 4) for name, value in figures.items()},
+        )
         evaluator = T2MEvaluator(card, networks.cpu(), dataset.normalizer, vectors)
         save_text_motion(folder / MODEL, evaluator, encoder)
     return folder / MODEL
@@ -355,21 +358,3 @@ def fit_to(config: NetworkConfig, dataset: Dataset, vectors: WordVectors) -> Net
             "HumanML3D's or KIT's"
         )
     return replace(fitted, rotations=(blocks["rotations"].start, blocks["rotations"].stop))
-
-
-def _card(
-    experiment: EvaluatorExperiment,
-    dataset: Dataset,
-    vectors: WordVectors,
-    seconds: float,
-    figures: Mapping[str, float],
-) -> TextMotionCard:
-    return TextMotionCard(
-        name=experiment.name,
-        representation=dataset.representation.name,
-        networks=experiment.networks,
-        words=vectors.name,
-        vocabulary=vectors.words if isinstance(vectors, GloveWords) else (),
-        provenance=provenance_of(dataset, seconds),
-        figures={f"val_{name}": round(value, 4) for name, value in figures.items()},
-    )

@@ -136,7 +136,11 @@ def with_changes(experiment: Settings, changes: Sequence[str]) -> Settings:
         path, equals, text = change.partition("=")
         if not equals:
             raise InputError(f"{change!r}: expected KEY=VALUE, e.g. vae_training.steps=1000")
-        keys, value = upgraded_setting(path.split("."), _value(text), data)
+        try:
+            value = json.loads(text)
+        except ValueError:
+            value = text
+        keys, value = upgraded_setting(path.split("."), value, data)
         if ".".join(keys) != path:
             message = f"the setting {path} is deprecated; use {'.'.join(keys)}"
             warnings.warn(message, FutureWarning, stacklevel=2)
@@ -162,10 +166,3 @@ def _replace(data: dict[str, Any], path: list[str], value: Any) -> None:
         if not isinstance(data, dict):
             raise InputError(f"{'.'.join(path)}: {parent} is a plain value and has no {key!r}")
     data[key] = value
-
-
-def _value(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text

@@ -143,7 +143,8 @@ def finetune(
             encoder,
             work / "student",
             context,
-            _student_of(model),
+            # The distilled model that ships, where its teacher is the model to train on.
+            find_model(cards.DEFAULT) if model == find_model("starter") else None,
         )
     if context.is_main:
         folder = cards.text_encoder_folder(card, model)
@@ -157,11 +158,6 @@ def _hashes(clips: OwnMotions) -> dict[str, str]:
     paths = [*find_motions(clips.folder).values(), *sorted(clips.folder.rglob("*.txt"))]
     listed = {path.relative_to(clips.folder).as_posix(): sha256(path) for path in paths}
     return listed | ({"captions": sha256(clips.captions)} if clips.captions else {})
-
-
-def _student_of(model: Path) -> Path | None:
-    """Returns the distilled model that ships, where its teacher is the model to train on."""
-    return find_model(cards.DEFAULT) if model == find_model("starter") else None
 
 
 def _prepare(settings: FineTuning, clips: OwnMotions, model: Path, work: Path) -> None:

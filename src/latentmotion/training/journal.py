@@ -38,9 +38,18 @@ class Journal:
 
     def __init__(self, folder: Path, steps: int, done: int = 0) -> None:
         self._steps = steps
-        _keep_until(folder / NAME, done)
+        lines = [line for line in read_journal(folder) if line["step"] <= done]
+        with atomic_file(folder / NAME) as temporary:
+            text = "".join(json.dumps(line) + "\n" for line in lines)
+            temporary.write_text(text, encoding="utf-8")
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError as error:
+            raise MissingExtraError(
+                "the journal of a training run", "tensorboard", "train"
+            ) from error
         self._file = (folder / NAME).open("a", encoding="utf-8")
-        self._board = _summary_writer(folder / "tensorboard", done)
+        self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=done + 1)
 
     def close(self) -> None:
         """Ends the files."""
@@ -77,21 +86,6 @@ def read_journal(folder: str | Path) -> list[dict[str, Any]]:
     path = Path(folder) / NAME
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     return [json.loads(line) for line in lines if line.startswith("{") and line.endswith("}")]
-
-
-def _keep_until(path: Path, step: int) -> None:
-    lines = [line for line in read_journal(path.parent) if line["step"] <= step]
-    with atomic_file(path) as temporary:
-        text = "".join(json.dumps(line) + "\n" for line in lines)
-        temporary.write_text(text, encoding="utf-8")
-
-
-def _summary_writer(folder: Path, done: int) -> Any:
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError as error:
-        raise MissingExtraError("the journal of a training run", "tensorboard", "train") from error
-    return SummaryWriter(str(folder), purge_step=done + 1)
 
 
 def write_strip(path: Path, motions: Sequence[Motion]) -> None:

@@ -142,9 +142,13 @@ def train_lengths(
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(recipe.seed)
         network = _network(x.shape[1], recipe, captions.seconds)
-        _minimize(
-            network, lambda rows: _pinball(network((x[rows] - mean) / std), y[rows]), len(y), recipe
-        )
+        shares = torch.tensor(QUANTILES)
+
+        def pinball(rows: Tensor) -> Tensor:
+            missing = y[rows, None] - network((x[rows] - mean) / std)
+            return torch.maximum(shares * missing, (shares - 1) * missing).mean()
+
+        _minimize(network, pinball, len(y), recipe)
     first, last = network[1], network[4]
     assert isinstance(first, nn.Linear) and isinstance(last, nn.Linear)
     with torch.no_grad():
@@ -276,10 +280,3 @@ def _minimize(
             loss.backward()
             optimizer.step()
             cycle.step()
-
-
-def _pinball(
-    found: Float[Tensor, "batch quantiles"], true: Float[Tensor, " batch"]
-) -> Float[Tensor, ""]:
-    missing, shares = true[:, None] - found, found.new_tensor(QUANTILES)
-    return torch.maximum(shares * missing, (shares - 1) * missing).mean()

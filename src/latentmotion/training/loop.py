@@ -99,7 +99,10 @@ def load_snapshot(
     path = folder / NAME
     if not path.exists():
         return 0, 0.0
-    state = _read(path)
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:
+        raise ModelError(f"{path} is damaged: {error}; delete it to start afresh") from error
     try:
         network.load_state_dict(upgraded_weights(state["network"]))
         average.network.load_state_dict(upgraded_weights(state["average"]))
@@ -109,13 +112,6 @@ def load_snapshot(
             f"{path} does not fit this network: {error}; use another folder"
         ) from error
     return state["step"], state["seconds"]
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:
-        raise ModelError(f"{path} is damaged: {error}; delete it to start afresh") from error
 
 
 class Stage(nn.Module, ABC, Generic[Network]):

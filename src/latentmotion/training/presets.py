@@ -341,14 +341,11 @@ def preset_named(name: str) -> Experiment:
         InputError: There is none of this name; the nearest is named. Or the file cannot be read,
             or does not fit.
     """
-    if name.lower().endswith((".json", ".toml")):
-        return _preset_of(Path(name))
-    if name not in PRESETS:
-        raise InputError(f"unknown preset {name!r}; {hint(name, PRESETS)}")
-    return PRESETS[name]()
-
-
-def _preset_of(path: Path) -> Experiment:
+    if not name.lower().endswith((".json", ".toml")):
+        if name not in PRESETS:
+            raise InputError(f"unknown preset {name!r}; {hint(name, PRESETS)}")
+        return PRESETS[name]()
+    path = Path(name)
     if path.suffix.lower() == ".json":
         data = read_plain(path)
     else:

@@ -94,7 +94,12 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     if path.exists():
         _check_same(path, run, context)
     elif context.is_main:
-        _check_free(folder)
+        other = next((name for name in _OTHERS if (folder / name).is_file()), None)
+        if other:
+            raise InputError(
+                f"{folder} holds data or a model, or a run of an earlier version ({other}); choose "
+                "another folder to train in"
+            )
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -118,15 +123,6 @@ def read_run(cls: type[AnyRun], folder: Path) -> AnyRun:
         return from_json(cls, upgraded(data) if version == 1 else data)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def _check_free(folder: Path) -> None:
-    found = next((name for name in _OTHERS if (folder / name).is_file()), None)
-    if found:
-        raise InputError(
-            f"{folder} holds data or a model, or a run of an earlier version ({found}); choose "
-            "another folder to train in"
-        )
 
 
 def _check_same(path: Path, run: Any, context: DistributedContext) -> None:

@@ -85,7 +85,8 @@ class Takes:
         Args:
             feet: What a deviation more of faults costs, where obeying counts 1.
         """
-        better = _standardized(-self.faults.clamp(max=1.0), self.prompt)
+        better = _centered(-self.faults.clamp(max=1.0), self.prompt)
+        better = better / (better.square().mean().sqrt() + 1e-6)  # by the deviation within prompts
         reward = self.obeys.float() + feet * better.clamp(-1.5, 1.5)
         return 0.5 + _centered(reward, self.prompt).clamp(-0.5, 0.5)
 
@@ -212,9 +213,3 @@ def _centered(values: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
     count = torch.zeros(int(group.max()) + 1).index_add(0, group, torch.ones_like(values))
     total = torch.zeros_like(count).index_add(0, group, values)
     return values - (total / count.clamp(min=1))[group]
-
-
-def _standardized(values: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
-    """Returns values minus their group's mean, by the deviation within groups."""
-    centered = _centered(values, group)
-    return centered / (centered.square().mean().sqrt() + 1e-6)

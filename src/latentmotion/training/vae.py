@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import torch
@@ -41,17 +41,15 @@ class BatchSampler:
     ) -> None:
         shortest = max(cropping.min_frames, cropping.unit)
         self._items = [item for item in items if item.frames >= shortest]
-        self._arguments = batch_size, cropping, seed
         self._per_epoch = max(len(self._items) // batch_size, 1)
-        self._epoch = lru_cache(maxsize=1)(self._plan_epoch)
+        self._epoch = lru_cache(maxsize=1)(
+            partial(plan_epoch, self._items, batch_size, cropping, seed)
+        )
 
     def __call__(self, step: int) -> list[Crop]:
         """Returns the crops of step number `step`."""
         epoch, index = divmod(step, self._per_epoch)
         return self._epoch(epoch)[index]
-
-    def _plan_epoch(self, epoch: int) -> list[list[Crop]]:
-        return plan_epoch(self._items, *self._arguments, epoch)
 
 
 MOST_CACHED = 1 << 33
@@ -89,18 +87,17 @@ class FeatureCache:
         self, crops: Sequence[Crop], frames: int
     ) -> tuple[Float[torch.Tensor, "batch frames features"], Bool[torch.Tensor, "batch frames"]]:
         """Returns crops padded with zeros to `frames`, and the mask of what is real."""
-        parts = [self._part(crop) for crop in crops]
+        parts = []
+        for crop in crops:
+            whole = self._features.get(crop.clip.id)
+            whole = self._dataset.features(crop.clip) if whole is None else whole
+            part = self._representation.restart(whole[crop.start : crop.start + crop.frames])
+            parts.append(self._normalizer.normalize(part))
         features = np.zeros((len(crops), frames, parts[0].shape[1]), np.float32)
         for row, part in zip(features, parts, strict=True):
             row[: len(part)] = part
         lengths = torch.tensor([crop.frames for crop in crops])
         return torch.from_numpy(features), prefix_mask(lengths, frames)
-
-    def _part(self, crop: Crop) -> Float[np.ndarray, "frames features"]:
-        features = self._features.get(crop.clip.id)
-        features = self._dataset.features(crop.clip) if features is None else features
-        part = features[crop.start : crop.start + crop.frames]
-        return self._normalizer.normalize(self._representation.restart(part))
 
 
 def items_by_length(clips: Sequence[Clip], most: int) -> list[Item]:

@@ -227,18 +227,16 @@ class DistillationData:
         cropping, latents = settings.cropping, FrameCache(memory, self.context.device)
         if self.model.card.vae.has_weights:
             cropping = keep_crops(self.seen, cropping, per_item, training.seed)
-            latents = self._latents(memory, cropping.every())
+            space, device, vae = self.teacher.card.latents, self.context.device, self.model.vae
+            crops = cropping.every()
+            posteriors = cached_posteriors(
+                self.folder / "latents.safetensors",
+                lambda: encode_crops(vae.to(device), memory, crops, self.context),
+                self.context,
+            ).normalized(space.mean, space.std)
+            latents = LatentCache(crops, posteriors.to(device))
         batches = BatchSampler(self.seen, training.batch_size, cropping, training.seed)
         return PhaseSteps(self.teacher, batches, latents, training, self.context)
-
-    def _latents(self, memory: FeatureCache, crops: list[Crop]) -> LatentCache:
-        space, device, vae = self.teacher.card.latents, self.context.device, self.model.vae
-        posteriors = cached_posteriors(
-            self.folder / "latents.safetensors",
-            lambda: encode_crops(vae.to(device), memory, crops, self.context),
-            self.context,
-        )
-        return LatentCache(crops, posteriors.normalized(space.mean, space.std).to(device))
 
 
 def prepare_distillation(

@@ -41,7 +41,7 @@ from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.storage.files import atomic_file
-from latentmotion.training.denoiser import FrameCache, LatentCache, Posteriors
+from latentmotion.training.denoiser import FrameCache, LatentCache
 from latentmotion.training.denoiser_loss import StepBatch
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Precision, TrainingSettings
@@ -107,29 +107,25 @@ class Teacher:
         mask = prefix_mask(torch.tensor(tokens))
         scale = torch.from_numpy(guidance)
         condition = self.prompts([crop.caption for crop in crops])
-        moved = (part.to(self.device) for part in (torch.from_numpy(z), mask, scale))
-        points, rows = self._points(condition, *moved), torch.arange(len(crops))
-        return Trajectories(points, mask, scale, rows).to(torch.device("cpu"))
-
-    def guided(self, scale: Float[torch.Tensor, " batch"]) -> ParametrizedDenoiser:
-        """Returns the teacher's denoiser, guided by a scale for each item."""
-        card, null = self.card, self.prompts([""])
-        return guided(card.sampling.guidance_rule, card.parametrized(self.network), null, scale)
-
-    def _points(
-        self, condition: Conditioning, z: torch.Tensor, mask: torch.Tensor, scale: torch.Tensor
-    ) -> torch.Tensor:
-        guided = self.guided(scale)
+        start, real = torch.from_numpy(z).to(self.device), mask.to(self.device)
+        guided = self.guided(scale.to(self.device))
         states: list[torch.Tensor] = []
 
         def watched(z: Any, t: float, condition: Conditioning, mask: Any) -> Estimates:
             states.append(z)
             return guided(z, t, condition, mask)
 
-        sampler = sampler_named(self.solver, self.card.schedule)
+        sampler, steps = sampler_named(self.solver, self.card.schedule), self.few_step.solver_steps
         with autocast(self.device, self.precision):
-            last = sample(watched, sampler, z, condition, mask, self.few_step.solver_steps, nothing)
-        return torch.stack([[*states, last][stop] for stop in self.few_step.stops], dim=1)
+            last = sample(watched, sampler, start, condition, real, steps, nothing)
+        points = torch.stack([[*states, last][stop] for stop in self.few_step.stops], dim=1)
+        rows = torch.arange(len(crops))
+        return Trajectories(points, mask, scale, rows).to(torch.device("cpu"))
+
+    def guided(self, scale: Float[torch.Tensor, " batch"]) -> ParametrizedDenoiser:
+        """Returns the teacher's denoiser, guided by a scale for each item."""
+        card, null = self.card, self.prompts([""])
+        return guided(card.sampling.guidance_rule, card.parametrized(self.network), null, scale)
 
 
 def cached_trajectories(
@@ -338,18 +334,15 @@ class PhaseSteps:
         least, most = self._teacher.few_step.guidance
         step_condition = StepCondition(least + (most - least) * chance.uniform(), 1 / phases.counts)
         latents = self._latents.batch(own, crops)
-        start = self._noised(latents, first, chance)
+        shape = latents.mean.shape[1:]
+        z0, noise = latents.mean + latents.std * chance.normal(*shape), chance.normal(*shape)
+        start = add_noise(z0, noise, self._times[first], self._teacher.card.schedule)
+        # The first timestep is noise alone, as in sampling, even if the schedule keeps signal.
+        start = torch.where((first == 0)[:, None, None], noise, start)
         condition = self._teacher.prompts([crop.caption for crop in own])
         t, after, s = (self._times[at] for at in (first, first + 1, phases.last))
         end = self._end(start, (t, after, s), condition, latents.mask, step_condition, average)
         return StepBatch(start, end, (t, s), condition, latents.mask, step_condition)
-
-    def _noised(self, latents: Posteriors, first: Tensor, chance: StepRandomness) -> Tensor:
-        """The first timestep is noise alone, as in sampling, even if the schedule keeps signal."""
-        shape = latents.mean.shape[1:]
-        z0, noise = latents.mean + latents.std * chance.normal(*shape), chance.normal(*shape)
-        z = add_noise(z0, noise, self._times[first], self._teacher.card.schedule)
-        return torch.where((first == 0)[:, None, None], noise, z)
 
     @torch.no_grad()
     def _end(

@@ -98,10 +98,14 @@ def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random)
     if generator.random() < 0.6:
         text = _with_synonyms(text, generator)
     if generator.random() < 0.2:
-        text = _with_any_word(text, words, generator)
+        parts = text.split()
+        if parts and words:
+            parts[generator.randrange(len(parts))] = generator.choice(words)
+        text = " ".join(parts)
     if generator.random() < 0.15:
         text = _with_typo(text, generator)
-    return _with_ending(text, generator)
+    bare = text.strip(" .,")
+    return bare + generator.choice((".", "", "", "!")) if bare else text
 
 
 def plain_phrases(
@@ -117,16 +121,14 @@ def plain_phrases(
     tags = [tag for caption in captions for tag in caption.tags]
     verbs = sorted({lemma for lemma, tag in tags if tag == "VERB" and lemma.isalpha()})
     nouns = sorted({lemma for lemma, tag in tags if tag == "NOUN" and lemma.isalpha()})
-    phrases = [phrase for verb in verbs for phrase in _in_frames(verb)]
+    phrases = []
+    for verb in verbs:
+        forms = {"plain": verb, "goes": third_person(verb), "going": present_participle(verb)}
+        phrases += [frame.format_map(forms) for frame in VERB_FRAMES]
     phrases += [f"{phrase} {generator.choice(MANNERS)}".strip() for phrase in phrases]
     phrases += [frame.format(what) for what in ACTIVITIES for frame in ACTIVITY_FRAMES]
     phrases += [f"{generator.choice(verbs)} {generator.choice(nouns)}" for _ in nouns]
     return phrases + nouns + list(words)
-
-
-def _in_frames(verb: str) -> list[str]:
-    forms = {"plain": verb, "goes": third_person(verb), "going": present_participle(verb)}
-    return [frame.format_map(forms) for frame in VERB_FRAMES]
 
 
 def _as_is(caption: TaggedCaption, generator: random.Random) -> str:
@@ -155,13 +157,6 @@ def _with_synonyms(text: str, generator: random.Random) -> str:
     return " ".join(words)
 
 
-def _with_any_word(text: str, words: Sequence[str], generator: random.Random) -> str:
-    parts = text.split()
-    if parts and words:
-        parts[generator.randrange(len(parts))] = generator.choice(words)
-    return " ".join(parts)
-
-
 def _with_typo(text: str, generator: random.Random) -> str:
     """Drops, doubles or swaps one letter."""
     if len(text) < 4:
@@ -169,8 +164,3 @@ def _with_typo(text: str, generator: random.Random) -> str:
     at = generator.randrange(len(text) - 1)
     first, second = text[at], text[at + 1]
     return text[:at] + generator.choice(("", first * 2, second + first)) + text[at + 1 :]
-
-
-def _with_ending(text: str, generator: random.Random) -> str:
-    bare = text.strip(" .,")
-    return bare + generator.choice((".", "", "", "!")) if bare else text

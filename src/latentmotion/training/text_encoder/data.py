@@ -12,7 +12,7 @@ import json
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -236,7 +236,20 @@ def read_captions(path: str | Path) -> list[TaggedCaption]:
     Raises:
         DataError: The path does not exist or holds no caption.
     """
-    lines = (line for text in _caption_files(Path(path)) for line in text.splitlines())
+    path = Path(path)
+    if path.is_dir():
+        texts = [read_text(file) for file in sorted(path.rglob("*.txt"))]
+    elif not path.is_file():
+        raise DataError(f"{path} does not exist; expected HumanML3D's texts folder or JSON file")
+    else:
+        packed = path.suffix == ".xz"
+        entries = parse_json(unpack_xz(path), path) if packed else read_json_file(path)
+        if not isinstance(entries, dict) or not all(
+            isinstance(e, str | list) for e in entries.values()
+        ):
+            raise DataError(f"{path}: expected captions by id, found something else")
+        texts = [e if isinstance(e, str) else "\n".join(e) for e in entries.values()]
+    lines = (line for text in texts for line in text.splitlines())
     captions = {caption.text: caption for line in lines if (caption := parse_line(line)).text}
     if not captions:
         raise DataError(f"{path} holds no captions; expected HumanML3D's texts folder or JSON file")
@@ -256,20 +269,6 @@ def is_held_out(sentence: str) -> bool:
     side_blind = re.sub(r"\b(left|right)", "side", " ".join(sentence.lower().split()))
     digest = hashlib.sha256(side_blind.encode()).digest()
     return int.from_bytes(digest[:4], "big") % 100 < HELD_OUT_PERCENT
-
-
-def _caption_files(path: Path) -> Iterable[str]:
-    if path.is_dir():
-        return (read_text(file) for file in sorted(path.rglob("*.txt")))
-    if not path.is_file():
-        raise DataError(f"{path} does not exist; expected HumanML3D's texts folder or JSON file")
-    packed = path.suffix == ".xz"
-    entries = parse_json(unpack_xz(path), path) if packed else read_json_file(path)
-    if not isinstance(entries, dict) or not all(
-        isinstance(e, str | list) for e in entries.values()
-    ):
-        raise DataError(f"{path}: expected captions by id, found something else")
-    return (text if isinstance(text, str) else "\n".join(text) for text in entries.values())
 
 
 @dataclass(frozen=True)
