@@ -621,5 +621,9 @@ def features_from_noise(
 
 def sampler_of(card: ModelCard, sampling: Sampling) -> Sampler:
     """Returns the sampler for a model's schedule; a distilled one stops at its own few times."""
-    schedule = FewStepSchedule(card.schedule, card.few_step) if card.few_step else card.schedule
+    schedule = (
+        FewStepSchedule(card.schedule, card.few_step.solver_steps)
+        if card.few_step
+        else card.schedule
+    )
     return sampler_named(sampling.sampler, schedule)

@@ -11,10 +11,10 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.diffusion.schedule import FewStepConfig
 from latentmotion.errors import InputError
 from latentmotion.export.package import package_model
 from latentmotion.model.card import find_model, read_card, shipped_models
+from latentmotion.model.config import FewStepConfig
 from latentmotion.model.version_1 import KEYS, upgraded, upgraded_weights
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.pipeline import MotionPipeline

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.diffusion.schedule import FewStepConfig
+from latentmotion.model.config import FewStepConfig
 from latentmotion.training import loop
 from latentmotion.training.distillation.data import (
     Distillation,

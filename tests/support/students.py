@@ -8,12 +8,13 @@ import torch
 
 from latentmotion.condition.task import ActionTask
 from latentmotion.diffusion.parametrization import Velocity
-from latentmotion.diffusion.schedule import FewStepConfig, LinearPath
+from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.export.package import package_model
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import (
     ConvolutionalVAEConfig,
     DenoiserConfig,
+    FewStepConfig,
     LatentSpace,
     Sampling,
     TransformerConfig,

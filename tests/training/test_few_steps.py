@@ -18,7 +18,6 @@ from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.samplers import DDIM
 from latentmotion.diffusion.schedule import (
     Cosine,
-    FewStepConfig,
     FewStepSchedule,
     LinearPath,
     ScaledLinear,
@@ -28,7 +27,7 @@ from latentmotion.diffusion.schedule import (
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.package import package_model
 from latentmotion.gpu.backend import torch_pipeline
-from latentmotion.model.config import DenoiserConfig, TransformerConfig
+from latentmotion.model.config import DenoiserConfig, FewStepConfig, TransformerConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_model
 from latentmotion.training.denoiser_loss import StepBatch, between, step_loss
@@ -62,9 +61,9 @@ def test_stops_are_where_leaps_begin_and_end() -> None:
 def test_leaps_stop_over_at_the_solvers_times(schedule: Schedule) -> None:
     every = schedule.timesteps(8).tolist()
     for steps in (1, 2, 4):
-        times = FewStepSchedule(schedule, FEW_STEP).timesteps(steps).tolist()
+        times = FewStepSchedule(schedule, FEW_STEP.solver_steps).timesteps(steps).tolist()
         assert times == every[:: 8 // steps] and len(times) == steps + 1
-    assert isinstance(FewStepSchedule(schedule, FEW_STEP), Schedule)
+    assert isinstance(FewStepSchedule(schedule, FEW_STEP.solver_steps), Schedule)
 
 
 def test_leaps_that_cannot_be_are_refused() -> None:

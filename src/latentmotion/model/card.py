@@ -24,7 +24,7 @@ from latentmotion.diffusion.parametrization import (
     Sample,
     Velocity,
 )
-from latentmotion.diffusion.schedule import Cosine, FewStepConfig, LinearPath, ScaledLinear
+from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
 from latentmotion.model.config import DenoiserConfig, LatentSpace, Sampling, VAEConfig
 from latentmotion.model.version_1 import upgraded_card

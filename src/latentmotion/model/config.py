@@ -15,7 +15,6 @@ from typing import ClassVar, Literal, TypeVar
 
 from latentmotion.diffusion.guidance import GuidanceRule
 from latentmotion.diffusion.samplers import SamplerName
-from latentmotion.diffusion.schedule import FewStepConfig
 from latentmotion.errors import InputError
 from latentmotion.storage import limits
 
@@ -75,6 +74,58 @@ class TransformerConfig:
         """
         count = layers.get(self.layers, self.layers)
         return replace(self, width=width, hidden=2 * width, layers=count)
+
+
+@dataclass(frozen=True)
+class FewStepConfig:
+    """The step counts and guidance scales that a student learns.
+
+    Raises:
+        InputError: A number of steps does not divide that of the solver, or there is no range.
+    """
+
+    guidance: tuple[float, float] = (1.0, 6.0)
+    """Smallest and largest guidance scale."""
+    steps: tuple[int, ...] = (1, 2, 4)
+    """Numbers of steps in which it can be sampled."""
+    solver_steps: int = 16
+    """Steps of the teacher's solver, which all of these divide."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.solver_steps <= limits.MOST_STEPS or len(self.steps) > self.solver_steps:
+            raise InputError(
+                f"few_step.solver_steps {self.solver_steps}: expected 1 to {limits.MOST_STEPS:,}"
+            )
+        odd = [count for count in self.steps if count < 1 or self.solver_steps % count]
+        if odd or not self.steps:
+            found = odd[0] if odd else "none"
+            raise InputError(
+                f"few_step.steps: {found}; expected divisors of few_step.solver_steps, "
+                f"{self.solver_steps}"
+            )
+        if not 0 <= self.guidance[0] <= self.guidance[1]:
+            raise InputError(f"few_step.guidance {self.guidance}: expected the smaller scale first")
+
+    def check(self, steps: int, guidance: float, sampler: str) -> None:
+        """Raises InputError for sampling settings that the student has not learned."""
+        smallest, largest = self.guidance
+        if steps not in self.steps:
+            known = ", ".join(map(str, self.steps))
+            raise InputError(f"{steps} sampling steps: this distilled model takes {known}")
+        if not smallest <= guidance <= largest:
+            raise InputError(
+                f"guidance {guidance:g}: this distilled model learned {smallest:g} to {largest:g}"
+            )
+        if sampler not in ("ddim", "euler"):
+            raise InputError(f"sampler {sampler}: a distilled model is sampled with ddim alone")
+
+    @property
+    def stops(self) -> list[int]:
+        """Numbers of the solver's timesteps at which some step begins or ends."""
+        counts = self.steps
+        return sorted(
+            {n * self.solver_steps // count for count in counts for n in range(count + 1)}
+        )
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from latentmotion.data.recording import Label, Recording
 from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, read_manifest
 from latentmotion.describe.reading import scene_of
-from latentmotion.diffusion.schedule import FewStepConfig
 from latentmotion.errors import DataError, ModelError
 from latentmotion.export import package
 from latentmotion.gpu.backend import find_encoder, torch_pipeline
@@ -24,6 +23,7 @@ from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.model import card as cards
 from latentmotion.model.card import find_model, read_card
+from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
 from latentmotion.progress import counted
 from latentmotion.representation.interface import representation_named

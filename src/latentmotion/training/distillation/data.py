@@ -16,12 +16,12 @@ from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
-from latentmotion.diffusion.schedule import FewStepConfig
 from latentmotion.engine.backend import FeatureDecoder, normalizer_of, representation_of
 from latentmotion.errors import InputError
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.prompts import Instruction
 from latentmotion.model.card import ModelCard
+from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.text.lengths import LengthFile
 from latentmotion.training.denoiser import (
