@@ -18,7 +18,7 @@ from latentmotion.model.config import (
     TransformerVAEConfig,
     VPoserTConfig,
 )
-from latentmotion.networks.build import build
+from latentmotion.networks.build import build, start_from
 from latentmotion.networks.vae.interface import (
     MotionVAE,
     Posterior,
@@ -26,7 +26,6 @@ from latentmotion.networks.vae.interface import (
     decoder_modules,
     fingerprint,
 )
-from latentmotion.networks.widening import start_from
 from latentmotion.training.presets import actor_vae
 
 FEATURES = 19

@@ -275,6 +275,7 @@ class PretrainedTextEncoder:
         config = getattr(self.model.config, "text_config", self.model.config)
         return int(getattr(config, "hidden_size", None) or config.dim)
 
+    @torch.no_grad()
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns the embeddings of at least one sentence.
 
@@ -283,23 +284,20 @@ class PretrainedTextEncoder:
         """
         if not sentences:
             raise InputError("no sentence to encode; give at least one")
-        firsts = range(0, len(sentences), AT_ONCE)
-        return stack([self._encode(sentences[first : first + AT_ONCE]) for first in firsts])
-
-    @torch.no_grad()
-    def _encode(self, sentences: Sequence[str]) -> TextEmbedding:
-        batch = self.tokenizer(
-            list(sentences),
-            padding=self.kind.padding,
-            truncation=True,
-            max_length=self.kind.longest,
-            return_tensors="pt",
-        )
-        mask = batch["attention_mask"].bool()
-        reading = self.kind.read(self.model, batch["input_ids"], mask)
-        return TextEmbedding(
-            reading.pooled.float().numpy(), reading.words.float().numpy(), reading.mask.numpy()
-        )
+        embeddings = []
+        for first in range(0, len(sentences), AT_ONCE):
+            batch = self.tokenizer(
+                list(sentences[first : first + AT_ONCE]),
+                padding=self.kind.padding,
+                truncation=True,
+                max_length=self.kind.longest,
+                return_tensors="pt",
+            )
+            mask = batch["attention_mask"].bool()
+            reading = self.kind.read(self.model, batch["input_ids"], mask)
+            vectors = reading.pooled.float().numpy(), reading.words.float().numpy()
+            embeddings.append(TextEmbedding(*vectors, reading.mask.numpy()))
+        return stack(embeddings)
 
 
 def local_encoder(name: str) -> PretrainedTextEncoder:

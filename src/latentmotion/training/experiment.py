@@ -144,7 +144,14 @@ def with_changes(experiment: Settings, changes: Sequence[str]) -> Settings:
         if ".".join(keys) != path:
             message = f"the setting {path} is deprecated; use {'.'.join(keys)}"
             warnings.warn(message, FutureWarning, stacklevel=2)
-        _replace(data, keys, value)
+        part = data
+        for parent in keys[:-1]:
+            # An unknown part is made here, so that reading the whole back can name the nearest.
+            part = part.setdefault(parent, {})
+            if not isinstance(part, dict):
+                name = ".".join(keys)
+                raise InputError(f"{name}: {parent} is a plain value and has no {keys[-1]!r}")
+        part[keys[-1]] = value
     return from_json(type(experiment), data)
 
 
@@ -156,13 +163,3 @@ def differing_keys(one: Any, other: Any, where: str = "") -> Iterator[str]:
             yield from differing_keys(one.get(key), other.get(key), path)
     elif one != other:
         yield f"{where} ({one!r} → {other!r})"
-
-
-def _replace(data: dict[str, Any], path: list[str], value: Any) -> None:
-    *parents, key = path
-    for parent in parents:
-        # An unknown part is made here, so that reading the whole back can name the nearest.
-        data = data.setdefault(parent, {})
-        if not isinstance(data, dict):
-            raise InputError(f"{'.'.join(path)}: {parent} is a plain value and has no {key!r}")
-    data[key] = value

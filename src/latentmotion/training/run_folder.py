@@ -130,7 +130,12 @@ def _check_same(path: Path, run: Any, context: DistributedContext) -> None:
     found = json.loads(json.dumps(to_json(read_run(type(run), path.parent))))
     wanted = json.loads(json.dumps(to_json(run)))
     differing = list(differing_keys(found, wanted))
-    fixed = [key for key in differing if not _may_change(key)]
+    fixed = []
+    for key in differing:  # more steps and another precision may be asked for
+        steps = _STEPS.fullmatch(key)
+        more = steps and int(steps[2]) > int(steps[1])
+        if not more and not _PRECISION.fullmatch(key):
+            fixed.append(key)
     if fixed:
         raise InputError(
             f"{path.parent} holds a run with another configuration; differing: "
@@ -185,9 +190,3 @@ def second_stage_card(
         provenance=provenance_of(dataset, seconds, first.provenance),
         figures={**first.figures, **rounded},
     )
-
-
-def _may_change(difference: str) -> bool:
-    """Returns whether a run may be resumed in spite of a difference."""
-    steps = _STEPS.fullmatch(difference)
-    return int(steps[2]) > int(steps[1]) if steps else bool(_PRECISION.fullmatch(difference))

@@ -14,8 +14,7 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.smpl import SmplModel, load_smpl
 from latentmotion.model.card import read_card
 from latentmotion.networks import checkpoint
-from latentmotion.networks.build import build
-from latentmotion.networks.widening import start_from
+from latentmotion.networks.build import build, start_from
 from latentmotion.storage.files import sha256
 from latentmotion.training.denoiser import DenoiserStage
 from latentmotion.training.distributed import DistributedContext

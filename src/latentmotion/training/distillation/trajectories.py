@@ -35,10 +35,11 @@ from latentmotion.data.dataset import Crop
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.parametrization import Estimates, ParametrizedDenoiser, add_noise
 from latentmotion.diffusion.samplers import SamplerName, SeededNoise, sample, sampler_named
-from latentmotion.diffusion.schedule import FewStepConfig, Schedule, StepCondition
+from latentmotion.diffusion.schedule import Schedule, StepCondition
 from latentmotion.gpu.device import autocast
 from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard
+from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser import FrameCache, LatentCache
@@ -341,27 +342,14 @@ class PhaseSteps:
         start = torch.where((first == 0)[:, None, None], noise, start)
         condition = self._teacher.prompts([crop.caption for crop in own])
         t, after, s = (self._times[at] for at in (first, first + 1, phases.last))
-        end = self._end(start, (t, after, s), condition, latents.mask, step_condition, average)
-        return StepBatch(start, end, (t, s), condition, latents.mask, step_condition)
-
-    @torch.no_grad()
-    def _end(
-        self,
-        z: Float[Tensor, "batch tokens width"],
-        times: tuple[Tensor, Tensor, Tensor],
-        condition: Conditioning,
-        mask: Tensor,
-        step_condition: StepCondition,
-        average: Callable[..., Tensor],
-    ) -> Float[Tensor, "batch tokens width"]:
-        """Takes a step with the teacher, then one with the averaged student."""
-        t, after, s = times
-        guided = self._teacher.guided(step_condition.guidance).denoiser
-        output = guided(z, t, condition, mask).float()
-        z = self._moved(z, output, t, after)
-        there = self._moved(z, average(z, after, condition, mask, step_condition).float(), after, s)
+        mask, guided = latents.mask, self._teacher.guided(step_condition.guidance).denoiser
+        with torch.no_grad():  # a step with the teacher, then one with the averaged student
+            z = self._moved(start, guided(start, t, condition, mask).float(), t, after)
+            output = average(z, after, condition, mask, step_condition).float()
+            there = self._moved(z, output, after, s)
         # No noise may be left there, which determines no prediction.
-        return torch.where((after == s)[:, None, None], z, there)
+        end = torch.where((after == s)[:, None, None], z, there)
+        return StepBatch(start, end, (t, s), condition, mask, step_condition)
 
     def _moved(self, z: Tensor, output: Tensor, t: Tensor, s: Tensor) -> Tensor:
         """Makes a step of DDIM, each item between times of its own."""

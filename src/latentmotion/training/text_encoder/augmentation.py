@@ -96,14 +96,21 @@ def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random)
     if generator.random() < 0.6:
         text = _SUBJECT.sub(generator.choice(SUBJECTS), text)
     if generator.random() < 0.6:
-        text = _with_synonyms(text, generator)
+        text = " ".join(
+            generator.choice(_SYNONYM_GROUP[word])
+            if word in _SYNONYM_GROUP and generator.random() < 0.5
+            else word
+            for word in text.split()
+        )
     if generator.random() < 0.2:
         parts = text.split()
         if parts and words:
             parts[generator.randrange(len(parts))] = generator.choice(words)
         text = " ".join(parts)
-    if generator.random() < 0.15:
-        text = _with_typo(text, generator)
+    if generator.random() < 0.15 and len(text) >= 4:  # one letter dropped, doubled or swapped
+        at = generator.randrange(len(text) - 1)
+        first, second = text[at], text[at + 1]
+        text = text[:at] + generator.choice(("", first * 2, second + first)) + text[at + 1 :]
     bare = text.strip(" .,")
     return bare + generator.choice((".", "", "", "!")) if bare else text
 
@@ -147,20 +154,3 @@ def _imperative(caption: TaggedCaption, generator: random.Random) -> str:
         return caption.text
     lemmas = [lemma for lemma, _ in caption.tags[verbs[0] :]]
     return " ".join(lemmas[: generator.randint(1, len(lemmas))])
-
-
-def _with_synonyms(text: str, generator: random.Random) -> str:
-    words = text.split()
-    for place, word in enumerate(words):
-        if word in _SYNONYM_GROUP and generator.random() < 0.5:
-            words[place] = generator.choice(_SYNONYM_GROUP[word])
-    return " ".join(words)
-
-
-def _with_typo(text: str, generator: random.Random) -> str:
-    """Drops, doubles or swaps one letter."""
-    if len(text) < 4:
-        return text
-    at = generator.randrange(len(text) - 1)
-    first, second = text[at], text[at + 1]
-    return text[:at] + generator.choice(("", first * 2, second + first)) + text[at + 1 :]
