@@ -174,7 +174,7 @@ def test_known_latents_are_kept_with_the_noise_sampling_began_with(
 
 def test_the_graph_of_the_pullback_is_the_network(tmp_path: Path) -> None:
     from latentmotion.engine.session import open_session
-    from latentmotion.export.pullback import export_pullback
+    from latentmotion.export.onnx import export_pullback
 
     network = vae(QuarterRateDecoder(dilations=(3, 1)))
     export_pullback(network, tmp_path / "pullback.onnx")

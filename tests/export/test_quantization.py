@@ -12,8 +12,8 @@ import torch
 from torch import nn
 
 from latentmotion.engine.session import Runtime, Session, open_session
+from latentmotion.export.graph_weights import quantize
 from latentmotion.export.onnx import trace
-from latentmotion.export.quantize import quantize
 
 
 class Small(nn.Module):

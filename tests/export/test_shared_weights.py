@@ -13,8 +13,8 @@ from safetensors.torch import save_file
 from latentmotion.condition.interface import Conditioning
 from latentmotion.engine.session import Runtime, open_session
 from latentmotion.errors import ModelError
+from latentmotion.export.graph_weights import FEWEST, share_weights
 from latentmotion.export.onnx import export_denoiser
-from latentmotion.export.shared_weights import FEWEST, share_weights
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.build import build
 

@@ -35,7 +35,7 @@ def student(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def without_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exports leave the decoder's pullback out, which takes longest to trace."""
-    monkeypatch.setattr("latentmotion.export.package.export_pullback", lambda *_: None)
+    monkeypatch.setattr("latentmotion.export.onnx.export_pullback", lambda *_: None)
 
 
 @pytest.fixture(scope="session")

@@ -24,10 +24,12 @@ from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.backend import Batch, FeatureDecoder
+from latentmotion.engine.session import open_session
 from latentmotion.errors import ModelError
-from latentmotion.model.config import Sampling
+from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.vae.convolutional import Pullback
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise, sampler_of
 from latentmotion.representation.interface import Scale
@@ -35,6 +37,12 @@ from latentmotion.storage.files import atomic_file
 
 _BATCH, _TOKENS, _WORDS = 2, 7, 3
 """Sizes of the example inputs that graphs are traced with; all of them stay free."""
+
+_ROWS, _FEATURES = 3, 67
+"""Further sizes of the pullback's example, which stay free as well."""
+
+PULLBACK_TOLERANCE = 1e-5
+"""Largest difference between graph and automatic differentiation, relative to the largest value."""
 
 
 def export_denoiser(denoiser: Denoiser, latent_width: int, words_width: int, path: Path) -> None:
@@ -61,6 +69,38 @@ def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> 
         "mask": _frames(frames_per_token),
     }
     trace(_DecoderGraph(vae), inputs, path)
+
+
+def export_pullback(vae: MotionVAE, path: Path) -> None:
+    """Writes the pullback of a decoder of convolutions, which directing a motion needs.
+
+    Its graph: latents, mask, gradient of features → gradient of latents.
+    """
+    inputs = _pullback_inputs(vae.latent_width, _TOKENS, _ROWS, _FEATURES)
+    free = {"latents": (1,), "mask": (1,), "gradient": (0, 1, 2)}
+    trace(Pullback(vae), inputs, path, free=free)
+
+
+def pullback_error(vae: MotionVAE, graph: Path) -> float:
+    """Returns how far a graph is from automatic differentiation, relative to the largest value."""
+    inputs = _pullback_inputs(vae.latent_width, _TOKENS + 2, _ROWS + 1, _FEATURES)
+    rows = len(inputs["gradient"])
+    z = inputs["latents"].repeat(rows, 1, 1).requires_grad_(True)
+    features = vae.decode(z, inputs["mask"].expand(rows, -1))[..., :_FEATURES]
+    (expected,) = torch.autograd.grad(features, z, inputs["gradient"])
+    session = open_session(graph, "onnxruntime")
+    found = session(**{name: tensor.numpy() for name, tensor in inputs.items()})
+    return float((torch.from_numpy(found) - expected).abs().max() / expected.abs().max())
+
+
+def _pullback_inputs(width: int, tokens: int, rows: int, features: int) -> dict[str, torch.Tensor]:
+    """Returns inputs of a pullback."""
+    frames = tokens * STRIDE
+    return {
+        "latents": torch.randn(1, tokens, width),
+        "mask": torch.ones(1, frames, dtype=torch.bool),
+        "gradient": torch.randn(rows, frames, features),
+    }
 
 
 def export_fused_sampler(model: LatentModel, steps: int, path: Path) -> None:

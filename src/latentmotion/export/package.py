@@ -21,13 +21,7 @@ from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
 from latentmotion.errors import ModelError
 from latentmotion.export import onnx as graphs
-from latentmotion.export.pullback import (
-    PULLBACK_TOLERANCE,
-    export_pullback,
-    pullback_error,
-)
-from latentmotion.export.quantize import quantize
-from latentmotion.export.shared_weights import share_weights
+from latentmotion.export.graph_weights import quantize, share_weights
 from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard
 from latentmotion.networks import checkpoint
@@ -129,7 +123,7 @@ def _write_graphs(model: LatentModel, folder: Path) -> None:
         per_token = card.latents.frames_per_token
         writers.append(partial(graphs.export_decoder, model.vae, per_token, decoder))
     if card.vae.decoder_margin() is not None:
-        writers.append(partial(export_pullback, model.vae, folder / PULLBACK_FILE))
+        writers.append(partial(graphs.export_pullback, model.vae, folder / PULLBACK_FILE))
     for steps in _fused_steps(card):
         sampler = folder / fused_sampler_file(steps)
         writers.append(partial(graphs.export_fused_sampler, model, steps, sampler))
@@ -178,8 +172,8 @@ def _check_graphs(model: LatentModel, folder: Path) -> None:
             expected = model.vae.decode(latents, frames)
         _compare(folder / "decoder.onnx", {"latents": latents, "mask": frames}, expected)
     if (folder / PULLBACK_FILE).is_file():
-        error = pullback_error(model.vae, folder / PULLBACK_FILE)
-        if not error < PULLBACK_TOLERANCE:
+        error = graphs.pullback_error(model.vae, folder / PULLBACK_FILE)
+        if not error < graphs.PULLBACK_TOLERANCE:
             raise ModelError(
                 f"{PULLBACK_FILE} differs from its decoder by {error:.2g}; not written"
             )

@@ -107,7 +107,11 @@ def export_web(source: Path, output: Path, weights: WebWeights = "int8") -> None
         store = _WeightStore(weights)
         text = onnx.load(text_graph)
         reading = _traced_reading(pipeline.condition.conditioning, text, Path(temporary))
-        joints = _traced_joints(representation_of(card), Path(temporary))
+        representation = representation_of(card)
+        example = {"features": torch.randn(1, 9, representation.width)}
+        joints_graph = Path(temporary) / "joints.onnx"
+        trace(_Joints(representation), example, joints_graph, ("joints",), free={"features": (1,)})
+        joints = onnx.load(joints_graph)
         for steps in pipeline.backend.fused:
             fused = onnx.load(source / fused_sampler_file(steps))
             graph = store.taken(_joined(text, reading, fused, joints))
@@ -179,7 +183,9 @@ class _Joints(nn.Module):
 
 
 def _traced_reading(conditioning: TextConditioning, text: ModelProto, folder: Path) -> ModelProto:
-    width, words_width = (_last_size(text, output) for output in range(2))
+    width, words_width = (
+        output.type.tensor_type.shape.dim[-1].dim_value for output in text.graph.output[:2]
+    )
     pieces = 2 * (conditioning.words + 1)  # an example that is cut
     example = {
         "pooled": torch.randn(1, width),
@@ -189,16 +195,6 @@ def _traced_reading(conditioning: TextConditioning, text: ModelProto, folder: Pa
     free = {"pooled": (), "words": (1,), "mask": (1,)}
     trace(_Reading(conditioning), example, folder / "r.onnx", ("seen", "seen_mask"), free=free)
     return onnx.load(folder / "r.onnx")
-
-
-def _traced_joints(representation: Representation, folder: Path) -> ModelProto:
-    example = {"features": torch.randn(1, 9, representation.width)}
-    trace(_Joints(representation), example, folder / "j.onnx", ("joints",), free={"features": (1,)})
-    return onnx.load(folder / "j.onnx")
-
-
-def _last_size(graph: ModelProto, output: int) -> int:
-    return graph.graph.output[output].type.tensor_type.shape.dim[-1].dim_value
 
 
 def _joined(

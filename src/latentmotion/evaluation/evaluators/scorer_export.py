@@ -14,8 +14,8 @@ from latentmotion.errors import ModelError
 from latentmotion.evaluation.evaluators.text_motion import T2MEvaluator
 from latentmotion.evaluation.evaluators.tower_network import TowerNetworks
 from latentmotion.evaluation.evaluators.words import EncodedWords
+from latentmotion.export.graph_weights import FEWEST
 from latentmotion.export.onnx import trace
-from latentmotion.export.shared_weights import FEWEST
 from latentmotion.ranking import scorer as scorers
 from latentmotion.ranking.nearest import training_vectors
 from latentmotion.storage.configuration import write_json
