@@ -132,7 +132,7 @@ class FootStances:
     @cached_property
     def weight(self) -> Float[np.ndarray, " standing"]:
         """Confidence that a foot stands in these frames."""
-        return 1 / (1 + (self.speed[self.at] / _SLOW) ** 2)
+        return _confidence(self.speed[self.at])
 
     def mean(
         self, values: Float[np.ndarray, "standing channels"]

@@ -108,29 +108,26 @@ def convert_checkpoint(
         ModelError: The file cannot be opened safely, or is no checkpoint of MLD's code.
         InputError: The normalizer is missing or does not fit.
     """
+    path, origin = Path(path), origin or Origin()
     try:
-        return _converted(Path(path), Path(output), origin or Origin())
+        parts, others = split_parts(read_checkpoint(path))
+        if not any(parts.values()):
+            found = ", ".join(list(others)[:5]) or "nothing"
+            raise ModelError(f"{path} has no weights under 'vae.' or 'denoiser.'; found {found}")
+        denoiser = config = None
+        if parts["denoiser"]:
+            denoiser, config = load_denoiser(parts["denoiser"], origin.unstated, path)
+        if parts["vae"] or config is None:
+            vae, first_stage = load_vae(parts["vae"], origin.unstated, path)
+        else:  # the diffusion is on raw frames, as wide as the denoiser's latents
+            first_stage = IdentityVAEConfig(config.latent_width)
+            vae = build(first_stage)
+        card = model_card(path, first_stage, config, origin)
+        model = LatentModel(card, vae, denoiser) if denoiser else FirstStageModel(card, vae)
+        save_model(output, model)
+        return others
     except (ValueError, IndexError, KeyError, RuntimeError) as error:  # of weights of other shapes
         raise ModelError(f"{path} is no checkpoint of MLD's code ({error!r:.200})") from error
-
-
-def _converted(path: Path, output: Path, origin: Origin) -> dict[str, int]:
-    parts, others = split_parts(read_checkpoint(path))
-    if not any(parts.values()):
-        found = ", ".join(list(others)[:5]) or "nothing"
-        raise ModelError(f"{path} has no weights under 'vae.' or 'denoiser.'; found {found}")
-    denoiser = config = None
-    if parts["denoiser"]:
-        denoiser, config = load_denoiser(parts["denoiser"], origin.unstated, path)
-    if parts["vae"] or config is None:
-        vae, first_stage = load_vae(parts["vae"], origin.unstated, path)
-    else:  # the diffusion is on raw frames, as wide as the denoiser's latents
-        first_stage = IdentityVAEConfig(config.latent_width)
-        vae = build(first_stage)
-    card = model_card(path, first_stage, config, origin)
-    model = LatentModel(card, vae, denoiser) if denoiser else FirstStageModel(card, vae)
-    save_model(output, model)
-    return others
 
 
 def load_vae(

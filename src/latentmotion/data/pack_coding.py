@@ -71,7 +71,12 @@ class BoneCoder:
             for bone, parent in enumerate(self.skeleton.parents[1:]):
                 aim = joints[rows, bone + 1] - decoded[rows, parent]
                 direction = aim / np.linalg.norm(aim, axis=-1, keepdims=True)
-                angles = _angles(guess[:, bone], direction)
+                across = np.stack(
+                    [(direction * axis).sum(axis=-1) for axis in _plane(guess[:, bone])], axis=-1
+                )
+                sine = np.linalg.norm(across, axis=-1, keepdims=True)
+                angle = np.arctan2(sine, (direction * guess[:, bone]).sum(axis=-1, keepdims=True))
+                angles = across * (angle / np.maximum(sine, 1e-12))
                 numbers[rows, bone] = np.rint(angles * self.lengths[bone] / self.quantum)
                 rounded = numbers[rows, bone] * (self.quantum / self.lengths[bone])
                 before[:, bone] = last[:, bone]
@@ -232,15 +237,6 @@ def _extrapolated(
 ) -> Float[np.ndarray, "*batch 3"]:
     ahead = last + _MOMENTUM * (last - before)
     return ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
-
-
-def _angles(
-    guess: Float[np.ndarray, "*batch 3"], direction: Float[np.ndarray, "*batch 3"]
-) -> Float[np.ndarray, "*batch 2"]:
-    across = np.stack([(direction * axis).sum(axis=-1) for axis in _plane(guess)], axis=-1)
-    sine = np.linalg.norm(across, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, (direction * guess).sum(axis=-1, keepdims=True))
-    return across * (angle / np.maximum(sine, 1e-12))
 
 
 def _turned(

@@ -285,26 +285,13 @@ def _prompt_scores(
         scores["MM-Dist"] = metrics.mm_dist(texts[counted], motions[counted])
     if embeddings.logits is not None and labels is not None:
         scores["Accuracy"] = metrics.accuracy(embeddings.logits, labels)
-        scores["MultiModality"] = _label_multimodality(
-            embeddings, labels, protocol, replication, real
-        )
+        pairs = protocol.quirks.drawn_pairs
+        if pairs is None:
+            by_label = [motions[labels == label] for label in np.unique(labels)]
+            scores["MultiModality"] = metrics.multimodality(by_label)
+        else:
+            quota = pairs.true_action_multimodality if real else pairs.action_multimodality
+            chance = protocol.generator("multimodality", replication)
+            one, other = metrics.label_pairs(labels, quota, lambda n: int(chance.integers(n)))
+            scores["MultiModality"] = metrics.drawn_diversity(motions, one, other)
     return scores
-
-
-def _label_multimodality(
-    embeddings: Embeddings,
-    labels: Int[np.ndarray, " items"],
-    protocol: Protocol,
-    replication: int,
-    real: bool,
-) -> float:
-    """MultiModality of the motions of each label, from all pairs or from drawn ones."""
-    pairs = protocol.quirks.drawn_pairs
-    if pairs is None:
-        return metrics.multimodality(
-            [embeddings.motions[labels == label] for label in np.unique(labels)]
-        )
-    quota = pairs.true_action_multimodality if real else pairs.action_multimodality
-    generator = protocol.generator("multimodality", replication)
-    one, other = metrics.label_pairs(labels, quota, lambda items: int(generator.integers(items)))
-    return metrics.drawn_diversity(embeddings.motions, one, other)

@@ -190,10 +190,18 @@ class _Evaluation:
 
     def replicate(self, replication: Replication) -> None:
         """Measures every row once."""
-        real, quality = self._ground_truth(replication)
+        quirks, features = self.protocol.quirks, replication.features
+        if self._real is None or quirks.random_crops or quirks.random_state:
+            embeddings = (
+                self._embed(self.cache, features, replication, GROUND_TRUTH) if self.cache else None
+            )
+            self._real = embeddings, self.positions.quality(features)
+        real, quality = self._real  # the same motions, but for their captions
+        if real is not None and self.cache is not None:
+            real = replace(real, texts=self.cache.texts(replication.prompts))
         self._add(GROUND_TRUTH, quality)
         if self._measures_nearest(replication):
-            self._add(GROUND_TRUTH, self.positions.nearest(replication.features))
+            self._add(GROUND_TRUTH, self.positions.nearest(features))
         if real is not None:
             self._add(GROUND_TRUTH, ground_truth_scores(real, self.protocol, replication.number))
         for candidate in self.candidates:
@@ -222,20 +230,6 @@ class _Evaluation:
         if isinstance(candidate, Generated) and measures_multimodality(candidate, protocol, number):
             figure = caption_multimodality(candidate, replication, self.cache, protocol)
             self._add(row, {"MultiModality": figure})
-
-    def _ground_truth(self, replication: Replication) -> tuple[Embeddings | None, Scores]:
-        """Embeds the real motions; the same ones only once, except for their captions."""
-        quirks = self.protocol.quirks
-        if self._real is None or quirks.random_crops or quirks.random_state:
-            features = replication.features
-            embeddings = (
-                self._embed(self.cache, features, replication, GROUND_TRUTH) if self.cache else None
-            )
-            self._real = embeddings, self.positions.quality(features)
-        embeddings, quality = self._real
-        if embeddings is not None and self.cache is not None:
-            embeddings = replace(embeddings, texts=self.cache.texts(replication.prompts))
-        return embeddings, quality
 
     def _embed(
         self, cache: EmbeddingCache, motions: Motions, replication: Replication, row: str

@@ -78,7 +78,14 @@ class PositionScores:
         frames = sum(len(motion) for motion in real)
         inner = max(sum(max(len(motion) - 2, 0) for motion in real), 1)
         if padding is not None:
-            pairs = _padded(pairs, padding)
+            # By length, each batch padded to its longest, as the authors' data loader does.
+            ordered, pairs = sorted(pairs, key=lambda pair: len(pair[1])), []
+            for start in range(0, len(ordered), BATCH):
+                batch = ordered[start : start + BATCH]
+                longest = max(len(real) for _, real in batch)
+                for pair in batch:
+                    tail = np.tile(padding, (longest - len(pair[1]), 1)).astype(pair[1].dtype)
+                    pairs.append((np.concatenate([pair[0], tail]), np.concatenate([pair[1], tail])))
         bodies = [(self._decode(a), self._decode(b)) for a, b in pairs]
         return {
             "MPJPE": 1000 * sum(metrics.joint_errors(a, b).sum() for a, b in bodies) / frames,
@@ -110,21 +117,6 @@ class PositionScores:
     def _training(self) -> metrics.TrainingClips:
         clips = self.dataset.clips("train", mirrored=True)
         return metrics.TrainingClips([self._poses(self.dataset.features(clip)) for clip in clips])
-
-
-def _padded(
-    pairs: list[tuple[np.ndarray, np.ndarray]], padding: Float[np.ndarray, " features"]
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Sorts by length, and pads each batch to its longest, as the authors' data loader does."""
-    pairs = sorted(pairs, key=lambda pair: len(pair[1]))
-    padded = []
-    for start in range(0, len(pairs), BATCH):
-        batch = pairs[start : start + BATCH]
-        longest = max(len(real) for _, real in batch)
-        for motion, real in batch:
-            tail = np.tile(padding, (longest - len(real), 1)).astype(real.dtype)
-            padded.append((np.concatenate([motion, tail]), np.concatenate([real, tail])))
-    return padded
 
 
 def with_smpl_joints(

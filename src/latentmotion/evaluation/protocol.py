@@ -266,7 +266,15 @@ class TestSet:
             DataError: There are fewer than two.
         """
         split, shortest = self.protocol.split, self.lengths.shortest
-        items = [item for clip in self.dataset.clips(split) for item in _items(clip, self.needs)]
+        items: list[TestItem] = []
+        for clip in self.dataset.clips(split):
+            if self.needs == "text":  # an item per captioned part
+                parts: dict[tuple[int, int], list[Caption]] = {}
+                for caption in clip.captions:
+                    parts.setdefault((caption.start_frame, caption.end_frame), []).append(caption)
+                items += [TestItem(clip, *part, tuple(group)) for part, group in parts.items()]
+            elif self.needs != "action" or clip.action:
+                items.append(TestItem(clip, 0, clip.frames, ()))
         kept = [item for item in items if self.lengths.of(item) >= max(shortest, 1)]
         if len(kept) < 2:
             raise DataError(
@@ -300,13 +308,3 @@ class TestSet:
             turn = int(generator.integers(max(len(item.captions), 1)))
         caption = item.captions[turn % len(item.captions)] if item.captions else None
         return TestPrompt(item, start, frames, caption)
-
-
-def _items(clip: Clip, needs: TaskName) -> list[TestItem]:
-    """Returns one item per captioned part of a clip, or the whole clip for other tasks."""
-    if needs != "text":
-        return [TestItem(clip, 0, clip.frames, ())] if needs != "action" or clip.action else []
-    parts: dict[tuple[int, int], list[Caption]] = {}
-    for caption in clip.captions:
-        parts.setdefault((caption.start_frame, caption.end_frame), []).append(caption)
-    return [TestItem(clip, start, end, tuple(group)) for (start, end), group in parts.items()]

@@ -298,7 +298,9 @@ def events_of(scene: Scene, term: Term) -> list[Event]:
     events = ACTS[term.name].find(scene)
     if term.name == "go":
         return [event for event in events if event.direction == term.words[0]]
-    events = [event for event in events if _is_of(event, term.words[0] if term.words else "any")]
+    side = term.words[0] if term.words else "any"
+    if side not in ("any", "either"):
+        events = [event for event in events if event.side == side]
     if term.name == "turn":
         least, most = term.often
         return [event for event in events if least <= event.amount <= most]
@@ -351,7 +353,3 @@ def validate(check: Check) -> None:
         for word, choices in zip(term.words, words, strict=False):
             if word not in choices:
                 raise InputError(f"check {term}: unknown word {word!r}, {hint(word, choices)}")
-
-
-def _is_of(event: Event, side: str) -> bool:
-    return side in ("any", "either") or event.side == side

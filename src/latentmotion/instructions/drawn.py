@@ -88,6 +88,22 @@ class _Asked:
     actions: tuple[SingleAction, ...]
     check: str
 
+    def demanded(self, text: str) -> str:
+        """Returns the check: of a side and a count no more than the sentence says."""
+        action = self.actions[0]
+        says_side = action.side == BOTH or _SIDE_WORDS.search(text)
+        side = action.side if says_side and action.side else "any"
+        if "turn({side}" in self.check and side == "any":
+            side = "either"
+        way = action.direction if says_side else "sideways"
+        count = "3, 99" if _OFTEN.search(text) else "2, 5" if _SOME.search(text) else action.count
+        steps = f"{count}, {count + 1}" if isinstance(count, int) else count
+        often = f", {count}" if action.count > 1 or _ONCE.search(text) else ""
+        if len(self.actions) > 1 and not _SIDE_WORDS.search(text):
+            check = re.sub(r"turn\((?:left|right)", "turn(either", self.check)
+            return re.sub(r"(?<!go)\((?:left|right)\)", "(any)", check)
+        return self.check.format(side=side, often=often, count=count, steps=steps, way=way)
+
 
 def drawn_instructions(count: int, seed: int) -> list[Instruction]:
     """Returns different prompts with their checks, none of them of the benchmark.
@@ -107,26 +123,9 @@ def drawn_instructions(count: int, seed: int) -> list[Instruction]:
             texts = prompts_in_order(asked.actions[0], asked.actions[1], generator, 1, refused)
         for text in texts:
             name = f"drawn-{seed}-{len(found):05d}"
-            check = parse(_demanded(asked, text))
+            check = parse(asked.demanded(text))
             found.setdefault(text, Instruction(name, group, text, check))
     return list(found.values())
-
-
-def _demanded(asked: _Asked, text: str) -> str:
-    """Returns the check: of a side and a count no more than the sentence says."""
-    action = asked.actions[0]
-    says_side = action.side == BOTH or _SIDE_WORDS.search(text)
-    side = action.side if says_side and action.side else "any"
-    if "turn({side}" in asked.check and side == "any":
-        side = "either"
-    way = action.direction if says_side else "sideways"
-    count = "3, 99" if _OFTEN.search(text) else "2, 5" if _SOME.search(text) else action.count
-    steps = f"{count}, {count + 1}" if isinstance(count, int) else count
-    often = f", {count}" if action.count > 1 or _ONCE.search(text) else ""
-    if len(asked.actions) > 1 and not _SIDE_WORDS.search(text):
-        check = re.sub(r"turn\((?:left|right)", "turn(either", asked.check)
-        return re.sub(r"(?<!go)\((?:left|right)\)", "(any)", check)
-    return asked.check.format(side=side, often=often, count=count, steps=steps, way=way)
 
 
 def _pick(generator: np.random.Generator, some: tuple | list | dict) -> object:

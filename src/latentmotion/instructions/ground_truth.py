@@ -36,6 +36,13 @@ class Pattern:
     check: Check
     """Check of the motion."""
 
+    def is_in(self, text: str) -> bool:
+        """Returns whether a caption makes the claim; one of both sides claims no single side."""
+        if _NEGATED.search(text) or not self.words.search(text):
+            return False
+        both = re.search(r"\bleft\b", text) and re.search(r"\bright\b", text)
+        return not (both and self.group == "side")
+
 
 @dataclass(frozen=True, eq=False)
 class Claim:
@@ -109,7 +116,7 @@ def caption_claims(
         text = caption.text.lower()
         for pattern in known:
             key = (str(pattern.check), caption.start_frame, caption.end_frame)
-            if key in counted or not _claims(text, pattern):
+            if key in counted or not pattern.is_in(text):
                 continue
             counted.add(key)
             if not len(joints):
@@ -117,11 +124,3 @@ def caption_claims(
             part = joints[caption.start_frame : caption.end_frame]
             if len(part) >= MIN_FRAMES:
                 yield Claim(clip.id, caption.text, pattern.group, pattern.check, part)
-
-
-def _claims(text: str, pattern: Pattern) -> bool:
-    """Returns whether a caption makes a claim; one of both sides makes none of a single side."""
-    if _NEGATED.search(text) or not pattern.words.search(text):
-        return False
-    both = re.search(r"\bleft\b", text) and re.search(r"\bright\b", text)
-    return not (both and pattern.group == "side")

@@ -20,7 +20,6 @@ from latentmotion.describe.reading import scene_of
 from latentmotion.errors import DataError, InputError
 from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.drawn import drawn_instructions
-from latentmotion.instructions.prompts import Instruction
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_file
@@ -88,22 +87,17 @@ def judged_lengths(
         warnings.simplefilter("ignore")  # unknown words show in the result
         left = range(len(rows), len(instructions))
         for number in counted(left, "trials of prompts", done=len(rows)):
-            rows.append(_judged(model, trials, number, instructions[number]))
+            one, lengths = instructions[number], trials.lengths(number, model.representation.fps)
+            first = trials.seed * 2**24 + trials.takes * number
+            seeds = [first + take for take in range(trials.takes)]
+            motions = model.batch([one.prompt] * trials.takes, lengths, seeds)
+            found = [fulfills(scene_of(motion.joints), one.check) for motion in motions]
+            rows.append((one.prompt, list(zip(lengths, found, strict=True))))
             file.write(json.dumps(rows[-1]) + "\n")
             file.flush()
-    motions = [(prompt, *motion) for prompt, each in rows for motion in each]
-    prompts, seconds, obeyed = zip(*motions, strict=True)
+    trial = [(prompt, *each) for prompt, every in rows for each in every]
+    prompts, seconds, obeyed = zip(*trial, strict=True)
     return LengthVerdicts(prompts, np.array(seconds, np.float32), np.array(obeyed, bool))
-
-
-def _judged(
-    model: MotionPipeline, trials: LengthTrials, number: int, one: Instruction
-) -> tuple[str, list[tuple[float, bool]]]:
-    lengths = trials.lengths(number, model.representation.fps)
-    seeds = [trials.seed * 2**24 + trials.takes * number + take for take in range(trials.takes)]
-    motions = model.batch([one.prompt] * trials.takes, lengths, seeds)
-    obeyed = [fulfills(scene_of(motion.joints), one.check) for motion in motions]
-    return one.prompt, list(zip(lengths, obeyed, strict=True))
 
 
 def _read(journal: Path, about: dict[str, Any]) -> list[Any]:

@@ -220,22 +220,18 @@ def joint_weights(names: Sequence[str]) -> Float[np.ndarray, "keypoints joints"]
     """
     found = np.zeros((len(names), len(HUMANML3D)))
     for row, name in zip(found, names, strict=True):
-        for joint, weight in _joints_of(name).items():
+        side, part = name.split("_")[0], name.removeprefix("mid_")
+        weights: dict[str, float] = {}
+        if name in HUMANML3D.names:
+            weights = {name: 1.0}
+        elif name in ("mid_hip", "mid_shoulder"):
+            weights = {f"left_{part}": 0.5, f"right_{part}": 0.5}
+        elif name.endswith("_ear"):
+            other = {"left": "right", "right": "left"}[side]
+            aside = {f"{side}_shoulder": 0.19, f"{other}_shoulder": -0.19}
+            weights = {"head": 1.5, "neck": -0.5, **aside}
+        elif name.endswith(("_big_toe", "_foot_index")):
+            weights = {f"{side}_foot": 1.33, f"{side}_ankle": -0.33}
+        for joint, weight in weights.items():
             row[HUMANML3D.names.index(joint)] += weight
     return found
-
-
-def _joints_of(name: str) -> Mapping[str, float]:
-    side = name.split("_")[0]
-    if name in HUMANML3D.names:
-        return {name: 1.0}
-    if name in ("mid_hip", "mid_shoulder"):
-        part = name.removeprefix("mid_")
-        return {f"left_{part}": 0.5, f"right_{part}": 0.5}
-    if name.endswith("_ear"):
-        other = {"left": "right", "right": "left"}[side]
-        aside = {f"{side}_shoulder": 0.19, f"{other}_shoulder": -0.19}
-        return {"head": 1.5, "neck": -0.5, **aside}
-    if name.endswith(("_big_toe", "_foot_index")):
-        return {f"{side}_foot": 1.33, f"{side}_ankle": -0.33}
-    return {}

@@ -131,10 +131,10 @@ def upgraded_setting(path: list[str], value: Any, data: Any) -> tuple[list[str],
     """
     current: list[str] = []
     for key in path:
-        kind = data.get("kind", "") if isinstance(data, Mapping) else ""
-        key = KEYS.get(kind, {}).get(key, key) if not _has(data, key) else key
+        known = data if isinstance(data, Mapping) else {}
+        key = key if key in known else KEYS.get(known.get("kind", ""), {}).get(key, key)
         current.append(key)
-        data = data.get(key) if isinstance(data, Mapping) else None
+        data = known.get(key)
     return current, upgraded(value)
 
 
@@ -162,7 +162,3 @@ def upgraded_weights(weights: Mapping[str, Value]) -> dict[str, Value]:
         return name
 
     return {current(name): value for name, value in weights.items()}
-
-
-def _has(data: Any, key: str) -> bool:
-    return isinstance(data, Mapping) and key in data

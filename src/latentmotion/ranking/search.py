@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,7 +21,6 @@ from safetensors.numpy import save_file
 from latentmotion import formats
 from latentmotion.data.recording import files_below
 from latentmotion.errors import InputError, LatentMotionError
-from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.ranking.scorer import UNIT, Scorer
 from latentmotion.storage.files import atomic_file
@@ -47,6 +46,13 @@ class Window:
     """Begin in seconds."""
     end: float
     """End in seconds."""
+
+    def overlaps(self, other: Window) -> bool:
+        """Returns whether both are mostly the same part of one motion."""
+        if (self.path, self.take) != (other.path, other.take):
+            return False
+        shared = min(self.end, other.end) - max(self.start, other.start)
+        return shared > 0.5 * min(self.end - self.start, other.end - other.start)
 
 
 @dataclass(frozen=True)
@@ -105,7 +111,11 @@ class MotionIndex:
         if not Path(folder).is_dir():
             raise InputError(f"{folder} is no folder; expected one of motion files")
         found = files_below(Path(folder), list(formats.READABLE))
-        paths = [path for path in found if not _hidden(path.relative_to(folder))]
+        paths = [
+            path
+            for path in found
+            if not any(part.startswith(".") for part in path.relative_to(folder).parts)
+        ]
         if not paths:
             raise InputError(f"{folder} has no motion file: {' '.join(formats.READABLE)}")
         known = _read(cache, scorer) if cache else {}
@@ -160,7 +170,7 @@ class MotionIndex:
         for hit in sorted(hits, key=lambda hit: -hit.score):
             if len(chosen) == count:
                 break
-            if not any(_overlap(hit.window, other.window) for other in chosen):
+            if not any(hit.window.overlaps(other.window) for other in chosen):
                 chosen.append(hit)
         return chosen
 
@@ -191,43 +201,25 @@ def windows_of(frames: int) -> list[tuple[int, int]]:
     return [(start, start + WINDOW) for start in (*starts, frames - WINDOW)]
 
 
-def _hidden(path: Path) -> bool:
-    return any(part.startswith(".") for part in path.parts)
-
-
-def _overlap(one: Window, other: Window) -> bool:
-    if (one.path, one.take) != (other.path, other.take):
-        return False
-    shared = min(one.end, other.end) - max(one.start, other.start)
-    return shared > 0.5 * min(one.end - one.start, other.end - other.start)
-
-
 def _indexed(path: Path, size: int, changed: int, scorer: Scorer) -> IndexedFile:
     """Reads a file; what cannot be read is noted."""
     empty = np.zeros((0, scorer.card.width), np.float32)
+    spans: list[tuple[int, float, float]] = []
+    parts: list[Float[np.ndarray, "_ features"]] = []
+    fps = scorer.representation.fps
     try:
-        spans, parts = _windows(formats.load(path), scorer)
+        for take, motion in enumerate(formats.load(path)):
+            if motion.seconds * fps <= UNIT + 1:
+                continue
+            features = scorer.features_of(motion)
+            for start, end in windows_of(len(features)):
+                spans.append((take, start / fps, end / fps))
+                parts.append(features[start:end])
     except LatentMotionError as error:
         return IndexedFile(size, changed, (), empty, str(error))
     # As it is kept, so that a cached index gives the same scores.
     vectors = scorer.embed(parts).astype(np.float16).astype(np.float32) if parts else empty
-    return IndexedFile(size, changed, spans, vectors)
-
-
-def _windows(
-    motions: Iterable[Motion], scorer: Scorer
-) -> tuple[tuple[tuple[int, float, float], ...], list[Float[np.ndarray, "_ features"]]]:
-    spans: list[tuple[int, float, float]] = []
-    parts: list[Float[np.ndarray, "_ features"]] = []
-    fps = scorer.representation.fps
-    for take, motion in enumerate(motions):
-        if motion.seconds * fps <= UNIT + 1:
-            continue
-        features = scorer.features_of(motion)
-        for start, end in windows_of(len(features)):
-            spans.append((take, start / fps, end / fps))
-            parts.append(features[start:end])
-    return tuple(spans), parts
+    return IndexedFile(size, changed, tuple(spans), vectors)
 
 
 def _read(path: Path, scorer: Scorer) -> dict[Path, IndexedFile]:

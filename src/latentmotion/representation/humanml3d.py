@@ -89,7 +89,15 @@ class HumanML3DRepresentation:
             InputError: The joints do not fit the skeleton, are too few or not finite.
         """
         xp = array_namespace(joints)
-        self._check(joints)
+        frames, count = joints.shape[:2]
+        if count != len(self.skeleton):
+            raise InputError(
+                f"{count} joints; {self.name} describes {len(self.skeleton)}: map them first"
+            )
+        if frames < 2:
+            raise InputError(f"{frames} frames; velocities need at least 2")
+        if not bool(xp.all(xp.isfinite(joints))):
+            raise InputError("joints that are not finite; drop or repair these frames first")
         joints = self.canonicalize(xp.astype(joints, xp.float64))
         yaw = smooth_heading(joints, self.skeleton)
         return self.describe(joints, xp.concat([xp.zeros_like(yaw[:1]), yaw[1:]]))
@@ -180,18 +188,6 @@ class HumanML3DRepresentation:
             sources.extend(every[self.blocks[name]].reshape(len(order), -1)[order].ravel().tolist())
             signs.extend(sign * len(order))
         return sources, np.array(signs, dtype=np.float32)
-
-    def _check(self, joints: Float[Any, "frames joints 3"]) -> None:
-        xp = array_namespace(joints)
-        frames, count = joints.shape[:2]
-        if count != len(self.skeleton):
-            raise InputError(
-                f"{count} joints; {self.name} describes {len(self.skeleton)}: map them first"
-            )
-        if frames < 2:
-            raise InputError(f"{frames} frames; velocities need at least 2")
-        if not bool(xp.all(xp.isfinite(joints))):
-            raise InputError("joints that are not finite; drop or repair these frames first")
 
 
 @cache

@@ -55,8 +55,18 @@ def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> 
     }
     rows = [row for row in table.rows if figures.get(row.name)]
     if table.figure == "training":
-        runs = {row.title: read_journal(folder / row.model / "vae") for row in rows}
-        return training_curves(path, {title: _curves(lines) for title, lines in runs.items()})
+        # The loss and the joint error of held-out clips by step.
+        keys = {"loss": ("train", "total"), "error": ("validation", "val_mm")}
+        curves: dict[str, dict[str, Points]] = {}
+        for row in rows:
+            lines = read_journal(folder / row.model / "vae")
+            curves[row.title] = {
+                name: [
+                    (line["step"], line[k]) for line in lines if line["kind"] == kind and k in line
+                ]
+                for name, (kind, k) in keys.items()
+            }
+        return training_curves(path, curves)
     if table.figure == "time":
         series: dict[str, list[tuple[str, float, float]]] = {}
         for row in rows:
@@ -73,15 +83,6 @@ def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> 
         return by_guidance(path, [row.guidance or 0.0 for row in rows], values)
     # The maps of latents are drawn with their row.
     return table.figure == "tsne" and path.is_file()
-
-
-def _curves(journal: Sequence[Mapping[str, Any]]) -> dict[str, Points]:
-    """Returns the loss and the joint error of held-out clips by step, from lines of a journal."""
-    keys = {"loss": ("train", "total"), "error": ("validation", "val_mm")}
-    return {
-        name: [(line["step"], line[k]) for line in journal if line["kind"] == kind and k in line]
-        for name, (kind, k) in keys.items()
-    }
 
 
 def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> bool:

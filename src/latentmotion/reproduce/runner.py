@@ -82,8 +82,12 @@ class TableRunner:
             if (kept.key, kept.made) == (key, self.made):
                 return kept
         self.work.tell(f"{self.table.name}/{row.name}: measuring {folder}")
-        measure = self._latents if row.kind == "latents" else self._measured
-        result = measure(row, folder, protocol, key)
+        if row.kind == "latents":  # drawn along the reverse process, which needs no replications
+            figures = draw_latents(self.pipeline(row), self.work.folder / f"{self.table.name}.png")
+            about = {"made": self.made, **_weights_and_hours(folder)}
+            result = RowResult(row.name, key, _plain(figures), replications=1, **about)
+        else:
+            result = self._measured(row, folder, protocol, key)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_json(path, result)
         return result
@@ -185,12 +189,6 @@ class TableRunner:
             made=self.made,
             **_weights_and_hours(folder),
         )
-
-    def _latents(self, row: Row, folder: Path, protocol: Protocol, key: str) -> RowResult:
-        """Draws the latents along the reverse process, which needs no replications."""
-        figures = draw_latents(self.pipeline(row), self.work.folder / f"{self.table.name}.png")
-        about = {"made": self.made, **_weights_and_hours(folder)}
-        return RowResult(row.name, key, _plain(figures), replications=1, **about)
 
     def _candidate(self, row: Row, folder: Path) -> Candidate:
         if row.kind == "prior":

@@ -208,7 +208,12 @@ def start(run: Run, folder: Folder) -> None:
     found = _read(Run, folder, RUN_FILE)
     if found.digest == run.digest:
         return
-    pairs = [*_differences(run.settings, found.settings)]
+    here, there = run.settings, found.settings
+    pairs = [
+        f"{key} is {there.get(key)!r:.80} there, {here.get(key)!r:.80} here"
+        for key in dict.fromkeys([*here, *there])
+        if here.get(key) != there.get(key)
+    ]
     if not pairs:
         pairs = [f"{len(found.shards)} files there, {len(run.shards)} here"]
     raise InputError(
@@ -300,12 +305,6 @@ def _wrong_files(manifest: Manifest, folder: Folder, there: set[str]) -> Iterato
             yield f"{record.name} has {len(content):,} bytes, expected {record.size:,}"
         elif hashlib.sha256(content).hexdigest() != record.sha256:
             yield f"{record.name} has another content"
-
-
-def _differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> Iterator[str]:
-    for key in dict.fromkeys([*here, *there]):
-        if here.get(key) != there.get(key):
-            yield f"{key} is {there.get(key)!r:.80} there, {here.get(key)!r:.80} here"
 
 
 def _record_of(name: str) -> str:

@@ -65,20 +65,19 @@ class MemoryCachedTextEncoder:
         Raises:
             InputError: There is no sentence.
         """
-        found = [self._embedding(sentence) for sentence in sentences]
+        found = []
+        for sentence in sentences:
+            with self._lock:
+                embedding = self._known.get(sentence)
+            if embedding is None:
+                embedding = self.encoder([sentence])
+            with self._lock:
+                self._known[sentence] = embedding
+                self._known.move_to_end(sentence)
+                while self.most is not None and len(self._known) > self.most:
+                    self._known.popitem(last=False)
+            found.append(embedding)
         return stack(found) if found else self.encoder(sentences)
-
-    def _embedding(self, sentence: str) -> TextEmbedding:
-        with self._lock:
-            embedding = self._known.get(sentence)
-        if embedding is None:
-            embedding = self.encoder([sentence])
-        with self._lock:
-            self._known[sentence] = embedding
-            self._known.move_to_end(sentence)
-            while self.most is not None and len(self._known) > self.most:
-                self._known.popitem(last=False)
-        return embedding
 
 
 @dataclass(frozen=True, eq=False)

@@ -119,7 +119,17 @@ class T2MEvaluator:
         """
         rows: dict[int, list[int]] = {}
         for row, motion in enumerate(features):
-            rows.setdefault(self._used_frames(motion), []).append(row)
+            frames, width = motion.shape
+            if width != self.card.networks.features:
+                raise InputError(
+                    f"a motion of {width} features a frame; the evaluator {self.card.name!r} takes "
+                    f"{self.card.networks.features} ({self.card.representation})"
+                )
+            if frames < FRAMES:
+                raise InputError(
+                    f"a motion of {frames} frames; the evaluator needs {FRAMES} or more"
+                )
+            rows.setdefault(frames // FRAMES * FRAMES, []).append(row)
         embeddings = np.zeros((len(features), self.width), np.float32)
         for length in sorted(rows):
             for batch in _batches(rows[length]):
@@ -141,18 +151,6 @@ class T2MEvaluator:
             arrays = sentences.words, sentences.parts, sentences.mask
             embeddings.append(self.networks.texts(*map(torch.from_numpy, arrays)).numpy())
         return np.concatenate(embeddings)[rows]
-
-    def _used_frames(self, motion: Float[np.ndarray, "frames features"]) -> int:
-        """Returns the frames of complete movements, after checks."""
-        frames, features = motion.shape
-        if features != self.card.networks.features:
-            raise InputError(
-                f"a motion of {features} features a frame; the evaluator {self.card.name!r} takes "
-                f"{self.card.networks.features} ({self.card.representation})"
-            )
-        if frames < FRAMES:
-            raise InputError(f"a motion of {frames} frames; the evaluator needs {FRAMES} or more")
-        return frames // FRAMES * FRAMES
 
 
 def tensors_of(evaluator: T2MEvaluator) -> dict[str, Tensor]:

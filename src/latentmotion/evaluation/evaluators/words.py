@@ -161,15 +161,17 @@ class GloveWords:
 
     def __call__(self, captions: Sequence[Caption]) -> Sentences:
         """Returns the words of captions; one without a vector is `unk` of class OTHER."""
-        rows = [[self._known(token) for token in tokens_of(caption)] for caption in captions]
+        rows = []
+        for caption in captions:
+            row = []
+            for token in tokens_of(caption):
+                forms = [token.word] if token.tagged else base_forms(token.word)
+                known = next((form for form in forms if form in self._numbers), None)
+                row.append(Token(known, token.part) if known else Token(UNKNOWN, OTHER))
+            rows.append(row)
         numbers = [np.array([self._numbers[token.word] for token in row]) for row in rows]
         parts = [np.array([class_of(token) for token in row]) for row in rows]
         return fill([self.vectors[row] for row in numbers], parts)
-
-    def _known(self, token: Token) -> Token:
-        forms = [token.word] if token.tagged else base_forms(token.word)
-        known = next((form for form in forms if form in self._numbers), None)
-        return Token(known, token.part) if known else Token(UNKNOWN, OTHER)
 
     @cached_property
     def _numbers(self) -> dict[str, int]:
