@@ -18,8 +18,7 @@ from latentmotion.evaluation.evaluators.text_motion import (
     load_text_motion,
     save_text_motion,
 )
-from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig
-from latentmotion.evaluation.evaluators.tower_network import TowerConfig
+from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig, TowerConfig
 from latentmotion.evaluation.evaluators.words import EncodedWords
 from latentmotion.model.card import find_model
 from latentmotion.ranking.nearest import read_training_vectors

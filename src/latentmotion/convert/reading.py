@@ -19,9 +19,9 @@ import pickletools
 import re
 import warnings
 from collections import Counter, OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 from zipfile import ZipFile, is_zipfile
 
 import torch
@@ -158,23 +158,20 @@ def _check_old(path: Path) -> None:
     """
     allowed = _TensorUnpickler(io.BytesIO(), None, "").allowed
     with path.open("rb") as file:
-        for module, name in (named for _ in range(4) for named in _named(file)):
+        operations = (operation for _ in range(4) for operation in pickletools.genops(file))
+        for opcode, argument, _ in operations:
+            if opcode.name == "STACK_GLOBAL" or opcode.name.startswith("EXT"):
+                raise ForbiddenName(f"something by {opcode.name}")
+            if opcode.name not in ("GLOBAL", "INST"):
+                continue
+            module, _, name = str(argument).partition(" ")
+            module = PYTHON_2.get(module, module)
             try:
                 kind = allowed(module, name)
             except KeyError as error:
                 raise ForbiddenName(f"{module}.{name}") from error
             if kind is Placeholder and name not in _OLD:
                 raise ForbiddenName(f"{module}.{name}")
-
-
-def _named(file: BinaryIO) -> Iterator[tuple[str, str]]:
-    """Yields module and name of all that the next pickle of a file names."""
-    for opcode, argument, _ in pickletools.genops(file):
-        if opcode.name == "STACK_GLOBAL" or opcode.name.startswith("EXT"):
-            raise ForbiddenName(f"something by {opcode.name}")
-        if opcode.name in ("GLOBAL", "INST"):
-            module, _, name = str(argument).partition(" ")
-            yield PYTHON_2.get(module, module), name
 
 
 _OLD = ("Size", "dtype", "scalar", "encode", "defaultdict", "set", "dict", "list")

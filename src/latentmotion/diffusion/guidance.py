@@ -55,7 +55,9 @@ class ClassifierFreeGuidance:
         if isinstance(self.scale, (int, float)) and self.scale == 1:
             return self.denoiser(z, t, condition, mask)
         without, given = _both(self.denoiser, self.null, z, t, condition, mask)
-        return without + _column(self.scale) * (given - without)
+        # One scale per item becomes a column that multiplies (batch, tokens, width).
+        scale = self.scale[:, None, None] if getattr(self.scale, "ndim", 0) else self.scale
+        return without + scale * (given - without)
 
 
 @dataclass(frozen=True)
@@ -152,11 +154,6 @@ def _both(
     )
     output = denoiser(xp.concat([z, z]), xp.concat([t, t]), both, xp.concat([mask, mask]))
     return output[: z.shape[0]], output[z.shape[0] :]
-
-
-def _column(scale: Any) -> Any:
-    """One scale per item becomes a column that multiplies (batch, tokens, width)."""
-    return scale[:, None, None] if getattr(scale, "ndim", 0) else scale
 
 
 def drop(condition: Conditioning, null: Conditioning, dropped: Bool[Any, " batch"]) -> Conditioning:

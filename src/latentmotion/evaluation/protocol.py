@@ -286,25 +286,23 @@ class TestSet:
 
     def replication(self, number: int) -> Replication:
         """Returns the test prompts of a replication and their real motions."""
-        prompts = tuple(self._prompt(index, item, number) for index, item in enumerate(self.items))
-        features = []
-        for prompt in prompts:
+        lengths, quirks = self.lengths, self.protocol.quirks
+        prompts, features = [], []
+        for index, item in enumerate(self.items):
+            # Crop and caption are drawn, or taken in turn.
+            generator = self.protocol.generator("crops", number, index)
+            frames, start, turn = lengths.of(item), item.start, number
+            if quirks.random_crops:
+                shorter = frames - lengths.unit
+                if lengths.unit > 1 and generator.random() < 1 / 3 and shorter >= lengths.shortest:
+                    frames = shorter
+                start += int(generator.integers(max(item.end - item.start - frames, 0) + 1))
+            if quirks.random_captions:
+                turn = int(generator.integers(max(len(item.captions), 1)))
+            caption = item.captions[turn % len(item.captions)] if item.captions else None
+            prompt = TestPrompt(item, start, frames, caption)
+            prompts.append(prompt)
             rows = np.minimum(prompt.start + np.arange(prompt.frames), prompt.item.end - 1)
             crop = self.dataset.features(prompt.item.clip)[rows]
             features.append(self.dataset.representation.restart(crop))
-        return Replication(number, prompts, features)
-
-    def _prompt(self, index: int, item: TestItem, number: int) -> TestPrompt:
-        """Draws, or takes in turn, the crop and the caption of an item in a replication."""
-        lengths, quirks = self.lengths, self.protocol.quirks
-        generator = self.protocol.generator("crops", number, index)
-        frames, start, turn = lengths.of(item), item.start, number
-        if quirks.random_crops:
-            shorter = frames - lengths.unit
-            if lengths.unit > 1 and generator.random() < 1 / 3 and shorter >= lengths.shortest:
-                frames = shorter
-            start += int(generator.integers(max(item.end - item.start - frames, 0) + 1))
-        if quirks.random_captions:
-            turn = int(generator.integers(max(len(item.captions), 1)))
-        caption = item.captions[turn % len(item.captions)] if item.captions else None
-        return TestPrompt(item, start, frames, caption)
+        return Replication(number, tuple(prompts), features)

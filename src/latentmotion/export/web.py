@@ -287,7 +287,10 @@ class _WeightStore:
         for tensor in model.graph.initializer:
             array = numpy_helper.to_array(tensor)
             if array.dtype == np.float16 and array.ndim > 1 and self.weights == "int8":
-                packed, scale = _packed(array.astype(np.float32))
+                rows = array.astype(np.float32)
+                most = np.abs(rows).max(tuple(range(1, rows.ndim)), keepdims=True)
+                scale = np.maximum(most / 127, 1e-12).astype(np.float32)  # of each row
+                packed = np.round(rows / scale).astype(np.int8)
                 names = f"{tensor.name}.packed", f"{tensor.name}.scale", f"{tensor.name}.whole"
                 kept += [self._stored(packed, names[0]), self._stored(scale, names[1])]
                 # Engines compute constants once, as they load a graph.
@@ -322,13 +325,6 @@ class _WeightStore:
         for field, value in where.items():
             tensor.external_data.add(key=field, value=str(value))
         return tensor
-
-
-def _packed(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns 8-bit integers and the scale of each row, the first axis."""
-    axes = tuple(range(1, rows.ndim))
-    scale = np.maximum(np.abs(rows).max(axes, keepdims=True) / 127, 1e-12).astype(np.float32)
-    return np.round(rows / scale).astype(np.int8), scale
 
 
 def _manifest(pipeline: MotionPipeline, folder: Path, weights: WebWeights) -> dict[str, Any]:

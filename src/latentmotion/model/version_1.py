@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from latentmotion.condition.task import TASKS, ActionTask, Task
+from latentmotion.condition.task import TASKS, ActionTask
 from latentmotion.errors import InputError
 from latentmotion.storage.limits import MOST_WIDTH
 
@@ -103,22 +103,17 @@ def upgraded_card(data: Mapping[str, Any]) -> dict[str, Any]:
         # A converted diffusion on raw frames.
         card["vae"] = {"kind": "IdentityVAEConfig", "features": card["latents"].get("width")}
     if isinstance(card.get("condition"), Mapping):
-        card["condition"] = _condition(TASKS[name], card["condition"], card.get("denoiser"))
+        task, denoiser = TASKS[name], card.get("denoiser")
+        condition = {**card["condition"], "kind": task.__name__}
+        if task is ActionTask and isinstance(denoiser, Mapping):
+            # Old conversions kept the number of actions, which the denoiser has as well. Actions
+            # that were converted without names get numbers.
+            condition.pop("classes", None)
+            width = denoiser.get("condition_width", 0)
+            width = width if isinstance(width, int) and 0 <= width <= MOST_WIDTH else 0
+            condition["labels"] = condition.get("labels") or [str(n) for n in range(width)]
+        card["condition"] = upgraded(condition)
     return card
-
-
-def _condition(task: type[Task], condition: Mapping[str, Any], denoiser: Any) -> dict[str, Any]:
-    """Returns a condition with its class; actions that were converted without names get numbers.
-
-    Old conversions kept the number of actions, which the denoiser has as well.
-    """
-    fields = {**condition, "kind": task.__name__}
-    if task is ActionTask and isinstance(denoiser, Mapping):
-        fields.pop("classes", None)
-        width = denoiser.get("condition_width", 0)
-        width = width if isinstance(width, int) and 0 <= width <= MOST_WIDTH else 0
-        fields["labels"] = fields.get("labels") or [str(number) for number in range(width)]
-    return upgraded(fields)
 
 
 def upgraded_setting(path: list[str], value: Any, data: Any) -> tuple[list[str], Any]:

@@ -17,12 +17,8 @@ from torch import Tensor, nn
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.model.config import DenoiserConfig
-from latentmotion.networks.transformer import (
-    NumberEmbedding,
-    decoder_stack,
-    encoder_stack,
-    position,
-)
+from latentmotion.networks import transformer
+from latentmotion.networks.transformer import NumberEmbedding
 
 
 class TimeToken(nn.Module):
@@ -220,7 +216,7 @@ class Denoiser(nn.Module):
     @classmethod
     def of(cls, config: DenoiserConfig) -> Denoiser:
         """Builds the denoiser of a configuration with fresh weights."""
-        transformer, width = config.transformer, config.transformer.width
+        width, dropout = config.transformer.width, config.transformer.dropout
         inner, outer = (config.latent_width, width), (width, config.latent_width)
         latents_in = nn.Linear(*inner) if config.project_latents else nn.Identity()
         latents_out = nn.Linear(*outer) if config.project_latents else nn.Identity()
@@ -228,7 +224,7 @@ class Denoiser(nn.Module):
         linear = nn.Linear(config.condition_width, width, bias=kind != "table")
         time = NumberEmbedding(config.sine_width, width, config.time_scale)
         length = NumberEmbedding(config.sine_width, width) if config.length_token else None
-        tables = [position(config.position, width, transformer.dropout) for _ in range(2)]
+        tables = [transformer.position(config.position, width, dropout) for _ in range(2)]
         return cls(
             latents_in=latents_in,
             latents_out=latents_out,
@@ -242,9 +238,9 @@ class Denoiser(nn.Module):
                 "latents_first": LatentsFirst(tables[0]),
                 "context_first": ContextFirst(tables[0]),
             }.get(config.positions, SeparatePositions(*tables)),
-            body=AcrossContext(decoder_stack(transformer))
+            body=AcrossContext(transformer.decoder_stack(config.transformer))
             if config.attention == "cross"
-            else InContext(encoder_stack(transformer)),
+            else InContext(transformer.encoder_stack(config.transformer)),
             padding=AttendToPadding() if config.attends_to_padding else nn.Identity(),
             step_embedding=StepEmbedding(config.sine_width, width)
             if config.few_step

@@ -312,19 +312,17 @@ def local_encoder(name: str) -> PretrainedTextEncoder:
     if not source:
         kind = next((k for k, found in KINDS.items() if found.hub_name == name), name)
         source = name
-    return PretrainedTextEncoder.load(kind, source if Path(source).is_dir() else _cached(source))
-
-
-def _cached(source: str) -> str:
-    """Returns the folder in which the hub's client keeps a model."""
+    if Path(source).is_dir():
+        return PretrainedTextEncoder.load(kind, source)
     if find_spec("huggingface_hub") is None:
         raise MissingExtraError(f"the text encoder {source}", "transformers", "train")
     from huggingface_hub import snapshot_download
 
     try:
-        return snapshot_download(source, local_files_only=True)
+        folder = snapshot_download(source, local_files_only=True)
     except (OSError, ValueError) as error:
         raise ModelError(f"{source} is neither a folder nor in the hub's cache") from error
+    return PretrainedTextEncoder.load(kind, folder)
 
 
 def packaged_minilm() -> str | None:

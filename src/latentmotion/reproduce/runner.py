@@ -21,7 +21,7 @@ from latentmotion.evaluation.cost import cost_of, longest_of
 from latentmotion.evaluation.evaluate import build_test_set, evaluate
 from latentmotion.evaluation.evaluators.interface import Evaluator
 from latentmotion.evaluation.protocol import Protocol
-from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report
+from latentmotion.evaluation.report import GROUND_TRUTH, Figure
 from latentmotion.gpu.backend import torch_pipeline, torch_prior
 from latentmotion.model.card import read_card
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
@@ -176,6 +176,14 @@ class TableRunner:
         if isinstance(candidate, Reconstructed) and "Decoding" in self.table.metrics:
             data = self.work.dataset.representation
             figures |= vae_cost(candidate.vae, data.width, data.fps)
+        planned, measured = self.protocol.replications, report.protocol.replications
+        of_models, first = self.work.budget.of_models, self.work.models[row.model].first
+        changes = [of_models[name].says for name in (row.model, first) if name in of_models]
+        warnings = list(report.warnings)
+        if measured < planned:
+            warnings.append(f"measured {measured} times instead of {planned}")
+        if changes:
+            warnings.append(f"trained with {', '.join(changes)}")
         return RowResult(
             row=row.name,
             key=key,
@@ -185,7 +193,7 @@ class TableRunner:
             replications=protocol.replications,
             versions=dict(report.provenance.versions),
             notes=report.notes,
-            warnings=(*report.warnings, *self._warnings(row, report)),
+            warnings=tuple(warnings),
             made=self.made,
             **_weights_and_hours(folder),
         )
@@ -215,17 +223,6 @@ class TableRunner:
             "GFLOPs": Figure(cost.gflops),
             "Parameters": Figure(cost.parameters["together"] / 1e6),
         }
-
-    def _warnings(self, row: Row, report: Report) -> list[str]:
-        planned, measured = self.protocol.replications, report.protocol.replications
-        fewer = f"measured {measured} times instead of {planned}"
-        of_models = self.work.budget.of_models
-        names = (row.model, self.work.models[row.model].first)
-        changes = [of_models[name].says for name in names if name in of_models]
-        return [
-            *([fewer] if measured < planned else []),
-            *([f"trained with {', '.join(changes)}"] if changes else []),
-        ]
 
 
 def _weights_and_hours(folder: Path) -> dict[str, Any]:

@@ -339,7 +339,19 @@ class _Plain:
 
     def _replaced(self, value: Any) -> tuple[Any, int]:
         if isinstance(value, _Array):
-            return self._array(value)
+            values, size = value.values, 0
+            if values is None:
+                raise pickle.UnpicklingError("it holds an array without contents")
+            self._free -= values.nbytes
+            if self._free < 0:
+                raise pickle.UnpicklingError("it repeats its contents by reference too often")
+            values = values.copy()
+            if values.dtype == object:
+                for number, item in enumerate(values):
+                    values[number], count = self._sized(item)
+                    size += count
+            order = "F" if value.fortran else "C"
+            return values.reshape(value.shape, order=order), 1 + size + values.size
         if isinstance(value, _SparseColumns):
             for name, part in list(vars(value).items()):
                 setattr(value, name, self._sized(part)[0])
@@ -352,21 +364,6 @@ class _Plain:
         size = 1 + sum(count for _, count in items)
         made = (item for item, _ in items)
         return (list(made) if isinstance(value, list) else tuple(made)), size
-
-    def _array(self, array: _Array) -> tuple[np.ndarray, int]:
-        values, size = array.values, 0
-        if values is None:
-            raise pickle.UnpicklingError("it holds an array without contents")
-        self._free -= values.nbytes
-        if self._free < 0:
-            raise pickle.UnpicklingError("it repeats its contents by reference too often")
-        values = values.copy()
-        if values.dtype == object:
-            for number, item in enumerate(values):
-                values[number], count = self._sized(item)
-                size += count
-        order = "F" if array.fortran else "C"
-        return values.reshape(array.shape, order=order), 1 + size + values.size
 
 
 _CONTAINERS = (list, tuple, dict, _Array, _SparseColumns)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -282,7 +282,17 @@ def check(folder: Folder) -> Manifest:
     manifest = _read(Manifest, folder, MANIFEST_FILE)
     if tuple(record.name for record in manifest.shards) != manifest.run.shards:
         raise DataError(f"{folder}: {MANIFEST_FILE} lists other files than its run; run it again")
-    problems = [*_wrong_files(manifest, folder, there)]
+    problems = []
+    for record in manifest.shards:
+        if record.name not in there:
+            problems.append(f"{record.name} is missing")
+            continue
+        content = folder.read(record.name)
+        if len(content) != record.size:
+            size = f"{len(content):,} bytes, expected {record.size:,}"
+            problems.append(f"{record.name} has {size}")
+        elif hashlib.sha256(content).hexdigest() != record.sha256:
+            problems.append(f"{record.name} has another content")
     if problems:
         more = f", and {len(problems) - 5} more" if len(problems) > 5 else ""
         raise DataError(
@@ -293,18 +303,6 @@ def check(folder: Folder) -> Manifest:
     if counted != manifest.run.items:
         raise DataError(f"{folder}: {counted} items, expected {manifest.run.items}")
     return manifest
-
-
-def _wrong_files(manifest: Manifest, folder: Folder, there: set[str]) -> Iterator[str]:
-    for record in manifest.shards:
-        if record.name not in there:
-            yield f"{record.name} is missing"
-            continue
-        content = folder.read(record.name)
-        if len(content) != record.size:
-            yield f"{record.name} has {len(content):,} bytes, expected {record.size:,}"
-        elif hashlib.sha256(content).hexdigest() != record.sha256:
-            yield f"{record.name} has another content"
 
 
 def _record_of(name: str) -> str:

@@ -120,7 +120,17 @@ class CachedTextEncoder:
             raise InputError("no sentence to encode; give at least one")
         texts = [" ".join(sentence.split()) for sentence in sentences]
         if self.max_prompts is not None:
-            prompts = {text: self._prompt(text) for text in dict.fromkeys(texts)}
+            prompts: dict[str, TextEmbedding] = {}
+            for text in dict.fromkeys(texts):  # a file each
+                path = self._file([text])
+                rows, unknown = _read(path)
+                if text not in rows:
+                    prompts[text] = self._computed([text])[text]
+                    continue
+                prompts[text] = rows[text]
+                warn_of_unknown(unknown)
+                with suppress(OSError):  # nothing may be written there
+                    os.utime(path)
             return stack([prompts[text] for text in texts])
         for path in sorted(set(self._folder.glob("[!.]*.safetensors")) - self._files_read):
             self._files_read.add(path)
@@ -129,16 +139,6 @@ class CachedTextEncoder:
         for first in range(0, len(missing), SENTENCES_PER_FILE):
             self._rows.update(self._computed(missing[first : first + SENTENCES_PER_FILE]))
         return stack([self._rows[text] for text in texts])
-
-    def _prompt(self, text: str) -> TextEmbedding:
-        path = self._file([text])
-        rows, unknown = _read(path)
-        if text not in rows:
-            return self._computed([text])[text]
-        warn_of_unknown(unknown)
-        with suppress(OSError):  # nothing may be written there
-            os.utime(path)
-        return rows[text]
 
     def _computed(self, texts: list[str]) -> dict[str, TextEmbedding]:
         """Returns embeddings of sentences by the encoder, and writes them into a file."""

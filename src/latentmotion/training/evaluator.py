@@ -28,10 +28,11 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     Margin,
     TextMotionConfig,
     TextMotionNetworks,
+    TowerConfig,
+    TowerNetworks,
     squared_distances,
     top_hits,
 )
-from latentmotion.evaluation.evaluators.tower_network import TowerConfig, TowerNetworks
 from latentmotion.evaluation.evaluators.words import GloveWords, Sentences, WordVectors
 from latentmotion.motion import Motion
 from latentmotion.training.distributed import DistributedContext, StepRandomness

@@ -166,7 +166,13 @@ def _prepare(settings: FineTuning, clips: OwnMotions, model: Path, work: Path) -
     representation = representation_named(read_card(model).representation)
     if not (own / MANIFEST).is_file():
         preparation = Preparation(representation)
-        clips = _captioned(clips, work)
+        if not clips.captions and not any(clips.folder.rglob("*.txt")):
+            rows = described.describe_files(clips, 0, names=True)
+            path = work / "captions.csv"
+            files = [row for row in rows if isinstance(row, described.FileRow)]
+            described.write_captions(path, files)
+            print(f"wrote {path}: captions from names of files and from the motions, to correct")
+            clips = replace(clips, captions=path)
         preparation.add(encode_all(clips.recordings(), representation))
         print(preparation.write(own, (clips.source,)).text())
     if not any(clip.captions for clip in read_manifest(own).clips if clip.split == "train"):
@@ -185,17 +191,6 @@ def _prepare(settings: FineTuning, clips: OwnMotions, model: Path, work: Path) -
     if not (joined / MANIFEST).is_file():
         parts = [own, own_motions]
         merge([part for part in parts if (part / MANIFEST).is_file()], joined)
-
-
-def _captioned(clips: OwnMotions, work: Path) -> OwnMotions:
-    """Returns clips with captions: those that are there, else names and measured sentences."""
-    if clips.captions or any(clips.folder.rglob("*.txt")):
-        return clips
-    rows = described.describe_files(clips, 0, names=True)
-    path = work / "captions.csv"
-    described.write_captions(path, [row for row in rows if isinstance(row, described.FileRow)])
-    print(f"wrote {path}: captions from names of files and from the motions, to correct")
-    return replace(clips, captions=path)
 
 
 def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:

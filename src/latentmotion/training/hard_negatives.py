@@ -72,7 +72,15 @@ class HardBatchSampler:
         # A small data set's pool is one batch or less.
         parts = max(len(crops) // self._half, 1)
         chosen = crops[part % parts * self._half :][: self._half]
-        return [*chosen, *(self._twin(crop) for crop in chosen)]
+        twins = []
+        for crop in chosen:
+            twin, wanted = self._twins[crop.clip.id], mirror_words(crop.caption)
+            numbers = [n for n, c in enumerate(crop.clip.captions) if c.text == crop.caption]
+            texts = [caption.text for caption in twin.captions]
+            # Official mirrored captions are the data set's own.
+            caption = wanted if wanted in texts else texts[numbers[0] % len(texts)]
+            twins.append(Crop(twin, crop.start, crop.frames, caption))
+        return [*chosen, *twins]
 
     def _order(self, number: int) -> list[Crop]:
         """Returns the crops of a pool, alike ones next to each other."""
@@ -81,14 +89,6 @@ class HardBatchSampler:
         groups = alike_groups(embeddings, self._hard.alike)
         order = np.random.default_rng([self._seed, number]).permutation(len(groups))
         return [crops[row] for group in order for row in groups[group]]
-
-    def _twin(self, crop: Crop) -> Crop:
-        twin, wanted = self._twins[crop.clip.id], mirror_words(crop.caption)
-        numbers = [n for n, c in enumerate(crop.clip.captions) if c.text == crop.caption]
-        texts = [caption.text for caption in twin.captions]
-        # Official mirrored captions are the data set's own.
-        caption = wanted if wanted in texts else texts[numbers[0] % len(texts)]
-        return Crop(twin, crop.start, crop.frames, caption)
 
 
 def alike_groups(

@@ -30,10 +30,10 @@ from latentmotion.text.lengths import LengthFile, LengthModel
 from latentmotion.training.denoiser import DenoiserStage, LatentData
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Experiment, TrainingSettings
-from latentmotion.training.first_stage import FirstStage, check_fit, prepare_latents
 from latentmotion.training.journal import Previews
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import MODEL, open_run, second_stage_card
+from latentmotion.training.stages import FirstStage, check_fit, prepare_latents
 from latentmotion.training.takes import Takes, TakeSettings, cached_takes
 from latentmotion.training.task_conditions import ConditionTable, task_conditioning
 
@@ -102,16 +102,8 @@ class ReinforceStage(DenoiserStage):
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""
-        of_data, of_takes = super().forward(step)["total"], self._loss_of_takes(step)
-        total = of_data + self._settings.weight * of_takes
-        return {"total": total, "data": of_data, "takes": of_takes}
-
-    def _loss_of_takes(self, step: int) -> torch.Tensor:
-        objective, training, takes = (
-            self._experiment.denoiser_objective,
-            self._settings.training,
-            self._takes,
-        )
+        of_data, takes = super().forward(step)["total"], self._takes
+        objective, training = self._experiment.denoiser_objective, self._settings.training
         rows = self._rows(step)
         ranks, device = self._context.ranks, self._context.device
         chance = StepRandomness(training.seed + 1, step, len(rows), ranks, device)
@@ -131,7 +123,9 @@ class ReinforceStage(DenoiserStage):
             ((old + sign * ahead - target).square().mean(dim=2) * share).sum(dim=1)
             for sign in (1, -1)
         )
-        return (learned * towards + (1 - learned) * away).mean()
+        of_takes = (learned * towards + (1 - learned) * away).mean()
+        total = of_data + self._settings.weight * of_takes
+        return {"total": total, "data": of_data, "takes": of_takes}
 
     def _rows(self, step: int) -> torch.Tensor:
         """Returns takes of similar length, each once an epoch."""

@@ -92,7 +92,23 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     """
     path = folder / NAME
     if path.exists():
-        _check_same(path, run, context)
+        # Through text, as the file went: tuples become lists.
+        found = json.loads(json.dumps(to_json(read_run(type(run), folder))))
+        wanted = json.loads(json.dumps(to_json(run)))
+        differing = list(differing_keys(found, wanted))
+        fixed = []
+        for key in differing:  # more steps and another precision may be asked for
+            steps = _STEPS.fullmatch(key)
+            more = steps and int(steps[2]) > int(steps[1])
+            if not more and not _PRECISION.fullmatch(key):
+                fixed.append(key)
+        if fixed:
+            raise InputError(
+                f"{folder} holds a run with another configuration; differing: "
+                f"{', '.join(fixed)}; use the same, or another folder"
+            )
+        if differing and context.is_main:
+            write_json(path, {"format": FORMAT, **to_json(run)})
     elif context.is_main:
         other = next((name for name in _OTHERS if (folder / name).is_file()), None)
         if other:
@@ -123,26 +139,6 @@ def read_run(cls: type[AnyRun], folder: Path) -> AnyRun:
         return from_json(cls, upgraded(data) if version == 1 else data)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def _check_same(path: Path, run: Any, context: DistributedContext) -> None:
-    # Through text, as the file went: tuples become lists.
-    found = json.loads(json.dumps(to_json(read_run(type(run), path.parent))))
-    wanted = json.loads(json.dumps(to_json(run)))
-    differing = list(differing_keys(found, wanted))
-    fixed = []
-    for key in differing:  # more steps and another precision may be asked for
-        steps = _STEPS.fullmatch(key)
-        more = steps and int(steps[2]) > int(steps[1])
-        if not more and not _PRECISION.fullmatch(key):
-            fixed.append(key)
-    if fixed:
-        raise InputError(
-            f"{path.parent} holds a run with another configuration; differing: "
-            f"{', '.join(fixed)}; use the same, or another folder"
-        )
-    if differing and context.is_main:
-        write_json(path, {"format": FORMAT, **to_json(run)})
 
 
 def first_stage_card(

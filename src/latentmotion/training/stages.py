@@ -1,42 +1,53 @@
-"""The two stages of the paper, each a function: data, network, loop, model folder."""
+"""The two stages of the paper, each a function: data, network, loop, model folder.
+
+Stage 2 builds on a trained VAE, and on the latents that it makes of the data.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import torch
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.task import TextTask
-from latentmotion.data.dataset import Dataset
+from latentmotion.data.dataset import Crop, Dataset, Item
+from latentmotion.engine.backend import normalizer_of
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.smpl import SmplModel, load_smpl
-from latentmotion.model.card import read_card
+from latentmotion.model.card import CARD_FILE, ModelCard, read_card
+from latentmotion.model.config import LatentSpace
 from latentmotion.networks import checkpoint
 from latentmotion.networks.build import build, start_from
+from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
-from latentmotion.training.denoiser import DenoiserStage
+from latentmotion.training import denoiser as second_stage
 from latentmotion.training.distributed import DistributedContext
-from latentmotion.training.experiment import Experiment
-from latentmotion.training.first_stage import (
-    FirstStage,
-    check_fit,
-    frames_as_first_stage,
-    load_first_stage,
-    prepare_latents,
-)
+from latentmotion.training.experiment import Experiment, LatentSettings
 from latentmotion.training.journal import Previews
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import (
     MODEL,
+    NAME,
     Run,
     first_stage_card,
     open_run,
     second_stage_card,
 )
-from latentmotion.training.task_conditions import task_conditioning, with_condition_width
-from latentmotion.training.vae import VAEStage
+from latentmotion.training.task_conditions import (
+    ConditionTable,
+    TaskConditioning,
+    items_to_learn,
+    task_conditioning,
+    with_condition_width,
+)
+from latentmotion.training.vae import BatchSampler, FeatureCache, VAEStage
+
+HELD_OUT = 128
+"""Most held-out crops that a validation looks at."""
 
 RELATED = 0.9
 """Largest distance of a VAE's weights from those that its training started from, as a share of
@@ -141,7 +152,7 @@ def train_denoiser(
     if before:
         widths = experiment.denoiser.latent_width, before.card.trained_denoiser.latent_width
         start_from(network, before.denoiser, *widths)
-    stage = DenoiserStage(network, seen, previews, experiment, context)
+    stage = second_stage.DenoiserStage(network, seen, previews, experiment, context)
     denoiser, seconds = train(stage, training, folder, context)
     if context.is_main:
         figures = stage.validate(denoiser)
@@ -274,3 +285,141 @@ def check_length(experiment: Experiment) -> None:
     croppings = experiment.vae_cropping, experiment.latents.cropping
     longest = max(cropping.max_frames for cropping in croppings)
     experiment.vae.check_training(longest, experiment.vae_training.batch_size)
+
+
+@dataclass(frozen=True)
+class FirstStage:
+    """A trained VAE."""
+
+    vae: MotionVAE
+    """The network, frozen."""
+    card: ModelCard
+    """What it is."""
+    fingerprint: str
+    """Hash of its weights."""
+
+
+def load_first_stage(folder: Path) -> FirstStage:
+    """Loads the VAE that `latentmotion train vae` made, from its run folder or model folder.
+
+    Raises:
+        ModelError: There is none, or it is not trained to the end.
+    """
+    model = folder / MODEL if (folder / MODEL / CARD_FILE).is_file() else folder
+    if not (model / CARD_FILE).is_file():
+        state = "a run that has not ended" if (folder / NAME).is_file() else "no trained model"
+        raise ModelError(
+            f"{folder} holds {state}; stage 2 needs a trained VAE: run latentmotion train vae "
+            "to its end and pass its run folder"
+        )
+    trained = checkpoint.load_stages(model)
+    vae = trained.vae.eval().requires_grad_(False)
+    return FirstStage(vae, trained.card, sha256(model / checkpoint.WEIGHTS_FILE))
+
+
+def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStage:
+    """Returns the first stage of a diffusion on raw frames, which needs no training.
+
+    Raises:
+        InputError: The frames should be normalized as latents.
+    """
+    config, card = second_stage.frames_card(experiment, dataset)
+    return FirstStage(build(config), card, "none")
+
+
+def check_fit(
+    experiment: Experiment, dataset: Dataset, first: FirstStage, conditioning: TaskConditioning
+) -> None:
+    """Compares the parts of stage 2.
+
+    Raises:
+        InputError: Two of them do not fit.
+    """
+    pairs = {
+        "representation of data and VAE": (dataset.representation.name, first.card.representation),
+        "denoiser.latent_width and the VAE's": (
+            experiment.denoiser.latent_width,
+            first.vae.latent_width,
+        ),
+        "denoiser.condition_width and the text encoder's": (
+            experiment.denoiser.condition_width,
+            conditioning.width,
+        ),
+    }
+    for name, (one, other) in pairs.items():
+        if one != other:
+            raise InputError(f"{name}: {one} and {other}, expected the same; change one of them")
+
+
+def prepare_latents(
+    experiment: Experiment,
+    dataset: Dataset,
+    first: FirstStage,
+    conditioning: TaskConditioning,
+    folder: Path,
+    context: DistributedContext,
+    space: LatentSpace | None = None,
+) -> tuple[second_stage.LatentData, LatentSpace]:
+    """Encodes crops and prompts, or reads them from the run folder.
+
+    Latents are scaled as `space` says; by default their statistics are measured.
+    """
+    settings, training = experiment.latents, experiment.denoiser_training
+    clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
+    seen, held_out = (items_to_learn(conditioning.task, part) for part in clips)
+    held_out = held_out[:HELD_OUT]
+    unseen = second_stage.keep_crops(held_out, settings.cropping, 1, training.seed).every()
+    features = partial(FeatureCache, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
+    if not first.card.vae.has_weights:
+        cropping, space = settings.cropping, space or first.card.latents
+        latents = second_stage.FrameCache(features(), context.device)
+    else:
+        cropping = second_stage.keep_crops(
+            seen, settings.cropping, settings.per_item, training.seed
+        )
+        latents, space = _encode(
+            settings, first, features, (cropping.every(), unseen), folder, context, space
+        )
+    prompts = ConditionTable(
+        conditioning.condition, captions_of([*seen, *held_out]), context.device
+    )
+    batches = BatchSampler(seen, training.batch_size, cropping, training.seed)
+    return second_stage.LatentData(batches, tuple(unseen), latents, prompts), space
+
+
+def _encode(
+    settings: LatentSettings,
+    first: FirstStage,
+    features: Callable[[], FeatureCache],
+    crops: tuple[list[Crop], list[Crop]],
+    folder: Path,
+    context: DistributedContext,
+    space: LatentSpace | None,
+) -> tuple[second_stage.LatentCache, LatentSpace]:
+    """Encodes seen and unseen crops, or reads their posteriors.
+
+    The seen ones give the scale where no space is given.
+    """
+    every = [*crops[0], *crops[1]]
+
+    def encode() -> second_stage.Posteriors:
+        return second_stage.encode_crops(first.vae.to(context.device), features(), every, context)
+
+    posteriors = second_stage.cached_posteriors(folder / "latents.safetensors", encode, context)
+    if space is None:
+        space = first.card.latents
+        if settings.normalized:
+            space = measured(space, posteriors.take(range(len(crops[0]))))
+    posteriors = posteriors.normalized(space.mean, space.std).to(context.device)
+    return second_stage.LatentCache(every, posteriors), space
+
+
+def measured(space: LatentSpace, posteriors: second_stage.Posteriors) -> LatentSpace:
+    """Returns the latent space with mean and deviation per channel as these have them."""
+    mean, std = posteriors.channel_statistics()
+    return replace(space, mean=tuple(mean), std=tuple(std))
+
+
+def captions_of(items: list[Item]) -> set[str]:
+    """Returns all prompts of some items."""
+    return {caption for item in items for caption in item.captions}

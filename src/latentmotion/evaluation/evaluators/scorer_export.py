@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import ModelError
 from latentmotion.evaluation.evaluators.text_motion import T2MEvaluator
-from latentmotion.evaluation.evaluators.tower_network import TowerNetworks
+from latentmotion.evaluation.evaluators.text_motion_network import TowerNetworks
 from latentmotion.evaluation.evaluators.words import EncodedWords
 from latentmotion.export.graph_weights import FEWEST
 from latentmotion.export.onnx import trace

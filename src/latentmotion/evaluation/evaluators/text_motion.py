@@ -30,8 +30,9 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     FRAMES,
     TextMotionConfig,
     TextMotionNetworks,
+    TowerConfig,
+    TowerNetworks,
 )
-from latentmotion.evaluation.evaluators.tower_network import TowerConfig, TowerNetworks
 from latentmotion.evaluation.evaluators.words import EncodedWords, GloveWords, WordVectors
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
 from latentmotion.networks.checkpoint import load_weights, read_weights

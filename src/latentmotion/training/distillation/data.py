@@ -44,7 +44,7 @@ from latentmotion.training.distillation.trajectories import (
 )
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings
-from latentmotion.training.first_stage import captions_of
+from latentmotion.training.stages import captions_of
 from latentmotion.training.takes import drawn_frames, judged
 from latentmotion.training.task_conditions import ConditionTable, items_to_learn, required_encoder
 from latentmotion.training.vae import BatchSampler, FeatureCache

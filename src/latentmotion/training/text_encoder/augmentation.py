@@ -92,7 +92,8 @@ def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random)
         words: English words, one of which replaces a random word in one variation of five.
         generator: Draws every choice.
     """
-    text = generator.choice((_as_is, _one_clause, _imperative))(caption, generator)
+    form = generator.choice((None, _one_clause, _imperative))
+    text = form(caption, generator) if form else caption.text
     if generator.random() < 0.6:
         text = _SUBJECT.sub(generator.choice(SUBJECTS), text)
     if generator.random() < 0.6:
@@ -136,10 +137,6 @@ def plain_phrases(
     phrases += [frame.format(what) for what in ACTIVITIES for frame in ACTIVITY_FRAMES]
     phrases += [f"{generator.choice(verbs)} {generator.choice(nouns)}" for _ in nouns]
     return phrases + nouns + list(words)
-
-
-def _as_is(caption: TaggedCaption, generator: random.Random) -> str:
-    return caption.text
 
 
 def _one_clause(caption: TaggedCaption, generator: random.Random) -> str:
