@@ -1,4 +1,4 @@
-"""Configurations of motion VAEs, transformers, denoisers and sampling.
+"""Configurations of motion VAEs, transformers, denoisers, few steps and sampling.
 
 They are plain numbers that `networks.build` makes networks of; a card and a run folder keep them.
 

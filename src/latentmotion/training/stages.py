@@ -5,7 +5,6 @@ Stage 2 builds on a trained VAE, and on the latents that it makes of the data.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ import torch
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.task import TextTask
-from latentmotion.data.dataset import Crop, Dataset, Item
+from latentmotion.data.dataset import Dataset, Item
 from latentmotion.engine.backend import normalizer_of
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.smpl import SmplModel, load_smpl
@@ -26,7 +25,7 @@ from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
 from latentmotion.training import denoiser as second_stage
 from latentmotion.training.distributed import DistributedContext
-from latentmotion.training.experiment import Experiment, LatentSettings
+from latentmotion.training.experiment import Experiment
 from latentmotion.training.journal import Previews
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import (
@@ -362,7 +361,7 @@ def prepare_latents(
 ) -> tuple[second_stage.LatentData, LatentSpace]:
     """Encodes crops and prompts, or reads them from the run folder.
 
-    Latents are scaled as `space` says; by default their statistics are measured.
+    Latents are scaled as `space` says; by default those of the seen crops are measured.
     """
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
@@ -377,41 +376,24 @@ def prepare_latents(
         cropping = second_stage.keep_crops(
             seen, settings.cropping, settings.per_item, training.seed
         )
-        latents, space = _encode(
-            settings, first, features, (cropping.every(), unseen), folder, context, space
-        )
+        every = [*cropping.every(), *unseen]
+
+        def encode() -> second_stage.Posteriors:
+            vae = first.vae.to(context.device)
+            return second_stage.encode_crops(vae, features(), every, context)
+
+        posteriors = second_stage.cached_posteriors(folder / "latents.safetensors", encode, context)
+        if space is None:
+            space = first.card.latents
+            if settings.normalized:
+                space = measured(space, posteriors.take(range(len(every) - len(unseen))))
+        posteriors = posteriors.normalized(space.mean, space.std).to(context.device)
+        latents = second_stage.LatentCache(every, posteriors)
     prompts = ConditionTable(
         conditioning.condition, captions_of([*seen, *held_out]), context.device
     )
     batches = BatchSampler(seen, training.batch_size, cropping, training.seed)
     return second_stage.LatentData(batches, tuple(unseen), latents, prompts), space
-
-
-def _encode(
-    settings: LatentSettings,
-    first: FirstStage,
-    features: Callable[[], FeatureCache],
-    crops: tuple[list[Crop], list[Crop]],
-    folder: Path,
-    context: DistributedContext,
-    space: LatentSpace | None,
-) -> tuple[second_stage.LatentCache, LatentSpace]:
-    """Encodes seen and unseen crops, or reads their posteriors.
-
-    The seen ones give the scale where no space is given.
-    """
-    every = [*crops[0], *crops[1]]
-
-    def encode() -> second_stage.Posteriors:
-        return second_stage.encode_crops(first.vae.to(context.device), features(), every, context)
-
-    posteriors = second_stage.cached_posteriors(folder / "latents.safetensors", encode, context)
-    if space is None:
-        space = first.card.latents
-        if settings.normalized:
-            space = measured(space, posteriors.take(range(len(crops[0]))))
-    posteriors = posteriors.normalized(space.mean, space.std).to(context.device)
-    return second_stage.LatentCache(every, posteriors), space
 
 
 def measured(space: LatentSpace, posteriors: second_stage.Posteriors) -> LatentSpace:
