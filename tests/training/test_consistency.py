@@ -21,7 +21,6 @@ from latentmotion.diffusion.parametrization import (
 )
 from latentmotion.diffusion.schedule import (
     Cosine,
-    FewStepConfig,
     LinearPath,
     ScaledLinear,
     Schedule,
@@ -29,6 +28,7 @@ from latentmotion.diffusion.schedule import (
 )
 from latentmotion.errors import ModelError
 from latentmotion.model.card import ModelCard
+from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import load_model, save_model
 from latentmotion.training.denoiser import LatentCache, Posteriors
 from latentmotion.training.denoiser_loss import between, step_loss
