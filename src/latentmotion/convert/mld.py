@@ -19,7 +19,6 @@ from torch import Tensor
 
 from latentmotion.condition.task import ActionTask, TextTask
 from latentmotion.convert import reading
-from latentmotion.convert.reading import read_checkpoint, split_parts
 from latentmotion.data.sources.humanact12 import ACTIONS
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
@@ -33,14 +32,8 @@ from latentmotion.model.config import (
     TransformerConfig,
     TransformerVAEConfig,
 )
+from latentmotion.networks import checkpoint
 from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import (
-    FirstStageModel,
-    LatentModel,
-    check_sizes,
-    load_weights,
-    save_model,
-)
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.networks.transformer import LEARNED_LENGTH
 from latentmotion.networks.vae.interface import MotionVAE
@@ -110,7 +103,7 @@ def convert_checkpoint(
     """
     path, origin = Path(path), origin or Origin()
     try:
-        parts, others = split_parts(read_checkpoint(path))
+        parts, others = reading.split_parts(reading.read_checkpoint(path))
         if not any(parts.values()):
             found = ", ".join(list(others)[:5]) or "nothing"
             raise ModelError(f"{path} has no weights under 'vae.' or 'denoiser.'; found {found}")
@@ -123,8 +116,12 @@ def convert_checkpoint(
             first_stage = IdentityVAEConfig(config.latent_width)
             vae = build(first_stage)
         card = model_card(path, first_stage, config, origin)
-        model = LatentModel(card, vae, denoiser) if denoiser else FirstStageModel(card, vae)
-        save_model(output, model)
+        model = (
+            checkpoint.LatentModel(card, vae, denoiser)
+            if denoiser
+            else checkpoint.FirstStageModel(card, vae)
+        )
+        checkpoint.save_model(output, model)
         return others
     except (ValueError, IndexError, KeyError, RuntimeError) as error:  # of weights of other shapes
         raise ModelError(f"{path} is no checkpoint of MLD's code ({error!r:.200})") from error
@@ -148,9 +145,9 @@ def load_vae(
     if is_actor(weights):
         rules = reading.ACTOR_VAE
     renamed = reading.rename(weights, rules)
-    check_sizes(lambda: build(config), renamed, f"{path}, vae")
+    checkpoint.check_sizes(lambda: build(config), renamed, f"{path}, vae")
     network = build(config)
-    load_weights(network, renamed, f"{path}, vae")
+    checkpoint.load_weights(network, renamed, f"{path}, vae")
     return network, config
 
 
@@ -176,9 +173,9 @@ def load_denoiser(
     if config.condition_projection == "linear":
         rules = reading.LINEAR_TEXT + rules
     renamed = reading.rename(used, rules)
-    check_sizes(lambda: build(config), renamed, f"{path}, denoiser")
+    checkpoint.check_sizes(lambda: build(config), renamed, f"{path}, denoiser")
     network = build(config)
-    load_weights(network, renamed, f"{path}, denoiser")
+    checkpoint.load_weights(network, renamed, f"{path}, denoiser")
     return network, config
 
 

@@ -25,7 +25,6 @@ from latentmotion.export.graph_weights import quantize, share_weights
 from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard
 from latentmotion.networks import checkpoint
-from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.encoder import load_text_encoder
@@ -78,7 +77,7 @@ def package_model(
             )
         kept = {key: value for key, value in weights.items() if key not in left_out}
         metadata = {checkpoint.ENCODER_HASH: shared} if left_out else None
-        save_file(kept, folder / WEIGHTS_FILE, metadata)
+        save_file(kept, folder / checkpoint.WEIGHTS_FILE, metadata)
         if text_encoder is not None:
             text_encoder(folder)
             found = load_text_encoder(folder).width
@@ -115,7 +114,7 @@ def copied(folder: Path) -> WriteTextEncoder:
     return write
 
 
-def _write_graphs(model: LatentModel, folder: Path) -> None:
+def _write_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
     card, width = model.card, model.card.trained_denoiser.condition_width
     denoiser, decoder = folder / "denoiser.onnx", folder / "decoder.onnx"
     writers = [partial(graphs.export_denoiser, model.denoiser, card.latents.width, width, denoiser)]
@@ -133,7 +132,7 @@ def _write_graphs(model: LatentModel, folder: Path) -> None:
         if card.precision == "int8" and graph.name != PULLBACK_FILE:  # derivatives stay exact
             quantize(graph)
         if graph.name != cards.TEXT_GRAPH_FILE:  # whose weights are its own
-            share_weights(graph, folder / WEIGHTS_FILE)
+            share_weights(graph, folder / checkpoint.WEIGHTS_FILE)
     _check_graphs(model, folder)
 
 
@@ -142,7 +141,7 @@ def _fused_steps(card: ModelCard) -> list[int]:
     return [steps for steps in card.few_step.steps if steps <= MOST_FUSED] if card.few_step else []
 
 
-def _check_graphs(model: LatentModel, folder: Path) -> None:
+def _check_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
     """Compares each graph with its network on random inputs."""
     card, count = model.card, 3
     tokens, width = card.latents.tokens_of(card.frames[0]), card.latents.width

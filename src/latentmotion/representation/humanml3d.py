@@ -28,7 +28,6 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics import skeleton
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation import canonical
-from latentmotion.representation.canonical import bone_rotations, smooth_heading, turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +98,7 @@ class HumanML3DRepresentation:
         if not bool(xp.all(xp.isfinite(joints))):
             raise InputError("joints that are not finite; drop or repair these frames first")
         joints = self.canonicalize(xp.astype(joints, xp.float64))
-        yaw = smooth_heading(joints, self.skeleton)
+        yaw = canonical.smooth_heading(joints, self.skeleton)
         return self.describe(joints, xp.concat([xp.zeros_like(yaw[:1]), yaw[1:]]))
 
     def describe(
@@ -125,11 +124,11 @@ class HumanML3DRepresentation:
         feet = steps[:, [*self.skeleton.left_foot, *self.skeleton.right_foot], :]
         blocks = [
             half,
-            turn(steps[:, 0, :], -yaw[1:])[:, ::2],
+            canonical.turn(steps[:, 0, :], -yaw[1:])[:, ::2],
             poses[:, 0, 1],
-            turn(centered, -yaw[:-1, None])[:, 1:, :],
-            bone_rotations(bones, yaw[:-1], self.directions, above)[:, 1:, :],
-            turn(steps, -yaw[:-1, None]),
+            canonical.turn(centered, -yaw[:-1, None])[:, 1:, :],
+            canonical.bone_rotations(bones, yaw[:-1], self.directions, above)[:, 1:, :],
+            canonical.turn(steps, -yaw[:-1, None]),
             xp.astype(xp.sum(feet * feet, axis=-1) < self.still, steps.dtype),
         ]
         rows = [xp.reshape(block, (steps.shape[0], -1)) for block in blocks]
@@ -152,12 +151,12 @@ class HumanML3DRepresentation:
         yaw = -2 * xp.concat([xp.zeros_like(half[..., :1]), turned], axis=-1)
         nothing = xp.zeros_like(height)
         step = xp.concat([step[..., :1], nothing, step[..., 1:]], axis=-1)
-        step = turn(step[..., :-1, :], yaw[..., 1:])
+        step = canonical.turn(step[..., :-1, :], yaw[..., 1:])
         path = xp.concat([xp.zeros_like(features[..., :1, :3]), step], axis=-2)
         path = xp.cumulative_sum(path, axis=-2)[..., None, :]
         local = xp.reshape(positions, (*positions.shape[:-1], -1, 3))
         root = xp.concat([nothing, height, nothing], axis=-1)[..., None, :]
-        return turn(xp.concat([root, local], axis=-2), yaw[..., None]) + path
+        return canonical.turn(xp.concat([root, local], axis=-2), yaw[..., None]) + path
 
     def restart(
         self, features: Float[Any, "*batch frames features"]

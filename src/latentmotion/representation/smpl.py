@@ -29,7 +29,6 @@ from latentmotion.kinematics.rotations import matrix_from_sixd, sixd_from_matrix
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation import canonical
-from latentmotion.representation.canonical import rotations_from
 
 TOKENS = 25
 """24 joint rotations, and the root trajectory."""
@@ -84,7 +83,7 @@ class SmplRepresentation:
             body = np.concatenate([body, (4 * body[:, 20:22] - body[:, 18:20]) / 3], axis=1)
         self._check(body)
         scale = self._leg_length(self.skeleton.rest_joints()) / self._leg_length(body[0])
-        rotations = rotations_from(self.skeleton, solve(body, self.fps, self.skeleton))
+        rotations = canonical.rotations_from(self.skeleton, solve(body, self.fps, self.skeleton))
         retargeted = self.skeleton.forward_kinematics(rotations, scale * body[:, 0])
         return xp.asarray(retargeted, device=device(joints))
 
@@ -111,7 +110,9 @@ class SmplRepresentation:
         positions = np.asarray(joints, dtype=np.float64)
         self._check(positions)
         positions = self.canonicalize(positions)
-        rotations = rotations_from(self.skeleton, solve(positions, self.fps, self.skeleton))
+        rotations = canonical.rotations_from(
+            self.skeleton, solve(positions, self.fps, self.skeleton)
+        )
         rotations[:, 0] = np.array(UPRIGHT)[:, None] * rotations[:, 0]
         trajectory = (positions[:, 0] - positions[0, 0]) * UPRIGHT
         return xp.asarray(smpl_features(rotations, trajectory)[:-1], device=device(joints))
