@@ -55,8 +55,9 @@ class ClassifierFreeGuidance:
         if isinstance(self.scale, (int, float)) and self.scale == 1:
             return self.denoiser(z, t, condition, mask)
         without, given = _both(self.denoiser, self.null, z, t, condition, mask)
-        # One scale per item becomes a column that multiplies (batch, tokens, width).
-        scale = self.scale[:, None, None] if getattr(self.scale, "ndim", 0) else self.scale
+        scale: Any = self.scale
+        if getattr(scale, "ndim", 0):  # one per item becomes a column that multiplies the outputs
+            scale = scale[:, None, None]
         return without + scale * (given - without)
 
 
