@@ -15,10 +15,10 @@ from latentmotion.condition.task import ActionTask, UnconditionalTask
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.engine.request import GenerationRequest
-from latentmotion.errors import DataError, InputError, ModelError
+from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
 from latentmotion.evaluation.candidates import Generated, Prior, Reconstructed
 from latentmotion.evaluation.embedding_scores import groups
-from latentmotion.evaluation.evaluate import build_test_set, compare, evaluate
+from latentmotion.evaluation.evaluate import Comparison, build_test_set, compare, evaluate
 from latentmotion.evaluation.evaluators.action import Recognizer
 from latentmotion.evaluation.evaluators.action_networks import MotionGRUConfig
 from latentmotion.evaluation.evaluators.interface import Recognition
@@ -29,6 +29,9 @@ from latentmotion.gpu.backend import torch_prior
 from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.model.config import ConvolutionalVAEConfig, IdentityVAEConfig
 from latentmotion.networks.build import build
+from latentmotion.storage import shards
+from latentmotion.storage.address import folder_at
+from latentmotion.storage.shards import Share
 from tests.support.moving_figures import write_moving_figures
 
 SMALL = replace(CLEAN, replications=3, split="val", repeats=Repeats(4, 3, None, 2))
@@ -114,6 +117,21 @@ def test_the_same_seed_repeats_and_replications_differ(dataset: Dataset) -> None
     fewer = evaluate(noise_model(), dataset, Echo(), replace(SMALL, replications=1))
     assert values(fewer, "generated", "FID") == values(one, "generated", "FID")[:1]
     assert fewer["generated"]["FID"].interval is None
+
+
+def test_replications_in_shards_give_the_same_report(dataset: Dataset, tmp_path: Path) -> None:
+    comparison = Comparison((noise_model(),), dataset, Echo(), SMALL)
+    folder = folder_at(str(tmp_path / "replications"), create=True)
+    assert shards.make(comparison.work(), folder, Share(2, 2)) is None
+    manifest = shards.make(comparison.work(), folder, Share(1, 2))
+    assert manifest is not None and len(manifest.shards) == 3
+    assert comparison.report_of(folder, manifest).rows == comparison().rows
+    other = Comparison((noise_model(),), dataset, Echo(), replace(SMALL, seed=1))
+    with pytest.raises(InputError, match="another run"):
+        shards.make(other.work(), folder)
+    folder.write("replication-00001.json", b"{")
+    with pytest.raises(FileFormatError, match="replication-00001"):
+        comparison.report_of(folder, manifest)
 
 
 def test_who_answers_with_the_truth_is_perfect(dataset: Dataset) -> None:

@@ -35,6 +35,7 @@ class Evaluate:
     Examples:
         latentmotion evaluate my_model --data my_data --evaluator my_evaluator -o report
         latentmotion evaluate my_model --instructions -o report
+        latentmotion evaluate my_model --data my_data --evaluator my_evaluator -o report --shard 1/4
     """
 
     model: Annotated[Positional[str | None], arg(metavar="MODEL")] = None
@@ -48,6 +49,10 @@ class Evaluate:
     """Split to measure on."""
     replications: int | None = None
     """Repetitions of the measurement; by default 20, or 1 without an evaluator."""
+    shard: str | None = None
+    """Measure only a part of the replications, such as 3/16: the third of sixteen processes. Scores
+    are kept beside the output folder (report.replications), where a killed run is resumed; whoever
+    finds all of them finished writes the report."""
     seed: options.Seed = 0
     multimodality: int | None = None
     """Captions that get many motions each, for MultiModality; by default 100; 0 for none."""

@@ -8,18 +8,21 @@ from pathlib import Path
 from latentmotion.cli.evaluate import Evaluate
 from latentmotion.cli.generate import load_generator, located
 from latentmotion.data.dataset import Dataset
-from latentmotion.errors import ModelError
+from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation import cost, evaluate, position_scores, report
 from latentmotion.evaluation.candidates import Candidate
 from latentmotion.evaluation.evaluators.interface import load_evaluator
 from latentmotion.evaluation.protocol import Protocol
-from latentmotion.evaluation.report import REPORT_FILE, card_figures
+from latentmotion.evaluation.report import REPORT_FILE, Report, card_figures
 from latentmotion.gpu.backend import text_encoder_named, torch_prior
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import find_model, read_card
 from latentmotion.networks.checkpoint import load_stages
+from latentmotion.storage import shards
+from latentmotion.storage.address import folder_at
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable
+from latentmotion.storage.shards import Share
 
 
 @dataclass(frozen=True)
@@ -48,10 +51,13 @@ class MetricsCommand:
             body = load_smpl(options.body)
             dataset, evaluator = position_scores.with_smpl_joints(body, dataset, evaluator)
         candidates, protocol = self.candidates(folder), self.protocol()
-        report = evaluate.compare(candidates, dataset, evaluator, protocol)
+        comparison = evaluate.Comparison(tuple(candidates), dataset, evaluator, protocol)
+        report = self.shared(comparison, options.shard) if options.shard else comparison()
+        if report is None:
+            print(f"shard {options.shard} is finished, others are not")
+            return
         if options.cost:
-            test_set = evaluate.build_test_set(candidates, dataset, evaluator, protocol)
-            replication = test_set.replication(0)
+            replication = comparison.test_set.replication(0)
             first = candidates[0]
             generated = first if isinstance(first, evaluate.Generated) else None
             encoder = text_encoder_named(options.text_encoder) if options.text_encoder else None
@@ -66,6 +72,19 @@ class MetricsCommand:
             figures = {**card.figures, "evaluation": card_figures(report)}
             replace(card, figures=to_json(figures)).write(folder)
             print(f"\nwrote the figures into {folder / 'model.json'}")
+
+    def shared(self, comparison: evaluate.Comparison, shard: str) -> Report | None:
+        """Measures the replications of a share; returns the report if all are finished.
+
+        Raises:
+            InputError: There is no output folder, or the scores beside it are of another run.
+        """
+        share, output = Share.parse(shard), self.options.output
+        if output is None:
+            raise InputError("--shard keeps scores beside the report; name its folder by --output")
+        folder = folder_at(str(output.with_name(f"{output.name}.replications")), create=True)
+        manifest = shards.make(comparison.work(), folder, share)
+        return manifest and comparison.report_of(folder, manifest)
 
     def protocol(self) -> Protocol:
         """Returns the protocol that the options name, changed as they say."""

@@ -6,9 +6,11 @@ and the real ones, and metrics compare them. The ground truth is a row like any 
 
 from __future__ import annotations
 
+import json
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -43,6 +45,10 @@ from latentmotion.evaluation.protocol import (
 )
 from latentmotion.evaluation.report import GROUND_TRUTH, UNITS, Figure, Report, provenance_of
 from latentmotion.progress import counted
+from latentmotion.storage.address import Folder
+from latentmotion.storage.configuration import to_json
+from latentmotion.storage.reading import parse_json
+from latentmotion.storage.shards import Manifest, Run, Shard, Work
 
 __all__ = [
     "CLEAN",
@@ -51,6 +57,7 @@ __all__ = [
     "PROTOCOLS",
     "UNITS",
     "Candidate",
+    "Comparison",
     "Figure",
     "Generated",
     "Prior",
@@ -96,27 +103,7 @@ def compare(
         InputError: As for `evaluate`, or two rows have the same name, or tasks differ.
         ModelError: As for `evaluate`.
     """
-    test_set = build_test_set(candidates, dataset, evaluator, protocol)
-    evaluation = _Evaluation(tuple(candidates), dataset, evaluator, protocol)
-    for number in counted(range(protocol.replications), "replications"):
-        evaluation.replicate(test_set.replication(number))
-    population = protocol.quirks.population_deviation
-    rows = {
-        row: {name: Figure.of(values, population) for name, values in figures.items()}
-        for row, figures in evaluation.values.items()
-    }
-    published = published_ground_truth(dataset, evaluator)
-    wrong = departures(rows[GROUND_TRUTH], published) if published else []
-    if wrong:
-        warnings.warn("\n".join(wrong), stacklevel=2)
-    return Report(
-        rows,
-        dict.fromkeys(rows, len(test_set.items)),
-        protocol,
-        provenance_of(candidates, dataset, evaluator),
-        tuple(notes_of(test_set, evaluator, published)),
-        tuple(wrong),
-    )
+    return Comparison(tuple(candidates), dataset, evaluator, protocol)()
 
 
 def build_test_set(
@@ -174,62 +161,122 @@ def _needs(
 
 
 @dataclass(eq=False)
-class _Evaluation:
-    """Figures of every row, replication by replication."""
+class Comparison:
+    """Models that are measured on the same test prompts, replication by replication.
+
+    A replication's scores depend on its number alone, so any process may measure any of them.
+    """
 
     candidates: tuple[Candidate, ...]
+    """The models, each with its own row."""
     dataset: Dataset
+    """Source of test prompts and real motions."""
     evaluator: Evaluator | None
-    protocol: Protocol
-    values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    """The evaluator; without one only metrics of positions are measured."""
+    protocol: Protocol = CLEAN
+    """Rules of the evaluation."""
     _real: tuple[Embeddings | None, Scores] | None = None
 
     def __post_init__(self) -> None:
+        self.test_set = build_test_set(self.candidates, self.dataset, self.evaluator, self.protocol)
         self.cache = embedding_cache(self.evaluator) if self.evaluator is not None else None
         self.positions = PositionScores(self.dataset)
 
-    def replicate(self, replication: Replication) -> None:
-        """Measures every row once."""
+    def __call__(self) -> Report:
+        """Measures all replications in this process."""
+        numbers = counted(range(self.protocol.replications), "replications")
+        return self.report([self.replication(number) for number in numbers])
+
+    def replication(self, number: int) -> dict[str, Scores]:
+        """Returns the scores of every row in replication `number`."""
+        replication = self.test_set.replication(number)
         quirks, features = self.protocol.quirks, replication.features
         if self._real is None or quirks.random_crops or quirks.random_state:
             embeddings = (
                 self._embed(self.cache, features, replication, GROUND_TRUTH) if self.cache else None
             )
             self._real = embeddings, self.positions.quality(features)
-        real, quality = self._real  # the same motions, but for their captions
+        real, scores = self._real  # the same motions, but for their captions
         if real is not None and self.cache is not None:
             real = replace(real, texts=self.cache.texts(replication.prompts))
-        self._add(GROUND_TRUTH, quality)
         if self._measures_nearest(replication):
-            self._add(GROUND_TRUTH, self.positions.nearest(features))
+            scores = scores | self.positions.nearest(features)
         if real is not None:
-            self._add(GROUND_TRUTH, ground_truth_scores(real, self.protocol, replication.number))
-        for candidate in self.candidates:
-            self._measure(candidate, replication, real)
+            scores = scores | ground_truth_scores(real, self.protocol, number)
+        rows = {one.row: self._measure(one, replication, real) for one in self.candidates}
+        return {GROUND_TRUTH: scores, **rows}
+
+    def report(self, replications: Sequence[Mapping[str, Scores]]) -> Report:
+        """Returns the report of the scores of all replications, in their order."""
+        population = self.protocol.quirks.population_deviation
+        values: dict[str, dict[str, list[float]]] = {}
+        for scores in replications:
+            for row, figures in scores.items():
+                for name, value in figures.items():
+                    values.setdefault(row, {}).setdefault(name, []).append(value)
+        rows = {
+            row: {name: Figure.of(each, population) for name, each in figures.items()}
+            for row, figures in values.items()
+        }
+        published = published_ground_truth(self.dataset, self.evaluator)
+        wrong = departures(rows[GROUND_TRUTH], published) if published else []
+        if wrong:
+            warnings.warn("\n".join(wrong), stacklevel=2)
+        return Report(
+            rows,
+            dict.fromkeys(rows, len(self.test_set.items)),
+            self.protocol,
+            provenance_of(self.candidates, self.dataset, self.evaluator),
+            tuple(notes_of(self.test_set, self.evaluator, published)),
+            tuple(wrong),
+        )
+
+    def work(self) -> Work:
+        """Returns the replications as shards, the scores of one in each; see `report_of`."""
+        settings = to_json(provenance_of(self.candidates, self.dataset, self.evaluator))
+        settings["versions"].pop("machine")  # the shards may be shared among several
+        settings["protocol"] = to_json(self.protocol)
+        tasks = {
+            f"replication-{number:05d}.json": partial(self._shard, number)
+            for number in range(self.protocol.replications)
+        }
+        return Work(Run(settings, len(tasks), tuple(tasks)), tasks)
+
+    def report_of(self, folder: Folder, manifest: Manifest) -> Report:
+        """Returns the report of finished shards.
+
+        Raises:
+            DataError: A shard is damaged.
+        """
+        names = [record.name for record in manifest.shards]
+        return self.report([parse_json(folder.read(name), f"{folder}/{name}") for name in names])
+
+    def _shard(self, number: int) -> Shard:
+        return Shard(json.dumps(self.replication(number), indent=1).encode(), 1)
 
     def _measure(
         self, candidate: Candidate, replication: Replication, real: Embeddings | None
-    ) -> None:
+    ) -> Scores:
         """Measures a candidate: quality, errors against the real motions, embeddings."""
-        row, protocol, number = candidate.row, self.protocol, replication.number
+        protocol, number = self.protocol, replication.number
         motions = candidate(replication, protocol)
-        self._add(row, self.positions.quality(motions))
+        scores = dict(self.positions.quality(motions))
         if not candidate.reconstructs and self._measures_nearest(replication):
-            self._add(row, self.positions.nearest(motions))
+            scores |= self.positions.nearest(motions)
         if candidate.reconstructs:
             mean = np.array(candidate.card.normalizer_mean, np.float32)
             padding = mean if protocol.quirks.padded_sums else None
-            errors = self.positions.reconstruction(motions, replication.features, padding)
-            self._add(row, errors)
+            scores |= self.positions.reconstruction(motions, replication.features, padding)
         if candidate.reconstructs or (candidate.prompted and candidate.card.condition.reads_text):
-            self._add(row, self.positions.average_errors(motions, replication.features))
+            scores |= self.positions.average_errors(motions, replication.features)
         if real is None or self.cache is None:
-            return
-        embeddings = self._embed(self.cache, motions, replication, row)
-        self._add(row, embedding_scores(embeddings, real, candidate.prompted, protocol, number))
+            return scores
+        embeddings = self._embed(self.cache, motions, replication, candidate.row)
+        scores |= embedding_scores(embeddings, real, candidate.prompted, protocol, number)
         if isinstance(candidate, Generated) and measures_multimodality(candidate, protocol, number):
             figure = caption_multimodality(candidate, replication, self.cache, protocol)
-            self._add(row, {"MultiModality": figure})
+            scores["MultiModality"] = figure
+        return scores
 
     def _embed(
         self, cache: EmbeddingCache, motions: Motions, replication: Replication, row: str
@@ -240,7 +287,3 @@ class _Evaluation:
 
     def _measures_nearest(self, replication: Replication) -> bool:
         return self.protocol.nearest_clip and replication.number == 0
-
-    def _add(self, row: str, scores: Scores) -> None:
-        for name, value in scores.items():
-            self.values.setdefault(row, {}).setdefault(name, []).append(value)
