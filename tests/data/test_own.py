@@ -95,7 +95,7 @@ def test_unknown_skeletons_need_a_map(tmp_path: Path) -> None:
     write_bvh(tmp_path / "walk.bvh", odd)
     (item,) = OwnMotions(tmp_path, SOURCE).recordings()
     assert isinstance(item, Dropped)
-    assert "unknown skeleton" in item.reason
+    assert "unknown names" in item.reason
     path = tmp_path / "map.json"
     path.write_text(json.dumps(dict(zip(HUMANML3D.names, names, strict=True))))
     (item,) = OwnMotions(tmp_path, SOURCE, joint_map=load_joint_map(path)).recordings()

@@ -24,7 +24,8 @@ from latentmotion.data.sources.snu import (
 )
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.kinematics.humanoid import JOINT_MAPS, find_joint_map, to_humanml3d
+from latentmotion.kinematics.bone_names import JOINT_MAPS, find_joint_map
+from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from tests.support.mocap_folders import swaying
 

@@ -15,7 +15,6 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.retarget import Rig, find_humanoid, read_rig, retarget
-from latentmotion.retarget.humanoid import humanoid_of_map
 from latentmotion.retarget.rig import Pose, RestPose, SourceCharacter
 from latentmotion.retarget.transfer import check_output, write
 from tests.support.walker import walker
@@ -163,26 +162,31 @@ def test_our_joints_are_found_by_their_own_names() -> None:
     assert names[body.pelvis] == "pelvis" and names[body.chest] == "spine3"
     assert [names[joint] for joint in body.spine] == ["spine1", "spine2", "spine3"]
     assert [names[joint] for joint in body.neck] == ["neck"]
-    again = humanoid_of_map(HUMANML3D, body.joint_map())
+    again = find_humanoid(HUMANML3D, joint_map=body.joint_map())
     assert {name: again.joints[name] for name in body.joints} == dict(body.joints)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"left_knee": "left_kne"}, "which is none of the rig's joints; did you mean"),
-        ({"left_nee": "left_knee"}, "the map has 'left_nee'; did you mean 'left_knee'"),
+        (
+            {"left_knee": "left_kne"},
+            "is none of the skeleton's 22 joints; nearest are 'left_knee', ",
+        ),
+        ({"left_nee": "left_knee"}, "the joint map has 'left_nee', .* nearest are 'left_knee', "),
         ({"left_knee": "right_knee"}, r"left_knee \('right_knee'\) does not hang on left_hip"),
     ],
 )
 def test_maps_that_do_not_fit_name_the_joint(changes: dict[str, str], message: str) -> None:
     right = find_humanoid(HUMANML3D).joint_map()
-    assert humanoid_of_map(HUMANML3D, {**right, "_remark": "mine"}).pelvis == 0
+    assert find_humanoid(HUMANML3D, joint_map={**right, "_remark": "mine"}).pelvis == 0
     with pytest.raises(DataError, match=message):
-        humanoid_of_map(HUMANML3D, {**right, **changes})
+        find_humanoid(HUMANML3D, joint_map={**right, **changes})
     lacking = {name: joint for name, joint in right.items() if name != "left_hip"}
-    with pytest.raises(DataError, match=r"found no left_hip in the rig; .* left_hip\."):
-        humanoid_of_map(HUMANML3D, lacking)
+    with pytest.raises(
+        DataError, match=r"found no left_hip in the rig .* nearest: 'left_hip'; draft"
+    ):
+        find_humanoid(HUMANML3D, joint_map=lacking)
 
 
 def test_endings_that_a_rig_cannot_have_are_told(rig: Rig, motion: Motion, tmp_path: Path) -> None:

@@ -177,7 +177,7 @@ class PrepareLabelled:
     """Features of the motions: HumanML3D's 263 or SMPL's 150."""
     fps: options.Fps = None
     unit: options.LengthUnit = "centimeters"
-    joint_map: options.JointMapFile = None
+    map: options.JointMapFile = None
     val: Val = 0.05
     test: Test = 0.05
     name: SourceName = "labelled"
@@ -192,7 +192,7 @@ class PrepareLabelled:
             source=source,
             fps=self.fps,
             unit=self.unit,
-            joint_map=load_joint_map(self.joint_map) if self.joint_map else None,
+            joint_map=load_joint_map(self.map) if self.map else None,
             val=self.val,
             test=self.test,
             labelled=True,
@@ -214,7 +214,7 @@ class PrepareOwn:
     action."""
     fps: options.Fps = None
     unit: options.LengthUnit = "centimeters"
-    joint_map: options.JointMapFile = None
+    map: options.JointMapFile = None
     val: Val = 0.05
     test: Test = 0.05
     name: SourceName = "own"
@@ -230,7 +230,7 @@ class PrepareOwn:
             captions=self.captions,
             fps=self.fps,
             unit=self.unit,
-            joint_map=load_joint_map(self.joint_map) if self.joint_map else None,
+            joint_map=load_joint_map(self.map) if self.map else None,
             val=self.val,
             test=self.test,
         )
@@ -391,7 +391,7 @@ class Describe:
     seed: options.Seed = 0
     fps: options.Fps = None
     unit: options.LengthUnit = "centimeters"
-    joint_map: options.JointMapFile = None
+    map: options.JointMapFile = None
 
     def run(self) -> None:
         """Writes the captions."""
@@ -412,7 +412,7 @@ class Describe:
                 Source("own", "unknown", ""),
                 fps=self.fps,
                 unit=self.unit,
-                joint_map=load_joint_map(self.joint_map) if self.joint_map else None,
+                joint_map=load_joint_map(self.map) if self.map else None,
             )
             self.write_csv(described.describe_files(motions, self.seed, self.check, self.names))
             return

@@ -38,7 +38,7 @@ class FineTune:
     """Distill the result to 1, 2 and 4 sampling steps, as the default model is."""
     fps: options.Fps = None
     unit: options.LengthUnit = "centimeters"
-    joint_map: options.JointMapFile = None
+    map: options.JointMapFile = None
     license: str = "unknown"
     """Terms under which the clips, and models trained on them, may be used."""
     credit: str = ""
@@ -62,7 +62,7 @@ class FineTune:
             captions=self.captions,
             fps=self.fps,
             unit=self.unit,
-            joint_map=load_joint_map(self.joint_map) if self.joint_map else None,
+            joint_map=load_joint_map(self.map) if self.map else None,
             test=0.0,
         )
         settings = with_changes(FineTuning(few_steps=self.few_steps), self.set)

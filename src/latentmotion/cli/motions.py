@@ -12,10 +12,11 @@ from latentmotion import formats
 from latentmotion.blender.build import build_zip, own_command
 from latentmotion.cli import options
 from latentmotion.errors import InputError
+from latentmotion.kinematics.draft import draft_map, write_draft
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.render import strip, video
-from latentmotion.retarget import humanoid, read_rig, transfer
+from latentmotion.retarget import read_rig, transfer
 from latentmotion.retarget.rig_files import open_rig
 from latentmotion.storage.files import check_writable
 
@@ -99,10 +100,8 @@ class Retarget:
     output: options.OptionalOutput = None
     """File to write: .glb or .gltf for the character with the animations added, .bvh for its
     skeleton (one file per motion)."""
-    map: Path | None = None
-    """JSON file that maps the character's joints to ours."""
-    draft_map: Path | None = None
-    """Write a guess of such a file here, and nothing else."""
+    map: options.JointMapFile = None
+    draft_map: options.DraftMapFile = None
     fps: float | None = None
     """Frames per second of the animations; by default those of the motions."""
 
@@ -142,8 +141,8 @@ class Retarget:
         """Writes guesses of the joint map to a file and prints them."""
         check_writable(path)
         skeleton = open_rig(self.to).skeleton
-        guesses = humanoid.draft_map(skeleton)
-        humanoid.write_draft(path, skeleton, guesses)
+        guesses = draft_map(skeleton)
+        write_draft(path, skeleton, guesses)
         for name, guess in guesses.items():
             print(f"{name:<15} {skeleton.names[guess.joint]:<25} {guess.reason}")
         print(f"wrote {path}: these are guesses; correct them, then pass --map {path}")

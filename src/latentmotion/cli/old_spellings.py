@@ -14,6 +14,7 @@ VERBS = {"exchange": "swap-decoder"}
 """Old verb → verb."""
 
 _OUT = {"--out": "--output"}
+_MAP = {"--joint-map": "--map"}
 
 OPTIONS: dict[str, dict[str, str]] = {
     "data prepare cmu": _OUT,
@@ -23,13 +24,14 @@ OPTIONS: dict[str, dict[str, str]] = {
     "data prepare kit": _OUT,
     "data prepare humanact12": {**_OUT, "--poses": "FILE"},
     "data prepare uestc": {**_OUT, "--folder": "FOLDER"},
-    "data prepare labelled": {**_OUT, "--folder": "FOLDER"},
-    "data prepare own": _OUT,
+    "data prepare labelled": {**_OUT, **_MAP, "--folder": "FOLDER"},
+    "data prepare own": {**_OUT, **_MAP},
     "data merge": _OUT,
     "data pack": _OUT,
     "data unpack": _OUT,
     "data compose": _OUT,
-    "data describe": _OUT,
+    "data describe": {**_OUT, **_MAP},
+    "finetune": _MAP,
     "train decoder": {"--vae": "--model"},
     "train text-encoder": {"--batch": "--batch-size"},
 }

@@ -142,7 +142,11 @@ LengthUnit = Annotated[str, arg(help="Unit of length of BVH files.")]
 
 JointMapFile = Annotated[
     Path | None,
-    arg(help="JSON file that maps an unknown skeleton's joints to HumanML3D's 22 joints."),
+    arg(help="JSON file that says which joints of an unknown skeleton are ours: a joint map."),
+]
+DraftMapFile = Annotated[
+    Path | None,
+    arg(help="Write a guess of a joint map here, and nothing else; correct it, pass it by --map."),
 ]
 
 PrintJson = Annotated[bool, arg(help="Print one JSON object instead of text.")]

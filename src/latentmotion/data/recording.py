@@ -17,7 +17,8 @@ from jaxtyping import Float
 
 from latentmotion.data.clip import Split, TaggedSentence
 from latentmotion.errors import DataError, InputError
-from latentmotion.kinematics.humanoid import JointMap, to_humanml3d
+from latentmotion.kinematics.bone_names import JointMap
+from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import Animation
 from latentmotion.representation.smpl import smpl_features

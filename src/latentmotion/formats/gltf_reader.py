@@ -46,17 +46,17 @@ def read_animations(path: str | Path) -> list[Animation]:
     Raises:
         FileFormatError: The file is damaged, or holds neither a skin nor an animation.
     """
-    return animations_of(Document.read(path))
+    return animations_of(Document.read(path))[0]
 
 
-def animations_of(document: Document) -> list[Animation]:
-    """Returns the animations of a document that was read; see `read_animations`."""
+def animations_of(document: Document) -> tuple[list[Animation], Mapping[str, int]]:
+    """Returns the animations of a document that was read, and VRM's names of its joints, if any."""
     path = document.path or Path("glTF")
     with damage(path):
         scene = Scene(document, path)
         takes = [read_tracks(document, take) for take in document.json.get("animations", [])]
         animations = [scene.animation(tracks) for tracks in takes if tracks]
-        return animations or [scene.animation([])]
+        return animations or [scene.animation([])], scene.declared()
 
 
 @contextmanager
@@ -83,12 +83,12 @@ def read_takes(path: str | Path) -> list[Motion]:
     from latentmotion.formats.takes import motion_of
 
     document = Document.read(path)
-    animations = animations_of(document)
+    animations, declared = animations_of(document)
     with blamed_on(path):
         notes = [take.get("extras") for take in document.json.get("animations", [])]
         notes = notes if len(notes) == len(animations) else [None] * len(animations)
         return [
-            motion_of(animation, note if isinstance(note, dict) else {})
+            motion_of(animation, note if isinstance(note, dict) else {}, declared)
             for animation, note in zip(animations, notes, strict=True)
         ]
 
@@ -129,6 +129,7 @@ class Scene:
     def __init__(self, document: Document, path: Path) -> None:
         self.nodes: list[dict[str, Any]] = document.json.get("nodes", [])
         self.path = path
+        self._extensions = document.json.get("extensions", {})
         if len(self.nodes) > MOST_NODES:
             raise FileFormatError(path, f"{len(self.nodes):,} nodes, at most {MOST_NODES:,}")
         self.parents = [-1] * len(self.nodes)
@@ -148,6 +149,15 @@ class Scene:
         self.rest = self._world(self.transforms)
         names = [str(self.nodes[bone].get("name") or f"node_{bone}") for bone in self.bones]
         self.skeleton = plain_skeleton(path.stem, names, self.bone_parents, self.rest)
+
+    def declared(self) -> dict[str, int]:
+        """Returns the bones that VRM's extension names, 1.0 or 0.x, by these names."""
+        bones = self._extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
+        nodes = {name: bone["node"] for name, bone in bones.items()}
+        older = self._extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+        nodes |= {bone["bone"]: bone["node"] for bone in older}
+        index = {node: joint for joint, node in enumerate(self.bones)}
+        return {name: index[node] for name, node in nodes.items() if node in index}
 
     def animation(self, tracks: Sequence[Track]) -> Animation:
         """Returns how one animation moves the bones."""

@@ -46,15 +46,20 @@ def read_bvh_file(path: str | Path) -> list[Motion]:
     return [motion]
 
 
-def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> Motion:
+def motion_of(
+    animation: Animation,
+    notes: Mapping[str, Any] | None = None,
+    declared: Mapping[str, int] | None = None,
+) -> Motion:
     """Returns an animation as a motion of our own skeleton of those names, else of HumanML3D's.
 
     Args:
         animation: The animation in the file.
         notes: The file's `caption` and other metadata.
+        declared: VRM's names of its joints, where the file itself has them.
 
     Raises:
-        DataError: No joint map fits the skeleton.
+        DataError: The names of the skeleton's joints are unknown.
     """
     notes = current_notes(notes or {})
     metadata = {key: value for key, value in notes.items() if key not in ("caption", "fps")}
@@ -63,7 +68,7 @@ def motion_of(animation: Animation, notes: Mapping[str, Any] | None = None) -> M
     names = tuple(n for j, n in enumerate(animation.skeleton.names) if j not in tips)
     known = OURS.get(names)
     if known is None:
-        joints, known = to_humanml3d(animation), HUMANML3D
+        joints, known = to_humanml3d(animation, declared=declared), HUMANML3D
     else:
         joints = animation.joints()[:, [j for j in range(len(animation.skeleton)) if j not in tips]]
     return Motion(joints, animation.fps, known, caption, metadata)

@@ -6,7 +6,7 @@
 NumPy only.
 """
 
-from latentmotion.retarget.humanoid import Humanoid, find_humanoid
+from latentmotion.kinematics.humanoid import Humanoid, find_humanoid
 from latentmotion.retarget.rig import Rig, read_rig
 from latentmotion.retarget.transfer import retarget
 

@@ -22,12 +22,12 @@ from latentmotion.arrays import unit
 from latentmotion.cleanup.contacts import contact_intervals, ramp
 from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.smoothing import upper_envelope
+from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.rotations import (
     matrix_between,
     matrix_from_axis_angle,
     quaternion_from_matrix,
 )
-from latentmotion.retarget.humanoid import SIDES
 from latentmotion.retarget.rig import Pose, Rig, Rotations, SourceCharacter
 
 Points = Float[np.ndarray, "frames 3"]

@@ -18,10 +18,10 @@ from jaxtyping import Bool, Float
 
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.errors import DataError
-from latentmotion.kinematics.humanoid import JointMap
+from latentmotion.kinematics.bone_names import SIDES, JointMap
+from latentmotion.kinematics.humanoid import Humanoid, find_humanoid
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.retarget.humanoid import SIDES, Humanoid, find_humanoid, humanoid_of_map
 from latentmotion.retarget.rig_files import RigFile, open_rig
 
 Rotations = Float[np.ndarray, "frames 3 3"]
@@ -104,17 +104,19 @@ class Rig:
     """Height of the floor in the file, meters."""
     leg: float
     """Length of thigh and shank, meters."""
+    order: tuple[int, ...]
+    """Each joint's index in the file."""
 
     @property
     def skeleton(self) -> Skeleton:
-        """Rest pose in meters, y up, facing +z."""
+        """Rest pose in meters, y up, facing +z; feet hang on their legs, unlike in some files."""
         return self.body.skeleton
 
     @property
     def root_motion_bone(self) -> int:
         """The joint whose position moves the body: the pelvis, or one above where it cannot."""
         line = self.body.lines[self.body.pelvis]
-        return next((joint for joint in line if joint in self.file.movable), 0)
+        return next((joint for joint in line if self.order[joint] in self.file.movable), 0)
 
     def rest(self) -> Float[np.ndarray, "joints 3"]:
         """Returns the rest positions of all joints, the floor at height 0."""
@@ -124,14 +126,27 @@ class Rig:
         """Returns an animation of this rig in axes and unit of its file."""
         axes, scale = self.axes, 1 / self.meters
         up = np.array([0, self.floor, 0])
-        translations = animation.translations
+        rotations, translations = animation.rotations, animation.translations
+        if self.body.skeleton.names != self.file.skeleton.names:
+            rotations, translations = self._hung_as_in_file(animation)
         return Animation(
             self.file.skeleton,
-            axes @ animation.rotations @ axes.T,
+            axes @ rotations @ axes.T,
             scale * (animation.root_positions + up) @ axes.T,
             animation.fps,
             None if translations is None else scale * translations @ axes.T,
         )
+
+    def _hung_as_in_file(self, animation: Animation) -> tuple[np.ndarray, np.ndarray]:
+        """Returns rotations and translations relative to the parents in the file."""
+        back = np.argsort(self.order)
+        skeleton, parents = self.file.skeleton, list(self.file.skeleton.parents[1:])
+        world = animation.skeleton.world_rotations(animation.rotations)[:, back]
+        joints = animation.joints()[:, back]
+        translations = np.zeros_like(joints)
+        steps = joints[:, 1:] - joints[:, parents]
+        translations[:, 1:] = np.einsum("tjab,tja->tjb", world[:, parents], steps)
+        return skeleton.local_rotations(world), translations
 
     def unit(self) -> str:
         """Returns the name of the file's unit of length."""
@@ -214,9 +229,7 @@ def read_rig(path: str | Path, joint_map: JointMap | None = None) -> Rig:
         InputError: There is no such file, or of no such kind.
     """
     file = open_rig(path)
-    if joint_map is not None:
-        return make_rig(file, humanoid_of_map(file.skeleton, joint_map))
-    return make_rig(file, find_humanoid(file.skeleton, file.declared))
+    return make_rig(file, find_humanoid(file.skeleton, file.declared, joint_map))
 
 
 def make_rig(file: RigFile, body: Humanoid) -> Rig:
@@ -225,6 +238,7 @@ def make_rig(file: RigFile, body: Humanoid) -> Rig:
     Raises:
         DataError: It cannot stand.
     """
+    body, order = _with_feet_on_legs(body)
     rest_pose = RestPose.of(body)
     likeliest = min(_UNITS.values(), key=lambda unit: _misfit(rest_pose.leg * unit))
     meters = file.unit or likeliest
@@ -243,7 +257,37 @@ def make_rig(file: RigFile, body: Humanoid) -> Rig:
         root=root - (0, floor, 0),
         floor=floor,
         leg=leg,
+        order=order,
     )
+
+
+def _with_feet_on_legs(body: Humanoid) -> tuple[Humanoid, tuple[int, ...]]:
+    """Returns a body whose feet hang on their shanks, and each joint's index before."""
+    old, count = body.skeleton, len(body.skeleton)
+    if not body.free_feet:
+        return body, tuple(range(count))
+    parents, rest = list(old.parents), old.rest_joints()
+    for ankle in body.free_feet:
+        parents[body.joints[ankle]] = body.joints[ankle.replace("ankle", "knee")]
+    order = [0]
+    for joint in order:  # grows: children after their parents
+        order += [child for child in range(count) if parents[child] == joint]
+    rank = {joint: number for number, joint in enumerate(order)}
+    above = [-1, *(parents[joint] for joint in order[1:])]
+    skeleton = Skeleton(
+        name=old.name,
+        names=tuple(old.names[joint] for joint in order),
+        parents=tuple(rank.get(parent, -1) for parent in above),
+        offsets=np.array(
+            [
+                rest[j] - rest[p] if p >= 0 else 0 * rest[0]
+                for j, p in zip(order, above, strict=True)
+            ]
+        ),
+        end_sites=tuple(rank[joint] for joint in old.end_sites),
+    )
+    joints = {name: rank[joint] for name, joint in body.joints.items()}
+    return Humanoid(skeleton, joints, body.names), tuple(order)
 
 
 def _misfit(leg: float) -> float:

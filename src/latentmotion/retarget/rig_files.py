@@ -128,14 +128,7 @@ class GltfFile:
         self.document = Document.read(path)
         with damage(path):
             self.scene = Scene(self.document, path)
-            # The bones that VRM's extension names, 1.0 or 0.x.
-            extensions = self.document.json.get("extensions", {})
-            bones = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
-            nodes = {name: bone["node"] for name, bone in bones.items()}
-            older = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
-            nodes |= {bone["bone"]: bone["node"] for bone in older}
-            index = {node: joint for joint, node in enumerate(self.scene.bones)}
-            self.declared = {name: index[node] for name, node in nodes.items() if node in index}
+            self.declared = self.scene.declared()
         self.skeleton = self.scene.skeleton
         self.root = self.scene.rest.positions[0]
         self.movable = frozenset(range(len(self.skeleton)))

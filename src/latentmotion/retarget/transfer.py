@@ -26,6 +26,8 @@ from jaxtyping import Float
 from latentmotion.errors import InputError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.formats.takes import numbered
+from latentmotion.kinematics.bone_names import SIDES
+from latentmotion.kinematics.humanoid import Humanoid
 from latentmotion.kinematics.rotations import (
     matrix_between,
     matrix_from_quaternion,
@@ -35,7 +37,6 @@ from latentmotion.kinematics.rotations import (
 from latentmotion.kinematics.skeleton import Animation
 from latentmotion.motion import Motion
 from latentmotion.retarget.feet import align_foot, ground_feet
-from latentmotion.retarget.humanoid import SIDES, Humanoid
 from latentmotion.retarget.rig import Pose, Rig, Rotations, SourceCharacter
 from latentmotion.retarget.rig_files import Take
 

@@ -43,7 +43,7 @@ from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats import npz
 from latentmotion.formats.asf_amc import find_asf, read_asf_amc
 from latentmotion.formats.bvh import read_bvh
-from latentmotion.kinematics.humanoid import JointMap
+from latentmotion.kinematics.bone_names import JointMap
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_table, read_text
