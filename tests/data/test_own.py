@@ -1,19 +1,25 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from latentmotion import formats
+from latentmotion.cli.main import main
 from latentmotion.data.clip import Source
+from latentmotion.data.prepare import Preparation, encode_all
 from latentmotion.data.recording import Dropped, Recording, files_below
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.errors import DataError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
-from tests.support.mocap_folders import swaying, write_own
+from latentmotion.motion import Motion
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from tests.support.mocap_folders import swaying, with_t_pose, write_own
 
 SOURCE = Source("own", "mine", "me")
 
@@ -124,3 +130,97 @@ def test_files_are_found_behind_links_which_may_lead_back(tmp_path: Path) -> Non
         "link/a.BVH",
         "link/deep/c.npz",
     ]
+
+
+# What is cut away, and what is left
+
+
+def prepared(folder: Path) -> tuple[list[Recording], list[Dropped]]:
+    items = list(OwnMotions(folder, SOURCE).recordings())
+    dropped = [item for item in items if isinstance(item, Dropped)]
+    return [item for item in items if isinstance(item, Recording)], dropped
+
+
+def write_jumping(path: Path, frames: int, at: int) -> np.ndarray:
+    """A file at 20 fps that jumps by a meter in one frame."""
+    animation = swaying(frames, 20.0)
+    animation.root_positions[at:] += (0, 0, 1.0)
+    write_bvh(path, animation)
+    return animation.joints()
+
+
+def test_a_t_pose_in_frame_0_goes(tmp_path: Path) -> None:
+    animation = with_t_pose(swaying(60, 20.0))
+    write_bvh(tmp_path / "walk.bvh", animation)
+    (item,), dropped = prepared(tmp_path)
+    assert not dropped
+    np.testing.assert_allclose(item.joints, animation.joints()[1:], atol=1e-4)
+
+
+def test_a_jump_cuts_a_file_in_two(tmp_path: Path) -> None:
+    joints = write_jumping(tmp_path / "walk.bvh", 100, 70)
+    (tmp_path / "walk.txt").write_text(
+        "a person walks\nhe turns#he/PRON#0.5#1.5\nhe stops#he/PRON#4.0#5.0\n"
+    )
+    items, (part, *captions) = prepared(tmp_path)
+    assert [item.label.id for item in items] == ["walk", "walk-part2"]
+    assert [len(item.joints) for item in items] == [67, 27]
+    np.testing.assert_allclose(items[1].joints, joints[73:], atol=1e-4)
+    said = [[(s.text, s.start, s.end) for s in item.label.sentences] for item in items]
+    assert said[0] == [("a person walks", 0, 0), ("he turns", 0.5, 1.5)]
+    assert said[1] == [("he stops", pytest.approx(0.35), pytest.approx(1.35))]
+    assert items[1].label.start == pytest.approx(3.65)
+    assert part.what == "part" and part.reason.startswith("6 of 100 frames: ")
+    assert not captions
+
+
+def test_a_part_of_less_than_half_is_not_what_the_file_shows(tmp_path: Path) -> None:
+    animation = swaying(100, 20.0)
+    for at in (30, 65):
+        animation.root_positions[at:] += (0, 0, 1.0)
+    write_bvh(tmp_path / "walk.bvh", animation)
+    (tmp_path / "walk.txt").write_text("a person walks\n")
+    items, dropped = prepared(tmp_path)
+    assert len(items) == 3 and not any(item.label.sentences for item in items)
+    assert [item.what for item in dropped] == ["part", "caption", "caption", "caption"]
+
+
+def test_where_nothing_is_left_the_reasons_are_told(tmp_path: Path) -> None:
+    for n in range(12):
+        animation = swaying(40, 20.0)
+        animation.root_positions[::4] += (0, 0, 1.0)
+        write_bvh(tmp_path / f"take{n:02}.bvh", animation)
+    encoded = encode_all(OwnMotions(tmp_path, SOURCE).recordings(), HUMANML3D_FEATURES)
+    preparation = Preparation(HUMANML3D_FEATURES)
+    preparation.add(encoded)
+    with pytest.raises(DataError) as error:
+        preparation.write(tmp_path / "out", (SOURCE,))
+    said = str(error.value)
+    assert "12 were left out" in said and "and 2 more" in said
+    assert said.count("pelvis jumps") + said.count("the body moves") == 10
+
+
+def test_animations_of_a_glb_are_takes(tmp_path: Path) -> None:
+    takes = [Motion(swaying(60, 20.0, seed).joints().astype("f4")) for seed in (0, 1)]
+    formats.save(tmp_path / "walk.glb", takes)
+    items, dropped = prepared(tmp_path)
+    assert [item.label.id for item in items] == ["walk-1", "walk-2"] and not dropped
+    np.testing.assert_allclose(items[1].joints, takes[1].joints, atol=1e-4)
+
+
+def test_a_draft_is_of_the_first_unknown_skeleton(tmp_path: Path) -> None:
+    write_own(tmp_path, ["known"])
+    motions = OwnMotions(tmp_path, SOURCE)
+    assert motions.unknown_skeleton() is None
+    animation = swaying(20, 20.0)
+    names = tuple(f"bone{n}" for n in range(len(HUMANML3D)))
+    odd = replace(animation, skeleton=replace(HUMANML3D, names=names))
+    write_bvh(tmp_path / "odd.bvh", odd)
+    skeleton = motions.unknown_skeleton()
+    assert skeleton is not None and set(names) <= set(skeleton.names)
+    draft, said = tmp_path / "map.json", ["data", "prepare", "own", str(tmp_path)]
+    main([*said, "-o", str(tmp_path / "out"), "--draft-map", str(draft)])
+    assert not (tmp_path / "out").exists()
+    with_map = OwnMotions(tmp_path, SOURCE, joint_map=load_joint_map(draft))
+    dropped = [item for item in with_map.recordings() if isinstance(item, Dropped)]
+    assert [item.id for item in dropped] == []

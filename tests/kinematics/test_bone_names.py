@@ -13,7 +13,7 @@ from latentmotion.kinematics.draft import draft_map
 from latentmotion.kinematics.humanoid import find_humanoid, to_humanml3d
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 
-PARTS = "hip knee ankle foot collar shoulder elbow wrist".split()
+PARTS = ["hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist"]
 
 RIGS = {
     # The names of hip, knee, ankle, toes, collar, shoulder, elbow, wrist; then of other bones.
@@ -234,7 +234,7 @@ def test_positions_are_read_from_any_known_names() -> None:
 def test_joints_that_a_rig_lacks_lie_between_its_neighbors() -> None:
     names = ("pelvis", "chest", "Neck", "Head")
     limbs = [f"{side}{part}" for side in ("Left", "Right")
-             for part in "Thigh Shin Foot Arm ForeArm Hand".split()]  # fmt: skip
+             for part in ["Thigh", "Shin", "Foot", "Arm", "ForeArm", "Hand"]]  # fmt: skip
     parents = (-1, 0, 1, 2, *(0, 4, 5, 1, 7, 8), *(0, 10, 11, 1, 13, 14))
     side = np.array([[0.1, -0.1, 0], [0, -0.4, 0], [0, -0.4, 0],
                      [0.2, 0.15, 0], [0.3, 0, 0], [0.3, 0, 0]])  # fmt: skip

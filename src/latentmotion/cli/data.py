@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
+from latentmotion.cli.motions import write_draft
 from latentmotion.data import described, packing
 from latentmotion.data.clip import Source
 from latentmotion.data.compose import Composition, compose
@@ -170,14 +171,15 @@ class PrepareLabelled:
     """Take motion files in folders named after their actions: LABEL/take.bvh."""
 
     folder: options.Folder
-    """Folder with one folder per action, of BVH, ASF+AMC or NPZ files; the folders above may be
-    train, val and test."""
+    """Folder with one folder per action, of BVH, FBX, GLB, ASF+AMC or NPZ files; the folders above
+    may be train, val and test."""
     output: options.PreparedOutput
     representation: Literal["humanml3d", "smpl"] = "humanml3d"
     """Features of the motions: HumanML3D's 263 or SMPL's 150."""
     fps: options.Fps = None
     unit: options.LengthUnit = "centimeters"
     map: options.JointMapFile = None
+    draft_map: options.DraftMapFile = None
     val: Val = 0.05
     test: Test = 0.05
     name: SourceName = "labelled"
@@ -197,6 +199,9 @@ class PrepareLabelled:
             test=self.test,
             labelled=True,
         )
+        if self.draft_map:
+            _draft(motions, self.draft_map)
+            return
         representation = representation_named(self.representation)
         encoded = encode_all(motions.recordings(), representation)
         _prepare(self.output, representation, source, encoded)
@@ -204,7 +209,7 @@ class PrepareLabelled:
 
 @dataclass(frozen=True)
 class PrepareOwn:
-    """Take your own BVH, AMC or NPZ files, with captions beside them or in one CSV file."""
+    """Take your own BVH, FBX, GLB, AMC or NPZ files, with captions beside them or in one CSV."""
 
     folder: options.Folder
     """Folder of motion files, nested in any way."""
@@ -215,6 +220,7 @@ class PrepareOwn:
     fps: options.Fps = None
     unit: options.LengthUnit = "centimeters"
     map: options.JointMapFile = None
+    draft_map: options.DraftMapFile = None
     val: Val = 0.05
     test: Test = 0.05
     name: SourceName = "own"
@@ -234,6 +240,9 @@ class PrepareOwn:
             val=self.val,
             test=self.test,
         )
+        if self.draft_map:
+            _draft(motions, self.draft_map)
+            return
         encoded = encode_all(motions.recordings(), HUMANML3D_FEATURES)
         _prepare(self.output, HUMANML3D_FEATURES, source, encoded)
 
@@ -365,8 +374,8 @@ class Compose:
 class Describe:
     """Measure what motions do and write it as captions.
 
-    A prepared folder becomes a prepared folder with more captions. A folder of BVH, AMC or NPZ
-    files becomes a CSV that `latentmotion data prepare own --captions` reads.
+    A prepared folder becomes a prepared folder with more captions. A folder of BVH, FBX, GLB, AMC
+    or NPZ files becomes a CSV that `latentmotion data prepare own --captions` reads.
     """
 
     folder: options.Folder
@@ -443,6 +452,18 @@ class Describe:
         files = len({row.file for row in rows})
         print(f"wrote {self.output}: {len(rows)} captions of {files} motions")
         print("Correct it, then: latentmotion data prepare own FOLDER --captions CSV -o OUT")
+
+
+def _draft(motions: OwnMotions, path: Path) -> None:
+    """Writes a joint map for the first skeleton whose names are unknown.
+
+    Raises:
+        InputError: All names are known, or the file cannot be written.
+    """
+    skeleton = motions.unknown_skeleton()
+    if skeleton is None:
+        raise InputError(f"{motions.folder}: all names of joints are known, so no map is needed")
+    write_draft(path, skeleton)
 
 
 def _prepare_official(

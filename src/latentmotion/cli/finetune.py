@@ -26,8 +26,8 @@ class FineTune:
     """
 
     folder: options.Folder
-    """Folder of BVH, AMC or NPZ files, nested in any way, with sentences in NAME.txt beside
-    NAME.bvh; without any, the names of the files and what is measured become captions."""
+    """Folder of BVH, FBX, GLB, AMC or NPZ files, nested in any way, with sentences in NAME.txt
+    beside NAME.bvh; without any, the names of the files and what is measured become captions."""
     output: options.Output
     """Model folder to write."""
     captions: Path | None = None

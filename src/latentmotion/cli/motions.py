@@ -12,9 +12,9 @@ from latentmotion import formats
 from latentmotion.blender.build import build_zip, own_command
 from latentmotion.cli import options
 from latentmotion.errors import InputError
-from latentmotion.kinematics.draft import draft_map, write_draft
+from latentmotion.kinematics import draft
 from latentmotion.kinematics.humanoid import load_joint_map
-from latentmotion.kinematics.skeleton import check_fps
+from latentmotion.kinematics.skeleton import Skeleton, check_fps
 from latentmotion.render import strip, video
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.retarget.rig_files import open_rig
@@ -85,20 +85,21 @@ class Render:
 
 @dataclass(frozen=True)
 class Retarget:
-    """Retarget motions to your own character: any skeleton in .glb, .gltf, .bvh or .asf.
+    """Retarget motions to your own character: any skeleton in .glb, .gltf, .fbx, .bvh or .asf.
 
-    The joint names of Mixamo, Unreal, VRM, Rigify, Daz, CMU, SMPL and Biped are known; draft a
-    joint map for others.
+    The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,
+    OptiTrack, Rokoko, ARKit, CMU and SMPL are known; draft a joint map for others. FBX goes
+    through your Blender.
 
     Example: latentmotion retarget walk.npz --to character.glb -o walking.glb
     """
 
     to: Path
-    """The character: .glb, .gltf, .bvh or .asf."""
+    """The character: .glb, .gltf, .fbx, .bvh or .asf."""
     files: options.Files = ()
     """Motion files; each motion in them becomes an animation."""
     output: options.OptionalOutput = None
-    """File to write: .glb or .gltf for the character with the animations added, .bvh for its
+    """File to write: .glb, .gltf or .fbx for the character with the animations added, .bvh for its
     skeleton (one file per motion)."""
     map: options.JointMapFile = None
     draft_map: options.DraftMapFile = None
@@ -112,7 +113,7 @@ class Retarget:
             LatentMotionError: A file cannot be read or written, or joints are not found.
         """
         if self.draft_map is not None:
-            self.write_draft(self.draft_map)
+            write_draft(self.draft_map, open_rig(self.to).skeleton)
             return
         if self.output is None or not self.files:
             raise InputError("name motion files and -o FILE, or --draft-map FILE")
@@ -137,15 +138,20 @@ class Retarget:
         written = transfer.write(self.output, rig, motions, self.fps, names)
         print("\n".join(f"wrote {path}" for path in written))
 
-    def write_draft(self, path: Path) -> None:
-        """Writes guesses of the joint map to a file and prints them."""
-        check_writable(path)
-        skeleton = open_rig(self.to).skeleton
-        guesses = draft_map(skeleton)
-        write_draft(path, skeleton, guesses)
-        for name, guess in guesses.items():
-            print(f"{name:<15} {skeleton.names[guess.joint]:<25} {guess.reason}")
-        print(f"wrote {path}: these are guesses; correct them, then pass --map {path}")
+
+def write_draft(path: Path, skeleton: Skeleton) -> None:
+    """Writes guesses of a joint map to a file and prints them.
+
+    Raises:
+        DataError: Nothing can be guessed.
+        InputError: The file cannot be written.
+    """
+    check_writable(path)
+    guesses = draft.draft_map(skeleton)
+    draft.write_draft(path, skeleton, guesses)
+    for name, guess in guesses.items():
+        print(f"{name:<15} {skeleton.names[guess.joint]:<25} {guess.reason}")
+    print(f"wrote {path}: these are guesses; correct them, then pass --map {path}")
 
 
 @dataclass(frozen=True)

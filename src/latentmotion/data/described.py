@@ -242,7 +242,7 @@ def describe_files(
             if check and (reason := contradiction(text, joints[start:end])):
                 rows.append(Dropped(file, "caption", f"{text!r}, but {reason}"))
             else:
-                rows.append(FileRow(file, text, *_seconds(start, end, frames)))
+                rows.append(FileRow(file, text, *_seconds(start, end, frames, item.label.start)))
         action = plain_action(Path(file).stem) if names else ""
         if action and (reason := contradiction(action, joints)):
             rows.append(Dropped(item.label.id, "caption", f"name {action!r}, but {reason}"))
@@ -251,7 +251,8 @@ def describe_files(
         edges = np.linspace(0, frames, -(-frames // LONGEST_FILE) + 1).astype(int).tolist()
         for start, end in pairwise(edges):
             texts = sentences(describe(joints[start:end]), generator, action or None, count=3)
-            rows += [FileRow(file, text, *_seconds(start, end, frames)) for text in texts]
+            span = _seconds(start, end, frames, item.label.start)
+            rows += [FileRow(file, text, *span) for text in texts]
     return rows
 
 
@@ -316,6 +317,7 @@ def _agreeing_rows(
     return tuple(kept)
 
 
-def _seconds(start: int, end: int, frames: int) -> tuple[float, float]:
-    """Returns seconds for a CSV: zero in both for the whole motion."""
-    return (0.0, 0.0) if end - start == frames else (start / FPS, end / FPS)
+def _seconds(start: int, end: int, frames: int, before: float = 0.0) -> tuple[float, float]:
+    """Returns seconds for a CSV: zero in both for a motion that begins its file and is whole."""
+    whole = end - start == frames and before == 0
+    return (0.0, 0.0) if whole else (before + start / FPS, before + end / FPS)

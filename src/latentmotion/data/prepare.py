@@ -31,6 +31,9 @@ REPORT = "report.json"
 MIN_FRAMES = 10
 """Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
 
+_LISTED = 10
+"""Clips whose reasons are told where none is left."""
+
 
 @dataclass(frozen=True)
 class Part:
@@ -198,8 +201,10 @@ class Preparation:
             InputError: The folder cannot be written.
         """
         if not self.motions:
-            reasons = "; ".join(f"{item.id}: {item.reason}" for item in self.dropped[:3])
-            raise DataError(f"no clip can be used ({reasons or 'no clip found'})")
+            clips = [item for item in self.dropped if item.what == "clip"]
+            listed = "".join(f"\n  {item.id}: {item.reason}" for item in clips[:_LISTED])
+            more = f"\n  and {len(clips) - _LISTED} more" if len(clips) > _LISTED else ""
+            raise DataError(f"no clip can be used; {len(clips)} were left out:{listed}{more}")
         if normalizer is None and not self.representation.normalized:
             identity = Normalizer.identity(self.representation.width)
             normalizer = stored_normalizer(identity, "none: the features are used as they are")

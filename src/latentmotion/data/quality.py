@@ -34,7 +34,7 @@ MARGIN = 2
 BLENDED = 6
 """Frames of a BVH file after the T-pose that may be drawn towards it, at the native rate."""
 REST = 4.0
-"""Largest mean rotation of the joints in a T-pose, degrees.
+"""Largest mean rotation of the joints in a T-pose, degrees; motions are half as far again from it.
 
 In the conversions of CMU it is 1.1 to 2.8; the motions themselves begin at 7 to 32.
 """
@@ -114,7 +114,8 @@ def clean_spans(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> lis
 def begins_with_t_pose(animation: Animation) -> bool:
     """Returns whether frame 0 is the skeleton's rest pose and the motion is far from it."""
     degrees = _degrees_from_rest(animation)
-    return bool(len(degrees) > BLENDED and degrees[0] < REST and degrees[BLENDED] > 2 * degrees[0])
+    far = max(2 * degrees[0], 1.5 * REST) if len(degrees) > BLENDED else np.inf
+    return bool(degrees[0] < REST and degrees[-1] > far)
 
 
 def is_blended(animation: Animation) -> bool:

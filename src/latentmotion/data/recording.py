@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,8 @@ class Label:
     """Action label."""
     mirrored_action: str | None = None
     """Action label of its mirror image."""
+    start: float = 0.0
+    """Seconds of its file that come before it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +150,11 @@ def files_below(folder: Path, endings: Collection[str]) -> list[Path]:
 
 
 def joints_at(
-    animation: Animation, fps: float, native_fps: float, joint_map: JointMap | None = None
+    animation: Animation,
+    fps: float,
+    native_fps: float,
+    joint_map: JointMap | None = None,
+    declared: Mapping[str, int] | None = None,
 ) -> Float[np.ndarray, "frames joints 3"]:
     """Returns HumanML3D's joints of an animation at another frame rate.
 
@@ -157,6 +163,7 @@ def joints_at(
         fps: Frames per second wanted.
         native_fps: Frames per second of the animation (files often say it wrongly).
         joint_map: How to find the joints; found by the skeleton's names if absent.
+        declared: VRM's names of its joints, where the file itself has them.
 
     Returns:
         Joints: frame i is taken at i/fps seconds, so that the first frame always stays.
@@ -170,8 +177,8 @@ def joints_at(
         )
     step = whole_step(fps, native_fps)
     if step is not None:
-        return to_humanml3d(every(animation, step), joint_map)
-    return interpolate(to_humanml3d(animation, joint_map), native_fps / fps)
+        return to_humanml3d(every(animation, step), joint_map, declared)
+    return interpolate(to_humanml3d(animation, joint_map, declared), native_fps / fps)
 
 
 def whole_step(fps: float, native_fps: float) -> int | None:

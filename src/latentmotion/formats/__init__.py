@@ -40,6 +40,7 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".bvh": "latentmotion.formats.takes:read_bvh_file",
         ".glb": "latentmotion.formats.gltf_reader:read_takes",
         ".gltf": "latentmotion.formats.gltf_reader:read_takes",
+        ".fbx": "latentmotion.formats.fbx:read_takes",
         **dict.fromkeys(
             (".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd_reader:read_takes"
         ),

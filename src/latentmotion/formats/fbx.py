@@ -1,7 +1,7 @@
-"""FBX through the user's Blender: writes a `.glb` and has Blender convert it in the background.
+"""FBX through the user's Blender, which converts `.glb` to `.fbx` and back in the background.
 
-Blender has the only free FBX writer whose files other programs accept. It is looked for in the
-environment variable, the PATH, the system's usual folders, and as `bpy` in this Python.
+Blender has the only free FBX reader and writer that work with most programs' files. It is looked
+for in the environment variable, the PATH, the system's usual folders, and as `bpy` in this Python.
 """
 
 from __future__ import annotations
@@ -12,19 +12,22 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
-from latentmotion.errors import InputError, MissingProgramError
-from latentmotion.formats import gltf
+from latentmotion.errors import FileFormatError, InputError, MissingProgramError
+from latentmotion.formats import gltf, gltf_reader
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file, check_writable
+from latentmotion.storage.limits import MOST_TEXT
+from latentmotion.storage.reading import read_bytes
 
 VARIABLE = "LATENTMOTION_BLENDER"
 """Environment variable that names Blender's program, or a Python that has `bpy`."""
 
-_SCRIPT = Path(__file__).with_name("blender_to_fbx.py")
-_DONE = "latentmotion: fbx written"
+_SCRIPT = Path(__file__).with_name("blender_fbx.py")
+_DONE = "latentmotion: converted"
 _MOST_SECONDS = 600
 
 _MISS = 3e-4
@@ -61,37 +64,108 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         InputError: The motions differ in skeleton, the folder cannot be written, or Blender fails.
         MissingProgramError: There is no Blender; the message says how to name one.
     """
-    blender, target = find_blender(), Path(path)
+
+    def write_glb(glb: Path) -> None:
+        gltf.write(glb, motions, _MISS)
+
+    return convert(write_glb, Path(path), motions[0].fps)
+
+
+def convert(write_glb: Callable[[Path], object], target: Path, fps: float) -> list[Path]:
+    """Writes an FBX file from a `.glb` that is written for it.
+
+    Args:
+        write_glb: Writes the `.glb` to a path.
+        target: The FBX file.
+        fps: Frames per second of its scene.
+
+    Raises:
+        InputError: The folder cannot be written, or Blender fails.
+        MissingProgramError: There is no Blender.
+    """
+    blender = find_blender()
     check_writable(target)
-    # Beside the target, since Blenders in a sandbox do not see the system's temporary folder.
-    with (
-        tempfile.TemporaryDirectory(
-            prefix=".latentmotion-", dir=target.absolute().parent
-        ) as folder,
-        atomic_file(target) as temporary,
-    ):
-        source = gltf.write(Path(folder) / "figure.glb", motions, _MISS)[0]
-        words = [*command(blender), "--", str(source), str(temporary), repr(motions[0].fps)]
-        # Python's variables lead to this Python's packages, not to Blender's.
-        clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
-        try:
-            run = subprocess.run(
-                words, env=clean, capture_output=True, timeout=_MOST_SECONDS, check=False
-            )
-        except OSError as error:
-            raise InputError(f"{words[0]} does not start: {error.strerror or error}") from error
-        except subprocess.TimeoutExpired as error:
-            raise InputError(f"{words[0]} took longer than {_MOST_SECONDS} s; stopped") from error
-        output = (run.stdout + run.stderr).decode("utf-8", "replace")
-        if _DONE not in output or not temporary.is_file():
-            lines = [line for line in output.splitlines() if line.strip()]
-            last = " / ".join(lines[-3:]) or "nothing"
-            raise InputError(f"{words[0]} could not write FBX (exit code {run.returncode}): {last}")
+    with _folder_for(blender, target) as folder, atomic_file(target) as temporary:
+        write_glb(folder / "figure.glb")
+        problem = _run(blender, [str(folder / "figure.glb"), str(temporary), repr(fps)], temporary)
+        if problem:
+            raise InputError(f"{blender} could not write FBX {problem}")
     return [target]
 
 
+@contextmanager
+def as_glb(path: str | Path) -> Iterator[Path]:
+    """Converts an FBX file to a `.glb` in a temporary folder, which goes when the block ends.
+
+    Errors of the `.glb` become errors of the FBX file.
+
+    Raises:
+        FileFormatError: It is no FBX, is too large, or Blender cannot read it.
+        MissingProgramError: There is no Blender; the message says how to name one.
+    """
+    source, blender = Path(path), find_blender()
+    if b"FBX" not in read_bytes(source, MOST_TEXT)[:4096]:
+        raise FileFormatError(source, "is no FBX file: its head does not say so")
+    with _folder_for(blender, source) as folder:
+        # Names from outside may begin with a dash or hold what no program expects.
+        shutil.copyfile(source, folder / "figure.fbx")
+        glb = folder / f"{source.stem}.glb"
+        problem = _run(
+            blender, [str(folder / "figure.fbx"), str(folder / "figure.glb")], folder / "figure.glb"
+        )
+        if problem:
+            raise FileFormatError(source, f"{blender} could not read it {problem}")
+        (folder / "figure.glb").replace(glb)
+        try:
+            yield glb
+        except FileFormatError as error:
+            said = str(error).removeprefix(f"{glb}: ")
+            raise FileFormatError(source, f"{said} (as Blender converted it)") from error
+
+
+def read_takes(path: str | Path) -> list[Motion]:
+    """Reads all animations as motions.
+
+    Raises:
+        FileFormatError: The file is damaged, or Blender cannot read it.
+        DataError: The names of its joints are unknown.
+        MissingProgramError: There is no Blender.
+    """
+    with as_glb(path) as glb:
+        return gltf_reader.read_takes(glb)
+
+
+@contextmanager
+def _folder_for(blender: Path, beside: Path) -> Iterator[Path]:
+    """Makes a temporary folder that a Blender sees: one in a sandbox sees none of the system's."""
+    boxed = any(word in str(blender) for word in ("snap", "flatpak"))
+    parent = beside.absolute().parent if boxed else None
+    with tempfile.TemporaryDirectory(prefix=".latentmotion-", dir=parent) as folder:
+        yield Path(folder)
+
+
+def _run(blender: Path, arguments: Sequence[str], made: Path) -> str | None:
+    """Runs the script; returns what went wrong, if anything did."""
+    words = [*command(blender), "--", *arguments]
+    # Python's variables lead to this Python's packages, not to Blender's.
+    clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    try:
+        run = subprocess.run(
+            words, env=clean, capture_output=True, timeout=_MOST_SECONDS, check=False
+        )
+    except OSError as error:
+        return f"(it does not start: {error.strerror or error})"
+    except subprocess.TimeoutExpired:
+        return f"(it took longer than {_MOST_SECONDS} s and was stopped)"
+    output = (run.stdout + run.stderr).decode("utf-8", "replace")
+    if _DONE not in output or not made.is_file():
+        lines = [line for line in output.splitlines() if line.strip()]
+        return f"(exit code {run.returncode}): {' / '.join(lines[-3:]) or 'it said nothing':.600}"
+    return None
+
+
 def check_ready() -> None:
-    """Raises MissingProgramError where there is no Blender; called before motions are made."""
+    """Raises MissingProgramError where there is no Blender; called before work begins."""
     find_blender()
 
 
@@ -121,10 +195,10 @@ def find_blender() -> Path:
         return Path(sys.executable)
     looked = ", ".join(patterns)
     raise MissingProgramError(
-        f"writing .fbx needs Blender, which was not found: not in {VARIABLE} (not set), nor as "
-        f"'blender' in the PATH, nor in {looked}. Install it from https://www.blender.org, or set "
-        f"{VARIABLE} to its program or to a Python that has bpy (pip install bpy); or write .glb, "
-        "which most programs read"
+        f".fbx needs Blender, which was not found: not in {VARIABLE} (not set), nor as 'blender' "
+        f"in the PATH, nor in {looked}. Install it from https://www.blender.org, or set "
+        f"{VARIABLE} to its program or to a Python that has bpy (pip install bpy); or use .glb, "
+        "which most programs read and write"
     )
 
 

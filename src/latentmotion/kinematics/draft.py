@@ -145,6 +145,8 @@ class _Tree:
         taken = {joint for arm in arms for joint in arm}
         free = [tip for tip in self.tips if not taken & set(self.lines[tip])]
         highest = max(free, key=lambda tip: self.heights[tip], default=None)
+        if highest in self.skeleton.end_sites:
+            highest = self.skeleton.parents[highest]
         return None if highest is None else Guess(highest, "the highest tip between the arms")
 
     def _pair(self, tips: list[int]) -> list[list[int]]:

@@ -272,20 +272,21 @@ def to_humanml3d(
 
     Args:
         animation: Any body, y up, in meters.
-        joint_map: The source of each of the 22, or at least of `REQUIRED`; by default found by the
-            names.
+        joint_map: The source of each of the 22, or at least of `REQUIRED`; by default, and where
+            none of its joints are there, found by the names.
         declared: VRM's names of its joints, where the file itself has them.
 
     Raises:
         DataError: The skeleton is unknown, or the map names joints that are not there.
     """
-    skeleton = animation.skeleton
-    if joint_map is None and not declared:
-        joint_map = find_joint_map(skeleton.names)
+    skeleton, columns = animation.skeleton, _columns(animation.skeleton.names)
     entries = {} if joint_map is None else _entries(joint_map)
+    sources = {source for entry in entries.values() for source in weights_of(entry)}
+    if not any(source in columns for source in sources):  # none, or of another skeleton
+        joint_map = None if declared else find_joint_map(skeleton.names)
+        entries = dict(joint_map or {})
     if len(entries) < len(HUMANML3D):
         entries = find_humanoid(skeleton, declared, joint_map).joint_map() | entries
-    columns = _columns(skeleton.names)
     weights = np.zeros((len(HUMANML3D), len(skeleton)))
     for row, name in enumerate(HUMANML3D.names):
         for source, weight in weights_of(entries[name]).items():

@@ -1,6 +1,7 @@
 """Rig files: the skeleton of a file, and the same file written again with animations.
 
     glTF   mesh, materials and skin stay as they are; animations are added
+    FBX    as glTF; Blender converts from and to it
     BVH    the hierarchy is kept to the letter; only the motion is new
     ASF    Acclaim's skeleton; motions are written as BVH with the same joint names
 
@@ -13,7 +14,9 @@ away from it, M the matrix of its parent:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -21,6 +24,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
+from latentmotion.formats import fbx
 from latentmotion.formats.asf_amc import figure_skeleton, read_asf
 from latentmotion.formats.bvh import continuous_euler, read_hierarchy, write_bvh
 from latentmotion.formats.checks import read_lines
@@ -107,7 +111,10 @@ def open_rig(path: str | Path) -> RigFile:
             return BvhFile(source)
         case ".asf":
             return AsfFile(source)
-    raise InputError(f"{source} is no rig that can be read; expected .glb, .gltf, .bvh or .asf")
+        case ".fbx":
+            return FbxFile(source)
+    known = ".glb, .gltf, .fbx, .bvh or .asf"
+    raise InputError(f"{source} is no rig that can be read; expected {known}")
 
 
 class GltfFile:
@@ -135,7 +142,7 @@ class GltfFile:
 
     def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
         """Writes the document with these animations, which replace others of the same name."""
-        document = Document.read(self.path)
+        document = deepcopy(self.document)
         names = {take.name for take in takes}
         animations = document.json.get("animations", [])
         animations = [entry for entry in animations if entry.get("name") not in names]
@@ -178,6 +185,32 @@ class GltfFile:
             if np.abs(offsets - rest).max() > _STILL:
                 tracks.append((node, "translation", offsets @ np.linalg.inv(linear).T))
         return tracks
+
+
+class FbxFile(GltfFile):
+    """An FBX file, which the user's Blender converts to glTF and back.
+
+    Args:
+        path: The file.
+
+    Raises:
+        FileFormatError: It is damaged, or has no skeleton.
+        MissingProgramError: There is no Blender.
+    """
+
+    endings = (".fbx", ".glb", ".gltf")
+
+    def __init__(self, path: Path) -> None:
+        with fbx.as_glb(path) as glb:
+            super().__init__(glb)
+        self.path = path
+
+    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+        """Writes the character with these animations added, as FBX or glTF."""
+        if path.suffix.lower() != ".fbx":
+            return super().write(path, takes)
+        write_glb = partial(super().write, takes=takes)
+        return fbx.convert(write_glb, path, takes[0].animation.fps)
 
 
 class BvhFile:

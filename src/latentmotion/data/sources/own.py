@@ -1,11 +1,13 @@
-"""Your own motion capture: BVH, AMC or NPZ files with captions beside them, in a CSV, or labels.
+"""Your own motion capture: files with captions beside them, in a CSV, or labels.
 
     walk.bvh + walk.txt     one sentence a line; HumanML3D's `sentence#tokens#from#to` works too
     captions.csv            columns file, caption; also: from, to (seconds), split, action
     LABEL/take.bvh          where folders are labels: each file is of that action
     test/LABEL/take.bvh     and of that split, if the first folder is train, val or test
 
-Each file becomes one clip. Mirrored copies get the same sentences with left and right swapped.
+Files are BVH, FBX (through Blender), GLB, AMC or NPZ. Each animation becomes one clip; where it
+jumps, it is cut, and the longest part keeps the name. Mirrored copies get the same sentences with
+left and right swapped.
 """
 
 from __future__ import annotations
@@ -13,8 +15,8 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,26 +31,36 @@ from latentmotion.data.clip import (
     mirror_words,
     parse_sentences,
 )
+from latentmotion.data.prepare import MIN_FRAMES
+from latentmotion.data.quality import (
+    begins_with_t_pose,
+    clean_spans,
+    find_glitch,
+    held_t_pose,
+)
 from latentmotion.data.recording import (
     FPS,
     Dropped,
     Label,
     Recording,
+    every,
     files_below,
     interpolate,
     joints_at,
     whole_step,
 )
 from latentmotion.errors import DataError, FileFormatError, InputError
-from latentmotion.formats import npz
+from latentmotion.formats import fbx, gltf_reader, npz
 from latentmotion.formats.asf_amc import find_asf, read_asf_amc
 from latentmotion.formats.bvh import read_bvh
+from latentmotion.formats.gltf_document import Document
 from latentmotion.kinematics.bone_names import JointMap
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.humanoid import to_humanml3d
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_table, read_text
 
-ENDINGS = (".bvh", ".amc", ".npz")
+ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".amc", ".npz")
 
 _NEEDED, _OPTIONAL = ("file", "caption"), ("from", "to", "split", "action")
 
@@ -90,8 +102,11 @@ class OwnMotions:
 
         Raises:
             DataError: There is no such folder, no motion file in it, or the CSV cannot be used.
+            MissingProgramError: There are FBX files, and no Blender.
         """
         paths = find_motions(self.folder)
+        if any(path.suffix.lower() == ".fbx" for path in paths.values()):
+            fbx.check_ready()
         listed = _read_csv(self.captions) if self.captions else {}
         for name, known in listed.items():
             if name not in paths:
@@ -101,7 +116,7 @@ class OwnMotions:
         for name, path in counted(paths.items(), "motion files"):
             try:
                 known = listed.get(name) or self._annotations_beside(path)
-                joints = self._joints(path)
+                takes = self._takes(path)
             except (FileFormatError, DataError, InputError) as error:
                 yield Dropped(name, "clip", str(error))
                 continue
@@ -120,7 +135,29 @@ class OwnMotions:
                 action=action,
                 mirrored_action=mirror_words(action) if action else None,
             )
-            yield Recording(label, joints)
+            for number, joints in enumerate(takes, 1):
+                taken = label if len(takes) == 1 else replace(label, id=f"{label.id}-{number}")
+                yield from _without_glitches(Recording(taken, joints))
+
+    def unknown_skeleton(self) -> Skeleton | None:
+        """Returns the skeleton of the first file whose names of joints are unknown.
+
+        Raises:
+            DataError: There is no such folder, or no motion file in it.
+        """
+        for path in counted(find_motions(self.folder).values(), "motion files"):
+            if path.suffix.lower() == ".npz":
+                continue
+            try:
+                animations, declared = self._animations(path)
+            except (FileFormatError, DataError, InputError):
+                continue
+            skeleton = animations[0].skeleton
+            try:
+                to_humanml3d(every(animations[0], len(animations[0])), declared=declared)
+            except DataError:
+                return skeleton
+        return None
 
     def _annotations_beside(self, path: Path) -> _Annotations:
         """Returns the sentences beside a file, and the labels that its folders are."""
@@ -135,10 +172,9 @@ class OwnMotions:
             raise DataError("lies in no folder whose name is its action")
         return _Annotations(list(found), split, labels[-1])
 
-    def _joints(self, path: Path) -> Float[np.ndarray, "frames joints 3"]:
-        """Reads HumanML3D's joints; the skeleton of an AMC file lies beside it or at the top."""
-        ending = path.suffix.lower()
-        if ending == ".npz":
+    def _takes(self, path: Path) -> list[Float[np.ndarray, "frames joints 3"]]:
+        """Reads HumanML3D's joints of each animation, without a T-pose that was put before it."""
+        if path.suffix.lower() == ".npz":
             motions = npz.read(path)
             count = len(HUMANML3D)
             if len(motions) != 1 or motions[0].skeleton.names[:count] != HUMANML3D.names:
@@ -146,13 +182,88 @@ class OwnMotions:
                 raise FileFormatError(path, f"{found}, expected one of HumanML3D's {count} joints")
             joints, rate = motions[0].joints[:, :count], self.fps or motions[0].fps
             step = whole_step(FPS, rate)
-            return joints[::step] if step else interpolate(joints, rate / FPS)
-        if ending == ".bvh":
-            animation = read_bvh(path, self.unit)
-        else:
-            beside = any(other.suffix.lower() == ".asf" for other in path.parent.iterdir())
-            animation = read_asf_amc(path, find_asf(path if beside else self.folder / path.name))
-        return joints_at(animation, FPS, self.fps or animation.fps, self.joint_map)
+            return [joints[::step] if step else interpolate(joints, rate / FPS)]
+        animations, declared = self._animations(path)
+        takes = []
+        for animation in animations:
+            rate = self.fps or animation.fps
+            if begins_with_t_pose(animation):
+                animation = every(animation, step=1, start=1)
+            takes.append(joints_at(animation, FPS, rate, self.joint_map, declared))
+        return takes
+
+    def _animations(self, path: Path) -> tuple[list[Animation], Mapping[str, int]]:
+        """Reads the animations of a file, and VRM's names of its joints.
+
+        The skeleton of an AMC file lies beside it or at the top.
+        """
+        match path.suffix.lower():
+            case ".bvh":
+                return [read_bvh(path, self.unit)], {}
+            case ".amc":
+                beside = any(other.suffix.lower() == ".asf" for other in path.parent.iterdir())
+                asf = find_asf(path if beside else self.folder / path.name)
+                return [read_asf_amc(path, asf)], {}
+            case ".fbx":
+                with fbx.as_glb(path) as glb:
+                    return gltf_reader.animations_of(Document.read(glb))
+        return gltf_reader.animations_of(Document.read(path))
+
+
+def _without_glitches(recording: Recording) -> Iterator[Recording | Dropped]:
+    """Yields the parts of a motion between its glitches; the longest first, with its sentences.
+
+    One in which nothing is left is yielded whole, to be dropped with the reason.
+    """
+    joints, label = recording.joints, recording.label
+    reason = find_glitch(joints, FPS) if len(joints) >= MIN_FRAMES else None
+    clean = clean_spans(joints, FPS) if reason else []
+    spans = [span for span in clean if span[1] - span[0] >= MIN_FRAMES]
+    spans = [span for span in spans if not held_t_pose(joints[slice(*span)]).all()] or spans
+    if reason is None or not spans:
+        yield recording
+        return
+    lost = len(joints) - sum(end - start for start, end in spans)
+    yield Dropped(label.id, "part", f"{lost} of {len(joints)} frames: {reason}")
+    spans.sort(key=lambda span: span[0] - span[1])
+    for number, (start, end) in enumerate(spans, 1):
+        whole = number == 1 and end - start >= len(joints) / 2
+        cut = replace(
+            label,
+            id=label.id if number == 1 else f"{label.id}-part{number}",
+            sentences=_sentences_of(label.sentences, start / FPS, end / FPS, whole),
+            mirrored_sentences=_sentences_of(
+                label.mirrored_sentences, start / FPS, end / FPS, whole
+            ),
+            start=start / FPS,
+        )
+        if label.sentences and not cut.sentences:
+            yield Dropped(
+                cut.id, "caption", "says what the whole file shows, of which this is less"
+            )
+        yield Recording(cut, joints[start:end])
+
+
+def _sentences_of(
+    sentences: Iterable[TaggedSentence], start: float, end: float, whole: bool
+) -> tuple[TaggedSentence, ...]:
+    """Returns the sentences that hold of a part of a motion, in the part's own seconds.
+
+    Args:
+        sentences: Those of the motion.
+        start: Seconds.
+        end: Seconds.
+        whole: Whether the part is enough for sentences about the whole motion.
+    """
+    kept = []
+    for sentence in sentences:
+        if sentence.start == sentence.end == 0:
+            kept += [sentence] if whole else []
+            continue
+        first, last = max(sentence.start, start), min(sentence.end, end)
+        if last - first >= (sentence.end - sentence.start) / 2 > 0:
+            kept.append(replace(sentence, start=first - start, end=last - start))
+    return tuple(kept)
 
 
 def find_motions(folder: Path) -> dict[str, Path]:
