@@ -10,9 +10,14 @@ import numpy as np
 import pytest
 
 from latentmotion import formats
-from latentmotion.errors import InputError, MissingProgramError
+from latentmotion.data.clip import Source
+from latentmotion.data.recording import Recording
+from latentmotion.data.sources.own import OwnMotions
+from latentmotion.errors import FileFormatError, InputError, MissingProgramError
 from latentmotion.formats import fbx
 from latentmotion.motion import Motion
+from latentmotion.retarget import read_rig
+from latentmotion.retarget.transfer import write
 from tests.support.walker import walker
 
 REAL = os.environ.get(fbx.VARIABLE)
@@ -21,11 +26,17 @@ WRITES = """
 source, target, fps = sys.argv[sys.argv.index("--") + 1 :]
 assert open(source, "rb").read(4) == b"glTF"
 open(target, "w").write(" ".join(sys.argv[1:]))
-print("latentmotion: fbx written")
+print("latentmotion: converted")
 """
 FAILS = """
 print("Error: no exporter")
 sys.exit(3)
+"""
+READS = """
+source, target = sys.argv[sys.argv.index("--") + 1 :]
+assert open(source, "rb").read(3) == b"FBX"
+open(target, "wb").write(open({glb!r}, "rb").read())
+print("latentmotion: converted")
 """
 HALF = """
 open(sys.argv[-2], "w").write("half")
@@ -93,6 +104,78 @@ def test_a_variable_that_leads_nowhere(motion: Motion, tmp_path: Path, monkeypat
         motion.save(tmp_path / "a.fbx")
     with pytest.raises(MissingProgramError, match="no program"):
         formats.check_ending("a.fbx")
+
+
+@pytest.fixture
+def reading(motion: Motion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with an FBX file, as which a Blender reads a GLB of two takes."""
+    glb = tmp_path / "two.glb"
+    formats.save(glb, [motion, motion])
+    monkeypatch.setenv(fbx.VARIABLE, str(program(tmp_path, READS.format(glb=str(glb)))))
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "-a b.fbx").write_bytes(b"FBX that only Blender knows")
+    return tmp_path / "in"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+def test_fbx_is_read_through_blender(reading: Path, motion: Motion):
+    takes = formats.load(reading / "-a b.fbx")
+    assert [len(take) for take in takes] == [6, 6]
+    np.testing.assert_allclose(takes[1].joints, motion.joints, atol=1e-5)
+    motions = OwnMotions(reading, Source("own", "mine", "me"))
+    items = [item for item in motions.recordings() if isinstance(item, Recording)]
+    assert [item.label.id for item in items] == ["-a b-1", "-a b-2"]
+    assert [path.name for path in reading.iterdir()] == ["-a b.fbx"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+def test_an_fbx_character_is_retargeted_to(reading: Path, motion: Motion, tmp_path: Path):
+    rig = read_rig(reading / "-a b.fbx")
+    assert rig.file.path == reading / "-a b.fbx" and rig.skeleton.name == "-a b"
+    write(tmp_path / "out.glb", rig, [motion], names=["walk"])
+    assert len(formats.load(tmp_path / "out.glb")) == 3  # beside the two that were there
+    os.environ[fbx.VARIABLE] = str(program(tmp_path, WRITES))
+    assert write(tmp_path / "out.fbx", rig, [motion], fps=30) == [tmp_path / "out.fbx"]
+    assert (tmp_path / "out.fbx").read_text().split()[-1] == "30.0"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+def test_what_blender_cannot_read_is_told(reading: Path, tmp_path: Path, monkeypatch):
+    path = reading / "-a b.fbx"
+    monkeypatch.setenv(fbx.VARIABLE, str(program(tmp_path, FAILS)))
+    with pytest.raises(FileFormatError, match=r"-a b\.fbx: .*exit code 3.*no exporter"):
+        formats.load(path)
+    monkeypatch.setattr(fbx, "_MOST_SECONDS", 0.01)
+    monkeypatch.setenv(fbx.VARIABLE, str(program(tmp_path, "import time\ntime.sleep(60)")))
+    with pytest.raises(FileFormatError, match=r"took longer than 0\.01 s"):
+        formats.load(path)
+    path.write_bytes(b"PK")
+    with pytest.raises(FileFormatError, match="is no FBX"):
+        formats.load(path)
+    assert [path.name for path in reading.iterdir()] == ["-a b.fbx"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+def test_damage_that_blender_passed_on_is_blamed_on_the_fbx(reading: Path, tmp_path: Path):
+    whole = (tmp_path / "two.glb").read_bytes()
+    (tmp_path / "two.glb").write_bytes(whole[:5000])
+    with pytest.raises(FileFormatError, match=r"in/-a b\.fbx: .*truncated.*as Blender"):
+        read_rig(reading / "-a b.fbx")
+
+
+def test_folders_with_fbx_need_blender_at_once(reading: Path, tmp_path: Path, monkeypatch):
+    monkeypatch.setenv(fbx.VARIABLE, str(tmp_path / "none"))
+    with pytest.raises(MissingProgramError, match="no program"):
+        next(OwnMotions(reading, Source("own", "mine", "me")).recordings())
+
+
+@pytest.mark.skipif(not REAL, reason="set LATENTMOTION_BLENDER to try the true one")
+def test_blender_reads_what_it_wrote(motion: Motion, tmp_path: Path):
+    motion.save(tmp_path / "a.fbx", fps=30)
+    (back,) = formats.load(tmp_path / "a.fbx")
+    meant = motion.resampled(30)
+    assert back.fps == 30 and len(back) == len(meant)
+    np.testing.assert_allclose(back.joints, meant.joints, atol=1e-4)
 
 
 @pytest.mark.skipif(not REAL, reason="set LATENTMOTION_BLENDER to try the true one")

@@ -380,6 +380,32 @@ def test_feet_that_hang_on_the_root_go_with_their_legs(motion: Motion, tmp_path:
     np.testing.assert_allclose(again[:, 7], found[:, at("Foot.L")], atol=1e-9)
 
 
+def test_root_motion_moves_what_is_asked_for(motion: Motion, tmp_path: Path):
+    rig = read_rig(write_rig(tmp_path / "a.glb", UNREAL))
+    pelvis, found = rig.body.pelvis, {}
+    for where in ("pelvis", "root", "none"):
+        write(tmp_path / f"{where}.glb", rig, [motion], root_motion=where)
+        found[where] = read_animations(tmp_path / f"{where}.glb")[0].joints()
+    travelled = {where: np.ptp(joints[:, [0, pelvis]], axis=0).max(-1)
+                 for where, joints in found.items()}  # fmt: skip
+    assert travelled["pelvis"][0] == 0 and travelled["pelvis"][1] > 2
+    assert travelled["root"][0] > 1
+    assert travelled["none"][0] == 0 and travelled["none"][1] < 0.7
+    # The body is where it was, whatever bone carries it there; the root stays on the floor.
+    np.testing.assert_allclose(found["root"][:, 1:20], found["pelvis"][:, 1:20], atol=1e-4)
+    np.testing.assert_allclose(found["root"][:, 0, 1], found["pelvis"][:, 0, 1], atol=1e-6)
+    apart = np.linalg.norm((found["root"][:, pelvis] - found["root"][:, 0])[:, [0, 2]], axis=-1)
+    assert apart.max() < 0.7
+
+
+def test_rigs_without_a_root_bone_say_so(motion: Motion, tmp_path: Path):
+    rig = read_rig(write_rig(tmp_path / "a.glb", MIXAMO))
+    with pytest.raises(DataError, match="no root bone above the pelvis: 'mixamorig:Hips'"):
+        write(tmp_path / "out.glb", rig, [motion], root_motion="root")
+    write(tmp_path / "out.glb", rig, [motion], root_motion="none")
+    assert np.ptp(read_animations(tmp_path / "out.glb")[0].joints()[:, 0, [0, 2]]) < 0.7
+
+
 def test_two_skins_are_one_body(motion: Motion, tmp_path: Path):
     document = Document.read(write_rig(tmp_path / "a.glb", MIXAMO))
     first = document.json["skins"][0]

@@ -103,6 +103,9 @@ class Retarget:
     skeleton (one file per motion)."""
     map: options.JointMapFile = None
     draft_map: options.DraftMapFile = None
+    root_motion: transfer.RootMotion = "pelvis"
+    """What the path along the floor moves: the pelvis, the root bone of a rig that has one above
+    the pelvis, as Unreal expects, or nothing (in place)."""
     fps: float | None = None
     """Frames per second of the animations; by default those of the motions."""
 
@@ -122,6 +125,8 @@ class Retarget:
         check_writable(self.output)
         rig = read_rig(self.to, None if self.map is None else load_joint_map(self.map))
         transfer.check_output(rig, self.output)
+        if self.root_motion == "root":
+            transfer.check_root_bone(rig)
         motions = [motion for file in self.files for motion in formats.load(file)]
         joints, body = rig.skeleton.names, rig.body
         spine = ", ".join(joints[joint] for joint in body.spine) or "none"
@@ -135,7 +140,7 @@ class Retarget:
         # Animations are named by their captions, else by the first file.
         names = [motion.caption or self.files[0].stem for motion in motions]
         names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
-        written = transfer.write(self.output, rig, motions, self.fps, names)
+        written = transfer.write(self.output, rig, motions, self.fps, names, self.root_motion)
         print("\n".join(f"wrote {path}" for path in written))
 
 

@@ -159,7 +159,7 @@ def _run(blender: Path, arguments: Sequence[str], made: Path) -> str | None:
         return f"(it took longer than {_MOST_SECONDS} s and was stopped)"
     output = (run.stdout + run.stderr).decode("utf-8", "replace")
     if _DONE not in output or not made.is_file():
-        lines = [line for line in output.splitlines() if line.strip()]
+        lines = [line for line in output.splitlines() if line.strip(" ^~")]
         return f"(exit code {run.returncode}): {' / '.join(lines[-3:]) or 'it said nothing':.600}"
     return None
 

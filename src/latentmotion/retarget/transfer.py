@@ -12,18 +12,24 @@ D is a joint's rotation in the world away from its rest pose, d its bone's direc
     all others     at rest relative to their parent
 
 Hips move as the source's do, times the ratio of the legs. `feet.py` puts the feet on the floor.
+
+Root motion is the path along the floor, without the sway of the steps. It moves the pelvis, or the
+rig's root bone with the pelvis relative to it, as game engines expect, or nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import InputError
+from latentmotion.cleanup.pipeline import ground_path
+from latentmotion.errors import DataError, InputError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.formats.takes import numbered
 from latentmotion.kinematics.bone_names import SIDES
@@ -36,11 +42,15 @@ from latentmotion.kinematics.rotations import (
 )
 from latentmotion.kinematics.skeleton import Animation
 from latentmotion.motion import Motion
+from latentmotion.progress import counted
 from latentmotion.retarget.feet import align_foot, ground_feet
 from latentmotion.retarget.rig import Pose, Rig, Rotations, SourceCharacter
 from latentmotion.retarget.rig_files import Take
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+
+RootMotion = Literal["pelvis", "root", "none"]
+"""What root motion moves: the pelvis, the rig's root bone, or nothing (in place)."""
 
 
 def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None) -> Animation:
@@ -75,12 +85,49 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
     return ground_feet(pose, character).animation(character.fps)
 
 
+def with_root_motion(animation: Animation, rig: Rig, root_motion: RootMotion) -> Animation:
+    """Returns an animation of a rig whose root motion moves something else than the pelvis.
+
+    Raises:
+        DataError: The rig has no root bone above its pelvis.
+    """
+    if root_motion == "pelvis":
+        return animation
+    bone, pelvis = rig.root_motion_bone, rig.body.pelvis
+    if root_motion == "root":
+        check_root_bone(rig)
+    rest = rig.rest()[pelvis] * (1, 0, 1)
+    path = ground_path(animation.joints()[:, [pelvis]], animation.fps) - rest
+    root, translations = animation.root_positions, animation.translations
+    if bone == 0 or translations is None:
+        return replace(animation, root_positions=root - path)
+    moved = translations.copy()
+    moved[:, bone] -= path  # nothing above it rotates
+    root = root + path if root_motion == "root" else root
+    return replace(animation, root_positions=root, translations=moved)
+
+
+def check_root_bone(rig: Rig) -> None:
+    """Checks that a rig has a root bone above its pelvis, which root motion can move.
+
+    Raises:
+        DataError: It has none.
+    """
+    names = rig.skeleton.names
+    if rig.root_motion_bone == 0:
+        raise DataError(
+            f"{rig.file.path} has no root bone above the pelvis: {names[0]!r} is the root and "
+            "moves the body; leave root motion on the pelvis, or add a bone to the rig"
+        )
+
+
 def write(
     path: str | Path,
     rig: Rig,
     motions: Sequence[Motion],
     fps: float | None = None,
     names: Sequence[str] | None = None,
+    root_motion: RootMotion = "pelvis",
 ) -> list[Path]:
     """Retargets motions to a rig and writes it.
 
@@ -91,11 +138,13 @@ def write(
         motions: At least one.
         fps: Frames per second of the animations; by default each motion's own.
         names: Names of the animations; by default their captions.
+        root_motion: What the path along the floor moves.
 
     Returns:
         The files written.
 
     Raises:
+        DataError: The rig has no root bone that root motion could move.
         InputError: The ending does not fit the rig, or the folder cannot be written.
     """
     target = Path(path)
@@ -104,7 +153,10 @@ def write(
         raise InputError(f"no motion to write to {target}, expected at least one")
     motions = motions if fps is None else [motion.resampled(fps) for motion in motions]
     names = names or [motion.caption or f"take {n}" for n, motion in enumerate(motions, 1)]
-    animations = [retarget(motion, rig) for motion in motions]
+    animations = [
+        with_root_motion(retarget(motion, rig), rig, root_motion)
+        for motion in counted(motions, "retargeting")
+    ]
     if target.suffix.lower() in rig.file.endings:
         takes = [Take(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)]
         return rig.file.write(target, takes)
