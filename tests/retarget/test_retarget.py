@@ -392,7 +392,8 @@ def test_root_motion_moves_what_is_asked_for(motion: Motion, tmp_path: Path):
     assert travelled["root"][0] > 1
     assert travelled["none"][0] == 0 and travelled["none"][1] < 0.7
     # The body is where it was, whatever bone carries it there; the root stays on the floor.
-    np.testing.assert_allclose(found["root"][:, 1:20], found["pelvis"][:, 1:20], atol=1e-4)
+    body = list(rig.body.joints.values())
+    np.testing.assert_allclose(found["root"][:, body], found["pelvis"][:, body], atol=1e-4)
     np.testing.assert_allclose(found["root"][:, 0, 1], found["pelvis"][:, 0, 1], atol=1e-6)
     apart = np.linalg.norm((found["root"][:, pelvis] - found["root"][:, 0])[:, [0, 2]], axis=-1)
     assert apart.max() < 0.7
