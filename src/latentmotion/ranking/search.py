@@ -20,7 +20,12 @@ from safetensors.numpy import save_file
 
 from latentmotion import formats
 from latentmotion.data.recording import files_below
-from latentmotion.errors import InputError, LatentMotionError
+from latentmotion.errors import (
+    InputError,
+    LatentMotionError,
+    MissingExtraError,
+    MissingProgramError,
+)
 from latentmotion.progress import counted
 from latentmotion.ranking.scorer import UNIT, Scorer
 from latentmotion.storage.files import atomic_file
@@ -215,6 +220,8 @@ def _indexed(path: Path, size: int, changed: int, scorer: Scorer) -> IndexedFile
             for start, end in windows_of(len(features)):
                 spans.append((take, start / fps, end / fps))
                 parts.append(features[start:end])
+    except (MissingExtraError, MissingProgramError) as error:  # it may be installed next time
+        return IndexedFile(-1, changed, (), empty, str(error))
     except LatentMotionError as error:
         return IndexedFile(size, changed, (), empty, str(error))
     # As it is kept, so that a cached index gives the same scores.
