@@ -20,6 +20,7 @@ from latentmotion.engine.backend import ON_CPU, ExecutionOptions
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import open_decoder, thread_limit
 from latentmotion.errors import InputError, MissingExtraError, ModelError
+from latentmotion.formats.engines import ENDINGS, ENGINES, EngineName, for_engine
 from latentmotion.kinematics import smpl
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_model, read_card
@@ -98,6 +99,9 @@ class Generate:
     (docs/guide/cleanup.md)."""
     in_place: bool = False
     """Remove the root's path along the floor, as game engines expect."""
+    preset: EngineName | None = None
+    """Write figures with a game engine's names of bones, root motion on a root bone, and 30 frames
+    per second unless --fps says otherwise; for .glb, .gltf, .fbx and .bvh."""
     fps: float | None = None
     """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
     json: options.PrintJson = False
@@ -124,16 +128,21 @@ class Generate:
         for path in outputs:
             formats.check_ending(path)
             check_writable(path)
+            if self.preset and path.suffix.lower() not in ENDINGS:
+                expected = f"expected one of {', '.join(ENDINGS)}"
+                raise InputError(f"--preset {self.preset} cannot be written as {path}; {expected}")
         motions = self._generated(prompts, scene, goals)
         if self.clean:
             motions = cleaned(motions, CleanUp(in_place=self.in_place))
-        if self.fps is not None:
-            resampling = counted(motions, "resampling")
-            motions = [motion.resampled(self.fps) for motion in resampling]
+        fps = self.fps if self.fps or not self.preset else ENGINES[self.preset].fps
+        if fps is not None:
+            motions = [motion.resampled(fps) for motion in counted(motions, "resampling")]
         for motion in motions if self.clean else []:
             print(_goal_text(motion), end="", file=sys.stderr)
         for motion in motions:
             print(_take_text(motion), end="", file=sys.stderr)
+        if self.preset:
+            motions = [for_engine(motion, self.preset) for motion in motions]
         written = [file for path in outputs for file in formats.save(path, motions)]
         if self.json:
             self._print_json(motions, written)

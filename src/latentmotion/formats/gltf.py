@@ -16,12 +16,13 @@ from jaxtyping import Float
 
 from latentmotion.errors import InputError
 from latentmotion.formats.bones import BoneAxes, bone_axes
+from latentmotion.formats.engines import mannequin_of
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
-from latentmotion.render.mannequin import Mannequin, make_mannequin
+from latentmotion.render.mannequin import Mannequin
 
 _COLOR = (0.10, 0.215, 0.552, 1.0)
 """Linear RGB and opacity of the mannequin."""
@@ -72,7 +73,7 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
     document.json |= {
         "scenes": [{"nodes": [0, len(skeleton)]}],
         "nodes": [*nodes, {"name": "mannequin", "mesh": 0, "skin": 0}],
-        **_figure(make_mannequin(skeleton), axes, document),
+        **_figure(mannequin_of(skeleton), axes, document),
         "animations": [
             _animation(motion, animation, axes, moving, number, document)
             for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1)
