@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.quality.rigs import CHILD, MIXAMO, RIGS, UNREAL, RigShape, write_rig
+from latentmotion import formats
 from latentmotion.cli.main import main
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats.bvh import read_bvh, write_bvh
@@ -244,6 +245,7 @@ def test_vrm_says_its_bones_itself(tmp_path: Path):
     named = read_rig(write_rig(tmp_path / "named.glb", CHILD)).body
     found = read_rig(path).body
     assert found.names == "VRM"
+    assert formats.load(path)[0].joints.shape == (1, 22, 3)
     assert all(named.joints[name] == joint for name, joint in found.joints.items())
 
 

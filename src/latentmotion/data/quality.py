@@ -34,7 +34,7 @@ MARGIN = 2
 BLENDED = 6
 """Frames of a BVH file after the T-pose that may be drawn towards it, at the native rate."""
 REST = 4.0
-"""Largest mean rotation of the joints in a T-pose, degrees; motions are half as far again from it.
+"""Largest mean rotation of the joints in a T-pose, degrees.
 
 In the conversions of CMU it is 1.1 to 2.8; the motions themselves begin at 7 to 32.
 """
@@ -111,11 +111,19 @@ def clean_spans(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> lis
     return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
-def begins_with_t_pose(animation: Animation) -> bool:
-    """Returns whether frame 0 is the skeleton's rest pose and the motion is far from it."""
+def begins_with_t_pose(animation: Animation, least: float = 0.0) -> bool:
+    """Returns whether frame 0 is the skeleton's rest pose and the motion is far from it.
+
+    Args:
+        animation: Any skeleton.
+        least: Degrees by which the motion is away from the rest pose at least.
+    """
     degrees = _degrees_from_rest(animation)
-    far = max(2 * degrees[0], 1.5 * REST) if len(degrees) > BLENDED else np.inf
-    return bool(degrees[0] < REST and degrees[-1] > far)
+    return bool(
+        len(degrees) > BLENDED
+        and degrees[0] < REST
+        and degrees[BLENDED] > max(2 * degrees[0], least)
+    )
 
 
 def is_blended(animation: Animation) -> bool:

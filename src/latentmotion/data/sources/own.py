@@ -62,6 +62,9 @@ from latentmotion.storage.reading import read_table, read_text
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".amc", ".npz")
 
+_LEAST_MOVED = 6.0
+"""Degrees that motions turn joints away from a T-pose; who begins in one turns them slowly."""
+
 _NEEDED, _OPTIONAL = ("file", "caption"), ("from", "to", "split", "action")
 
 
@@ -187,7 +190,7 @@ class OwnMotions:
         takes = []
         for animation in animations:
             rate = self.fps or animation.fps
-            if begins_with_t_pose(animation):
+            if begins_with_t_pose(animation, _LEAST_MOVED):
                 animation = every(animation, step=1, start=1)
             takes.append(joints_at(animation, FPS, rate, self.joint_map, declared))
         return takes
