@@ -188,7 +188,7 @@ def test_a_part_of_less_than_half_is_not_what_the_file_shows(tmp_path: Path) -> 
 def test_where_nothing_is_left_the_reasons_are_told(tmp_path: Path) -> None:
     for n in range(12):
         animation = swaying(40, 20.0)
-        animation.root_positions[::4] += (0, 0, 1.0)
+        animation.root_positions[::4] += (0, 0, 1.0 + n)
         write_bvh(tmp_path / f"take{n:02}.bvh", animation)
     encoded = encode_all(OwnMotions(tmp_path, SOURCE).recordings(), HUMANML3D_FEATURES)
     preparation = Preparation(HUMANML3D_FEATURES)
@@ -196,8 +196,8 @@ def test_where_nothing_is_left_the_reasons_are_told(tmp_path: Path) -> None:
     with pytest.raises(DataError) as error:
         preparation.write(tmp_path / "out", (SOURCE,))
     said = str(error.value)
-    assert "12 were left out" in said and "and 2 more" in said
     assert said.count("pelvis jumps") + said.count("the body moves") == 10
+    assert said.endswith("; 2 more reasons)")
 
 
 def test_animations_of_a_glb_are_takes(tmp_path: Path) -> None:

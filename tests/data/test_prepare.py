@@ -93,7 +93,7 @@ def test_captions_are_fitted_and_mirrored_ones_kept(tmp_path: Path) -> None:
     ("items", "message"),
     [
         ([], r"no clip can be used \(no clip found\)"),
-        ([Dropped(n, "clip", "bad") for n in "abcd"], r"used \(a: bad; b: bad; c: bad\)"),
+        ([Dropped(n, "clip", "bad") for n in "abcd"], r"used \(a, b, c and 1 more: bad\)"),
         ([encoded(split="val"), encoded("b", split="test")], "no clip is in the train split"),
         ([encoded(), encoded()], "two clips are called 'a'"),
     ],

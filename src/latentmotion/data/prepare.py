@@ -32,7 +32,7 @@ MIN_FRAMES = 10
 """Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
 
 _LISTED = 10
-"""Clips whose reasons are told where none is left."""
+"""Reasons that are told where no clip is left."""
 
 
 @dataclass(frozen=True)
@@ -201,10 +201,14 @@ class Preparation:
             InputError: The folder cannot be written.
         """
         if not self.motions:
-            clips = [item for item in self.dropped if item.what == "clip"]
-            listed = "".join(f"\n  {item.id}: {item.reason}" for item in clips[:_LISTED])
-            more = f"\n  and {len(clips) - _LISTED} more" if len(clips) > _LISTED else ""
-            raise DataError(f"no clip can be used; {len(clips)} were left out:{listed}{more}")
+            reasons: dict[str, list[str]] = {}
+            for item in self.dropped:
+                if item.what == "clip":
+                    reasons.setdefault(item.reason, []).append(item.id)
+            listed = [f"{_named(ids)}: {reason}" for reason, ids in reasons.items()]
+            more = [f"{len(listed) - _LISTED} more reasons"] if len(listed) > _LISTED else []
+            told = "; ".join([*listed[:_LISTED], *more])
+            raise DataError(f"no clip can be used ({told or 'no clip found'})")
         if normalizer is None and not self.representation.normalized:
             identity = Normalizer.identity(self.representation.width)
             normalizer = stored_normalizer(identity, "none: the features are used as they are")
@@ -221,6 +225,11 @@ class Preparation:
         report = Report(parts_of(manifest), tuple(self.dropped), self.round_trip_mm, notes)
         write_json(Path(folder) / REPORT, report)
         return report
+
+
+def _named(ids: Sequence[str]) -> str:
+    """Returns the first names of some clips and the number of the others."""
+    return ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
 
 
 def merge(folders: Sequence[str | Path], out: str | Path) -> Report:
