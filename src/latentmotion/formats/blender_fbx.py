@@ -33,6 +33,8 @@ def write_fbx(source: str, target: str, fps: float) -> None:
         bake_anim_use_nla_strips=False,
         bake_anim_use_all_actions=True,
         bake_anim_simplify_factor=0.0,
+        path_mode="COPY",
+        embed_textures=True,
     )
 
 

@@ -107,15 +107,10 @@ def as_glb(path: str | Path) -> Iterator[Path]:
     if b"FBX" not in read_bytes(source, MOST_TEXT)[:4096]:
         raise FileFormatError(source, "is no FBX file: its head does not say so")
     with _folder_for(blender, source) as folder:
-        # Names from outside may begin with a dash or hold what no program expects.
-        shutil.copyfile(source, folder / "figure.fbx")
         glb = folder / f"{source.stem}.glb"
-        problem = _run(
-            blender, [str(folder / "figure.fbx"), str(folder / "figure.glb")], folder / "figure.glb"
-        )
+        problem = _run(blender, [str(source.absolute()), str(glb)], glb)
         if problem:
             raise FileFormatError(source, f"{blender} could not read it {problem}")
-        (folder / "figure.glb").replace(glb)
         try:
             yield glb
         except FileFormatError as error:
