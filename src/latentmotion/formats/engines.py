@@ -39,9 +39,9 @@ class Engine:
 
 
 def _engine(root: str, middle: str, side: str, marks: tuple[str, str]) -> Engine:
-    parts = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+    parts = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"]
     names = dict(zip(parts, middle.split(), strict=True))
-    limbs = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
+    limbs = ["hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist"]
     for whole, mark in zip(SIDES, marks, strict=True):
         words = side.replace("@", mark).split()
         names |= {f"{whole}_{limb}": word for limb, word in zip(limbs, words, strict=True)}
