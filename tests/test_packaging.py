@@ -1,17 +1,38 @@
-"""What is published: a README whose links lead somewhere, and an sdist with all that tests read."""
+"""What is published: README, sdist, versions, recipe, workflow and containers agree with the code."""
 
 from __future__ import annotations
 
+import ast
 import importlib.util
+import json
 import re
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
+import yaml
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+from latentmotion import __version__
 
 ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+BUILD = PROJECT["tool"]["hatch"]["build"]["targets"]
+ADDON = ROOT / "src" / "latentmotion" / "blender" / "latentmotion_blender"
+
+
+def parsed(name: str) -> Any:
+    """Returns a YAML file; of conda's templates only variables that are set to a text are known."""
+    text = (ROOT / name).read_text(encoding="utf-8")
+    for variable, value in re.findall(r'{% set (\w+) = "([^"]+)" %}', text):
+        text = text.replace(f"{{{{ {variable} }}}}", value)
+    text = re.sub(r"{%.*?%}", "", text)
+    return yaml.safe_load(re.sub(r"{{ (\w+) }}", r"\1", text))
 
 
 @pytest.fixture
@@ -44,7 +65,79 @@ def test_absolute_links_and_anchors_stay(hook: ModuleType) -> None:
 
 
 def test_the_sdist_has_what_tests_read() -> None:
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    included = settings["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
-    for name in ("tests", "docs", "data", "Makefile", "mkdocs.yml", ".importlinter"):
-        assert f"/{name}" in included and (ROOT / name).exists()
+    included = BUILD["sdist"]["include"]
+    for name in ("tests", "docs", "data", "Makefile", "mkdocs.yml", ".importlinter", ".github"):
+        assert f"/{name}" in included
+
+
+def test_files_that_the_project_names_exist() -> None:
+    named = [*BUILD["sdist"]["include"], *BUILD["wheel"]["packages"], *BUILD["wheel"]["exclude"]]
+    for pattern in (*named, *PROJECT["project"]["license-files"], "hatch_build.py"):
+        assert list(ROOT.glob(pattern.lstrip("/"))), pattern
+    for target in PROJECT["project"]["scripts"].values():
+        module, _, name = target.partition(":")
+        assert callable(getattr(import_module(module), name))
+
+
+def test_one_version_everywhere() -> None:
+    web = json.loads((ROOT / "packages" / "web" / "package.json").read_text())
+    lock = json.loads((ROOT / "packages" / "web" / "package-lock.json").read_text())
+    manifest = tomllib.loads((ADDON / "blender_manifest.toml").read_text())
+    found = [
+        parsed("CITATION.cff")["version"],
+        parsed("recipe/meta.yaml")["package"]["version"],
+        *(web["version"], lock["version"], lock["packages"][""]["version"]),
+        manifest["version"],
+    ]
+    for page in ("CHANGELOG.md", "docs/release_notes.md"):
+        found += re.findall(r"^## (\S+)", (ROOT / page).read_text(encoding="utf-8"), re.M)[:1]
+    assert len(found) == 8 and set(map(Version, found)) == {Version(__version__)}
+    assert parsed("CITATION.cff")["version"] == __version__
+    tree = ast.parse((ADDON / "__init__.py").read_text())
+    about = next(node for node in ast.walk(tree) if isinstance(node, ast.Dict))
+    assert ast.literal_eval(about)["version"] == Version(__version__).release
+
+
+def test_the_recipe_needs_what_the_project_needs() -> None:
+    recipe = parsed("recipe/meta.yaml")
+    project = PROJECT["project"]
+    ours = {(one.name, str(one.specifier)) for one in map(Requirement, project["dependencies"])}
+    theirs = {tuple(line.split(" ")) for line in recipe["requirements"]["run"]}
+    assert theirs == ours | {("python", ">=python_min")}
+    least = parsed("recipe/conda_build_config.yaml")["python_min"]
+    assert project["requires-python"] == f">={least[0]}"
+    host = [Requirement(line) for line in recipe["requirements"]["host"] if "python" not in line]
+    assert Requirement(PROJECT["build-system"]["requires"][0]) in host
+    assert all((ROOT / name).is_file() for name in recipe["about"]["license_file"])
+    assert recipe["about"]["license"] == project["license"]
+    (name, target) = next(iter(project["scripts"].items()))
+    assert recipe["build"]["entry_points"] == [f"{name} = {target}"]
+
+
+def test_the_workflow_publishes_tags_without_a_token() -> None:
+    workflow = parsed(".github/workflows/publish.yml")
+    triggers = workflow[True]  # how YAML 1.1 reads `on`
+    assert triggers == {"push": {"tags": ["v[0-9]*"]}}
+    jobs = workflow["jobs"]
+    assert [jobs[name].get("needs") for name in ("build", "install", "publish")] == [
+        None,
+        "build",
+        "install",
+    ]
+    rights = {name: job["permissions"] for name, job in jobs.items() if "permissions" in job}
+    assert workflow["permissions"] == {"contents": "read"}
+    assert rights == {"publish": {"id-token": "write"}}
+    assert "secrets." not in (ROOT / ".github/workflows/publish.yml").read_text(encoding="utf-8")
+    tried = jobs["install"]["strategy"]["matrix"]["python"]
+    named = [text.rpartition(" :: ")[2] for text in PROJECT["project"]["classifiers"]]
+    assert tried == [text for text in named if re.fullmatch(r"3\.\d+", text)]
+
+
+@pytest.mark.parametrize("name", ["Containerfile", "Containerfile.command"])
+def test_containers_copy_what_the_build_reads(name: str) -> None:
+    text = (ROOT / "packaging" / name).read_text(encoding="utf-8")
+    copied = " ".join(re.findall(r"^COPY (.*) \S+$", text, re.M)).split()
+    assert set(copied) == {"pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "src"}
+    extras = re.search(r'"/source\[(.+)\]"', text)
+    assert extras and set(extras[1].split(",")) <= set(PROJECT["project"]["optional-dependencies"])
+    assert re.search(r"^USER [1-9]", text, re.M)

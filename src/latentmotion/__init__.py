@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from latentmotion.motion import Motion as Motion
     from latentmotion.pipeline import MotionPipeline as MotionPipeline
 
-__version__ = "0.1.0"
+__version__ = "1.0.0rc1"
 
 _HOMES = {
     "Animation": "kinematics.skeleton",

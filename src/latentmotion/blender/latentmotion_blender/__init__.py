@@ -16,7 +16,7 @@ from . import generate, panel, settings
 bl_info = {
     "name": "Latent Motion",
     "author": "Latent Motion",
-    "version": (0, 1, 0),
+    "version": (1, 0, 0),
     "blender": (4, 2, 0),
     "location": "3D View > Sidebar > Latent Motion",
     "description": "Turn a sentence into motion for your character",
