@@ -1,4 +1,4 @@
-"""What is published: README, sdist, versions, recipe, workflow and containers agree with the code."""
+"""What is published: README, sdist, versions, recipe, workflow and containers agree."""
 
 from __future__ import annotations
 

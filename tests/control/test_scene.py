@@ -10,19 +10,20 @@ import pytest
 from latentmotion.control.goals import Heading, Path, Pose, Reach
 from latentmotion.control.scene import (
     SCHEMA_FILE,
+    Scene,
     parse_heading,
     parse_path,
     parse_reach,
     read_scene,
-    schema,
 )
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
+from latentmotion.storage.configuration import json_schema
 from tests.support.walker import walker
 
 
 def test_the_published_schema_is_the_readers() -> None:
-    assert json.loads(SCHEMA_FILE.read_text(encoding="utf-8")) == schema()
+    assert json.loads(SCHEMA_FILE.read_text(encoding="utf-8")) == json_schema(Scene, "Scene")
 
 
 def test_a_scene_becomes_goals(tmp_path: FilePath) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from latentmotion.data.clip import Caption, Clip, Source, TaggedSentence
 from latentmotion.data.dataset import Dataset
@@ -147,6 +148,16 @@ def test_frames_to_hold_are_no_negative_number() -> None:
 def stored(name: str, source: str, split, frames: int, captions: int) -> StoredClip:
     rows = caption_rows([Caption(f"{n}", 0, frames) for n in range(captions)])
     return StoredClip(name, source, "", split, frames, 0, 0, rows, ())
+
+
+def test_a_folder_has_a_page_for_the_hub(tmp_path: Path) -> None:
+    written = prepared(tmp_path / "clips", encoded()) / "README.md"
+    _, head, page = written.read_text(encoding="utf-8").split("---\n", 2)
+    fields = yaml.safe_load(head)
+    assert (fields["license"], fields["task_categories"]) == ("cc0-1.0", ["text-to-3d"])
+    assert fields["size_categories"] == ["n<1K"] and fields["pretty_name"] == "clips"
+    assert f"**{MADE_UP.name}**: {MADE_UP.license}. {MADE_UP.credit}" in page
+    assert f"| {MADE_UP.name} | {LABEL.split} | 1 |" in page
 
 
 def test_parts_count_clips_captions_and_hours(tmp_path: Path) -> None:

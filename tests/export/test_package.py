@@ -66,6 +66,8 @@ def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
     main(["export", str(tmp_path / "run"), *options, "--precision", precision])
     card = read_card(output)
     assert (card.provenance.license, card.precision) == ("CC0", precision)
+    page = (output / "README.md").read_text(encoding="utf-8")
+    assert page.startswith("---\nlicense: ") and "# model\n" in page
     motion = MotionPipeline.from_pretrained(output, "onnxruntime", 1)("a person walks", 1, steps=3)
     assert motion.joints.shape == (20, 22, 3)
     assert motion.metadata["model"] == "model"

@@ -25,9 +25,10 @@ from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST
 from latentmotion.describe.reading import Windows
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.instructions.prompts import refused_captions
 from latentmotion.kinematics.humanoid import load_joint_map
+from latentmotion.plugins import plugin, plugin_names
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.smpl import SMPL_FEATURES
@@ -245,6 +246,32 @@ class PrepareOwn:
             return
         encoded = encode_all(motions.recordings(), HUMANML3D_FEATURES)
         _prepare(self.output, HUMANML3D_FEATURES, source, encoded)
+
+
+@dataclass(frozen=True)
+class PreparePlugin:
+    """Take what a data source of another installed package reads (docs/guide/plugins.md)."""
+
+    source: Annotated[Positional[str], arg(metavar="SOURCE")]
+    """Name of the plugin."""
+    folder: options.Folder
+    """What it reads."""
+    output: options.PreparedOutput
+    representation: Literal["humanml3d", "smpl"] = "humanml3d"
+    """Features of the motions: HumanML3D's 263 or SMPL's 150."""
+
+    def run(self) -> None:
+        """Prepares the folder and prints the report."""
+        found = plugin("latentmotion.data_sources", self.source)
+        if found is None:
+            known = plugin_names("latentmotion.data_sources")
+            advice = hint(self.source, known) if known else "no plugin adds one"
+            raise InputError(f"no data source {self.source!r}; {advice}")
+        if missing := [name for name in ("SOURCE", "recordings") if not hasattr(found, name)]:
+            raise InputError(f"the data source {self.source!r} lacks {' and '.join(missing)}")
+        representation = representation_named(self.representation)
+        recordings = encode_all(found.recordings(self.folder), representation)
+        _prepare(self.output, representation, found.SOURCE, recordings)
 
 
 @dataclass(frozen=True)

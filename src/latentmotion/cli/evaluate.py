@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +20,7 @@ from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
 from latentmotion.instructions import benchmark, ground_truth, motions
 from latentmotion.instructions.prompts import instructions, write_prompts
+from latentmotion.model.card import CARD_FILE, find_model, read_card
 from latentmotion.storage.files import check_replaceable
 
 Joints = Float[np.ndarray, "_ 22 3"]
@@ -116,6 +117,8 @@ class Evaluate:
             return
         if self.output is not None:
             check_replaceable(self.output, benchmark.REPORT_FILE)
+        if self.card and self.model is None:
+            raise InputError("--card is for a model; name one instead of --joints")
         claims = ground_truth.claims_of(Dataset.load(self.data), self.split) if self.data else []
         if self.joints and self.model is not None:
             raise InputError(f"give either MODEL ({self.model}) or --joints, not both")
@@ -131,6 +134,12 @@ class Evaluate:
         if self.output is not None:
             benchmark.write(result, self.output)
             print(f"\nwrote {self.output / benchmark.REPORT_FILE} and {benchmark.PAGE_FILE}")
+        if self.card and self.model is not None:
+            folder = find_model(self.model)
+            card = read_card(folder)
+            obeyed = {group: round(one.share, 4) for group, one in result.model.items()}
+            replace(card, figures={**card.figures, "instructions": obeyed}).write(folder)
+            print(f"\nwrote the figures into {folder / CARD_FILE}")
 
     def generated(self) -> tuple[str, dict[str, str], Sequence[Sequence[Joints]]]:
         """Returns the model's name, the settings, and its motions for the instructions."""

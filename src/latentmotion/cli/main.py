@@ -52,6 +52,7 @@ VERBS = {
     "data prepare uestc": Verb("data:PrepareUestc", "UESTC as ACTOR distributes it."),
     "data prepare labelled": Verb("data:PrepareLabelled", "Your own files, one folder per action."),
     "data prepare own": Verb("data:PrepareOwn", "Your own files and captions."),
+    "data prepare plugin": Verb("data:PreparePlugin", "What an installed plugin reads."),
     "data merge": Verb("data:Merge", "Join prepared folders into one training set."),
     "data pack": Verb("data:PackData", "Write a prepared folder as one small file."),
     "data unpack": Verb("data:UnpackData", "Write the prepared folder that a pack holds."),

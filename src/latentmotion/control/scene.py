@@ -12,12 +12,8 @@ folder.
 
 from __future__ import annotations
 
-import dataclasses
-import types
-import typing
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Any
 
 from latentmotion.control.goals import Goal, Heading, Path, Pose, Reach
 from latentmotion.control.timeline import Span
@@ -196,36 +192,3 @@ def parse_path(text: str) -> Path:
     if times and len(times) != len(points):
         raise InputError(f"--path: {len(times)} of {len(points)} points have times: all or none")
     return Path(points, times or None)
-
-
-def schema() -> dict[str, Any]:
-    """Returns the JSON Schema of scene files."""
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scene"}
-    return {**head, **_schema_of(Scene)}
-
-
-def _schema_of(hint: Any) -> dict[str, Any]:
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if dataclasses.is_dataclass(hint):
-        hints, fields = typing.get_type_hints(hint), dataclasses.fields(hint)
-        return {
-            "type": "object",
-            "description": hint.__doc__,
-            "properties": {field.name: _schema_of(hints[field.name]) for field in fields},
-            "required": [
-                field.name
-                for field in fields
-                if field.default is dataclasses.MISSING
-                and field.default_factory is dataclasses.MISSING
-            ],
-            "additionalProperties": False,
-        }
-    if origin in (typing.Union, types.UnionType):
-        return {"anyOf": [_schema_of(member) for member in arguments]}
-    if origin is tuple and arguments[-1] is Ellipsis:
-        return {"type": "array", "items": _schema_of(arguments[0])}
-    if origin is tuple:
-        items = [_schema_of(member) for member in arguments]
-        return {"type": "array", "prefixItems": items, "minItems": len(items), "items": False}
-    names = {float: "number", int: "integer", str: "string", types.NoneType: "null"}
-    return {"type": names[hint]}

@@ -12,6 +12,7 @@ import numpy as np
 from latentmotion.data.clip import Source, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.quality import find_glitch
+from latentmotion.data.readme import README, readme
 from latentmotion.data.recording import Dropped, EncodedRecording, Recording
 from latentmotion.data.store import (
     Manifest,
@@ -25,6 +26,7 @@ from latentmotion.data.store import (
 from latentmotion.errors import DataError
 from latentmotion.representation.interface import Normalizer, Representation
 from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.storage.files import atomic_file
 
 REPORT = "report.json"
 
@@ -224,6 +226,9 @@ class Preparation:
         manifest = write_dataset(folder, self.motions, sources, self.representation, normalizer)
         report = Report(parts_of(manifest), tuple(self.dropped), self.round_trip_mm, notes)
         write_json(Path(folder) / REPORT, report)
+        with atomic_file(Path(folder) / README) as page:
+            title = Path(folder).resolve().name
+            page.write_text(readme(manifest, report.parts, title), encoding="utf-8")
         return report
 
 

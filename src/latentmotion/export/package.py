@@ -24,6 +24,7 @@ from latentmotion.export import onnx as graphs
 from latentmotion.export.graph_weights import quantize, share_weights
 from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard
+from latentmotion.model.readme import readme
 from latentmotion.networks import checkpoint
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_folder
@@ -64,6 +65,7 @@ def package_model(
         raise ModelError(f"model {card.name!r} reads sentences; pass its text encoder")
     with atomic_folder(output, cards.CARD_FILE) as folder:
         card.write(folder)
+        (folder / cards.README_FILE).write_text(readme(card), encoding="utf-8")
         weights = {
             key: value.half() if value.is_floating_point() else value
             for key, value in checkpoint.model_weights(source).items()

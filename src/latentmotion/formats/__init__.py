@@ -1,4 +1,7 @@
-"""File formats: `save` and `load` choose one by the path's ending and import only that module."""
+"""File formats: `save` and `load` choose one by the path's ending and import only that module.
+
+Other packages add endings by entry points of the group `latentmotion.formats`.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from types import MappingProxyType
 
 from latentmotion.errors import DataError, InputError
 from latentmotion.motion import Motion
+from latentmotion.plugins import plugin, plugin_names
 from latentmotion.storage.files import check_writable
 
 ENDINGS: Mapping[str, str] = MappingProxyType(
@@ -70,7 +74,7 @@ def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) 
     target = Path(path)
     if not motions:
         raise InputError(f"no motion to write to {target}, expected at least one")
-    writer = _function(target, ENDINGS, "written")
+    writer = _function(target, ENDINGS, "write")
     check_writable(target)
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")
@@ -103,24 +107,29 @@ def check_ending(path: str | Path) -> None:
         MissingExtraError: The format needs a package that is not installed.
         MissingProgramError: The format needs Blender, and there is none.
     """
-    writer = _function(Path(path), ENDINGS, "written")
+    writer = _function(Path(path), ENDINGS, "write")
     check_ready = getattr(importlib.import_module(writer.__module__), "check_ready", None)
     if check_ready is not None:
         check_ready()
 
 
 def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:
-    """Imports the reader or writer that an ending names."""
+    """Imports the reader or writer that an ending names, of this package or of a plugin."""
     ending = path.suffix.lower()
     longer = "".join(path.suffixes[-2:]).lower()
     if longer in endings:
         ending = longer
     elif ending not in endings:
+        added = getattr(plugin("latentmotion.formats", ending[1:]), verb, None)
+        if added is not None:
+            return added
         near = difflib.get_close_matches(ending, endings, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
+        others = [f".{name}" for name in plugin_names("latentmotion.formats")]
         raise InputError(
-            f"the ending {ending or '(none)'!r} of {path} cannot be {verb}: {hint}"
-            f"known are {', '.join(endings)}"
+            f"the ending {ending or '(none)'!r} of {path} cannot be "
+            f"{'written' if verb == 'write' else 'read'}: {hint}"
+            f"known are {', '.join([*endings, *others])}"
         )
     module, _, name = endings[ending].partition(":")
     return getattr(importlib.import_module(module), name)

@@ -20,7 +20,9 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from types import MappingProxyType
 
+from latentmotion.errors import DataError
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.plugins import plugins, warn_of
 
 JointMap = Mapping[str, str | Mapping[str, float]]
 """HumanML3D's name → a source joint, or the weights of several that sum to 1."""
@@ -151,14 +153,42 @@ def without_namespace(name: str) -> str:
     return _NAMESPACE.sub("", name, count=1) or name
 
 
-def find_joint_map(names: Iterable[str]) -> JointMap | None:
-    """Returns the first of `JOINT_MAPS` whose source joints are all among `names`, if any."""
+def find_joint_map(names: Sequence[str]) -> JointMap | None:
+    """Returns the first map whose source joints are all among `names`, if any.
+
+    Plugins' maps follow `JOINT_MAPS`, for names that no convention explains.
+    """
     known = {without_namespace(name) for name in names}
-    for joint_map in JOINT_MAPS.values():
-        sources = {source for entry in joint_map.values() for source in weights_of(entry)}
-        if known.issuperset(map(without_namespace, sources)):
-            return joint_map
-    return None
+
+    def fits(joint_map: JointMap) -> bool:
+        sources = (source for entry in joint_map.values() for source in weights_of(entry))
+        return known.issuperset(map(without_namespace, sources))
+
+    found = next(filter(fits, JOINT_MAPS.values()), None)
+    if found is None and match_names(names).missing:
+        found = next(filter(fits, added_joint_maps().values()), None)
+    return found
+
+
+def added_joint_maps() -> dict[str, JointMap]:
+    """Returns the joint maps of the plugins of `latentmotion.skeletons` by name."""
+    found = plugins("latentmotion.skeletons")
+    for name in list(found):
+        if not is_joint_map(found[name]) or set(found[name]) != set(HUMANML3D.names):
+            error = DataError(f"expected a joint map of {', '.join(HUMANML3D.names)}")
+            warn_of("latentmotion.skeletons", name, error)
+            del found[name]
+    return found
+
+
+def is_joint_map(value: object) -> bool:
+    """Returns whether a value maps names to names, or to weights that sum to 1."""
+    valid = isinstance(value, Mapping)
+    for source in value.values() if isinstance(value, Mapping) else ():
+        weights = source.values() if isinstance(source, Mapping) else ()
+        numeric = all(isinstance(weight, int | float) for weight in weights)
+        valid &= isinstance(source, str) or (numeric and abs(sum(weights) - 1) < 1e-6)
+    return valid
 
 
 NameMap = Mapping[str, tuple[str, ...]]

@@ -23,6 +23,7 @@ from latentmotion.kinematics.bone_names import (
     VRM,
     JointMap,
     find_joint_map,
+    is_joint_map,
     match_names,
     names_of,
     nearest,
@@ -212,6 +213,8 @@ def find_humanoid(
         joints = {ours: bones[name[0]] for ours, name in VRM.items() if name[0] in bones}
         return Humanoid(skeleton, joints, "VRM")
     match = match_names(skeleton.names)
+    if match.missing and (added := find_joint_map(skeleton.names)):
+        return _mapped(skeleton, added)
     if len(match.missing) > len(REQUIRED) // 2:
         raise DataError(
             f"unknown names of joints; of the {len(skeleton)} found these look most like limbs: "
@@ -301,12 +304,7 @@ def load_joint_map(path: str | Path) -> JointMap:
         FileFormatError: The file cannot be read or holds something else.
     """
     joint_map = read_json_file(path)
-    valid = isinstance(joint_map, dict)
-    for source in joint_map.values() if valid else ():
-        weights = source.values() if isinstance(source, dict) else ()
-        numeric = all(isinstance(weight, int | float) for weight in weights)
-        valid &= isinstance(source, str) or (numeric and abs(sum(weights) - 1) < 1e-6)
-    if not valid:
+    if not is_joint_map(joint_map):
         raise FileFormatError(
             path,
             'expected an object such as {"pelvis": "Hips", …}; a value is the name of a joint, '

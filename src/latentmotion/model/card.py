@@ -34,7 +34,11 @@ from latentmotion.storage.configuration import from_json, read_plain, write_json
 FORMAT = 2
 """Version of model.json that this code writes; it reads version 1 too."""
 
+SCHEMA_FILE = Path(__file__).with_name("model.schema.json")
+"""JSON Schema of model.json, as this code writes it."""
+
 CARD_FILE = "model.json"
+README_FILE = "README.md"
 TEXT_GRAPH_FILE = "text_encoder.onnx"
 TOKENIZER_FILE = "tokenizer.json"
 LENGTHS_FILE = "lengths.safetensors"

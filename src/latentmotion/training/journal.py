@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,15 +17,19 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.parametrization import Estimator
 from latentmotion.diffusion.samplers import Sampler, SeededNoise
 from latentmotion.engine.backend import Batch, FeatureDecoder
-from latentmotion.errors import MissingExtraError
+from latentmotion.errors import InputError, MissingExtraError, hint
 from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise
+from latentmotion.plugins import plugin, plugin_names, warn_of
 from latentmotion.representation.interface import representation_named
 from latentmotion.storage.files import atomic_file
 
 NAME = "journal.jsonl"
+
+LOGGERS = "LATENTMOTION_LOGGERS"
+"""Environment variable: names of plugins that are told the figures too, with commas between."""
 
 
 class Journal:
@@ -34,10 +39,14 @@ class Journal:
         folder: The run folder.
         steps: Steps of the whole run, for the time left.
         done: Steps that the snapshot holds.
+
+    Raises:
+        InputError: LATENTMOTION_LOGGERS names a logger that is not installed.
     """
 
     def __init__(self, folder: Path, steps: int, done: int = 0) -> None:
         self._steps = steps
+        self._loggers = _opened_loggers(folder, done)
         lines = [line for line in read_journal(folder) if line["step"] <= done]
         with atomic_file(folder / NAME) as temporary:
             text = "".join(json.dumps(line) + "\n" for line in lines)
@@ -55,6 +64,7 @@ class Journal:
         """Ends the files."""
         self._file.close()
         self._board.close()
+        self._tell(lambda logger: logger.close())
 
     def write(self, step: int, kind: str, figures: Mapping[str, float]) -> None:
         """Appends figures (losses, rates, millimeters) of `kind` "train" or "validation"."""
@@ -63,6 +73,16 @@ class Journal:
         self._file.flush()
         for name, value in rounded.items():
             self._board.add_scalar(f"{kind}/{name}", value, step)
+        self._tell(lambda logger: logger.write(step, kind, rounded))
+
+    def _tell(self, what: Callable[[Any], object]) -> None:
+        """Calls every logger; one that fails is left out from then on."""
+        for name in list(self._loggers):
+            try:
+                what(self._loggers[name])
+            except Exception as error:  # of a package that is not ours
+                warn_of("latentmotion.loggers", name, error)
+                del self._loggers[name]
 
     def show(self, step: int, kind: str, figures: Mapping[str, float], pace: float) -> None:
         """Prints a line: step, figures and, from the pace in seconds a step, the time left."""
@@ -86,6 +106,22 @@ def read_journal(folder: str | Path) -> list[dict[str, Any]]:
     path = Path(folder) / NAME
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     return [json.loads(line) for line in lines if line.startswith("{") and line.endswith("}")]
+
+
+def _opened_loggers(folder: Path, done: int) -> dict[str, Any]:
+    """Returns the loggers that the environment names, opened; broken ones are warned of."""
+    opened = {}
+    known = plugin_names("latentmotion.loggers") if os.environ.get(LOGGERS) else ()
+    for name in filter(None, os.environ.get(LOGGERS, "").split(",")):
+        if name not in known:
+            advice = hint(name, known) if known else "no plugin adds one"
+            raise InputError(f"{LOGGERS}: no logger {name!r}; {advice}")
+        try:
+            if (open_logger := plugin("latentmotion.loggers", name)) is not None:
+                opened[name] = open_logger(folder, done)
+        except Exception as error:  # of a package that is not ours
+            warn_of("latentmotion.loggers", name, error)
+    return opened
 
 
 def write_strip(path: Path, motions: Sequence[Motion]) -> None:
