@@ -29,7 +29,7 @@ def test_a_group_lists_its_verbs(capsys: pytest.CaptureFixture[str]) -> None:
     main(["train"])
     assert "train text-encoder" in capsys.readouterr().out
     main(["data", "prepare"])
-    assert len(capsys.readouterr().out.splitlines()) == 2 + 9
+    assert len(capsys.readouterr().out.splitlines()) == 2 + 10
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_mistakes_are_named(
         ("study make a b --prompts p --seeds x", "--seeds: Could not find valid parse"),
         ("study make a --prompts p", "B is missing; see latentmotion study make --help"),
         ("clean", "FILE and --output are missing; see"),
-        ("retarget --ouput x", "unknown option '--ouput'; see"),
+        ("retarget --ouput x", "unknown option '--ouput'; did you mean '--output'?"),
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])

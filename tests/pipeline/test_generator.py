@@ -105,6 +105,15 @@ def test_both_engines_agree(walk: Motion) -> None:
     np.testing.assert_allclose(other(CAPTION, 2, seed=3).joints, walk.joints, atol=5e-3)
 
 
+@pytest.mark.parametrize("runtime", ["onnxruntime", "openvino"])
+def test_a_folder_of_links_is_a_model(runtime: str, walk: Motion, tmp_path: Path) -> None:
+    pytest.importorskip(runtime)
+    for file in find_model("starter").iterdir():
+        (tmp_path / file.name).symlink_to(file)
+    linked = MotionPipeline.from_pretrained(tmp_path, runtime=runtime, threads=1)
+    np.testing.assert_allclose(linked(CAPTION, 2, seed=3).joints, walk.joints, atol=5e-3)
+
+
 def test_length_is_what_was_asked_for(generate: MotionPipeline) -> None:
     assert [len(generate(CAPTION, s, steps=1)) for s in (1.0, 1.35, 9.8)] == [20, 27, 196]
 

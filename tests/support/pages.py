@@ -59,5 +59,5 @@ class Elements(HTMLParser):
 
 def chromium(address: str, folder: Path, *flags: str) -> str:
     command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder}", "--window-size=700,600"]
-    done = subprocess.run([*command, *flags, address], capture_output=True, timeout=100, check=True)
+    done = subprocess.run([*command, *flags, address], capture_output=True, check=True)
     return done.stdout.decode()

@@ -167,6 +167,14 @@ def test_pixels_of_the_figure_move(page, tmp_path, flags):
     assert moved.mean() < 0.3, "everything changed, not only the figure"
 
 
+def test_every_take_of_many_stands_in_the_picture(tmp_path):
+    write_page(tmp_path / "page.html", [walking(speed=0.0)] * 24)
+    rows = picture(tmp_path / "page.html", 0.25, tmp_path)[100:]  # below the takes' buttons
+    colored = (rows.max(axis=-1) - rows.min(axis=-1) > 40).any(axis=0)
+    starts = np.flatnonzero(colored[1:] & ~colored[:-1])
+    assert len(starts) == 24 and not colored[:5].any() and not colored[-5:].any()
+
+
 def asked() -> Motion:
     wrist = {"joint": "right_wrist", "at": 1.0, "to": [-0.3, None, 1.2]}
     path = [{"joint": "pelvis", "at": at, "to": [0.0, None, at]} for at in (0.5, 1.5)]

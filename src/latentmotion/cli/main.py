@@ -85,6 +85,7 @@ VERBS = {
         "experiment:FillDocument", "Insert finished tables into a document."
     ),
     "serve": Verb("serve:Serve", "Serve motions over HTTP and WebSocket."),
+    "completion": Verb("completion:Completion", "Print what a shell needs to complete words."),
     "study make": Verb("study:MakeStudy", "Make a page to compare two models, blind."),
     "study report": Verb("study:ReportStudy", "Report what raters prefer."),
 }

@@ -1,12 +1,15 @@
-"""Parsing: words to a command by tyro, whose boxes of text for a mistake become one line."""
+"""Parsing: words to a command by tyro, whose reports of a mistake become one line.
+
+tyro tells what is wrong as an event. Its module of events is not public, so what it reports
+otherwise, in a box of text, is told in its own words.
+"""
 
 from __future__ import annotations
 
 import io
-import re
-from collections.abc import Callable, Sequence
-from contextlib import redirect_stderr
-from dataclasses import field, make_dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext, redirect_stderr
+from dataclasses import field, is_dataclass, make_dataclass
 from difflib import get_close_matches
 from inspect import getdoc
 from typing import Any, TypeVar, get_type_hints
@@ -15,6 +18,12 @@ import tyro
 
 from latentmotion.cli.old_spellings import current_options
 from latentmotion.errors import InputError, hint
+
+events: Any
+try:
+    from tyro import _errors as events
+except ImportError:
+    events = None
 
 Command = TypeVar("Command")
 
@@ -32,11 +41,18 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
         InputError: An option is unknown or missing, or its value is.
     """
     words = current_options(name, words)
-    box = io.StringIO()
+    cls = _with_presets_training(command, words)
+
+    def refuse(event: Any) -> None:
+        if told := _told(event, cls):
+            raise InputError(told + ("" if told.endswith("?") else advice))
+
+    advice, box = f"; see latentmotion {name} --help", io.StringIO()
     try:
-        with redirect_stderr(box):
+        hook = events.on_parse_error(refuse) if events else nullcontext()
+        with hook, redirect_stderr(box):
             found = tyro.cli(
-                _with_presets_training(command, words),
+                cls,
                 prog=f"latentmotion {name}",
                 description=getdoc(command),  # tyro leaves out the examples
                 args=words,
@@ -44,9 +60,8 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     except SystemExit as end:
         if not end.code:
             raise
-        told = in_one_line(box.getvalue())
-        advice = "" if told.endswith("?") else f"; see latentmotion {name} --help"
-        raise InputError(told + advice) from None
+        rows = (row.strip(" │-─╭╮╰╯") for row in box.getvalue().splitlines())
+        raise InputError(" ".join(filter(None, rows)) + advice) from None
     _check_lists(found, words)
     return found
 
@@ -66,16 +81,6 @@ def _with_presets_training(command: Any, words: Sequence[str]) -> Any:
     return make_dataclass(command.__name__, [training], bases=(command,), frozen=True)
 
 
-def in_one_line(box: str) -> str:
-    """Returns the message in a box of tyro's in one line; unknown messages in tyro's own words."""
-    rows = [row.strip(" │") for row in box.splitlines()[1:]]
-    text = " ".join(" ".join(row for row in rows if row.strip("-─╰╯ ")).split())
-    for pattern, phrase in _PHRASES.items():
-        if match := re.search(pattern, text):
-            return phrase(match)
-    return text.partition(" For full helptext")[0].rstrip(".")
-
-
 def _check_lists(command: object, words: Sequence[str]) -> None:
     """Refuses `-o` with nothing behind it or given twice: tyro takes no value, or the last ones."""
     hints = get_type_hints(type(command), include_extras=True)
@@ -90,37 +95,59 @@ def _check_lists(command: object, words: Sequence[str]) -> None:
             raise InputError(f"--{name} is given {given} times; name all its values behind one")
 
 
-def missing_options(listed: str) -> str:
-    """Says which options are missing, from tyro's list of them."""
-    options = [re.match(r" ?(?:-\w .*?, )?(\S+)", text) for text in listed.split("(required)")]
-    names = [option[1] for option in options if option]
-    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} missing"
+def _told(event: Any, command: type) -> str | None:
+    """Returns what is wrong, in one line; None where tyro's own words are best."""
+    match event:
+        case events.UnrecognizedArgs(tokens=[word, *_]):
+            return _unknown(word, command)
+        case events.MissingArgs(unrecognized_tokens=[word, *_]):
+            return _unknown(word, command)
+        case events.MissingArgs(missing_arguments=missing):
+            names = [_name(each.arg) for each in missing]
+            return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} missing"
+        case events.BadValue(reason="too_few_values"):
+            return f"{_name(event.argument)} needs a value"
+        case events.InvalidChoice(value=value):
+            choices = sorted(set(event.choices) - {"None"})
+            return f"{_name(event.argument)} {value!r}: {hint(value, choices)}"
+        case events.InstantiationFailure(argument=argument, message=message) if argument:
+            for start, expected in _NUMBERS.items():
+                _, found, rest = message.partition(start)
+                if found:
+                    value = rest.partition(": ")[2].splitlines()[0]
+                    return f"{_name(argument)} {value}: expected {expected}"
+            return f"{_name(argument)}: {' '.join(message.split()).rstrip('.')}"
+    return None
 
 
-def _unknown(match: re.Match[str]) -> str:
-    word, told = match[1], match.string
-    known = [name for name in re.findall(r"--[\w-]+", told) if name not in (word, "--help")]
-    near = get_close_matches(word, known, n=1)
-    return f"unknown option {word!r}" + "".join(f"; did you mean {name!r}?" for name in near)
-
-
-def _not_a_choice(match: re.Match[str]) -> str:
-    choices = sorted(set(re.findall(r"'([^']*)'", match[3])) - {"None"})
-    return f"{match[2]} {match[1]!r}: {hint(match[1], choices)}"
-
-
-_PHRASES: dict[str, Callable[[re.Match[str]], str]] = {
-    r"Unrecognized options: (-[^\s,=]+)": _unknown,
-    r"Unrecognized options: (\S+)": lambda it: f"{it[1]!r} belongs to no option",
-    r"Missing value for argument '(.*?)'": lambda it: f"{it[1]} needs a value",
-    r"invalid choice '(.*?)' for argument '(.*?)'. Expected one of \((.*?)\)": _not_a_choice,
-    r"Error parsing (\S+):.* int\(\) with base 10: '(.*?)'": (
-        lambda it: f"{it[1]} {it[2]!r}: expected a whole number"
-    ),
-    r"Error parsing (\S+):.* string to float: '(.*?)'": (
-        lambda it: f"{it[1]} {it[2]!r}: expected a number"
-    ),
-    r"Error parsing (\S+): (.*?)\.? Argument helptext": lambda it: f"{it[1]}: {it[2]}",
-    r"Missing from [^:]*:(.*\(required\))": lambda it: missing_options(it[1]),
+_NUMBERS = {
+    "invalid literal for int()": "a whole number",
+    "could not convert string to float": "a number",
 }
-"""Patterns of tyro's messages, and the messages that users get."""
+"""Python's messages about numbers, and what was expected."""
+
+
+def _unknown(word: str, command: type) -> str:
+    if not word.startswith("-"):
+        return f"{word!r} belongs to no option"
+    option = word.partition("=")[0]
+    near = get_close_matches(option, _options(command), n=1)
+    return f"unknown option {option!r}" + "".join(f"; did you mean {name!r}?" for name in near)
+
+
+def _options(command: type) -> Iterator[str]:
+    """Yields the options of a command, those of its nested settings too."""
+    for name, kind in get_type_hints(command).items():
+        if is_dataclass(kind) and isinstance(kind, type):
+            yield from _options(kind)
+        else:
+            yield f"--{name.replace('_', '-')}"
+            if kind is bool:
+                yield f"--no-{name.replace('_', '-')}"
+
+
+def _name(argument: Any) -> str:
+    """Returns the long name of an option, or what help pages call an argument."""
+    if argument.is_positional():
+        return str(argument.lowered.metavar).strip("[]").split()[0]
+    return argument.lowered.name_or_flags[-1]

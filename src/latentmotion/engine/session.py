@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.util import find_spec
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
@@ -258,7 +261,8 @@ def _on_openvino(path: Path, threads: int) -> Session:
         "PERFORMANCE_HINT": "LATENCY",
     }
     check_graph(path)
-    model = openvino.Core().compile_model(path, "CPU", settings)
+    with _without_links(path) as graph:
+        model = openvino.Core().compile_model(graph, "CPU", settings)
     names = [name for value in model.inputs for name in value.get_names()]
 
     def run(**inputs: np.ndarray) -> np.ndarray:
@@ -270,6 +274,22 @@ def _on_openvino(path: Path, threads: int) -> Session:
             raise _unfit(path, inputs, error) from error
 
     return run
+
+
+@contextmanager
+def _without_links(path: Path) -> Iterator[Path]:
+    """Yields a graph beside its weights, as copies where they are links, which OpenVINO refuses.
+
+    The hub's cache is such a folder of links.
+    """
+    files = [path, *path.parent.glob("*.safetensors")]
+    if not any(file.is_symlink() for file in files):
+        yield path
+        return
+    with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        for file in files:
+            shutil.copyfile(file, Path(folder) / file.name)
+        yield Path(folder) / path.name
 
 
 def _unfit(path: Path, inputs: Mapping[str, np.ndarray], error: Exception) -> ModelError:

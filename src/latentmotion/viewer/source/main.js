@@ -21,15 +21,13 @@ function makeStage() {
   return new (hasWebGL ? Stage : Sketch)(canvas, motions, colors);
 }
 
-// A notebook may lay its frames out late: the view is chosen once there is a size to fill.
-let isFitted = false;
-
+// A notebook may lay its frames out late, a window may change: the view is chosen anew for each size,
+// until a hand has chosen one.
 function fit() {
   const height = (id) => document.getElementById(id).offsetHeight;
   if (!stage.canvas.clientWidth || !stage.canvas.clientHeight) return;
   stage.resize(height("panel"), height("words"));
-  if (!isFitted) stage.reset();
-  isFitted = true;
+  if (!stage.touched) stage.reset();
 }
 
 /** Joint positions now, meters, in each motion's own space: takes × joints × 3. */

@@ -36,12 +36,12 @@ export class Sketch {
   }
 
   reset() {
-    Object.assign(this, { angle: START, scale: 1, stale: true });
+    Object.assign(this, { angle: START, scale: 1, touched: false, stale: true });
   }
 
   turn(angle) {
     this.angle -= angle;
-    this.stale = true;
+    Object.assign(this, { touched: true, stale: true });
   }
 
   lookAs({ angle, scale }) {
@@ -50,7 +50,7 @@ export class Sketch {
 
   zoom(factor) {
     this.scale = Math.min(Math.max(this.scale / factor, 0.2), 8);
-    this.stale = true;
+    Object.assign(this, { touched: true, stale: true });
   }
 
   setDetail() {

@@ -11,6 +11,8 @@ const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the came
 const HEIGHT = 0.96; // of what it looks at, meters
 const SHADOW_PIXELS = 640; // along each side of the map
 const FIELD_OF_VIEW = 30; // degrees, vertical
+const FARTHEST = 40; // meters that a hand can go away from few takes
+const BESIDE = 0.6; // meters that a body reaches out to either side
 
 const geometries = new WeakMap(); // the resting skin of each skeleton, for all stages of a page
 
@@ -22,8 +24,9 @@ export class Stage {
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = THREE.VSMShadowMap;
     this.renderer.toneMapping = THREE.NeutralToneMapping;
-    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.05, 120);
+    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.05, 3 * FARTHEST);
     this.controls = orbit(this.camera, canvas, () => (this.stale = true));
+    this.controls.addEventListener("start", () => (this.touched = true));
     this.offsets = lineUp(motions);
     this.figures = this.#figures(motions, colors);
     this.paths = motions.map(smoothPath);
@@ -127,14 +130,29 @@ export class Stage {
     const wide = 1.5 + size.x + size.z * 0.4;
     const half = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
     const free = this.freeHeight / this.canvas.clientHeight;
-    const distance = Math.max(tall / 2 / half / free, wide / 2 / half / this.camera.aspect);
+    const near = Math.max(tall / 2 / half / free, wide / 2 / half / this.camera.aspect);
+    const distance = Math.max(near + 0.3 + size.z / 2, this.#far(size, half * this.camera.aspect));
+    this.controls.maxDistance = Math.max(FARTHEST, 1.5 * distance);
+    this.camera.far = Math.max(3 * FARTHEST, 4 * distance);
+    this.camera.updateProjectionMatrix();
     this.controls.target.copy(this.center);
-    this.camera.position.copy(this.center).addScaledVector(EYE, distance + 0.3 + size.z / 2);
+    this.camera.position.copy(this.center).addScaledVector(EYE, distance);
     this.controls.update();
+    this.touched = false;
     this.stale = true;
   }
 
+  /** How far back the eye has to stand for both ends of a row, the nearer one seen larger. */
+  #far(size, half) {
+    const aside = new THREE.Vector3(0, 1, 0).cross(EYE).normalize();
+    const ends = [-1, 1].flatMap((x) => [-1, 1].map((z) => {
+      return new THREE.Vector3(x * (size.x / 2 + BESIDE), 0, (z * size.z) / 2);
+    }));
+    return Math.max(...ends.map((end) => end.dot(EYE) + Math.abs(end.dot(aside)) / half));
+  }
+
   turn(angle) {
+    this.touched = true;
     const arm = this.camera.position.clone().sub(this.controls.target);
     arm.applyAxisAngle(new THREE.Vector3(0, 1, 0), angle);
     this.camera.position.copy(this.controls.target).add(arm);
@@ -149,6 +167,7 @@ export class Stage {
   }
 
   zoom(factor) {
+    this.touched = true;
     const arm = this.camera.position.clone().sub(this.controls.target);
     this.camera.position.copy(this.controls.target).addScaledVector(arm, factor);
     this.stale = true;
@@ -202,7 +221,7 @@ function orbit(camera, canvas, changed) {
   controls.enableDamping = true;
   controls.dampingFactor = 0.12;
   controls.minDistance = 0.6;
-  controls.maxDistance = 40;
+  controls.maxDistance = FARTHEST;
   controls.maxPolarAngle = Math.PI * 0.52;
   controls.addEventListener("change", changed);
   return controls;
