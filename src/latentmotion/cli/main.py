@@ -86,6 +86,7 @@ VERBS = {
     ),
     "serve": Verb("serve:Serve", "Serve motions over HTTP and WebSocket."),
     "completion": Verb("completion:Completion", "Print what a shell needs to complete words."),
+    "studio": Verb("studio:Studio", "Make, direct and export motions on a page of this machine."),
     "study make": Verb("study:MakeStudy", "Make a page to compare two models, blind."),
     "study report": Verb("study:ReportStudy", "Report what raters prefer."),
 }

@@ -96,13 +96,16 @@ class Serve:
         )
         check_bind(self.host, settings, self.insecure)
         try:
-            from latentmotion.service.server import bound, serve
+            from latentmotion.service.app import create_app
+            from latentmotion.service.server import address, bound, serve
         except ModuleNotFoundError as error:
             if error.name is None or error.name.startswith("latentmotion"):
                 raise
             raise MissingExtraError("latentmotion serve", error.name, "serve") from error
         with bound(self.host, self.port) as place:
-            serve(settings, place, self.notice, self.shutdown)
+            app = create_app(settings)
+            print(address(place), flush=True)
+            serve(app, place, self.notice, self.shutdown)
 
 
 def middleware_named(name: str) -> Middleware:

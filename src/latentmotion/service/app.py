@@ -9,8 +9,9 @@ app = create_app(Settings(queue=128))
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -24,7 +25,7 @@ from latentmotion.errors import LatentMotionError
 from latentmotion.motion import Motion
 from latentmotion.service import metrics, page, problems, streams, uploads
 from latentmotion.service.answers import MEDIA_TYPES
-from latentmotion.service.guard import Guard
+from latentmotion.service.guard import OPEN, UPLOADS, Guard
 from latentmotion.service.jobs import Jobs
 from latentmotion.service.jobs import routes as job_routes
 from latentmotion.service.schemas import (
@@ -57,11 +58,24 @@ _MOTIONS: dict[int | str, dict[str, Any]] = {
 }
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
+@dataclass(frozen=True)
+class Extension:
+    """Further routes of an application that is built on the service."""
+
+    routes: Callable[[Service], APIRouter]
+    """Makes them."""
+    open_paths: frozenset[str] = frozenset()
+    """Those that need no token."""
+    uploads: frozenset[str] = frozenset()
+    """Those whose bodies are files."""
+
+
+def create_app(settings: Settings | None = None, extension: Extension | None = None) -> FastAPI:
     """Returns the application, which starts its threads and processes when it is served.
 
     Args:
         settings: How it runs; by default the shipped model for this machine alone.
+        extension: Further routes.
 
     Raises:
         ModelError: There is no such model, or it was not exported.
@@ -87,7 +101,17 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.include_router(routes(service))
     app.include_router(job_routes(service, jobs))
     app.include_router(page.routes())
-    app.add_middleware(Guard, settings=service.settings, metrics=service.metrics)
+    open_paths, uploaded = OPEN, UPLOADS
+    if extension is not None:
+        app.include_router(extension.routes(service))
+        open_paths, uploaded = OPEN | extension.open_paths, UPLOADS | extension.uploads
+    app.add_middleware(
+        Guard,
+        settings=service.settings,
+        metrics=service.metrics,
+        open_paths=open_paths,
+        uploads=uploaded,
+    )
     for middleware in reversed(service.settings.middleware):
         app.add_middleware(middleware)
     return app

@@ -49,10 +49,20 @@ class Guard:
         app: What is guarded.
         settings: Who is let in.
         metrics: Where requests are counted.
+        open_paths: Paths that need no token.
+        uploads: Paths whose bodies are files.
     """
 
-    def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        settings: Settings,
+        metrics: Metrics,
+        open_paths: frozenset[str] = OPEN,
+        uploads: frozenset[str] = UPLOADS,
+    ) -> None:
         self.app, self.settings, self.metrics = app, settings, metrics
+        self._open, self._uploads = open_paths, uploads
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answers, or lets in."""
@@ -114,7 +124,7 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and _place(origin) != host.lower():
             raise Problem(403, f"pages of {origin[:100]!r} may not call this service")
-        if not settings.tokens or scope["path"] in OPEN:
+        if not settings.tokens or scope["path"] in self._open:
             return
         kind, _, token = headers.get("authorization", "").partition(" ")
         if kind.lower() != "bearer" or not settings.knows(token.strip()):
@@ -129,7 +139,7 @@ class Guard:
         Raises:
             Problem: 413, the body says that it is too large.
         """
-        upload = scope["path"] in UPLOADS
+        upload = scope["path"] in self._uploads
         most = self.settings.upload << 20 if upload else LARGEST_BODY
         large = Problem(413, f"the body has more than {most:,} bytes; send less")
         length = Headers(scope=scope).get("content-length", "0")

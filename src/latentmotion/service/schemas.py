@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from latentmotion.control.goals import Goal, Heading, Path, Reach
+from latentmotion.control.timeline import Span
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.service.model import BatchSettings, Prompt
 
@@ -106,20 +107,48 @@ class SpanOfTimeline(_Strict):
 
 
 class _Sampled(_Strict):
-    """Settings of sampling and of the file."""
+    """Settings of sampling, and what becomes of the motion."""
 
     steps: Steps = None
     guidance: Guidance = None
     sampler: Sampler = None
     clean: Clean = True
-    fps: Fps = None
 
     def settings(self, predicted: bool) -> BatchSettings:
         """Returns what motions need in common to be generated together."""
         return BatchSettings(self.steps, self.guidance, self.sampler, predicted)
 
 
-class MotionRequest(_Sampled):
+class SceneRequest(_Sampled):
+    """What a motion shows: a prompt, with goals if wanted, or a timeline of prompts."""
+
+    prompt: Text = ""
+    seconds: Seconds = None
+    seed: Seed = 0
+    goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    path: PathGoal | None = None
+    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=16)
+
+    def prompts(self) -> list[Prompt]:
+        """Returns the prompt for the queue."""
+        return [Prompt(self.prompt, self.seconds, self.seed)]
+
+    def spans(self) -> list[Span]:
+        """Returns the timeline for `MotionPipeline`."""
+        return [Span(span.prompt, span.seconds) for span in self.timeline]
+
+    def all_goals(self) -> list[Goal]:
+        """Returns the goals for `MotionPipeline`."""
+        found: list[Goal] = []
+        if self.path is not None:
+            times = None if self.path.at is None else tuple(self.path.at)
+            found.append(Path(tuple(self.path.points), times))
+        found += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
+        return found + [Heading(goal.at, goal.degrees) for goal in self.headings]
+
+
+class MotionRequest(SceneRequest):
     """A motion: a prompt, with goals if wanted, or a timeline of prompts."""
 
     model_config = ConfigDict(
@@ -137,27 +166,8 @@ class MotionRequest(_Sampled):
         }
     )
 
-    prompt: Text = ""
-    seconds: Seconds = None
-    seed: Seed = 0
     format: Format = "json"
-    goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
-    headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
-    path: PathGoal | None = None
-    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=16)
-
-    def prompts(self) -> list[Prompt]:
-        """Returns the prompt for the queue."""
-        return [Prompt(self.prompt, self.seconds, self.seed)]
-
-    def all_goals(self) -> list[Goal]:
-        """Returns the goals for `MotionPipeline`."""
-        found: list[Goal] = []
-        if self.path is not None:
-            times = None if self.path.at is None else tuple(self.path.at)
-            found.append(Path(tuple(self.path.points), times))
-        found += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
-        return found + [Heading(goal.at, goal.degrees) for goal in self.headings]
+    fps: Fps = None
 
 
 class BatchRequest(_Sampled):
@@ -179,6 +189,7 @@ class BatchRequest(_Sampled):
     seed: Seed = 0
     """Seed of the first motion."""
     format: Format = "npz"
+    fps: Fps = None
 
     def all_prompts(self) -> list[Prompt]:
         """Returns the prompts for the queue."""

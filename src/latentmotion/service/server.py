@@ -12,8 +12,6 @@ from fastapi import FastAPI
 
 from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.errors import InputError
-from latentmotion.service.app import create_app
-from latentmotion.service.settings import Settings
 from latentmotion.text.encoder import UnknownWordsWarning
 
 KEEP_ALIVE = 75
@@ -81,21 +79,21 @@ def bound(host: str, port: int) -> socket.socket:
         ) from error
 
 
-def serve(settings: Settings, place: socket.socket, notice: float, shutdown: float) -> None:
-    """Prints the address and serves until SIGTERM or Ctrl+C.
+def address(place: socket.socket) -> str:
+    """Returns the address of a socket as browsers have it."""
+    host, port = place.getsockname()[:2]
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def serve(app: FastAPI, place: socket.socket, notice: float, shutdown: float) -> None:
+    """Serves until SIGTERM or Ctrl+C.
 
     Args:
-        settings: How the service runs.
+        app: The application.
         place: Socket to serve at.
         notice: Seconds between saying at `/readyz` that it stops, and stopping.
         shutdown: Seconds in which what waits is finished.
-
-    Raises:
-        ModelError: There is no such model.
     """
-    app = create_app(settings)
-    host, port = place.getsockname()[:2]
-    print(f"http://{f'[{host}]' if ':' in host else host}:{port}", flush=True)
     for category in (UnknownWordsWarning, CleanUpWarning):
         warnings.simplefilter("ignore", category)  # of users' prompts, which no log holds
     config = uvicorn.Config(

@@ -156,8 +156,7 @@ class Service:
         if request.timeline:
             if goals or request.prompt or request.seconds is not None or request.sampler:
                 raise Problem(422, "a timeline has no prompt, seconds, sampler or goals")
-            spans = [(s.prompt, s.seconds) if s.seconds else s.prompt for s in request.timeline]
-            make = partial(pipeline.timeline, spans, request.seed, *sampled)
+            make = partial(pipeline.timeline, request.spans(), request.seed, *sampled)
         elif goals:
             self.check(settings, request.prompts())
             about = request.prompt, request.seconds, request.seed, *sampled, request.sampler
@@ -181,8 +180,8 @@ class Service:
             head, found = await self.writers.run(task, content, self.settings.deadline)
         return found, head["format"]
 
-    async def read(self, task: dict[str, Any]) -> str:
-        """Has an uploaded file worked on; returns the format of the answer that it left.
+    async def read(self, task: dict[str, Any]) -> dict[str, Any]:
+        """Has an uploaded file worked on; returns what is told of the answer that it left.
 
         Raises:
             InputError: The file cannot be used.
@@ -198,7 +197,7 @@ class Service:
                 f"the file could not be worked on ({error}): it is damaged, or too large; "
                 "send a smaller one",
             ) from error
-        return head["format"]
+        return head
 
 
 async def unless_gone(request: Request, work: Awaitable[T]) -> T:

@@ -124,7 +124,8 @@ async def _uploaded(service: Service, request: Request, name: str) -> AsyncItera
 async def _answered(
     service: Service, request: Request, folder: Path, task: dict[str, Any]
 ) -> Response:
-    form = await unless_gone(request, service.read({**task, "folder": str(folder)}))
+    head = await unless_gone(request, service.read({**task, "folder": str(folder)}))
+    form = head["format"]
     headers = {
         "Content-Disposition": f'attachment; filename="motion.{form}"',
         "Content-Length": str((folder / "answer").stat().st_size),

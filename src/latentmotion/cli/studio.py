@@ -1,0 +1,75 @@
+"""`latentmotion studio`: make, direct, compare and export motions on a page of this machine."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import webbrowser
+from dataclasses import dataclass
+from pathlib import Path
+
+from latentmotion.cli.serve import ExportedRuntime
+from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.model.card import DEFAULT
+
+
+@dataclass(frozen=True)
+class Studio:
+    """Make, direct, compare and export motions on a page of this machine.
+
+    Example: latentmotion studio --library my_motions
+    """
+
+    model: str = DEFAULT
+    """Name or folder of an exported model."""
+    host: str = "127.0.0.1"
+    """Address to listen at; by default only this machine is let in."""
+    port: int = 8765
+    """Port to listen at; 0 for any free one."""
+    hosts: tuple[str, ...] = ()
+    """Names by which the page may be called; by default those of this machine, or, where other
+    machines are let in, any."""
+    library: Path | None = None
+    """Folder of takes, characters and projects; by default one in the user's folder for data."""
+    browser: bool = True
+    """Open the page in the browser."""
+    runtime: ExportedRuntime = "auto"
+    deadline: float = 120.0
+    """Seconds that a request may take."""
+
+    def run(self) -> None:
+        """Serves until SIGTERM or Ctrl+C.
+
+        Raises:
+            InputError: An option cannot be used, the address is taken, or the folder is none.
+            MissingExtraError: FastAPI and what it needs are not installed.
+        """
+        from latentmotion.service.settings import LOOPBACK, Settings
+
+        if self.runtime == "pytorch":
+            raise InputError("--runtime pytorch cannot be served; export the model first")
+        token = secrets.token_urlsafe(32)
+        settings = Settings(
+            model=self.model,
+            runtime=self.runtime,
+            deadline=self.deadline,
+            tokens=(hashlib.sha256(token.encode()).digest(),),
+            hosts=self.hosts or (LOOPBACK if self.host in LOOPBACK else ()),
+        )
+        try:
+            from latentmotion.service.server import address, bound, serve
+            from latentmotion.studio.app import create_studio
+            from latentmotion.studio.library import Library, default_folder
+        except ModuleNotFoundError as error:
+            if error.name is None or error.name.startswith("latentmotion"):
+                raise
+            raise MissingExtraError("latentmotion studio", error.name, "studio") from error
+        with bound(self.host, self.port) as place:
+            library = Library(self.library or default_folder())
+            app = create_studio(settings, library)
+            # Behind #, so that neither a log nor another page ever sees it.
+            page = f"{address(place)}/studio#token={token}"
+            print(page, flush=True)
+            if self.browser:
+                webbrowser.open(page)
+            serve(app, place, 0.0, 5.0)

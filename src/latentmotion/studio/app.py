@@ -1,0 +1,155 @@
+"""The application of the studio: the service's, with the page and the routes of the library."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, get_args
+
+from fastapi import APIRouter, FastAPI
+from fastapi.responses import Response
+
+from latentmotion import __version__, formats
+from latentmotion.control.parts import PARTS
+from latentmotion.errors import LatentMotionError
+from latentmotion.service.app import Extension, create_app
+from latentmotion.service.problems import Problem
+from latentmotion.service.schemas import FileFormat, Readable
+from latentmotion.service.settings import Settings
+from latentmotion.service.state import Service
+from latentmotion.studio import takes
+from latentmotion.studio.library import Library
+from latentmotion.studio.schemas import Capabilities
+
+POLICY = (
+    "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob:; "
+    "worker-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+"""What the page may load and run: files of the studio; images and models that the user opens."""
+
+PAGE = "studio.html"
+"""The page among the assets."""
+
+MEDIA_TYPES = MappingProxyType(
+    {
+        ".css": "text/css",
+        ".html": "text/html",
+        ".js": "text/javascript",
+        ".svg": "image/svg+xml",
+        ".woff2": "font/woff2",
+        ".txt": "text/plain",
+    }
+)
+"""Kinds of assets that are served."""
+
+_USUAL_STEPS = (10, 25, 50, 100)
+"""Numbers of steps to offer for models that take any."""
+
+
+def create_studio(settings: Settings, library: Library) -> FastAPI:
+    """Returns the application.
+
+    Args:
+        settings: How the service runs, and who is let in.
+        library: Where takes are kept; closed with the application.
+
+    Raises:
+        ModelError: There is no such model.
+    """
+    files = _assets()
+    named = {f"/studio/assets/{name}" for name in files}
+    extension = Extension(
+        partial(_routes, library, files),
+        frozenset({"/studio", "/studio/"} | named),
+        frozenset({"/studio/v1/import", "/studio/v1/characters"}),
+    )
+    return create_app(settings, extension)
+
+
+def _routes(library: Library, files: dict[str, bytes], service: Service) -> APIRouter:
+    @asynccontextmanager
+    async def closed(app: Any) -> AsyncIterator[None]:
+        yield
+        library.close()
+
+    router = APIRouter(lifespan=closed)
+    router.include_router(_page(files))
+    for routes in (_capabilities(service), takes.routes(service, library)):
+        router.include_router(routes, prefix="/studio/v1", tags=["studio"])
+    return router
+
+
+def _page(files: dict[str, bytes]) -> APIRouter:
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/studio")
+    @router.get("/studio/")
+    async def page() -> Response:
+        """Send the page."""
+        headers = {"Content-Security-Policy": POLICY}
+        return Response(files[PAGE], headers=headers, media_type="text/html")
+
+    @router.get("/studio/assets/{name}")
+    async def asset(name: str) -> Response:
+        """Send a file of the page."""
+        if name not in files:
+            raise Problem(404, f"there is no file {name[:100]!r}")
+        headers = {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY}
+        kind = MEDIA_TYPES[Path(name).suffix]
+        return Response(files[name], headers=headers, media_type=kind)
+
+    return router
+
+
+def _capabilities(service: Service) -> APIRouter:
+    router = APIRouter()
+
+    @router.get("/capabilities")
+    def capabilities() -> Capabilities:
+        """Describe what the model can do."""
+        about, card = service.about(), service.pipeline.card
+        few, usual = card.few_step, card.sampling
+        least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
+        directed = about.directed
+        kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
+        return Capabilities(
+            **about.model_dump(
+                include={"license", "prompts", "labels", "fps", "joints", "parents"}
+            ),
+            model=about.name,
+            steps=sorted(few.steps if few else {*_USUAL_STEPS, usual.steps}),
+            usual_steps=usual.steps,
+            guidance={"least": least, "most": most, "usual": usual.guidance},
+            seconds=dict(zip(("least", "most"), about.seconds, strict=True)),
+            parts=list(PARTS),
+            formats=[name for name in get_args(FileFormat) if _is_written(name)],
+            readable=list(get_args(Readable)),
+            can=dict.fromkeys(kinds, directed) | {"best_of": card.condition.reads_text},
+            least_steps={"timeline": 2, "loop": 2},
+            version=__version__,
+        )
+
+    return router
+
+
+def _is_written(form: str) -> bool:
+    """Returns whether a format's packages are installed."""
+    try:
+        formats.check_ending(f"take.{form}") if form != "json" else None
+    except LatentMotionError:
+        return False
+    return True
+
+
+def _assets() -> dict[str, bytes]:
+    folder = resources.files("latentmotion.studio").joinpath("assets")
+    return {
+        file.name: file.read_bytes()
+        for file in folder.iterdir()
+        if file.is_file() and Path(file.name).suffix in MEDIA_TYPES
+    }

@@ -1,0 +1,385 @@
+"""The library: takes in SQLite, their motions as files named by their content.
+
+    library.sqlite3        takes and characters (write-ahead log, so that readers never wait)
+    motions/SHA256.npz     motions as they were made; none is ever changed
+    characters/ID.glb      figures of the user
+    projects/NAME.json
+
+A take is a row; its edits are settings, and to delete it is a mark. Names of files are made here
+and come from no request.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import secrets
+import sqlite3
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+from latentmotion.errors import FileFormatError, InputError
+from latentmotion.formats import npz
+from latentmotion.motion import Motion
+from latentmotion.service.answers import encoded
+from latentmotion.storage.configuration import from_json
+from latentmotion.storage.files import atomic_file
+from latentmotion.studio.edits import Edits
+
+VERSION = 1
+"""Version of the database that this code writes and reads."""
+
+ID = "^[0-7][0-9A-HJKMNP-TV-Z]{25}$"
+"""Pattern of the names of takes and characters: ULIDs, which sort by the time of their making."""
+
+MOST_LISTED = 500
+"""Takes of a page of the list."""
+
+_ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
+_TABLES = """
+CREATE TABLE IF NOT EXISTS takes (
+    id TEXT PRIMARY KEY, made TEXT NOT NULL, title TEXT NOT NULL, recipe TEXT NOT NULL,
+    motion TEXT NOT NULL, frames INTEGER NOT NULL, fps REAL NOT NULL, tags TEXT NOT NULL,
+    star INTEGER NOT NULL, deleted INTEGER NOT NULL, edits TEXT NOT NULL, goals TEXT,
+    words TEXT NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS characters (
+    id TEXT PRIMARY KEY, name TEXT NOT NULL, ending TEXT NOT NULL, about TEXT NOT NULL
+) WITHOUT ROWID;
+"""
+
+
+class UnknownError(InputError):
+    """There is no such take, character or project."""
+
+
+class MissingMotionError(InputError):
+    """The file of a take's motion is gone, or is not what it was."""
+
+
+@dataclass(frozen=True)
+class Take:
+    """A motion of the library and all that is known of it."""
+
+    id: str
+    """Its name; later ones sort behind earlier ones."""
+    made: str
+    """When it was made, ISO 8601."""
+    title: str
+    """What the list shows."""
+    recipe: Mapping[str, Any]
+    """What makes it again, or `imported` with the name of a file."""
+    motion: str
+    """SHA-256 of the file of its motion."""
+    stored_frames: int
+    """Frames of the stored motion, before edits."""
+    stored_fps: float
+    """Its frames per second."""
+    tags: tuple[str, ...] = ()
+    """Words of the user's choice."""
+    star: bool = False
+    """Marked as good."""
+    deleted: bool = False
+    """Marked as deleted."""
+    edits: Edits = field(default_factory=Edits)
+    """What is applied when the motion is read."""
+    goals: Sequence[Mapping[str, Any]] | None = None
+    """Each goal, and how far the motion was from it, centimeters."""
+    missing: bool = False
+    """The file of its motion is gone."""
+
+    def about(self) -> dict[str, Any]:
+        """Returns the take as JSON has it; frames, rate and seconds are those after its edits."""
+        frames, fps = self.edits.length(self.stored_frames, self.stored_fps)
+        lengths = {"frames": frames, "fps": fps, "seconds": frames / fps}
+        stored = {"stored_seconds": self.stored_frames / self.stored_fps}
+        return {**vars(self), **lengths, **stored, "edits": asdict(self.edits)}
+
+    def words(self) -> str:
+        """Returns the text in which the search looks."""
+        spans = [span.get("prompt", "") for span in self.recipe.get("timeline") or ()]
+        texts = (self.title, self.recipe.get("prompt", ""), self.recipe.get("imported") or "")
+        return "\n".join([*texts, *spans, *self.tags]).casefold()
+
+
+class Library:
+    """Takes and characters of a folder, safe for threads and for several processes.
+
+    Args:
+        folder: The folder, which is made.
+
+    Raises:
+        InputError: It cannot be made or written, or holds something else under these names.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        try:
+            for name in ("motions", "characters", "projects"):
+                (folder / name).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"--library {folder}: cannot be written ({error.strerror}); name another folder"
+            ) from error
+        self._lock = RLock()
+        try:
+            self._open(folder / "library.sqlite3")
+        except sqlite3.Error as error:
+            raise InputError(
+                f"{folder / 'library.sqlite3'} is no library that can be used ({error}); move it "
+                "away, or name another folder by --library"
+            ) from error
+
+    def _open(self, path: Path) -> None:
+        self._database = sqlite3.connect(path, 10.0, isolation_level=None, check_same_thread=False)
+        self._database.row_factory = sqlite3.Row
+        (version,) = self._database.execute("PRAGMA user_version").fetchone()
+        if version > VERSION:
+            raise InputError(f"{path} is of version {version}; update latentmotion")
+        self._database.execute("PRAGMA journal_mode = WAL")
+        self._database.execute("PRAGMA synchronous = NORMAL")
+        self._database.executescript(f"{_TABLES} PRAGMA user_version = {VERSION};")
+
+    def close(self) -> None:
+        """Closes the database."""
+        with self._lock:
+            self._database.close()
+
+    def add(self, made: Iterable[tuple[Motion, Mapping[str, Any], str, Edits]]) -> list[Take]:
+        """Keeps motions; returns their takes.
+
+        Args:
+            made: Motion, recipe, title and edits of each.
+
+        Raises:
+            InputError: The folder cannot be written.
+        """
+        takes = []
+        for motion, recipe, title, edits in made:
+            goals = [
+                {
+                    "goal": _goal(goal),
+                    "before_cm": 1e2 * goal["before"],
+                    "after_cm": 1e2 * goal["after"],
+                }
+                for goal in motion.metadata.get("goals", ())
+            ]
+            takes.append(
+                Take(
+                    new_id(),
+                    datetime.now(UTC).isoformat(timespec="milliseconds"),
+                    title,
+                    recipe,
+                    self.store(motion),
+                    len(motion),
+                    motion.fps,
+                    edits=edits,
+                    goals=goals or None,
+                )
+            )
+        with self._written() as database:
+            database.executemany(
+                "INSERT INTO takes VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", map(_row, takes)
+            )
+        return takes
+
+    def take(self, name: str) -> Take:
+        """Returns a take.
+
+        Raises:
+            UnknownError: There is none of this name.
+        """
+        with self._lock:
+            row = self._database.execute("SELECT * FROM takes WHERE id = ?", (name,)).fetchone()
+        if row is None:
+            raise UnknownError(f"there is no take {name[:40]!r} in this library")
+        return self._take(row)
+
+    def takes(
+        self,
+        query: str = "",
+        tag: str = "",
+        star: bool | None = None,
+        deleted: bool = False,
+        offset: int = 0,
+        limit: int = 100,
+    ) -> tuple[int, list[Take]]:
+        """Returns how many takes there are of a kind, and some of them, the newest first.
+
+        Args:
+            query: Words, each of which a take's title, prompts or tags have.
+            tag: A tag that it has.
+            star: Whether it is marked; None for any.
+            deleted: Whether it is marked as deleted.
+            offset: Takes to leave out.
+            limit: Takes to return at most.
+        """
+        conditions: list[str] = ["deleted = ?"]
+        values: list[str | int] = [int(deleted)]
+        for word in query.casefold().split()[:20]:
+            conditions.append("instr(words, ?)")
+            values.append(word)
+        if tag:
+            conditions.append("EXISTS (SELECT 1 FROM json_each(tags) WHERE value = ?)")
+            values.append(tag)
+        if star is not None:
+            conditions.append("star = ?")
+            values.append(int(star))
+        where = " AND ".join(conditions)
+        with self._lock:
+            (total,) = self._database.execute(
+                f"SELECT count(*) FROM takes WHERE {where}", values
+            ).fetchone()
+            rows = self._database.execute(
+                f"SELECT * FROM takes WHERE {where} ORDER BY id DESC LIMIT ? OFFSET ?",
+                (*values, limit, offset),
+            ).fetchall()
+        return total, [self._take(row) for row in rows]
+
+    def change(self, name: str, **changes: Any) -> Take:
+        """Changes title, tags, star, deleted or edits of a take; returns it.
+
+        Raises:
+            UnknownError: There is none of this name.
+            InputError: The edits leave no frame.
+        """
+        with self._written() as database:
+            take = replace(self.take(name), **changes)
+            take.edits.length(take.stored_frames, take.stored_fps)
+            row = _row(take)
+            database.execute(
+                "UPDATE takes SET title = ?, tags = ?, star = ?, deleted = ?, edits = ?, words = ? "
+                "WHERE id = ?",
+                (row[2], *row[7:11], row[12], name),
+            )
+        return take
+
+    def motion(self, take: Take) -> Motion:
+        """Returns the motion of a take, edited.
+
+        Raises:
+            MissingMotionError: Its file is gone or damaged.
+        """
+        return take.edits.applied(self.stored(take.motion))
+
+    def stored(self, digest: str) -> Motion:
+        """Returns a motion as it was made.
+
+        Raises:
+            MissingMotionError: Its file is gone or damaged.
+        """
+        path = self._motion_file(digest)
+        try:
+            return npz.read(path)[0]
+        except (FileFormatError, IndexError) as error:
+            found = "is damaged" if path.is_file() else "is missing"
+            raise MissingMotionError(
+                f"the motion of this take {found} ({path.name} in {path.parent}); make it again "
+                "from its recipe, or put the file back"
+            ) from error
+
+    def store(self, motion: Motion) -> str:
+        """Keeps a motion; returns the SHA-256 of its file."""
+        content, _ = encoded([motion], "npz")
+        digest = hashlib.sha256(content).hexdigest()
+        path = self._motion_file(digest)
+        if not path.is_file():
+            with atomic_file(path) as temporary:
+                temporary.write_bytes(content)
+        return digest
+
+    def compare(self, take: Take, motion: Motion) -> tuple[bool, bool]:
+        """Returns whether a motion is a take's to the bit, and whether its file was written again.
+
+        Args:
+            take: The take.
+            motion: Its motion, made again; it is kept where the take's file is missing and this
+                has the same content.
+        """
+        path = self._motion_file(take.motion)
+        if path.is_file():
+            own = self.stored(take.motion)
+            equal = own.joints.tobytes() == motion.joints.tobytes()
+            return equal and (own.fps, own.caption) == (motion.fps, motion.caption), False
+        content, _ = encoded([motion], "npz")
+        if hashlib.sha256(content).hexdigest() != take.motion:
+            return False, False
+        return self.store(motion) == take.motion, True
+
+    def _motion_file(self, digest: str) -> Path:
+        assert re.fullmatch("[0-9a-f]{64}", digest)
+        return self.folder / "motions" / f"{digest}.npz"
+
+    def _take(self, row: sqlite3.Row) -> Take:
+        return Take(
+            row["id"],
+            row["made"],
+            row["title"],
+            json.loads(row["recipe"]),
+            row["motion"],
+            row["frames"],
+            row["fps"],
+            tuple(json.loads(row["tags"])),
+            bool(row["star"]),
+            bool(row["deleted"]),
+            from_json(Edits, json.loads(row["edits"])),
+            json.loads(row["goals"]) if row["goals"] else None,
+            not self._motion_file(row["motion"]).is_file(),
+        )
+
+    @contextmanager
+    def _written(self) -> Iterator[sqlite3.Connection]:
+        """Yields the database in a transaction; nothing of it stays where it fails."""
+        with self._lock:
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._database
+            except BaseException:
+                self._database.execute("ROLLBACK")
+                raise
+            self._database.execute("COMMIT")
+
+
+def new_id() -> str:
+    """Returns a ULID: milliseconds since 1970 in 10 letters, chance in 16."""
+    global _last
+    with _naming:
+        number = max(time.time_ns() // 1_000_000 << 80 | secrets.randbits(79), _last + 1)
+        _last = number
+    return "".join(_ALPHABET[number >> 5 * place & 31] for place in reversed(range(26)))
+
+
+_naming = RLock()
+_last = 0
+"""The last number, so that names made within a millisecond are in order, too."""
+
+
+def default_folder() -> Path:
+    """Returns the folder for this user's library, as the platform has it."""
+    if sys.platform == "darwin":
+        return Path.home() / "Library/Application Support/latentmotion/library"
+    variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_DATA_HOME"
+    base = os.environ.get(variable)
+    return (Path(base) if base else Path.home() / ".local/share") / "latentmotion" / "library"
+
+
+def _goal(goal: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in goal.items() if name not in ("before", "after")}
+
+
+def _row(take: Take) -> tuple[Any, ...]:
+    return (
+        *(take.id, take.made, take.title, json.dumps(take.recipe), take.motion),
+        *(take.stored_frames, take.stored_fps, json.dumps(take.tags)),
+        *(int(take.star), int(take.deleted), json.dumps(asdict(take.edits))),
+        *(json.dumps(take.goals) if take.goals else None, take.words()),
+    )

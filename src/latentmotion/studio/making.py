@@ -1,0 +1,203 @@
+"""Making: a recipe and its sources become motions, the same ones every time."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from latentmotion import __version__
+from latentmotion.control.goals import Goal, Pose
+from latentmotion.errors import InputError
+from latentmotion.model import card as cards
+from latentmotion.motion import Motion, cleaned
+from latentmotion.pipeline import ON_THE_WAY, MotionPipeline
+from latentmotion.representation.canonical import heading, turn
+from latentmotion.storage.configuration import from_json
+from latentmotion.studio.edits import Edits
+from latentmotion.studio.library import Library
+from latentmotion.studio.schemas import Recipe
+
+Made = tuple[Motion, dict[str, Any], str, Edits]
+"""Motion, recipe, title and edits of a take."""
+
+Source = Callable[[str], Motion]
+"""Returns the motion of a take."""
+
+
+@dataclass(frozen=True, eq=False)
+class Maker:
+    """A model and a library.
+
+    Args:
+        pipeline: The model.
+        weights: SHA-256 of what it computes with.
+        library: Has the takes that recipes use.
+    """
+
+    pipeline: MotionPipeline
+    weights: str
+    library: Library
+
+    def made(self, recipe: Recipe, takes: int) -> list[Made]:
+        """Returns several takes of a recipe; those of a prompt alone as one batch.
+
+        Raises:
+            LatentMotionError: The recipe cannot be met.
+        """
+        used = {name: self.library.take(name) for name in dict.fromkeys(used_takes(recipe))}
+        sources = {
+            name: {"motion": take.motion, "edits": vars(take.edits)} for name, take in used.items()
+        }
+        seeds = [recipe.seed + number * recipe.best_of for number in range(takes)]
+        motions = motions_of(
+            self.pipeline, recipe, seeds, lambda name: self.library.motion(used[name])
+        )
+        about = recipe.model_dump(mode="json") | {
+            "model": self.pipeline.card.name,
+            "weights": self.weights,
+            "version": __version__,
+            "sources": sources or None,
+        }
+        title = motions[0].caption or "motion"
+        edits = Edits(in_place=recipe.in_place)
+        return [
+            (motion, about | {"seed": seed}, title[:200], edits)
+            for motion, seed in zip(motions, seeds, strict=True)
+        ]
+
+    def again(self, recipe: Mapping[str, Any]) -> Motion:
+        """Returns the motion of a take's recipe, made again.
+
+        Raises:
+            LatentMotionError: It was not made here, or by other weights, or a take that it uses is
+                gone.
+        """
+        if "imported" in recipe:
+            raise InputError("this take was imported, not generated; import its file again")
+        if recipe["weights"] != self.weights:
+            raise InputError(
+                f"this take was made by model {recipe['model']!r} with other weights than those of "
+                f"{self.pipeline.card.name!r}, which runs now; start the studio with that model"
+            )
+        sources = recipe["sources"] or {}
+
+        def source(name: str) -> Motion:
+            found = sources[name]
+            return from_json(Edits, found["edits"]).applied(self.library.stored(found["motion"]))
+
+        asked = Recipe.model_validate(recipe)
+        return motions_of(self.pipeline, asked, [asked.seed], source)[0]
+
+
+def used_takes(recipe: Recipe) -> list[str]:
+    """Returns the takes that a recipe uses."""
+    found = [pose.take for pose in recipe.poses]
+    found += [recipe.start] if recipe.start else []
+    found += [recipe.edit.take] if recipe.edit else []
+    return found + ([recipe.between.start, recipe.between.end] if recipe.between else [])
+
+
+def motions_of(
+    pipeline: MotionPipeline, recipe: Recipe, seeds: Sequence[int], source: Source
+) -> list[Motion]:
+    """Returns the motions of a recipe, cleaned up if it says so.
+
+    Args:
+        pipeline: The model.
+        recipe: What to make; its own seed is not read.
+        seeds: Seed of each motion.
+        source: Returns the motions of takes that the recipe uses.
+
+    Raises:
+        LatentMotionError: The recipe cannot be met.
+    """
+    check(recipe)
+    fps, sampled = pipeline.representation.fps, (recipe.steps, recipe.guidance)
+    if recipe.edit is not None:
+        edit, own = recipe.edit, source(recipe.edit.take).resampled(fps)
+        between = edit.between
+        return [
+            pipeline.edit(own, recipe.prompt, between, seed, *sampled, edit.parts) for seed in seeds
+        ]
+    if recipe.between is not None:
+        start, end = (source(n).resampled(fps) for n in (recipe.between.start, recipe.between.end))
+        seconds, prompt = recipe.seconds or 1.0, recipe.prompt or ON_THE_WAY
+        return [pipeline.between(start, end, seconds, prompt, seed, *sampled) for seed in seeds]
+    found = _generated(pipeline, recipe, seeds, source)
+    return cleaned(found) if recipe.clean else found
+
+
+def check(recipe: Recipe) -> None:
+    """Checks that a recipe is of one kind.
+
+    Raises:
+        InputError: It is of several, or has what its kind does not take.
+    """
+    goals = bool(recipe.goals or recipe.headings or recipe.path or recipe.poses or recipe.start)
+    kinds = {
+        "a timeline": bool(recipe.timeline),
+        "a loop": recipe.loop,
+        "an edit": recipe.edit is not None,
+        "a transition": recipe.between is not None,
+    }
+    chosen = [name for name, there in kinds.items() if there]
+    if len(chosen) > 1:
+        raise InputError(f"the recipe is {' and '.join(chosen)}; expected one of them")
+    for kind in chosen:
+        if goals or recipe.best_of > 1 or recipe.sampler:
+            raise InputError(f"{kind} takes no goals, sampler or best of several; leave them out")
+    if recipe.timeline and (recipe.prompt or recipe.seconds is not None):
+        raise InputError(
+            "a timeline has prompts and lengths of its own; leave prompt and seconds out"
+        )
+    if recipe.loop and recipe.seconds is None:
+        raise InputError("a loop needs its length; give seconds")
+    if recipe.edit is not None and recipe.seconds is not None:
+        raise InputError("an edit is as long as the part it replaces; leave seconds out")
+
+
+def _generated(
+    pipeline: MotionPipeline, recipe: Recipe, seeds: Sequence[int], source: Source
+) -> list[Motion]:
+    prompt, seconds, sampled = recipe.prompt, recipe.seconds, (recipe.steps, recipe.guidance)
+    if recipe.timeline:
+        spans = recipe.spans()
+        return [pipeline.timeline(spans, seed, *sampled) for seed in seeds]
+    if recipe.loop:
+        assert seconds is not None  # `check` has looked
+        return [pipeline.loop(prompt, seconds, seed, *sampled) for seed in seeds]
+    goals = [*recipe.all_goals(), *_poses(recipe, source)]
+    if recipe.best_of > 1:
+        named = dict(zip(("steps", "guidance", "sampler"), (*sampled, recipe.sampler), strict=True))
+        settings = {"seconds": seconds, "goals": goals, **named}
+        return [pipeline.best(prompt, recipe.best_of, seed=seed, **settings) for seed in seeds]
+    if not goals:
+        return pipeline.batch([prompt] * len(seeds), seconds, seeds, *sampled, recipe.sampler)
+    return [pipeline(prompt, seconds, seed, *sampled, recipe.sampler, goals) for seed in seeds]
+
+
+def _poses(recipe: Recipe, source: Source) -> list[Goal]:
+    found: list[Goal] = [Pose(pose.at, source(pose.take), pose.frame) for pose in recipe.poses]
+    if recipe.start is not None:
+        # A motion starts above the origin and faces +z, and so does the pose that it starts in.
+        own = source(recipe.start)
+        pose = own.joints[-1:].astype(np.float64)
+        pose -= pose[0, 0] * (1, 0, 1)
+        turned = turn(pose, -heading(pose[0], own.skeleton))
+        found.append(Pose(0.0, replace(own, joints=turned.astype(np.float32))))
+    return found
+
+
+def digest_of_model(model: str) -> str:
+    """Returns the SHA-256 of a model's graphs and weights."""
+    folder = cards.download(model) if cards.is_hub_id(model) else cards.find_model(model)
+    digest = hashlib.sha256()
+    for file in sorted(Path(folder).iterdir()):
+        if file.suffix in (".onnx", ".safetensors"):
+            digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()

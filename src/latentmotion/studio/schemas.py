@@ -1,0 +1,276 @@
+"""Bodies of the studio's requests and answers, as OpenAPI describes them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from fastapi import Path as InPath
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from latentmotion.service.schemas import (
+    MOST_GOALS,
+    FileFormat,
+    Fps,
+    HeadingGoal,
+    JointGoal,
+    Number,
+    PathGoal,
+    SceneRequest,
+    SpanOfTimeline,
+)
+from latentmotion.studio.library import ID
+
+MOST_TAKES = 16
+"""Takes of a recipe that are made at once."""
+
+MOST_BEST_OF = 32
+"""Motions of which the best becomes a take."""
+
+MOST_EXPORTED = 500
+"""Takes of an archive."""
+
+Id = Annotated[str, Field(pattern=ID)]
+TakeId = Annotated[str, InPath(pattern=ID)]
+Tag = Annotated[str, Field(min_length=1, max_length=50, pattern=r"^\S(.*\S)?$")]
+Span = tuple[Annotated[Number, Field(ge=0)], Annotated[Number, Field(gt=0)]]
+
+
+def _distinct(tags: list[str]) -> list[str]:
+    return list(dict.fromkeys(tags))
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class PoseGoal(_Strict):
+    """All joints are where they are in a frame of a take, as it is shown."""
+
+    at: Number
+    """Seconds."""
+    take: Id
+    """The take."""
+    frame: int = 0
+    """Its frame; a negative one counts from the end."""
+
+
+class Edit(_Strict):
+    """A part of a take is generated anew; the prompt says what the person does there."""
+
+    take: Id
+    """The take, as it is shown."""
+    between: Span
+    """Start and end of the part, seconds."""
+    parts: list[str] = Field(default_factory=list, max_length=16)
+    """Parts of the body that change; by default all."""
+
+
+class Transition(_Strict):
+    """What leads from one take to another; `seconds` says how long it takes."""
+
+    start: Id
+    """The take that it leads from."""
+    end: Id
+    """The take that it leads to."""
+
+
+class Recipe(SceneRequest):
+    """What makes a take: a scene, or a loop, an edit or a transition, and how it is sampled."""
+
+    poses: list[PoseGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    """Whole poses."""
+    start: Id | None = None
+    """The take in whose last pose the motion begins."""
+    loop: bool = False
+    """The frame after the last is the first, farther along the path."""
+    edit: Edit | None = None
+    """The part of a take that is generated anew."""
+    between: Transition | None = None
+    """The two takes between which it leads."""
+    best_of: int = Field(1, ge=1, le=MOST_BEST_OF, strict=True)
+    """Motions of which the best becomes the take."""
+    in_place: bool = False
+    """Show it without root motion along the floor at first."""
+    format: Literal[1] = 1
+    """Version of the scene format."""
+    model: str | None = None
+    """Model that made it; read from takes, not from requests. So are those below."""
+    weights: str | None = None
+    """SHA-256 of the model's graphs and weights."""
+    version: str | None = None
+    """Version of Latent Motion."""
+    sources: dict[str, Any] | None = None
+    """Motion and edits of each take that it uses, as they were."""
+
+
+class TakesRequest(_Strict):
+    """Takes to make, all of one recipe, whose seed counts up."""
+
+    recipe: Recipe
+    """What to make."""
+    takes: int = Field(4, ge=1, le=MOST_TAKES, strict=True)
+    """How many."""
+
+
+class TakeChanges(_Strict):
+    """What changes about a take; what is left out stays."""
+
+    title: str = Field("", min_length=1, max_length=200)
+    """What the list shows."""
+    tags: Annotated[list[Tag], AfterValidator(_distinct)] = Field([], max_length=50)
+    """Words of the user's choice."""
+    star: bool = False
+    """Marked as good."""
+    trim: Span | None = None
+    """Start and end, seconds of the stored motion; null for all of it."""
+    speed: Annotated[Number, Field(gt=0)] = 1.0
+    """How many times faster it plays."""
+    in_place: bool = False
+    """Without root motion along the floor."""
+    mirrored: bool = False
+    """Left and right are swapped."""
+
+
+class ExportRequest(_Strict):
+    """Takes to write into one archive."""
+
+    ids: list[Id] = Field(min_length=1, max_length=MOST_EXPORTED)
+    """The takes."""
+    format: FileFormat = "glb"
+    """Format of the files."""
+    fps: Fps = None
+    character: Id | None = None
+    """Figure of the user that they are put on."""
+
+
+class MappingChange(_Strict):
+    """Which bone of a character is which of our joints."""
+
+    mapping: dict[str, str | None] = Field(max_length=100)
+    """Our joints → its bones; null for none."""
+
+
+class Project(_Strict):
+    """What a user works on: one JSON file."""
+
+    format: Literal[1]
+    """Version of the file."""
+    name: str = ""
+    """Its name, which is that of the file."""
+    takes: list[Id] = Field(default_factory=list, max_length=1000)
+    """Takes that are open."""
+    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=64)
+    """Prompts, as in a scene."""
+    goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    """Places of joints."""
+    headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    """Directions of the body."""
+    poses: list[PoseGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    """Whole poses."""
+    path: PathGoal | None = None
+    """The path of the pelvis."""
+    settings: dict[str, Any] = Field(default_factory=dict)
+    """What the page keeps for itself."""
+
+
+class _Answer(BaseModel):
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+
+class EditsAnswer(_Answer):
+    """Settings that are applied when a motion is read."""
+
+    trim: tuple[float, float] | None
+    speed: float
+    in_place: bool
+    mirrored: bool
+
+
+class TakeAnswer(_Answer):
+    """A take."""
+
+    id: str
+    made: str
+    """ISO 8601."""
+    title: str
+    recipe: dict[str, Any]
+    motion: str
+    """SHA-256 of the file of its motion."""
+    seconds: float
+    """Length with its edits, as it is shown and written; so are frames and fps."""
+    frames: int
+    fps: float
+    stored_seconds: float
+    """Length of the stored motion, which `trim` refers to."""
+    tags: list[str]
+    star: bool
+    deleted: bool
+    missing: bool
+    """The file of its motion is gone."""
+    edits: EditsAnswer
+    goals: list[dict[str, Any]] | None
+    """Each goal, and how far the motion was from it before and after clean-up, centimeters."""
+
+
+class TakesAnswer(_Answer):
+    """Takes that were made."""
+
+    takes: list[TakeAnswer]
+
+
+class ListAnswer(TakesAnswer):
+    """Some of the takes that there are."""
+
+    total: int
+
+
+class AgainAnswer(_Answer):
+    """Whether a take could be made again."""
+
+    equal: bool
+    """To the bit."""
+    restored: bool
+    """Its file was missing and is there again."""
+
+
+class CharacterAnswer(_Answer):
+    """A figure of the user."""
+
+    id: str
+    name: str
+    bones: list[str]
+    mapping: dict[str, str | None]
+    """Our joints → its bones."""
+    guessed: list[str]
+    """Joints whose bones were guessed from shape, not known by name."""
+    missing: list[str]
+    """Joints that are needed and have no bone."""
+
+
+class Capabilities(_Answer):
+    """What the model can do; the page offers nothing else."""
+
+    model: str
+    license: str
+    prompts: str
+    labels: list[str]
+    steps: list[int]
+    """Numbers of sampling steps to offer."""
+    usual_steps: int
+    guidance: dict[str, float]
+    """least, most and usual."""
+    seconds: dict[str, float]
+    """least and most."""
+    fps: float
+    joints: list[str]
+    parents: list[int]
+    parts: list[str]
+    """Parts of the body that can be generated alone."""
+    formats: list[str]
+    """Formats that takes can be written in here."""
+    readable: list[str]
+    """Formats that can be imported."""
+    can: dict[str, bool]
+    least_steps: dict[str, int]
+    """Fewest steps of what needs more than one."""
+    version: str
