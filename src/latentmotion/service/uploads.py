@@ -30,16 +30,17 @@ Source = Annotated[Readable, Query(description="Format of the body.")]
 Target = Annotated[FileFormat, Query(alias="format", description="Format of the answer.")]
 
 _FILE = {"schema": {"type": "string", "format": "binary"}}
-_BODY = {
+BINARY_BODY = {
     "requestBody": {"required": True, "content": {"application/octet-stream": _FILE}},
 }
+"""What OpenAPI says of a body that is a file."""
 
 
 def routes(service: Service) -> APIRouter:
     """Returns the routes."""
     router = APIRouter(prefix="/v1", tags=["files"])
 
-    @router.post("/clean", openapi_extra=_BODY, response_class=Response)
+    @router.post("/clean", openapi_extra=BINARY_BODY, response_class=Response)
     async def clean(
         request: Request,
         source: Source,
@@ -57,14 +58,14 @@ def routes(service: Service) -> APIRouter:
         task = {"clean": {**steps, "in_place": in_place, "cutoff": cutoff}}
         return await _converted(service, request, source, target, {**task, "fps": fps})
 
-    @router.post("/convert", openapi_extra=_BODY, response_class=Response)
+    @router.post("/convert", openapi_extra=BINARY_BODY, response_class=Response)
     async def convert(
         request: Request, source: Source, target: Target = "glb", fps: Fps = None
     ) -> Response:
         """Write the motions of a file in another format."""
         return await _converted(service, request, source, target, {"clean": None, "fps": fps})
 
-    @router.post("/retarget", openapi_extra=_BODY, response_class=Response)
+    @router.post("/retarget", openapi_extra=BINARY_BODY, response_class=Response)
     async def retarget(
         request: Request,
         source: Annotated[Character, Query(description="Format of the character, the body.")],
@@ -81,7 +82,7 @@ def routes(service: Service) -> APIRouter:
         wanted = MotionRequest(
             prompt=prompt, seconds=seconds, seed=seed, steps=steps, guidance=guidance, clean=clean
         )
-        async with _uploaded(service, request, f"character.{source}") as folder:
+        async with uploaded(service, request, f"character.{source}") as folder:
             motion, dirty = await unless_gone(request, service.motion(wanted))
             content, _ = await service.file([motion], "npz", dirty, None)
             (folder / "motion.npz").write_bytes(content)
@@ -95,13 +96,13 @@ async def _converted(
     service: Service, request: Request, source: str, target: str, about: dict[str, Any]
 ) -> Response:
     formats.check_ending(f"motion.{target}") if target not in ("json", "viewer") else None
-    async with _uploaded(service, request, f"motion.{source}") as folder:
+    async with uploaded(service, request, f"motion.{source}") as folder:
         task = {"verb": "convert", "file": f"motion.{source}", "format": target, **about}
         return await _answered(service, request, folder, task)
 
 
 @asynccontextmanager
-async def _uploaded(service: Service, request: Request, name: str) -> AsyncIterator[Path]:
+async def uploaded(service: Service, request: Request, name: str) -> AsyncIterator[Path]:
     """Yields a folder in which the body is a file, and removes it in the end.
 
     Raises:
@@ -130,9 +131,13 @@ async def _answered(
         "Content-Disposition": f'attachment; filename="motion.{form}"',
         "Content-Length": str((folder / "answer").stat().st_size),
     }
-    # Open, it can still be read when its folder is gone.
-    pieces = _pieces((folder / "answer").open("rb"))
-    return StreamingResponse(pieces, headers=headers, media_type=MEDIA_TYPES[form])
+    content = pieces(folder / "answer")
+    return StreamingResponse(content, headers=headers, media_type=MEDIA_TYPES[form])
+
+
+def pieces(path: Path) -> Iterator[bytes]:
+    """Returns the content of a file, whose folder may be gone before all of it is read."""
+    return _pieces(path.open("rb"))
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:

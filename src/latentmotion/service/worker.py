@@ -12,6 +12,7 @@ import resource
 import sys
 import warnings
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,7 +23,8 @@ from latentmotion.cleanup import CleanUp
 from latentmotion.errors import LatentMotionError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion, cleaned
-from latentmotion.retarget import read_rig, transfer
+from latentmotion.retarget import Rig, read_rig, transfer
+from latentmotion.retarget.inspection import inspect_rig
 from latentmotion.service.answers import encoded, packed
 from latentmotion.storage.files import atomic_file
 
@@ -96,14 +98,24 @@ def convert(task: dict[str, Any], content: bytes) -> Reply:
 
 
 def retarget(task: dict[str, Any], content: bytes) -> Reply:
-    """Puts a motion on the uploaded character."""
+    """Puts a motion on a character; `figure`: one without a mesh is given a mannequin's."""
     os.chdir(task["folder"])
-    rig = read_rig(task["file"])
+    rig = read_rig(task["file"], task.get("map"))
     output = Path("moving") / f"character.{task['format']}"
     output.parent.mkdir()
+    motions = formats.load("motion.npz")
+    if task.get("figure") and output.suffix not in (*rig.file.endings, ".bvh"):
+        found = [_figure(rig, motion.resampled(task["fps"] or motion.fps)) for motion in motions]
+        return _left(*encoded(found, task["format"]))
     transfer.check_output(rig, output)
-    files = transfer.write(output, rig, formats.load("motion.npz"), task["fps"])
+    files = transfer.write(output, rig, motions, task["fps"])
     return _left(*packed(files, task["format"]))
+
+
+def rig(task: dict[str, Any], content: bytes) -> Reply:
+    """Tells the bones of a character, and which of them are our joints."""
+    os.chdir(task["folder"])
+    return asdict(inspect_rig(task["file"], task.get("map"))), b""
 
 
 def join(task: dict[str, Any], content: bytes) -> Reply:
@@ -114,6 +126,13 @@ def join(task: dict[str, Any], content: bytes) -> Reply:
     with atomic_file(folder / f"answer.{form}") as temporary:
         temporary.write_bytes(found)
     return {"format": form}, b""
+
+
+def _figure(rig: Rig, motion: Motion) -> Motion:
+    """Returns a motion on a character that has no mesh, as one of the character's skeleton."""
+    animation = transfer.retarget(motion, rig)
+    joints = animation.joints().astype(np.float32)
+    return Motion(joints, animation.fps, animation.skeleton, motion.caption, motion.metadata)
 
 
 def _left(content: bytes, form: str) -> Reply:
@@ -132,6 +151,7 @@ _VERBS: dict[str, Callable[[dict[str, Any], bytes], Reply]] = {
     "write": write,
     "convert": convert,
     "retarget": retarget,
+    "rig": rig,
     "join": join,
 }
 

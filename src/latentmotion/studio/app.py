@@ -10,19 +10,19 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, get_args
 
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import Response
 
 from latentmotion import __version__, formats
 from latentmotion.control.parts import PARTS
 from latentmotion.errors import LatentMotionError
 from latentmotion.service.app import Extension, create_app
-from latentmotion.service.problems import Problem
+from latentmotion.service.problems import Problem, problem_response
 from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
-from latentmotion.studio import takes
-from latentmotion.studio.library import Library
+from latentmotion.studio import characters, projects, takes
+from latentmotion.studio.library import Library, MissingMotionError, UnknownError
 from latentmotion.studio.schemas import Capabilities
 
 POLICY = (
@@ -32,7 +32,7 @@ POLICY = (
 )
 """What the page may load and run: files of the studio; images and models that the user opens."""
 
-PAGE = "studio.html"
+PAGE = "index.html"
 """The page among the assets."""
 
 MEDIA_TYPES = MappingProxyType(
@@ -68,7 +68,14 @@ def create_studio(settings: Settings, library: Library) -> FastAPI:
         frozenset({"/studio", "/studio/"} | named),
         frozenset({"/studio/v1/import", "/studio/v1/characters"}),
     )
-    return create_app(settings, extension)
+    app = create_app(settings, extension)
+    app.add_exception_handler(UnknownError, partial(_on_error, 404))
+    app.add_exception_handler(MissingMotionError, partial(_on_error, 410))
+    return app
+
+
+async def _on_error(status: int, request: Request, error: Exception) -> Response:
+    return problem_response(status, str(error))
 
 
 def _routes(library: Library, files: dict[str, bytes], service: Service) -> APIRouter:
@@ -79,7 +86,12 @@ def _routes(library: Library, files: dict[str, bytes], service: Service) -> APIR
 
     router = APIRouter(lifespan=closed)
     router.include_router(_page(files))
-    for routes in (_capabilities(service), takes.routes(service, library)):
+    for routes in (
+        _capabilities(service),
+        takes.routes(service, library),
+        characters.routes(service, library),
+        projects.routes(library),
+    ):
         router.include_router(routes, prefix="/studio/v1", tags=["studio"])
     return router
 

@@ -16,6 +16,7 @@ import json
 import os
 import re
 import secrets
+import shutil
 import sqlite3
 import sys
 import time
@@ -53,7 +54,8 @@ CREATE TABLE IF NOT EXISTS takes (
     words TEXT NOT NULL
 ) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS characters (
-    id TEXT PRIMARY KEY, name TEXT NOT NULL, ending TEXT NOT NULL, about TEXT NOT NULL
+    id TEXT PRIMARY KEY, name TEXT NOT NULL, ending TEXT NOT NULL, bones TEXT NOT NULL,
+    deleted INTEGER NOT NULL
 ) WITHOUT ROWID;
 """
 
@@ -109,6 +111,39 @@ class Take:
         spans = [span.get("prompt", "") for span in self.recipe.get("timeline") or ()]
         texts = (self.title, self.recipe.get("prompt", ""), self.recipe.get("imported") or "")
         return "\n".join([*texts, *spans, *self.tags]).casefold()
+
+
+@dataclass(frozen=True)
+class Character:
+    """A figure of the user."""
+
+    id: str
+    """Its name in the library."""
+    name: str
+    """What its user calls it."""
+    ending: str
+    """`glb` or `bvh`."""
+    bones: Mapping[str, Any]
+    """Its bones and which of them are our joints, as `inspect_rig` reports them."""
+    deleted: bool = False
+    """Marked as deleted."""
+
+    def about(self) -> dict[str, Any]:
+        """Returns the character as JSON has it."""
+        return {"id": self.id, "name": self.name, "deleted": self.deleted, **self.bones}
+
+    def joint_map(self) -> dict[str, str]:
+        """Returns our joints → its bones.
+
+        Raises:
+            InputError: Bones are missing or do not fit.
+        """
+        if self.bones["problem"]:
+            raise InputError(
+                f"no motion can be put on {self.name!r} yet: {self.bones['problem']}; correct the "
+                "names of its bones first"
+            )
+        return {ours: bone for ours, bone in self.bones["mapping"].items() if bone is not None}
 
 
 class Library:
@@ -297,6 +332,69 @@ class Library:
                 temporary.write_bytes(content)
         return digest
 
+    def add_character(self, name: str, file: Path, bones: Mapping[str, Any]) -> Character:
+        """Keeps a copy of a character's file; returns the character.
+
+        Args:
+            name: What its user calls it.
+            file: The file.
+            bones: What is known of it.
+
+        Raises:
+            InputError: The folder cannot be written.
+        """
+        character = Character(new_id(), name, file.suffix[1:], bones)
+        with atomic_file(self.character_file(character)) as temporary:
+            shutil.copyfile(file, temporary)
+        with self._written() as database:
+            row = character.id, name, character.ending, json.dumps(bones), 0
+            database.execute("INSERT INTO characters VALUES (?, ?, ?, ?, ?)", row)
+        return character
+
+    def character(self, name: str) -> Character:
+        """Returns a character.
+
+        Raises:
+            UnknownError: There is none of this name.
+        """
+        with self._lock:
+            row = self._database.execute(
+                "SELECT * FROM characters WHERE id = ?", (name,)
+            ).fetchone()
+        if row is None:
+            raise UnknownError(f"there is no character {name[:40]!r} in this library")
+        return _character(row)
+
+    def characters(self, deleted: bool = False) -> list[Character]:
+        """Returns all characters, the newest first.
+
+        Args:
+            deleted: Whether they are marked as deleted.
+        """
+        with self._lock:
+            rows = self._database.execute(
+                "SELECT * FROM characters WHERE deleted = ? ORDER BY id DESC", (int(deleted),)
+            ).fetchall()
+        return [_character(row) for row in rows]
+
+    def change_character(self, name: str, **changes: Any) -> Character:
+        """Changes name, bones or deleted of a character; returns it.
+
+        Raises:
+            UnknownError: There is none of this name.
+        """
+        with self._written() as database:
+            found = replace(self.character(name), **changes)
+            database.execute(
+                "UPDATE characters SET name = ?, bones = ?, deleted = ? WHERE id = ?",
+                (found.name, json.dumps(found.bones), int(found.deleted), name),
+            )
+        return found
+
+    def character_file(self, character: Character) -> Path:
+        """Returns the file of a character."""
+        return self.folder / "characters" / f"{character.id}.{character.ending}"
+
     def compare(self, take: Take, motion: Motion) -> tuple[bool, bool]:
         """Returns whether a motion is a take's to the bit, and whether its file was written again.
 
@@ -370,6 +468,12 @@ def default_folder() -> Path:
     variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_DATA_HOME"
     base = os.environ.get(variable)
     return (Path(base) if base else Path.home() / ".local/share") / "latentmotion" / "library"
+
+
+def _character(row: sqlite3.Row) -> Character:
+    return Character(
+        row["id"], row["name"], row["ending"], json.loads(row["bones"]), bool(row["deleted"])
+    )
 
 
 def _goal(goal: Mapping[str, Any]) -> dict[str, Any]:

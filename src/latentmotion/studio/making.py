@@ -57,7 +57,10 @@ class Maker:
         motions = motions_of(
             self.pipeline, recipe, seeds, lambda name: self.library.motion(used[name])
         )
+        sampling = self.pipeline.card.sampling.but(recipe.steps, recipe.guidance, recipe.sampler)
         about = recipe.model_dump(mode="json") | {
+            "steps": sampling.steps,
+            "guidance": sampling.guidance,
             "model": self.pipeline.card.name,
             "weights": self.weights,
             "version": __version__,

@@ -31,6 +31,8 @@ MOST_EXPORTED = 500
 
 Id = Annotated[str, Field(pattern=ID)]
 TakeId = Annotated[str, InPath(pattern=ID)]
+FileName = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f/\\]+$")]
+"""Name of a file as its user calls it, without folders; it is shown and never opened."""
 Tag = Annotated[str, Field(min_length=1, max_length=50, pattern=r"^\S(.*\S)?$")]
 Span = tuple[Annotated[Number, Field(ge=0)], Annotated[Number, Field(gt=0)]]
 
@@ -240,11 +242,20 @@ class CharacterAnswer(_Answer):
     name: str
     bones: list[str]
     mapping: dict[str, str | None]
-    """Our joints → its bones."""
+    """Our joints → its bones; null for none."""
     guessed: list[str]
     """Joints whose bones were guessed from shape, not known by name."""
     missing: list[str]
     """Joints that are needed and have no bone."""
+    problem: str | None
+    """Why no motion can be put on it yet."""
+    deleted: bool
+
+
+class CharactersAnswer(_Answer):
+    """Figures of the user."""
+
+    characters: list[CharacterAnswer]
 
 
 class Capabilities(_Answer):

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-import re
+import tempfile
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Query, Request
 from fastapi.concurrency import run_in_threadpool
-from fastapi.responses import Response
+from fastapi.responses import Response, StreamingResponse
 
+from latentmotion.errors import InputError
+from latentmotion.formats import npz
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.service.answers import MEDIA_TYPES
-from latentmotion.service.problems import Problem
-from latentmotion.service.schemas import FileFormat
+from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.state import Service, unless_gone
-from latentmotion.service.uploads import Fps
-from latentmotion.studio.library import MOST_LISTED, Library, Take, UnknownError
+from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
+from latentmotion.studio.edits import Edits
+from latentmotion.studio.files import Written, archived, content_of, file_name
+from latentmotion.studio.library import ID, MOST_LISTED, Library, Take
 from latentmotion.studio.making import Maker, digest_of_model
 from latentmotion.studio.schemas import (
     AgainAnswer,
+    ExportRequest,
+    FileName,
     ListAnswer,
     TakeAnswer,
     TakeChanges,
@@ -27,6 +34,10 @@ from latentmotion.studio.schemas import (
     TakesAnswer,
     TakesRequest,
 )
+from latentmotion.studio.thumbnail import thumbnail
+
+MOST_IMPORTED = 100
+"""Motions of a file that is imported."""
 
 _EDITS = ("trim", "speed", "in_place", "mirrored")
 
@@ -61,12 +72,12 @@ def routes(service: Service, library: Library) -> APIRouter:
     @router.get("/takes/{name}", response_model=TakeAnswer)
     def shown(name: TakeId) -> Any:
         """Describe a take."""
-        return _known(library, name).about()
+        return library.take(name).about()
 
     @router.patch("/takes/{name}", response_model=TakeAnswer)
     def changed(name: TakeId, wanted: TakeChanges) -> Any:
         """Change title, tags, star or edits of a take."""
-        take, found = _known(library, name), wanted.model_dump(include=wanted.model_fields_set)
+        take, found = library.take(name), wanted.model_dump(include=wanted.model_fields_set)
         edits = {key: found.pop(key) for key in _EDITS if key in found}
         if "tags" in found:
             found["tags"] = tuple(found["tags"])
@@ -75,20 +86,18 @@ def routes(service: Service, library: Library) -> APIRouter:
     @router.delete("/takes/{name}", response_model=TakeAnswer)
     def deleted(name: TakeId) -> Any:
         """Mark a take as deleted; `restore` takes the mark away."""
-        _known(library, name)
         return library.change(name, deleted=True).about()
 
     @router.post("/takes/{name}/restore", response_model=TakeAnswer)
     def restored(name: TakeId) -> Any:
         """Take the mark of a deleted take away."""
-        _known(library, name)
         return library.change(name, deleted=False).about()
 
     @router.post("/takes/{name}/again", response_model=AgainAnswer)
     async def again(request: Request, name: TakeId) -> Any:
         """Make a take again from its recipe, and compare; a missing file is written again."""
         service.check_ready()
-        take = await run_in_threadpool(_known, library, name)
+        take = await run_in_threadpool(library.take, name)
         work = partial(maker.again, take.recipe)
         motion = await unless_gone(request, service.called(work, service.settings.deadline))
         equal, back = await run_in_threadpool(library.compare, take, motion)
@@ -97,55 +106,91 @@ def routes(service: Service, library: Library) -> APIRouter:
     @router.get("/takes/{name}/joints", response_class=Response)
     def joints(name: TakeId) -> Response:
         """Send the joints of a take as float32, little-endian: frames × joints × 3, meters."""
-        motion = library.motion(_known(library, name))
+        motion = library.motion(library.take(name))
         headers = {"X-Frames": str(len(motion)), "X-Fps": f"{motion.fps:.17g}"}
         content = motion.joints.astype("<f4").tobytes()
         return Response(content, headers=headers, media_type="application/octet-stream")
 
+    @router.get("/takes/{name}/thumbnail.svg", response_class=Response)
+    def pictured(name: TakeId) -> Response:
+        """Send a row of stick figures."""
+        picture = thumbnail(library.motion(library.take(name)))
+        return Response(picture, media_type="image/svg+xml")
+
     @router.get("/takes/{name}/viewer", response_class=Response)
     async def viewer(name: TakeId) -> Response:
         """Send what the viewer reads."""
-        return await _file(service, library, name, "viewer", None)
+        return await sent(name, Written("viewer"))
 
     @router.get("/takes/{name}/file", response_class=Response)
     async def file(
         name: TakeId,
         form: Annotated[FileFormat, Query(alias="format")] = "glb",
         fps: Fps = None,
+        character: Annotated[str | None, Query(pattern=ID)] = None,
     ) -> Response:
-        """Send a take as a file, edited as it is shown."""
-        return await _file(service, library, name, form, fps)
+        """Send a take as a file, edited as it is shown, on a character if one is named."""
+        return await sent(name, Written(form, fps, character))
+
+    @router.get("/takes/{name}/on/{character}.glb", response_class=Response)
+    async def on_character(name: TakeId, character: TakeId, fps: Fps = None) -> Response:
+        """Send a take on a character; one of bones alone is given a mannequin's surface."""
+        return await sent(name, Written("glb", fps, character))
+
+    async def sent(name: str, wanted: Written) -> Response:
+        take = await run_in_threadpool(library.take, name)
+        content, ending = await content_of(service, library, take, wanted)
+        headers = {"Content-Disposition": f'attachment; filename="{file_name(take, ending)}"'}
+        return Response(content, headers=headers, media_type=MEDIA_TYPES[ending])
+
+    @router.post("/export", response_class=Response)
+    async def exported(request: Request, wanted: ExportRequest) -> Response:
+        """Send several takes as a zip archive of files."""
+        takes = [await run_in_threadpool(library.take, name) for name in wanted.ids]
+        form = Written(wanted.format, wanted.fps, wanted.character)
+        with tempfile.TemporaryDirectory(prefix="latentmotion-") as folder:
+            path = Path(folder) / "takes.zip"
+            await unless_gone(request, archived(service, library, takes, form, path))
+            headers = {
+                "Content-Disposition": f'attachment; filename="{path.name}"',
+                "Content-Length": str(path.stat().st_size),
+            }
+            return StreamingResponse(pieces(path), headers=headers, media_type=MEDIA_TYPES["zip"])
+
+    @router.post("/import", response_model=TakesAnswer, openapi_extra=BINARY_BODY)
+    async def imported(request: Request, name: Annotated[FileName, Query()]) -> Any:
+        """Keep the motions of a file, each as a take."""
+        ending = Path(name).suffix.lower().lstrip(".")
+        if ending not in get_args(Readable):
+            known = ", ".join(get_args(Readable))
+            raise InputError(f"{name!r} is no motion that can be read; expected {known}")
+        async with uploaded(service, request, f"motion.{ending}") as folder:
+            task = {"verb": "convert", "file": f"motion.{ending}", "format": "npz", "clean": None}
+            task |= {"folder": str(folder), "fps": None}
+            await unless_gone(request, service.read(task))
+            takes = await run_in_threadpool(_kept, library, name, folder / "answer")
+        return {"takes": [take.about() for take in takes]}
 
     return router
 
 
-def file_name(take: Take, ending: str) -> str:
-    """Returns the name of a take's file: words of its title, and its number."""
-    words = re.sub("[^a-z0-9]+", "-", take.title.lower())[:60].strip("-")
-    return f"{words or 'take'}-{take.id[-6:].lower()}.{ending}"
-
-
-def _known(library: Library, name: str) -> Take:
-    """Returns a take.
+def _kept(library: Library, name: str, file: Path) -> list[Take]:
+    """Keeps the motions of an imported file.
 
     Raises:
-        Problem: 404, there is none of this name.
+        InputError: They are too many, or their joints are not those of the model.
     """
-    try:
-        return library.take(name)
-    except UnknownError as error:
-        raise Problem(404, str(error)) from error
-
-
-async def _file(
-    service: Service,
-    library: Library,
-    name: str,
-    form: FileFormat | Literal["viewer"],
-    fps: float | None,
-) -> Response:
-    take = await run_in_threadpool(_known, library, name)
-    motion = await run_in_threadpool(library.motion, take)
-    content, found = await service.file([motion], form, False, fps)
-    headers = {"Content-Disposition": f'attachment; filename="{file_name(take, found)}"'}
-    return Response(content, headers=headers, media_type=MEDIA_TYPES[found])
+    motions = npz.read(file)
+    if len(motions) > MOST_IMPORTED:
+        raise InputError(f"{name!r} has {len(motions)} motions, expected at most {MOST_IMPORTED}")
+    names = motions[0].skeleton.names
+    if names != HUMANML3D.names:
+        raise InputError(
+            f"{name!r} has {len(names)} joints of skeleton {motions[0].skeleton.name!r}; expected "
+            f"the {len(HUMANML3D)} of {HUMANML3D.name}, or a skeleton whose names are known"
+        )
+    titles = [motion.caption or Path(name).stem for motion in motions]
+    return library.add(
+        (replace(motion, goals=()), {"imported": name}, title[:200], Edits())
+        for motion, title in zip(motions, titles, strict=True)
+    )

@@ -1,0 +1,85 @@
+"""Routes of characters: figures of the user, and which of their bones are our joints."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.concurrency import run_in_threadpool
+
+from latentmotion.errors import InputError
+from latentmotion.service.state import Service, unless_gone
+from latentmotion.service.uploads import BINARY_BODY, uploaded
+from latentmotion.studio.library import Library
+from latentmotion.studio.schemas import (
+    CharacterAnswer,
+    CharactersAnswer,
+    FileName,
+    MappingChange,
+    TakeId,
+)
+
+ENDINGS: Mapping[str, str] = {".glb": "glb", ".vrm": "glb", ".bvh": "bvh"}
+"""Endings of characters, and those under which they are kept: VRM is GLB by another name."""
+
+
+def routes(service: Service, library: Library) -> APIRouter:
+    """Returns the routes."""
+    router = APIRouter(prefix="/characters")
+
+    @router.get("", response_model=CharactersAnswer)
+    def listed(deleted: bool = False) -> Any:
+        """List characters, the newest first."""
+        return {"characters": [one.about() for one in library.characters(deleted)]}
+
+    @router.post("", response_model=CharacterAnswer, openapi_extra=BINARY_BODY)
+    async def added(request: Request, name: Annotated[FileName, Query()]) -> Any:
+        """Keep a character, GLB, VRM or BVH, and find its bones."""
+        ending = ENDINGS.get(Path(name).suffix.lower())
+        if ending is None:
+            known = ", ".join(ENDINGS)
+            raise InputError(f"{name!r} is no character that can be read; expected {known}")
+        async with uploaded(service, request, f"character.{ending}") as folder:
+            file = folder / f"character.{ending}"
+            bones = await _inspected(service, request, file, None)
+            character = await run_in_threadpool(library.add_character, name, file, bones)
+        return character.about()
+
+    @router.get("/{name}", response_model=CharacterAnswer)
+    def shown(name: TakeId) -> Any:
+        """Describe a character."""
+        return library.character(name).about()
+
+    @router.patch("/{name}", response_model=CharacterAnswer)
+    async def changed(request: Request, name: TakeId, wanted: MappingChange) -> Any:
+        """Correct which bone is which joint; what is left out has none."""
+        character = await run_in_threadpool(library.character, name)
+        mapping = {ours: bone for ours, bone in wanted.mapping.items() if bone is not None}
+        file = library.character_file(character)
+        bones = await _inspected(service, request, file, mapping)
+        return (await run_in_threadpool(library.change_character, name, bones=bones)).about()
+
+    @router.delete("/{name}", response_model=CharacterAnswer)
+    def deleted(name: TakeId) -> Any:
+        """Mark a character as deleted; `restore` takes the mark away."""
+        return library.change_character(name, deleted=True).about()
+
+    @router.post("/{name}/restore", response_model=CharacterAnswer)
+    def restored(name: TakeId) -> Any:
+        """Take the mark of a deleted character away."""
+        return library.change_character(name, deleted=False).about()
+
+    return router
+
+
+async def _inspected(
+    service: Service, request: Request, file: Path, mapping: Mapping[str, str] | None
+) -> dict[str, Any]:
+    """Returns what a worker process reports of a character's bones."""
+    with tempfile.TemporaryDirectory(prefix="latentmotion-") as folder:
+        task = {"verb": "rig", "folder": folder, "file": str(file), "map": mapping}
+        head = await unless_gone(request, service.read(task))
+    return {key: value for key, value in head.items() if key != "size"}

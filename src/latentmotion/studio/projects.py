@@ -1,0 +1,81 @@
+"""Projects: what a user works on, one JSON file each in a folder of the library."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter
+from fastapi import Path as InPath
+from pydantic import ValidationError
+
+from latentmotion.errors import InputError
+from latentmotion.storage.configuration import read_plain
+from latentmotion.storage.files import atomic_file
+from latentmotion.studio.library import Library, UnknownError
+from latentmotion.studio.schemas import Project
+
+NAME = r"^[^\W_][\w\- ]{0,78}[\w\-]$|^[^\W_]$"
+"""Pattern of names, which are those of files: letters, digits, spaces, hyphens, underscores."""
+
+ProjectName = Annotated[str, InPath(pattern=NAME)]
+
+
+def routes(library: Library) -> APIRouter:
+    """Returns the routes."""
+    router = APIRouter(prefix="/projects")
+    folder = library.folder / "projects"
+
+    @router.get("")
+    def listed() -> dict[str, list[dict[str, str]]]:
+        """List projects, the one that was written last first."""
+        files = [file for file in folder.glob("*.json") if not file.name.startswith(".")]
+        times = sorted(((file.stat().st_mtime, file.stem) for file in files), reverse=True)
+        return {
+            "projects": [
+                {"name": name, "changed": datetime.fromtimestamp(at, UTC).isoformat()}
+                for at, name in times
+            ]
+        }
+
+    @router.get("/{name}")
+    def shown(name: ProjectName) -> Project:
+        """Send a project."""
+        path = _file(folder, name)
+        try:
+            return Project.model_validate(read_plain(path))
+        except ValidationError as error:
+            place = ".".join(map(str, error.errors()[0]["loc"]))
+            raise InputError(f"{path}: {place}: {error.errors()[0]['msg']}; correct it") from error
+
+    @router.put("/{name}")
+    def kept(name: ProjectName, project: Project) -> Project:
+        """Write a project, in place of the one of this name."""
+        found = project.model_copy(update={"name": name})
+        with atomic_file(folder / f"{name}.json") as temporary:
+            text = json.dumps(found.model_dump(mode="json"), indent=1, ensure_ascii=False)
+            temporary.write_text(text + "\n", encoding="utf-8", errors="strict")
+        return found
+
+    @router.delete("/{name}")
+    def removed(name: ProjectName) -> dict[str, Any]:
+        """Remove a project; the answer holds it, so that it can be put back."""
+        project = shown(name)
+        _file(folder, name).unlink()
+        return {"removed": project}
+
+    return router
+
+
+def _file(folder: Path, name: str) -> Path:
+    """Returns the file of a project.
+
+    Raises:
+        UnknownError: There is none of this name.
+    """
+    path = folder / f"{name}.json"
+    if not path.is_file():
+        raise UnknownError(f"there is no project {name!r} in this library")
+    return path
