@@ -53,6 +53,8 @@ class Studio:
             model=self.model,
             runtime=self.runtime,
             deadline=self.deadline,
+            file_workers=1,
+            start_workers=True,
             tokens=(hashlib.sha256(token.encode()).digest(),),
             hosts=self.hosts or (LOOPBACK if self.host in LOOPBACK else ()),
         )

@@ -47,6 +47,8 @@ class Settings:
     """Seconds that a request may take."""
     file_workers: int = 2
     """Processes that clean motions up and write files; as many again read uploads."""
+    start_workers: bool = False
+    """Start these processes once the model is loaded, so that no first file waits for them."""
     jobs: Path | None = None
     """Folder of jobs, which replicas may share; by default one that goes with the process."""
     streams: int = 32

@@ -69,6 +69,9 @@ class Service:
         if not self.leaving:
             self.obstacle = None
             self.metrics.ready.set(1)
+        if self.settings.start_workers:
+            await self.writers.start()
+            await self.readers.start()
 
     def leave(self) -> None:
         """Says that the service is not ready, so that a balancer sends no more work."""

@@ -66,6 +66,11 @@ class FileWorkers:
         work.add_done_callback(self._finished)
         return await asyncio.shield(work)
 
+    async def start(self) -> None:
+        """Starts all processes now; without it, each is started by its first task."""
+        for _ in range(self._idle.qsize()):
+            self._idle.put_nowait(self._idle.get_nowait() or await self._start())
+
     async def stop(self) -> None:
         """Ends all processes."""
         for process in tuple(self._started):

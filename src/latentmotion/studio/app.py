@@ -16,14 +16,16 @@ from fastapi.responses import Response
 from latentmotion import __version__, formats
 from latentmotion.control.parts import PARTS
 from latentmotion.errors import LatentMotionError
+from latentmotion.model.card import shipped_models
 from latentmotion.service.app import Extension, create_app
 from latentmotion.service.problems import Problem, problem_response
 from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
 from latentmotion.studio import characters, projects, takes
+from latentmotion.studio.files import CHARACTER_FORMATS
 from latentmotion.studio.library import Library, MissingMotionError, UnknownError
-from latentmotion.studio.schemas import Capabilities
+from latentmotion.studio.schemas import MOST_BEST_OF, Capabilities
 
 POLICY = (
     "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob:; "
@@ -80,14 +82,14 @@ async def _on_error(status: int, request: Request, error: Exception) -> Response
 
 def _routes(library: Library, files: dict[str, bytes], service: Service) -> APIRouter:
     @asynccontextmanager
-    async def closed(app: Any) -> AsyncIterator[None]:
+    async def lifespan(app: Any) -> AsyncIterator[None]:
         yield
         library.close()
 
-    router = APIRouter(lifespan=closed)
+    router = APIRouter(lifespan=lifespan)
     router.include_router(_page(files))
     for routes in (
-        _capabilities(service),
+        _capabilities(service, library),
         takes.routes(service, library),
         characters.routes(service, library),
         projects.routes(library),
@@ -118,7 +120,7 @@ def _page(files: dict[str, bytes]) -> APIRouter:
     return router
 
 
-def _capabilities(service: Service) -> APIRouter:
+def _capabilities(service: Service, library: Library) -> APIRouter:
     router = APIRouter()
 
     @router.get("/capabilities")
@@ -127,7 +129,7 @@ def _capabilities(service: Service) -> APIRouter:
         about, card = service.about(), service.pipeline.card
         few, usual = card.few_step, card.sampling
         least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
-        directed = about.directed
+        directed, best_of = about.directed, card.condition.reads_text and MOST_BEST_OF
         kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
         return Capabilities(
             **about.model_dump(
@@ -139,10 +141,14 @@ def _capabilities(service: Service) -> APIRouter:
             guidance={"least": least, "most": most, "usual": usual.guidance},
             seconds=dict(zip(("least", "most"), about.seconds, strict=True)),
             parts=list(PARTS),
+            directions=service.pipeline.representation.skeleton.offsets.round(4).tolist(),
             formats=[name for name in get_args(FileFormat) if _is_written(name)],
+            character_formats=CHARACTER_FORMATS,
             readable=list(get_args(Readable)),
-            can=dict.fromkeys(kinds, directed) | {"best_of": card.condition.reads_text},
+            can=dict.fromkeys(kinds, directed) | {"best_of": best_of},
             least_steps={"timeline": 2, "loop": 2},
+            models=list(shipped_models()),
+            library=str(library.folder.absolute()),
             version=__version__,
         )
 

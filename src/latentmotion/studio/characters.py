@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Request
 from fastapi.concurrency import run_in_threadpool
 
 from latentmotion.errors import InputError
@@ -18,8 +17,8 @@ from latentmotion.studio.schemas import (
     CharacterAnswer,
     CharactersAnswer,
     FileName,
+    Id,
     MappingChange,
-    TakeId,
 )
 
 ENDINGS: Mapping[str, str] = {".glb": "glb", ".vrm": "glb", ".bvh": "bvh"}
@@ -36,50 +35,47 @@ def routes(service: Service, library: Library) -> APIRouter:
         return {"characters": [one.about() for one in library.characters(deleted)]}
 
     @router.post("", response_model=CharacterAnswer, openapi_extra=BINARY_BODY)
-    async def added(request: Request, name: Annotated[FileName, Query()]) -> Any:
+    async def added(request: Request, name: FileName) -> Any:
         """Keep a character, GLB, VRM or BVH, and find its bones."""
         ending = ENDINGS.get(Path(name).suffix.lower())
         if ending is None:
             known = ", ".join(ENDINGS)
             raise InputError(f"{name!r} is no character that can be read; expected {known}")
         async with uploaded(service, request, f"character.{ending}") as folder:
-            file = folder / f"character.{ending}"
-            bones = await _inspected(service, request, file, None)
-            character = await run_in_threadpool(library.add_character, name, file, bones)
+            file = f"character.{ending}"
+            bones = await _inspected(service, request, {"folder": str(folder), "file": file})
+            character = await run_in_threadpool(library.add_character, name, folder / file, bones)
         return character.about()
 
     @router.get("/{name}", response_model=CharacterAnswer)
-    def shown(name: TakeId) -> Any:
+    def shown(name: Id) -> Any:
         """Describe a character."""
         return library.character(name).about()
 
     @router.patch("/{name}", response_model=CharacterAnswer)
-    async def changed(request: Request, name: TakeId, wanted: MappingChange) -> Any:
+    async def changed(request: Request, name: Id, wanted: MappingChange) -> Any:
         """Correct which bone is which joint; what is left out has none."""
         character = await run_in_threadpool(library.character, name)
         mapping = {ours: bone for ours, bone in wanted.mapping.items() if bone is not None}
         file = library.character_file(character)
-        bones = await _inspected(service, request, file, mapping)
+        about = {"folder": str(file.parent), "file": file.name, "map": mapping}
+        bones = await _inspected(service, request, about)
         return (await run_in_threadpool(library.change_character, name, bones=bones)).about()
 
     @router.delete("/{name}", response_model=CharacterAnswer)
-    def deleted(name: TakeId) -> Any:
+    def deleted(name: Id) -> Any:
         """Mark a character as deleted; `restore` takes the mark away."""
         return library.change_character(name, deleted=True).about()
 
     @router.post("/{name}/restore", response_model=CharacterAnswer)
-    def restored(name: TakeId) -> Any:
+    def restored(name: Id) -> Any:
         """Take the mark of a deleted character away."""
         return library.change_character(name, deleted=False).about()
 
     return router
 
 
-async def _inspected(
-    service: Service, request: Request, file: Path, mapping: Mapping[str, str] | None
-) -> dict[str, Any]:
+async def _inspected(service: Service, request: Request, task: dict[str, Any]) -> dict[str, Any]:
     """Returns what a worker process reports of a character's bones."""
-    with tempfile.TemporaryDirectory(prefix="latentmotion-") as folder:
-        task = {"verb": "rig", "folder": folder, "file": str(file), "map": mapping}
-        head = await unless_gone(request, service.read(task))
+    head = await unless_gone(request, service.read({"verb": "rig", **task}))
     return {key: value for key, value in head.items() if key != "size"}

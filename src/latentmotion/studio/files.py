@@ -15,6 +15,9 @@ from latentmotion.service.answers import encoded
 from latentmotion.service.state import Service
 from latentmotion.studio.library import Library, Take
 
+CHARACTER_FORMATS = ["glb", "bvh"]
+"""Formats of characters."""
+
 
 @dataclass(frozen=True)
 class Written:
@@ -29,8 +32,9 @@ class Written:
 
     def check(self) -> None:
         """Raises InputError if characters cannot be written in the format."""
-        if self.character is not None and self.format not in ("glb", "bvh"):
-            raise InputError(f"format {self.format}: characters are written as glb or bvh")
+        if self.character is not None and self.format not in CHARACTER_FORMATS:
+            known = " or ".join(CHARACTER_FORMATS)
+            raise InputError(f"format {self.format}: characters are written as {known}")
 
 
 async def content_of(

@@ -39,8 +39,11 @@ from latentmotion.studio.edits import Edits
 VERSION = 1
 """Version of the database that this code writes and reads."""
 
-ID = "^[0-7][0-9A-HJKMNP-TV-Z]{25}$"
+ID = "[0-7][0-9A-HJKMNP-TV-Z]{25}"
 """Pattern of the names of takes and characters: ULIDs, which sort by the time of their making."""
+
+MOST_TITLE = 200
+"""Characters of a title."""
 
 MOST_LISTED = 500
 """Takes of a page of the list."""
@@ -211,8 +214,8 @@ class Library:
             takes.append(
                 Take(
                     new_id(),
-                    datetime.now(UTC).isoformat(timespec="milliseconds"),
-                    title,
+                    _now(),
+                    title[:MOST_TITLE],
                     recipe,
                     self.store(motion),
                     len(motion),
@@ -221,11 +224,26 @@ class Library:
                     goals=goals or None,
                 )
             )
+        self._insert(takes)
+        return takes
+
+    def duplicate(self, name: str) -> Take:
+        """Returns a new take of the same motion, with the same recipe, tags and edits.
+
+        Raises:
+            UnknownError: There is none of this name.
+        """
+        own = self.take(name)
+        title = f"{own.title[: MOST_TITLE - 7]} (copy)"
+        take = replace(own, id=new_id(), made=_now(), title=title, star=False, deleted=False)
+        self._insert([take])
+        return take
+
+    def _insert(self, takes: Sequence[Take]) -> None:
         with self._written() as database:
             database.executemany(
                 "INSERT INTO takes VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", map(_row, takes)
             )
-        return takes
 
     def take(self, name: str) -> Take:
         """Returns a take.
@@ -279,6 +297,14 @@ class Library:
                 (*values, limit, offset),
             ).fetchall()
         return total, [self._take(row) for row in rows]
+
+    def tags(self) -> list[str]:
+        """Returns the tags of all takes that are not deleted."""
+        with self._lock:
+            rows = self._database.execute(
+                "SELECT DISTINCT value FROM takes, json_each(tags) WHERE NOT deleted ORDER BY value"
+            ).fetchall()
+        return [tag for (tag,) in rows]
 
     def change(self, name: str, **changes: Any) -> Take:
         """Changes title, tags, star, deleted or edits of a take; returns it.
@@ -459,6 +485,10 @@ def new_id() -> str:
 _naming = RLock()
 _last = 0
 """The last number, so that names made within a millisecond are in order, too."""
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def default_folder() -> Path:

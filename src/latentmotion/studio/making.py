@@ -69,7 +69,7 @@ class Maker:
         title = motions[0].caption or "motion"
         edits = Edits(in_place=recipe.in_place)
         return [
-            (motion, about | {"seed": seed}, title[:200], edits)
+            (motion, about | {"seed": seed}, title, edits)
             for motion, seed in zip(motions, seeds, strict=True)
         ]
 

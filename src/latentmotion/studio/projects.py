@@ -5,22 +5,16 @@ from __future__ import annotations
 import json
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from fastapi import APIRouter
-from fastapi import Path as InPath
 from pydantic import ValidationError
 
 from latentmotion.errors import InputError
 from latentmotion.storage.configuration import read_plain
 from latentmotion.storage.files import atomic_file
 from latentmotion.studio.library import Library, UnknownError
-from latentmotion.studio.schemas import Project
-
-NAME = r"^[^\W_][\w\- ]{0,78}[\w\-]$|^[^\W_]$"
-"""Pattern of names, which are those of files: letters, digits, spaces, hyphens, underscores."""
-
-ProjectName = Annotated[str, InPath(pattern=NAME)]
+from latentmotion.studio.schemas import Project, ProjectName
 
 
 def routes(library: Library) -> APIRouter:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal
 
-from fastapi import Path as InPath
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
 
 from latentmotion.service.schemas import (
     MOST_GOALS,
@@ -18,7 +19,13 @@ from latentmotion.service.schemas import (
     SceneRequest,
     SpanOfTimeline,
 )
-from latentmotion.studio.library import ID
+from latentmotion.studio.library import ID, MOST_TITLE
+
+PROJECT_NAME = r"[^\W_]([\w\- ]{0,78}[\w\-])?"
+FILE_NAME = r"[^\x00-\x1f\x7f/\\]{1,200}"
+TITLE = rf"[^\x00-\x1f\x7f]{{1,{MOST_TITLE}}}"
+TAG = r"[^\x00-\x20\x7f]([^\x00-\x1f\x7f]{0,48}[^\x00-\x20\x7f])?"
+"""Patterns of texts."""
 
 MOST_TAKES = 16
 """Takes of a recipe that are made at once."""
@@ -29,11 +36,48 @@ MOST_BEST_OF = 32
 MOST_EXPORTED = 500
 """Takes of an archive."""
 
-Id = Annotated[str, Field(pattern=ID)]
-TakeId = Annotated[str, InPath(pattern=ID)]
-FileName = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f/\\]+$")]
-"""Name of a file as its user calls it, without folders; it is shown and never opened."""
-Tag = Annotated[str, Field(min_length=1, max_length=50, pattern=r"^\S(.*\S)?$")]
+
+def _matched(pattern: str, expected: str) -> AfterValidator:
+    """Returns a check of a text, which says what is expected in words."""
+
+    def check(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            about = {"found": repr(text[:60]), "expected": expected}
+            raise PydanticCustomError("text", "found {found}, expected {expected}", about)
+        return text
+
+    return AfterValidator(check)
+
+
+Id = Annotated[
+    str,
+    _matched(ID, "the name of a take or character, 26 letters and digits"),
+    Field(json_schema_extra={"pattern": f"^{ID}$"}),
+]
+ProjectName = Annotated[
+    str,
+    _matched(
+        PROJECT_NAME, "a name of letters, digits, spaces, - and _, at most 80 of them, no / or ."
+    ),
+    Field(json_schema_extra={"pattern": f"^{PROJECT_NAME}$"}),
+]
+"""Name of a project, which is that of its file."""
+FileName = Annotated[
+    str,
+    _matched(FILE_NAME, "the name of a file without folders"),
+    Field(json_schema_extra={"pattern": f"^{FILE_NAME}$"}),
+]
+"""Name of a file as its user calls it; it is shown and never opened."""
+Title = Annotated[
+    str,
+    _matched(TITLE, f"1 to {MOST_TITLE} letters in a line"),
+    Field(json_schema_extra={"pattern": f"^{TITLE}$"}),
+]
+Tag = Annotated[
+    str,
+    _matched(TAG, "1 to 50 letters in a line, no spaces around them"),
+    Field(json_schema_extra={"pattern": f"^{TAG}$"}),
+]
 Span = tuple[Annotated[Number, Field(ge=0)], Annotated[Number, Field(gt=0)]]
 
 
@@ -117,7 +161,7 @@ class TakesRequest(_Strict):
 class TakeChanges(_Strict):
     """What changes about a take; what is left out stays."""
 
-    title: str = Field("", min_length=1, max_length=200)
+    title: Title = ""
     """What the list shows."""
     tags: Annotated[list[Tag], AfterValidator(_distinct)] = Field([], max_length=50)
     """Words of the user's choice."""
@@ -224,6 +268,9 @@ class ListAnswer(TakesAnswer):
     """Some of the takes that there are."""
 
     total: int
+    """How many there are of this kind."""
+    tags: list[str]
+    """Tags of all takes that are not deleted."""
 
 
 class AgainAnswer(_Answer):
@@ -275,13 +322,22 @@ class Capabilities(_Answer):
     fps: float
     joints: list[str]
     parents: list[int]
+    directions: list[list[float]]
+    """Offset of each joint from its parent at rest, meters."""
     parts: list[str]
     """Parts of the body that can be generated alone."""
     formats: list[str]
     """Formats that takes can be written in here."""
+    character_formats: list[str]
+    """Those for takes on a character."""
     readable: list[str]
     """Formats that can be imported."""
-    can: dict[str, bool]
+    can: dict[str, bool | int]
+    """What can be asked for; `best_of` is the greatest number, or false."""
     least_steps: dict[str, int]
     """Fewest steps of what needs more than one."""
+    models: list[str]
+    """Models that ship; the studio is started with one."""
+    library: str
+    """Folder of the library."""
     version: str

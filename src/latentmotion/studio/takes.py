@@ -21,16 +21,16 @@ from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
 from latentmotion.studio.edits import Edits
 from latentmotion.studio.files import Written, archived, content_of, file_name
-from latentmotion.studio.library import ID, MOST_LISTED, Library, Take
+from latentmotion.studio.library import MOST_LISTED, Library, Take
 from latentmotion.studio.making import Maker, digest_of_model
 from latentmotion.studio.schemas import (
     AgainAnswer,
     ExportRequest,
     FileName,
+    Id,
     ListAnswer,
     TakeAnswer,
     TakeChanges,
-    TakeId,
     TakesAnswer,
     TakesRequest,
 )
@@ -67,15 +67,16 @@ def routes(service: Service, library: Library) -> APIRouter:
     ) -> Any:
         """List takes, the newest first."""
         total, found = library.takes(query, tag, star, deleted, offset, limit)
-        return {"total": total, "takes": [take.about() for take in found]}
+        about = [take.about() for take in found]
+        return {"total": total, "takes": about, "tags": library.tags()}
 
     @router.get("/takes/{name}", response_model=TakeAnswer)
-    def shown(name: TakeId) -> Any:
+    def shown(name: Id) -> Any:
         """Describe a take."""
         return library.take(name).about()
 
     @router.patch("/takes/{name}", response_model=TakeAnswer)
-    def changed(name: TakeId, wanted: TakeChanges) -> Any:
+    def changed(name: Id, wanted: TakeChanges) -> Any:
         """Change title, tags, star or edits of a take."""
         take, found = library.take(name), wanted.model_dump(include=wanted.model_fields_set)
         edits = {key: found.pop(key) for key in _EDITS if key in found}
@@ -84,17 +85,22 @@ def routes(service: Service, library: Library) -> APIRouter:
         return library.change(name, edits=replace(take.edits, **edits), **found).about()
 
     @router.delete("/takes/{name}", response_model=TakeAnswer)
-    def deleted(name: TakeId) -> Any:
+    def deleted(name: Id) -> Any:
         """Mark a take as deleted; `restore` takes the mark away."""
         return library.change(name, deleted=True).about()
 
     @router.post("/takes/{name}/restore", response_model=TakeAnswer)
-    def restored(name: TakeId) -> Any:
+    def restored(name: Id) -> Any:
         """Take the mark of a deleted take away."""
         return library.change(name, deleted=False).about()
 
+    @router.post("/takes/{name}/duplicate", response_model=TakeAnswer)
+    def duplicated(name: Id) -> Any:
+        """Keep the motion of a take as another one, to be edited apart."""
+        return library.duplicate(name).about()
+
     @router.post("/takes/{name}/again", response_model=AgainAnswer)
-    async def again(request: Request, name: TakeId) -> Any:
+    async def again(request: Request, name: Id) -> Any:
         """Make a take again from its recipe, and compare; a missing file is written again."""
         service.check_ready()
         take = await run_in_threadpool(library.take, name)
@@ -104,7 +110,7 @@ def routes(service: Service, library: Library) -> APIRouter:
         return {"equal": equal, "restored": back}
 
     @router.get("/takes/{name}/joints", response_class=Response)
-    def joints(name: TakeId) -> Response:
+    def joints(name: Id) -> Response:
         """Send the joints of a take as float32, little-endian: frames × joints × 3, meters."""
         motion = library.motion(library.take(name))
         headers = {"X-Frames": str(len(motion)), "X-Fps": f"{motion.fps:.17g}"}
@@ -112,28 +118,28 @@ def routes(service: Service, library: Library) -> APIRouter:
         return Response(content, headers=headers, media_type="application/octet-stream")
 
     @router.get("/takes/{name}/thumbnail.svg", response_class=Response)
-    def pictured(name: TakeId) -> Response:
+    def pictured(name: Id) -> Response:
         """Send a row of stick figures."""
         picture = thumbnail(library.motion(library.take(name)))
         return Response(picture, media_type="image/svg+xml")
 
     @router.get("/takes/{name}/viewer", response_class=Response)
-    async def viewer(name: TakeId) -> Response:
+    async def viewer(name: Id) -> Response:
         """Send what the viewer reads."""
         return await sent(name, Written("viewer"))
 
     @router.get("/takes/{name}/file", response_class=Response)
     async def file(
-        name: TakeId,
+        name: Id,
         form: Annotated[FileFormat, Query(alias="format")] = "glb",
         fps: Fps = None,
-        character: Annotated[str | None, Query(pattern=ID)] = None,
+        character: Id | None = None,
     ) -> Response:
         """Send a take as a file, edited as it is shown, on a character if one is named."""
         return await sent(name, Written(form, fps, character))
 
     @router.get("/takes/{name}/on/{character}.glb", response_class=Response)
-    async def on_character(name: TakeId, character: TakeId, fps: Fps = None) -> Response:
+    async def on_character(name: Id, character: Id, fps: Fps = None) -> Response:
         """Send a take on a character; one of bones alone is given a mannequin's surface."""
         return await sent(name, Written("glb", fps, character))
 
@@ -158,7 +164,7 @@ def routes(service: Service, library: Library) -> APIRouter:
             return StreamingResponse(pieces(path), headers=headers, media_type=MEDIA_TYPES["zip"])
 
     @router.post("/import", response_model=TakesAnswer, openapi_extra=BINARY_BODY)
-    async def imported(request: Request, name: Annotated[FileName, Query()]) -> Any:
+    async def imported(request: Request, name: FileName) -> Any:
         """Keep the motions of a file, each as a take."""
         ending = Path(name).suffix.lower().lstrip(".")
         if ending not in get_args(Readable):
@@ -191,6 +197,6 @@ def _kept(library: Library, name: str, file: Path) -> list[Take]:
         )
     titles = [motion.caption or Path(name).stem for motion in motions]
     return library.add(
-        (replace(motion, goals=()), {"imported": name}, title[:200], Edits())
+        (motion.cut(), {"imported": name}, title, Edits())
         for motion, title in zip(motions, titles, strict=True)
     )
