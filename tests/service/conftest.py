@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Iterator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
 from typing import Any
 
 import httpx
 import pytest
+from fastapi import FastAPI
 
 from latentmotion.service.app import create_app
 from latentmotion.service.settings import Settings
@@ -17,11 +18,14 @@ TOKEN = "a-token-of-more-than-16-characters"
 
 
 @asynccontextmanager
-async def serving(settings: Settings, ready: bool = True) -> AsyncIterator[httpx.AsyncClient]:
+async def serving(
+    settings: Settings, ready: bool = True, app: FastAPI | None = None, token: str = ""
+) -> AsyncIterator[httpx.AsyncClient]:
     """Yields a client of a service that runs, and its app as `client.app`."""
-    app = create_app(settings)
+    app = app or create_app(settings)
     transport = httpx.ASGITransport(app, raise_app_exceptions=False)
-    called = httpx.AsyncClient(transport=transport, base_url="http://localhost")
+    headers = {"Authorization": f"Bearer {token}"} if token else {}
+    called = httpx.AsyncClient(transport=transport, base_url="http://localhost", headers=headers)
     async with app.router.lifespan_context(app), called as client:
         client.app = app  # type: ignore[attr-defined]
         while ready and (await client.get("/readyz")).status_code != 200:
@@ -43,15 +47,24 @@ class Called:
     def get(self, path: str, **options: Any) -> httpx.Response:
         return self.wait(self.client.get(path, **options))
 
+    def send(self, method: str, path: str, body: Any = None, **options: Any) -> httpx.Response:
+        return self.wait(self.client.request(method, path, json=body, **options))
+
     def post(self, path: str, body: Any = None, **options: Any) -> httpx.Response:
         return self.wait(self.client.post(path, json=body, **options))
 
 
-@pytest.fixture(scope="session")
-def called() -> Iterator[Called]:
+@contextmanager
+def calling(context: AbstractAsyncContextManager[httpx.AsyncClient]) -> Iterator[Called]:
+    """Yields the client of a service, called from code that does not wait."""
     loop = asyncio.new_event_loop()
-    context = serving(Settings(file_workers=1, queue=8))
     client = loop.run_until_complete(context.__aenter__())
     yield Called(loop, client)
     loop.run_until_complete(context.__aexit__(None, None, None))
     loop.close()
+
+
+@pytest.fixture(scope="session")
+def called() -> Iterator[Called]:
+    with calling(serving(Settings(file_workers=1, queue=8))) as found:
+        yield found

@@ -7,6 +7,7 @@ import secrets
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 
 from latentmotion.cli.serve import ExportedRuntime
 from latentmotion.errors import InputError, MissingExtraError
@@ -72,6 +73,8 @@ class Studio:
             # Behind #, so that neither a log nor another page ever sees it.
             page = f"{address(place)}/studio#token={token}"
             print(page, flush=True)
-            if self.browser:
-                webbrowser.open(page)
+            if (
+                self.browser
+            ):  # in a thread, since a browser of the terminal would hold the server up
+                Thread(target=webbrowser.open, args=(page,), daemon=True).start()
             serve(app, place, 0.0, 5.0)

@@ -1,0 +1,90 @@
+"""`latentmotion studio`: a real server with a token of its own; what keeps it from starting."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import httpx
+import pytest
+
+from latentmotion.cli.main import main
+from latentmotion.studio.library import default_folder
+
+
+def test_the_command_prints_a_page_that_its_token_opens(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "latentmotion", "studio", "--no-browser", "--port", "0"]
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(sys.path),
+        "XDG_DATA_HOME": str(tmp_path),
+    }
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            assert process.stdout is not None
+            printed = re.fullmatch(
+                r"(http://127\.0\.0\.1:\d+)(/studio)#token=(\S{43})\n", process.stdout.readline()
+            )
+            assert printed is not None
+            base, page, token = printed.groups()
+            with httpx.Client(base_url=base, timeout=60) as client:
+                assert client.get(page).headers["content-type"].startswith("text/html")
+                assert client.get("/studio/v1/takes").status_code == 401
+                headers = {"Authorization": f"Bearer {token}"}
+                assert client.get("/studio/v1/takes", headers=headers).json()["total"] == 0
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(60) in (0, -signal.SIGTERM)
+        finally:
+            process.kill()
+    folder = tmp_path / "latentmotion" / "library"
+    assert sys.platform != "linux" or (folder / "library.sqlite3").is_file()
+
+
+def test_a_second_studio_on_the_same_port_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(SystemExit) as ended:
+        port = str(taken.getsockname()[1])
+        main(["studio", "--port", port, "--no-browser", "--library", str(tmp_path / "new")])
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert f"cannot serve at 127.0.0.1:{port}: Address already in use" in told
+    assert "choose another --port" in told
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--library", "FILE"], "cannot be written"),
+        (["--runtime", "pytorch"], "export the model first"),
+        (["--port", "99999"], "expected 0 to 65535"),
+        (["--deadline", "0"], "expected 0.1 to 3600 seconds"),
+        (["--model", "nobody"], "no model 'nobody'"),
+    ],
+)
+def test_what_cannot_be_served_is_told_at_once(
+    tmp_path: Path, options: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    options = [str(tmp_path / "file") if one == "FILE" else one for one in options]
+    if "--library" not in options:
+        options += ["--library", str(tmp_path / "library")]
+    with pytest.raises(SystemExit) as ended:
+        main(["studio", "--port", "0", "--no-browser", *options])
+    assert ended.value.code == 2
+    assert told in capsys.readouterr().err
+
+
+def test_the_library_is_where_the_platform_keeps_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("XDG_DATA_HOME", raising=False)
+    assert default_folder() == Path.home() / ".local/share/latentmotion/library"
+    monkeypatch.setenv("XDG_DATA_HOME", "/data")
+    assert default_folder() == Path("/data/latentmotion/library")
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert default_folder().parts[-4:-2] == ("Library", "Application Support")

@@ -1,0 +1,61 @@
+"""Projects: one JSON file each, and no name leads out of their folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.service.conftest import Called
+
+URL = "/studio/v1/projects"
+PROJECT: dict[str, Any] = {
+    "format": 1,
+    "takes": ["01M83KC31REF7RP72GNKH69SHQ"],
+    "timeline": [{"prompt": "a person walks", "seconds": 3.0}],
+    "goals": [{"joint": "right_wrist", "at": 1.0, "to": [None, 1.4, None]}],
+    "settings": {"camera": [1, 2, 3], "Größe": "ß"},
+}
+
+
+@pytest.mark.parametrize("name", ["a", "My film 1", "Übung_2", "x" * 80])
+def test_a_project_comes_back_as_it_was(studio: Called, name: str) -> None:
+    assert studio.send("PUT", f"{URL}/{name}", PROJECT).status_code == 200
+    found = studio.get(f"{URL}/{name}").json()
+    assert found == found | PROJECT | {"name": name}
+    file: Path = studio.library.folder / "projects" / f"{name}.json"  # type: ignore[attr-defined]
+    assert json.loads(file.read_text(encoding="utf-8")) == found
+    assert name in [one["name"] for one in studio.get(URL).json()["projects"]]
+    assert studio.send("DELETE", f"{URL}/{name}").json() == {"removed": found}
+    assert not file.exists()
+    assert studio.get(f"{URL}/{name}").status_code == 404
+
+
+@pytest.mark.parametrize(
+    "name", ["..%2Fx", "%2e%2e", ".x", "a.b", "a%00", " x", "x%0A", "x" * 81, "-", "a%5Cb", "C%3A"]
+)
+def test_names_that_are_no_files_here_are_refused(studio: Called, name: str) -> None:
+    folder: Path = studio.library.folder  # type: ignore[attr-defined]
+    before = sorted(folder.rglob("*"))
+    assert studio.send("PUT", f"{URL}/{name}", PROJECT).status_code in (404, 405, 422)
+    assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "changes", [{"format": 2}, {"takes": ["x"]}, {"goals": [{}]}, {"timeline": 3}, {"more": 1}]
+)
+def test_a_project_of_another_form_is_refused(studio: Called, changes: dict[str, Any]) -> None:
+    assert studio.send("PUT", f"{URL}/other", PROJECT | changes).status_code == 422
+    assert studio.get(f"{URL}/other").status_code == 404
+
+
+def test_a_file_that_someone_broke_is_told(studio: Called) -> None:
+    folder: Path = studio.library.folder / "projects"  # type: ignore[attr-defined]
+    for text, told in (("{", "broken.json"), ('{"format": 7}', "format: Input should be 1")):
+        (folder / "broken.json").write_text(text)
+        answer = studio.get(f"{URL}/broken")
+        assert answer.status_code == 422
+        assert told in answer.json()["detail"]
+    (folder / "broken.json").unlink()
