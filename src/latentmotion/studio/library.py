@@ -24,6 +24,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -55,11 +56,13 @@ CREATE TABLE IF NOT EXISTS takes (
     motion TEXT NOT NULL, frames INTEGER NOT NULL, fps REAL NOT NULL, tags TEXT NOT NULL,
     star INTEGER NOT NULL, deleted INTEGER NOT NULL, edits TEXT NOT NULL, goals TEXT,
     words TEXT NOT NULL
-) WITHOUT ROWID;
+);
+CREATE INDEX IF NOT EXISTS takes_shown ON takes (deleted, id);
+CREATE INDEX IF NOT EXISTS takes_tagged ON takes (deleted, tags) WHERE tags <> '[]';
 CREATE TABLE IF NOT EXISTS characters (
     id TEXT PRIMARY KEY, name TEXT NOT NULL, ending TEXT NOT NULL, bones TEXT NOT NULL,
     deleted INTEGER NOT NULL
-) WITHOUT ROWID;
+);
 """
 
 
@@ -282,7 +285,7 @@ class Library:
             conditions.append("instr(words, ?)")
             values.append(word)
         if tag:
-            conditions.append("EXISTS (SELECT 1 FROM json_each(tags) WHERE value = ?)")
+            conditions.append("tags <> '[]' AND ? IN (SELECT value FROM json_each(tags))")
             values.append(tag)
         if star is not None:
             conditions.append("star = ?")
@@ -302,7 +305,8 @@ class Library:
         """Returns the tags of all takes that are not deleted."""
         with self._lock:
             rows = self._database.execute(
-                "SELECT DISTINCT value FROM takes, json_each(tags) WHERE NOT deleted ORDER BY value"
+                "SELECT DISTINCT value FROM takes, json_each(tags) "
+                "WHERE deleted = 0 AND tags <> '[]' ORDER BY value"
             ).fetchall()
         return [tag for (tag,) in rows]
 
@@ -455,7 +459,7 @@ class Library:
             tuple(json.loads(row["tags"])),
             bool(row["star"]),
             bool(row["deleted"]),
-            from_json(Edits, json.loads(row["edits"])),
+            _edits(row["edits"]),
             json.loads(row["goals"]) if row["goals"] else None,
             not self._motion_file(row["motion"]).is_file(),
         )
@@ -504,6 +508,12 @@ def _character(row: sqlite3.Row) -> Character:
     return Character(
         row["id"], row["name"], row["ending"], json.loads(row["bones"]), bool(row["deleted"])
     )
+
+
+@lru_cache(1024)
+def _edits(text: str) -> Edits:
+    """Returns edits as the database holds them; most takes have the same."""
+    return from_json(Edits, json.loads(text))
 
 
 def _goal(goal: Mapping[str, Any]) -> dict[str, Any]:
