@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -197,10 +196,13 @@ def _poses(recipe: Recipe, source: Source) -> list[Goal]:
 
 
 def digest_of_model(model: str) -> str:
-    """Returns the SHA-256 of a model's graphs and weights."""
+    """Returns the SHA-256 of a model's graphs and weights, and of those that read its prompts."""
     folder = cards.download(model) if cards.is_hub_id(model) else cards.find_model(model)
-    digest = hashlib.sha256()
-    for file in sorted(Path(folder).iterdir()):
-        if file.suffix in (".onnx", ".safetensors"):
-            digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    card, digest = cards.read_card(folder), hashlib.sha256()
+    files = [file for file in folder.iterdir() if file.suffix in (".onnx", ".safetensors")]
+    if card.condition.reads_text:
+        lengths = cards.lengths_file(card, folder)
+        files += [*cards.find_text_encoder(card, folder), *([lengths] if lengths else [])]
+    for file in sorted(set(files), key=lambda file: (file.name, file)):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()
