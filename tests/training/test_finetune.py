@@ -112,7 +112,7 @@ def test_models_that_cannot_be_taught_are_told(
 
 
 def test_defaults_hold_for_the_model_that_ships() -> None:
-    assert finetune._student_of(find_model("starter")) == find_model("fast")
+    assert finetune.student_of(find_model("starter")) == find_model("fast")
     fast, starter = (read_card(find_model(name)) for name in ("fast", "starter"))
     assert fast.latents == starter.latents
     assert FineTuning().distillation.few_step == fast.few_step

@@ -143,8 +143,7 @@ def finetune(
             encoder,
             work / "student",
             context,
-            # The distilled model that ships, where its teacher is the model to train on.
-            find_model(cards.DEFAULT) if model == find_model("starter") else None,
+            student_of(model),
         )
     if context.is_main:
         folder = cards.text_encoder_folder(card, model)
@@ -221,3 +220,8 @@ def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
         )
         recordings.append(Recording(label, joints))
     return recordings
+
+
+def student_of(model: Path) -> Path | None:
+    """Returns the distilled model that ships, where its teacher is the model to train on."""
+    return find_model(cards.DEFAULT) if model == find_model("starter") else None
