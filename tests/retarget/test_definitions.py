@@ -174,6 +174,10 @@ def test_our_joints_are_found_by_their_own_names() -> None:
             "is none of the skeleton's 22 joints; nearest are 'left_knee', ",
         ),
         ({"left_nee": "left_knee"}, "the joint map has 'left_nee', .* nearest are 'left_knee', "),
+        (
+            {"left_ankle": "right_ankle"},
+            r"left_ankle \('right_ankle'\) does not hang on left_knee",
+        ),
         ({"left_knee": "right_knee"}, r"left_knee \('right_knee'\) does not hang on left_hip"),
     ],
 )

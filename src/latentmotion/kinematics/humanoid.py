@@ -91,12 +91,13 @@ class Humanoid:
     def free_feet(self) -> tuple[str, ...]:
         """Ankles that hang elsewhere than on their shank, as feet that IK moves do."""
         free, rest = [], self.skeleton.rest_joints()
+        hips = {self.joints[f"{side}_hip"] for side in SIDES}
         for side in SIDES:
             hip, knee, ankle = (self.joints[f"{side}_{name}"] for name in _LIMBS[0][:3])
             thigh, shank = (
                 float(np.linalg.norm(rest[b] - rest[a])) for a, b in ((hip, knee), (knee, ankle))
             )
-            apart = knee not in self.lines[ankle] and ankle not in self.lines[knee]
+            apart = ankle not in self.lines[knee] and not hips & set(self.lines[ankle])
             if apart and _FREE[0] * thigh < shank < _FREE[1] * thigh:
                 free.append(f"{side}_ankle")
         return tuple(free)
