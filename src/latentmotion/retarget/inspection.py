@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from latentmotion.errors import DataError
-from latentmotion.kinematics.humanoid import OPTIONAL, REQUIRED
-from latentmotion.retarget.humanoid import draft_map, find_humanoid, humanoid_of_map
+from latentmotion.kinematics.bone_names import OPTIONAL, REQUIRED
+from latentmotion.kinematics.draft import draft_map
+from latentmotion.kinematics.humanoid import find_humanoid
 from latentmotion.retarget.rig import make_rig
 from latentmotion.retarget.rig_files import RigFile, open_rig
 
@@ -50,7 +51,7 @@ def inspect_rig(path: str | Path, joint_map: Mapping[str, str] | None = None) ->
     missing = tuple(name for name in REQUIRED if mapping[name] is None)
     problem = f"no bone is named for {', '.join(missing)}" if missing else None
     try:
-        make_rig(file, humanoid_of_map(file.skeleton, joint_map))
+        make_rig(file, find_humanoid(file.skeleton, joint_map=joint_map))
     except DataError as error:
         unknown = [bone for bone in joint_map.values() if bone not in bones]
         if unknown or set(joint_map) - {*REQUIRED, *OPTIONAL}:
