@@ -47,7 +47,7 @@ from latentmotion.text.lengths import LengthFile
 if TYPE_CHECKING:
     from latentmotion.control.goals import Goal
     from latentmotion.control.stream import MotionStream, StreamState
-    from latentmotion.control.timeline import Span
+    from latentmotion.control.timeline import PartSpan, Span
     from latentmotion.kinematics.keypoints import Keypoints
     from latentmotion.ranking.best import Take
     from latentmotion.ranking.scorer import Scorer
@@ -467,6 +467,7 @@ class MotionPipeline:
         seed: int = 0,
         steps: int | None = None,
         guidance: float | None = None,
+        parts: Sequence[tuple[str, str, float, float] | PartSpan] = (),
     ) -> Motion:
         """Generates one motion for several prompts, one after the other.
 
@@ -476,15 +477,19 @@ class MotionPipeline:
             seed: As for one motion.
             steps: As for one motion; 2 or more.
             guidance: As for one motion.
+            parts: What parts of the body do meanwhile: `(part, prompt, start, end)` or `PartSpan`s,
+                such as `("right_arm", "a person waves the right hand", 1, 3)`; all other joints
+                are those of the timeline without it.
 
         Raises:
-            InputError: A prompt is not of the model's kind or a number is out of range.
+            InputError: A prompt is not of the model's kind, a number is out of range, there is no
+                such part, or two prompts move one joint at a time.
             ModelError: The model has no `pullback.onnx`.
         """
         from latentmotion.control.timeline import generate_timeline
 
         sampling = self.card.sampling.but(steps, guidance, None)
-        return generate_timeline(self, spans, seed, sampling)
+        return generate_timeline(self, spans, seed, sampling, parts)
 
     def stream(
         self,

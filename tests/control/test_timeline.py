@@ -12,11 +12,22 @@ from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.control.scene import read_scene
 from latentmotion.control.stream import KNOWN
-from latentmotion.control.timeline import Span, parse_span, sampled_spans, spans_of, tokens_of
+from latentmotion.control.timeline import (
+    PartSpan,
+    Span,
+    check_parts,
+    parse_part_span,
+    parse_span,
+    sampled_spans,
+    spans_of,
+    tokens_of,
+)
 from latentmotion.errors import InputError
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
 
 WALK, SIT = "a person walks forward", "a person sits down"
+WAVE = PartSpan("right_arm", "a person waves the right hand", 1, 2.6)
 
 
 @pytest.fixture(scope="module")
@@ -151,3 +162,80 @@ def test_a_scene_may_hold_a_timeline_instead_of_a_prompt(tmp_path: Path) -> None
         scene.write_text(json.dumps({"format": 1, "timeline": spans, key: value}))
         with pytest.raises(InputError, match="a timeline has no prompt, length or goals"):
             read_scene(scene)
+
+
+def test_a_part_is_read_as_written() -> None:
+    assert parse_part_span(" right_arm @1-2.6= a person waves the right hand") == WAVE
+    assert parse_part_span("legs@0-.5=x=1@2").prompt == "x=1@2"
+    for text in ("right_arm@1-3", "right_arm=waves", "right_arm@1=waves", "right_arm@a-b=waves"):
+        with pytest.raises(InputError, match="expected PART@START-END=PROMPT"):
+            parse_part_span(text)
+    with pytest.raises(InputError, match="from 3 to 1 s; expected two ascending times"):
+        parse_part_span("right_arm@3-1=a person waves")
+
+
+@pytest.mark.parametrize(
+    ("spans", "error"),
+    [
+        ([PartSpan("rigt_arm", "a", 1, 2)], "unknown part 'rigt_arm'.*right_arm"),
+        ([PartSpan("arms", "a", 1, 4.3)], "ends at 4.3 s, the timeline at 4 s"),
+        (
+            [PartSpan("arms", "a", 0, 2), PartSpan("right_arm", "b", 1.9, 3)],
+            "'a' until 2 s and 'b' from 1.9 s .* belongs to both arms and right_arm",
+        ),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(spans: list[PartSpan], error: str) -> None:
+    with pytest.raises(InputError, match=error):
+        check_parts(spans, 4.0, HUMANML3D)
+
+
+def test_parts_may_follow_each_other_or_move_together() -> None:
+    both = [PartSpan("right_arm", "a", 0, 2), PartSpan("left_arm", "b", 1, 3)]
+    check_parts([*both, PartSpan("arms", "c", 3, 4.05)], 4.0, HUMANML3D)
+
+
+def test_an_arm_waves_on_a_body_that_walks(generate: MotionPipeline) -> None:
+    walk, wave = generate.timeline([(WALK, 4)]), generate.timeline([(WALK, 4)], parts=[WAVE])
+    arm = [HUMANML3D.names.index(name) for name in ("right_elbow", "right_wrist")]
+    others = np.delete(np.arange(22), arm)
+    assert (wave.joints[:, others] == walk.joints[:, others]).all()
+    assert (wave.joints[np.r_[:20, 52:80]] == walk.joints[np.r_[:20, 52:80]]).all()
+    shoulder = HUMANML3D.names.index("right_shoulder")
+    above = [m.joints[26:46, arm[1], 1] - m.joints[26:46, shoulder, 1] for m in (wave, walk)]
+    assert above[0].mean() > above[1].mean() + 0.3
+    parents = list(HUMANML3D.parents[1:])
+    bones = [np.linalg.norm(m.joints[:, 1:] - m.joints[:, parents], axis=-1) for m in (wave, walk)]
+    assert np.abs(bones[0] - bones[1]).max() < 1e-4
+    jerk = [np.abs(np.diff(m.joints, n=3, axis=0)).sum(axis=-1).max(axis=1) for m in (wave, walk)]
+    assert jerk[0].max() < 1.5 * jerk[1].max() + 0.05
+    assert wave.metadata["spans"][1] == vars(WAVE)
+    assert wave.caption == f"{WALK}; right_arm: {WAVE.prompt}"
+
+
+def test_a_part_may_move_all_the_time(generate: MotionPipeline) -> None:
+    whole = ("arms", "a person raises both arms", 0, 0.3)
+    short = generate.timeline([(WALK, 0.3)], parts=[whole])
+    assert len(short) == 8 and np.isfinite(short.joints).all()
+
+
+def test_the_command_takes_parts_and_says_what_they_need(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = ["--timeline-part", f"right_arm@0.5-2={WAVE.prompt}"]
+    main(["generate", "--timeline", f"{WALK}@2", *part, "-o", str(tmp_path / "both.npz")])
+    assert Motion.load(tmp_path / "both.npz").metadata["spans"][1]["part"] == "right_arm"
+    with pytest.raises(SystemExit):
+        main(["generate", WALK, *part])
+    assert "--timeline-part needs --timeline" in capsys.readouterr().err
+
+
+def test_a_scene_may_hold_parts(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.json"
+    written = {"format": 1, "timeline": [{"prompt": WALK}], "timeline_parts": [vars(WAVE)]}
+    scene.write_text(json.dumps(written))
+    assert read_scene(scene).part_spans() == [WAVE]
+    del written["timeline"]
+    scene.write_text(json.dumps(written))
+    with pytest.raises(InputError, match="timeline_parts needs a timeline"):
+        read_scene(scene)

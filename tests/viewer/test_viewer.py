@@ -180,6 +180,7 @@ def asked() -> Motion:
     path = [{"joint": "pelvis", "at": at, "to": [0.0, None, at]} for at in (0.5, 1.5)]
     pose = [{"joint": name, "at": 0.75, "to": [0, 1, 0]} for name in HUMANML3D.names]
     spans = [{"prompt": HOSTILE, "start": 0, "end": 1}, {"prompt": "turns", "start": 1, "end": 2}]
+    spans.append({"prompt": "waves", "part": "arms", "start": 0.5, "end": 2})
     return replace(walking(), metadata={"goals": [wrist, *path, *pose], "spans": spans})
 
 
@@ -194,7 +195,7 @@ def test_page_has_what_was_asked_of_the_motion():
     assert marks["path"][0] == {"at": 0, "to": pytest.approx(start.tolist(), abs=1e-4)}
     assert [stop["at"] for stop in marks["path"][1:]] == [0.5, 1.5]
     assert marks["poses"] == [0.75]
-    assert [span["prompt"] for span in marks["spans"]] == [HOSTILE, "turns"]
+    assert [span["prompt"] for span in marks["spans"]] == [HOSTILE, "turns", "waves"]
     assert marks_of(walking()) == {}
 
 
@@ -222,6 +223,6 @@ def test_browser_draws_what_was_asked(tmp_path):
     dom, _ = shown(path, 0.5, tmp_path / "a")
     elements = Elements(dom)
     spans = [attrs.get("title") for tag, attrs in elements.tags if tag == "span"]
-    assert [title for title in spans if title] == [HOSTILE, "turns"]
+    assert [title for title in spans if title] == [HOSTILE, "turns", "arms: waves"]
     assert [tag for tag, _ in elements.tags].count("i") == 5
     assert [tag for tag, _ in elements.tags].count("b") == 0

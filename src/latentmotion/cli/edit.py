@@ -16,7 +16,9 @@ from latentmotion.motion import Motion
 from latentmotion.pipeline import ON_THE_WAY, MotionPipeline
 from latentmotion.storage.files import check_writable
 
-PartName = Literal["left_arm", "right_arm", "left_leg", "right_leg", "head", "upper_body"]
+PartName = Literal[
+    "left_arm", "right_arm", "arms", "left_leg", "right_leg", "legs", "head", "upper_body"
+]
 _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
 
 

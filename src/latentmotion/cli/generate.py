@@ -94,6 +94,9 @@ class Generate:
     timeline: options.Goals = ()
     """Prompts that follow each other in one motion: PROMPT@SECONDS, or PROMPT for the length that
     the model predicts."""
+    timeline_part: options.Goals = ()
+    """What a part of the body does during the timeline: PART@START-END=PROMPT in seconds, e.g.
+    "right_arm@1-3=a person waves the right hand"; parts are those of `edit --parts`."""
     clean: bool = True
     """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
     (docs/guide/cleanup.md)."""
@@ -212,6 +215,8 @@ class Generate:
                 "--timeline stands alone: leave prompts, --file, --prior, --scene, --seconds, "
                 "--sampler and goals out"
             )
+        if self.timeline_part and not self.timeline:
+            raise InputError("--timeline-part needs --timeline, which the whole body follows")
         if scene is not None and (self.prompts or self.file or self.prior):
             raise InputError("--scene has the prompt; leave prompts, --file and --prior out")
         if scene is not None:
@@ -252,7 +257,7 @@ class Generate:
         self, prompts: list[str], scene: Scene | None, goals: list[Goal]
     ) -> list[Motion]:
         """Loads the model and generates the motions."""
-        from latentmotion.control.timeline import parse_span
+        from latentmotion.control.timeline import parse_part_span, parse_span
 
         execution = ExecutionOptions(self.device, self.precision, self.launch)
         body = representation_of(smpl.load_smpl(self.body)) if self.body else None
@@ -275,9 +280,10 @@ class Generate:
         generator = replace(generator, body=body)
         sampling = self.steps, self.guidance, self.sampler
         spans = scene.spans() if scene else [parse_span(text) for text in self.timeline]
+        parts = scene.part_spans() if scene else [*map(parse_part_span, self.timeline_part)]
         if spans:
             return [
-                generator.timeline(spans, seed, self.steps, self.guidance)
+                generator.timeline(spans, seed, self.steps, self.guidance, parts)
                 for seed in range(first, first + self.count)
             ]
         if self.best_of != 1:

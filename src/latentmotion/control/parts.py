@@ -42,10 +42,12 @@ def _side(side: str) -> dict[str, Part]:
 
 
 _TRUNK = ("spine2", "spine3", "neck", "head", "left_collar", "right_collar")
+_SIDES = {**_side("left"), **_side("right")}
 PARTS: Mapping[str, Part] = MappingProxyType(
     {
-        **_side("left"),
-        **_side("right"),
+        **_SIDES,
+        "arms": Part(_SIDES["left_arm"].joints + _SIDES["right_arm"].joints, _CHEST),
+        "legs": Part(_SIDES["left_leg"].joints + _SIDES["right_leg"].joints, _HIPS),
         "head": Part(("head",), _CHEST),
         "upper_body": Part(
             (

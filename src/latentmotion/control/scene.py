@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 from latentmotion.control.goals import Goal, Heading, Path, Pose, Reach
-from latentmotion.control.timeline import Span
+from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.storage.configuration import read_json
@@ -83,6 +83,20 @@ class SceneSpan:
 
 
 @dataclass(frozen=True)
+class ScenePartSpan:
+    """A prompt that one part of the body follows during a timeline."""
+
+    part: str
+    """Name of the part, such as `right_arm`, `arms` or `legs`."""
+    prompt: str
+    """What the person does, of which the part is taken."""
+    start: float
+    """Seconds."""
+    end: float
+    """Seconds."""
+
+
+@dataclass(frozen=True)
 class Scene:
     """A prompt with goals, or a timeline of prompts."""
 
@@ -104,10 +118,20 @@ class Scene:
     """Whole poses."""
     timeline: tuple[SceneSpan, ...] = ()
     """Prompts one after the other, in place of prompt, seconds and goals."""
+    timeline_parts: tuple[ScenePartSpan, ...] = ()
+    """What parts of the body do during the timeline."""
 
     def spans(self) -> list[Span]:
         """Returns the timeline for `MotionPipeline.timeline`."""
         return [Span(span.prompt, span.seconds) for span in self.timeline]
+
+    def part_spans(self) -> list[PartSpan]:
+        """Returns what parts of the body do, for `MotionPipeline.timeline`.
+
+        Raises:
+            InputError: Times are not ascending.
+        """
+        return [PartSpan(**vars(span)) for span in self.timeline_parts]
 
     def all_goals(self, folder: FilePath) -> list[Goal]:
         """Returns the goals for `MotionPipeline`, poses read.
@@ -140,6 +164,8 @@ def read_scene(path: FilePath) -> Scene:
     single = scene.prompt or scene.seconds is not None or scene.path or scene.goals
     if scene.timeline and (single or scene.headings or scene.poses):
         raise InputError(f"{path}: a timeline has no prompt, length or goals")
+    if scene.timeline_parts and not scene.timeline:
+        raise InputError(f"{path}: timeline_parts needs a timeline that the whole body follows")
     return scene
 
 

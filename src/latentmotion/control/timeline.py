@@ -2,6 +2,9 @@
 
 The tokens of a span are sampled with the last second of what is there already as known tokens, so
 that the transition is part of what the denoiser generates. All are decoded as one motion.
+
+On a second track prompts move one part of the body: each becomes a motion of its own, whose part is
+put on the body that follows the first track, with position and velocity of both seams.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.control.exact import inertialized
 from latentmotion.control.generator import (
     Generator,
     SampleKnown,
@@ -20,14 +24,19 @@ from latentmotion.control.generator import (
     margin_of,
     metadata_of,
 )
+from latentmotion.control.parts import parts_named, with_parts
 from latentmotion.control.stream import KNOWN, decode_in_windows
 from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
 from latentmotion.errors import InputError
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.motion import Motion
 
 LONGEST = 600.0
 """Most seconds of a timeline; a stream has no end."""
+
+_SEAM = 0.6
+"""Seconds in which a part of the body goes over to another motion."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +59,37 @@ class Span:
             )
 
 
+@dataclass(frozen=True)
+class PartSpan:
+    """A prompt that one part of the body follows for some time.
+
+    Raises:
+        InputError: The times are not ascending, or the first is before the motion.
+    """
+
+    part: str
+    """Name of the part, such as `right_arm`, `arms` or `legs`."""
+    prompt: str
+    """What the person does, of which the part is taken."""
+    start: float
+    """Seconds."""
+    end: float
+    """Seconds."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start < self.end < np.inf:
+            raise InputError(
+                f"{self.part}, {self.prompt!r}: from {self.start:g} to {self.end:g} s; expected "
+                "two ascending times from 0 s on"
+            )
+
+
 def generate_timeline(
     generator: Generator,
     spans: Sequence[str | tuple[str, float] | Span],
     seed: int,
     sampling: Sampling,
+    parts: Sequence[tuple[str, str, float, float] | PartSpan] = (),
 ) -> Motion:
     """Generates one motion for several prompts, as `MotionPipeline.timeline` does.
 
@@ -63,9 +98,11 @@ def generate_timeline(
         spans: Prompts, `(prompt, seconds)` or `Span`s.
         seed: Seed of the noise.
         sampling: Steps, guidance and sampler; 2 steps or more.
+        parts: What parts of the body do meanwhile: `(part, prompt, start, end)` or `PartSpan`s.
 
     Raises:
-        InputError: A prompt is not of the model's kind or a number is out of range.
+        InputError: A prompt is not of the model's kind, a number is out of range, there is no such
+            part, or two prompts move one joint at a time.
         ModelError: The model has no pullback.
     """
     card, space, motion = generator.card, generator.representation, decoders_of(generator)
@@ -73,6 +110,8 @@ def generate_timeline(
     prompts = [span.prompt for span in every]
     usual = generator.usual_seconds(prompts) or [USUAL_SECONDS] * len(every)
     tokens, (shortest, longest) = tokens_of(every, usual, space.fps), card.frames
+    above = [one if isinstance(one, PartSpan) else PartSpan(*one) for one in parts]
+    check_parts(above, sum(tokens) * STRIDE / space.fps, space.skeleton)
     frames = [min(max(STRIDE * count, shortest), longest) for count in tokens]
     request = GenerationRequest(tuple(prompts), tuple(frames), (seed,) * len(every), sampling)
     request.check(card, space.fps)
@@ -86,12 +125,20 @@ def generate_timeline(
     features = decode_in_windows(z, motion, margin_of(generator))
     joints = np.asarray(space.decode(features), np.float32)
     ends = (np.cumsum(tokens) * STRIDE / space.fps).tolist()
-    found = [
+    found: list[dict[str, object]] = [
         {"prompt": prompt, "start": start, "end": end}
         for prompt, start, end in zip(prompts, [0.0, *ends], ends, strict=False)
     ]
+    for number, span in enumerate(above, len(every)):
+        # A token more, so that rounding takes no frame away.
+        alone = Span(span.prompt, span.end - span.start + STRIDE / space.fps)
+        drawn = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+        own = generate_timeline(generator, [alone], drawn, sampling).joints
+        joints = _with_part(joints, own, span, space.fps, space.skeleton)
+        found.append(vars(span))
     about = {**metadata_of(generator, seed, sampling), "spans": found}
-    return Motion(joints, space.fps, space.skeleton, ", then ".join(prompts), about)
+    words = [", then ".join(prompts), *(f"{span.part}: {span.prompt}" for span in above)]
+    return Motion(joints, space.fps, space.skeleton, "; ".join(words), about)
 
 
 def spans_of(timeline: Sequence[str | tuple[str, float] | Span]) -> tuple[Span, ...]:
@@ -106,6 +153,58 @@ def spans_of(timeline: Sequence[str | tuple[str, float] | Span]) -> tuple[Span, 
         Span(one) if isinstance(one, str) else one if isinstance(one, Span) else Span(*one)
         for one in timeline
     )
+
+
+def check_parts(spans: Sequence[PartSpan], seconds: float, skeleton: Skeleton) -> None:
+    """Checks what parts of the body are asked to do.
+
+    Args:
+        spans: Parts with their prompts and times.
+        seconds: Length of the timeline.
+        skeleton: Of the model.
+
+    Raises:
+        InputError: There is no such part, it moves after the timeline's end, or two prompts move
+            one joint at a time.
+    """
+    for number, span in enumerate(spans):
+        parts_named([span.part], skeleton)
+        # Spans begin and end up to 0.1 s off what was asked.
+        if span.end > seconds + 0.1 + 1e-6:
+            raise InputError(
+                f"{span.part}, {span.prompt!r}, ends at {span.end:g} s, the timeline at "
+                f"{seconds:g} s: make the timeline longer or end it earlier"
+            )
+        for other in spans[:number]:
+            if max(span.start, other.start) >= min(span.end, other.end):
+                continue
+            try:
+                parts_named([other.part, span.part], skeleton)
+            except InputError as error:
+                raise InputError(
+                    f"{other.prompt!r} until {other.end:g} s and {span.prompt!r} from "
+                    f"{span.start:g} s move one joint at a time: {error}"
+                ) from error
+
+
+def parse_part_span(text: str) -> PartSpan:
+    """Reads `right_arm@1-3=a person waves`, as the command line has it.
+
+    Raises:
+        InputError: It is not of that form.
+    """
+    head, _, words = text.partition("=")
+    part, _, times = head.partition("@")
+    start, _, end = times.partition("-")
+    prompt = words.strip()
+    try:
+        seconds = float(start), float(end if prompt else "")
+    except ValueError as error:
+        raise InputError(
+            f"--timeline-part {text!r}: expected PART@START-END=PROMPT in seconds, such as "
+            "'right_arm@1-3=a person waves the right hand'"
+        ) from error
+    return PartSpan(part.strip(), prompt, *seconds)
 
 
 def parse_span(text: str) -> Span:
@@ -175,3 +274,34 @@ def tokens_of(spans: Sequence[Span], seconds: Sequence[float], fps: float) -> li
         )
     ends = np.round(np.cumsum(given) * fps / STRIDE).astype(int)
     return np.maximum(np.diff(ends, prepend=0), 1).tolist()
+
+
+def _with_part(
+    body: Float[np.ndarray, "frames joints 3"],
+    own: Float[np.ndarray, "some joints 3"],
+    span: PartSpan,
+    fps: float,
+    skeleton: Skeleton,
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns a motion whose part moves as in another; all other joints are the same numbers.
+
+    Args:
+        body: The motion.
+        own: The other, from the span's start on.
+        span: The part and its times.
+        fps: Frames per second.
+        skeleton: Of both.
+    """
+    moved, parts = body.copy(), parts_named([span.part], skeleton)
+    start, end = round(span.start * fps), min(round(span.end * fps), len(body))
+    if end <= start:
+        return moved
+    frames = slice(start, end)
+    piece = with_parts(body[frames], own[: end - start], parts, skeleton)
+    before, after = body[max(0, start - 3) : start], body[end : end + 3]
+    if len(before) or len(after):
+        # On the body again, as what is before and after has moved the chest and the hips too.
+        seamless = inertialized(piece, before, after, skeleton, _SEAM * fps)
+        piece = with_parts(body[frames], seamless, parts, skeleton)
+    moved[frames] = piece
+    return moved

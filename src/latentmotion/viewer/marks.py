@@ -22,7 +22,8 @@ def marks_of(motion: Motion) -> dict[str, Any]:
 
     Returns:
         `goals`: joint, at (seconds) and to (meters); `path`: at and to (x and z) of the points that
-        the pelvis passes; `poses`: seconds of keyframes; `spans`: prompt, start and end (seconds).
+        the pelvis passes; `poses`: seconds of keyframes; `spans`: prompt, start and end (seconds),
+        and the part of the body if it is of one.
     """
     goals = [goal for goal in _entries(motion, "goals") if _is_goal(goal, motion)]
     times = [goal["at"] for goal in goals]
@@ -44,6 +45,7 @@ def marks_of(motion: Motion) -> dict[str, Any]:
         path.insert(0, {"at": 0.0, "to": [round(float(v), 4) for v in motion.joints[0, 0, ::2]]})
     spans = [
         {"prompt": span["prompt"], "start": float(span["start"]), "end": float(span["end"])}
+        | ({"part": span["part"]} if isinstance(span.get("part"), str) else {})
         for span in _entries(motion, "spans")
         if isinstance(span.get("prompt"), str)
         and _is_number(span.get("start"))

@@ -55,9 +55,15 @@ export class Panel {
     const take = Math.max(this.motions.findIndex(({ marks }) => Object.keys(marks).length), 0);
     const { spans = [], goals = [], path = [], poses = [] } = this.motions[take].marks;
     const percent = (time) => `${(100 * time) / (this.timeline.seconds || 1)}%`;
-    const words = spans.map(({ prompt, start, end }) => {
+    // Those of parts of the body are above those of the whole, at one time one above the other.
+    const rows = [];
+    const words = spans.map(({ prompt, start, end, part }) => {
       const span = document.createElement("span");
-      span.textContent = span.title = prompt;
+      const free = rows.findIndex((until, row) => (part ? row > 0 : true) && until <= start);
+      const row = free < 0 ? Math.max(rows.length, part ? 1 : 0) : free;
+      rows[row] = end;
+      span.textContent = span.title = part ? `${part}: ${prompt}` : prompt;
+      span.style.setProperty("--row", row);
       span.style.left = percent(start);
       span.style.width = percent(Math.min(end, this.timeline.seconds) - start);
       return span;
@@ -72,6 +78,7 @@ export class Panel {
     find("marks").style.setProperty("--take", colors[take]);
     find("marks").append(...words, ...ticks);
     find("track").classList.toggle("spans", words.length > 0);
+    find("track").style.setProperty("--rows", rows.length);
   }
 
   #wire() {
