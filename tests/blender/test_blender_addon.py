@@ -10,15 +10,20 @@ import sys
 import tomllib
 import zipfile
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 
 from latentmotion.blender.build import SOURCE, build_zip, own_command
 from latentmotion.cli.main import main
+from latentmotion.control.goals import Path as MotionPath
+from latentmotion.control.goals import Reach
+from latentmotion.control.scene import read_scene
+from latentmotion.control.timeline import Span
 from latentmotion.errors import InputError
 from latentmotion.formats.bvh import read_bvh, write_bvh
+from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.walker import walker
 
 FILES = sorted(SOURCE.glob("*.py"))
@@ -34,7 +39,8 @@ def part(name: str) -> ModuleType:
     return module
 
 
-command, bvh = part("command"), part("bvh")
+command, bvh, directing = part("command"), part("bvh"), part("directing")
+PLACE = directing.Place((1.0, 2.0, 0.0), 0.0, 11, 25.0)
 
 
 def test_the_command_writes_the_zip(tmp_path: Path, capsys):
@@ -200,3 +206,102 @@ def test_a_job_can_be_ended(tmp_path: Path):
     assert not job.is_done()
     job.cancel()
     assert job.is_done() and not late.exists()
+
+
+class Thing(dict[str, object]):
+    """An object of Blender with its custom properties."""
+
+    def __init__(self, name: str, kind: str = "EMPTY", **properties: object) -> None:
+        super().__init__(properties)
+        self.name, self.type = name, kind
+
+
+def keyed(path: str, *frames: float) -> SimpleNamespace:
+    keys = [SimpleNamespace(co=(frame, 0.0)) for frame in frames]
+    return SimpleNamespace(data_path=path, keyframe_points=keys)
+
+
+def test_goals_become_a_scene_that_the_command_reads(tmp_path: Path):
+    goals = [
+        directing.Goal("right_wrist", 61, (1.5, 1.0, 1.2)),
+        directing.Goal("head", 36, (1, 2, 1.6)),
+    ]
+    scene = directing.goal_scene("a person walks", 4.0, goals, [(1, 2, 0), (1, 0, 0)], PLACE)
+    directing.write_scene(scene, tmp_path / "scene.json")
+    read = read_scene(tmp_path / "scene.json")
+    assert (read.prompt, read.seconds) == ("a person walks", 4.0)
+    assert read.all_goals(tmp_path) == [
+        MotionPath(((0.0, 0.0), (0.0, 2.0))),
+        Reach("head", 1.0, (0.0, 1.6, 0.0)),
+        Reach("right_wrist", 2.0, (0.5, 1.2, 1.0)),
+    ]
+
+
+def test_places_turn_with_the_figure():
+    # Rotated a quarter to the left, seen from above, a figure that faced -y faces +x.
+    place = directing.Place((0.0, 0.0, 0.0), np.pi / 2, 1, 24.0)
+    assert place.inside((2.0, 0.0, 1.0)) == (0.0, 1.0, 2.0)
+    assert place.inside((0.0, 2.0, 1.0)) == (2.0, 1.0, 0.0)
+
+
+def test_empties_have_a_joint_and_frames():
+    assert set(HUMANML3D.names) == directing.JOINTS
+    assert directing.joint_of(Thing("right_wrist.001")) == "right_wrist"
+    assert directing.joint_of(Thing("door", joint="right_wrist")) == "right_wrist"
+    assert directing.joint_of(Thing("door")) is None
+    assert directing.joint_of(Thing("head", "MESH")) is None
+    with pytest.raises(ValueError, match="door has the joint 'hand'; known are head"):
+        directing.joint_of(Thing("door", joint="hand"))
+    curves = [keyed("location", 30, 12), keyed("location", 12), keyed("rotation_euler", 50)]
+    assert directing.frames_of(Thing("head"), curves) == [12, 30]
+    assert directing.frames_of(Thing("head", frame=20), curves) == [20]
+    with pytest.raises(ValueError, match="head has no time: key its location"):
+        directing.frames_of(Thing("head"), curves[2:])
+
+
+def test_paths_are_points_on_the_curve():
+    corner = [SimpleNamespace(co=(x, y, 0.0, 1.0)) for x, y in ((0, 0), (0, 2), (1, 2))]
+    poly = SimpleNamespace(type="POLY", points=corner)
+    assert directing.path_points([poly]) == [(0, 0, 0), (0, 2, 0), (1, 2, 0)]
+    ends = [
+        SimpleNamespace(co=(0, 0, 0), handle_left=(-1, 0, 0), handle_right=(1, 0, 0)),
+        SimpleNamespace(co=(3, 0, 0), handle_left=(2, 0, 0), handle_right=(4, 0, 0)),
+    ]
+    found = np.array(directing.path_points([SimpleNamespace(type="BEZIER", bezier_points=ends)]))
+    np.testing.assert_allclose(
+        found, np.outer(np.linspace(0, 3, len(found)), (1, 0, 0)), atol=1e-12
+    )
+    with pytest.raises(ValueError, match="has 2 splines"):
+        directing.path_points([poly, poly])
+    with pytest.raises(ValueError, match="type NURBS: make it Bezier or Poly"):
+        directing.path_points([SimpleNamespace(type="NURBS")])
+
+
+def test_markers_become_a_timeline(tmp_path: Path):
+    markers = [("a person sits down", 86), ("F_20", 20), ("a person jumps", 61)]
+    scene = directing.marker_scene("a person walks", markers, PLACE, 135)
+    directing.write_scene(scene, tmp_path / "scene.json")
+    spans = [Span("a person walks", 2), Span("a person jumps", 1), Span("a person sits down", 2)]
+    assert read_scene(tmp_path / "scene.json").spans() == spans
+    last = directing.marker_scene("", markers, PLACE, 61)["timeline"][-1]
+    assert last == {"prompt": "a person sits down"}
+
+
+@pytest.mark.parametrize(
+    ("call", "error"),
+    [
+        (lambda: directing.goal_scene("a", 4, [], [], PLACE), "no goals: name an empty"),
+        (
+            lambda: directing.goal_scene("a", 4, [directing.Goal("head", 3, (0, 0, 0))], [], PLACE),
+            "head has a goal in frame 3, before the scene's first, 11",
+        ),
+        (lambda: directing.marker_scene("a", [("F_1", 1)], PLACE, 99), "no markers: add some"),
+        (
+            lambda: directing.marker_scene("a", [("b", 20), ("c", 20)], PLACE, 99),
+            "'b' and 'c' are at one frame",
+        ),
+    ],
+)
+def test_scenes_that_cannot_be_directed_say_why(call, error: str):
+    with pytest.raises(ValueError, match=error):
+        call()

@@ -2,6 +2,7 @@
 
 command.py     finds the command and runs it in the background
 bvh.py         reads takes and writes rest poses
+directing.py   empties, a curve and markers -> a scene file
 bones.py       rotations of a motion's joints -> rotations of an armature's bones
 actions.py     these rotations as an Action's curves
 settings.py    the panel's fields and the add-on's preferences

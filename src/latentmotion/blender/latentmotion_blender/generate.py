@@ -4,6 +4,7 @@ A selected armature whose bones have the motion's joint names gets the motion by
 through `latentmotion retarget`. With no armature selected, our mannequin is imported.
 """
 
+import math
 import shutil
 import tempfile
 import textwrap
@@ -11,11 +12,22 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
+from mathutils import Vector
 
 from .actions import make_action
 from .bones import Body
 from .bvh import read_take
 from .command import Job
+from .directing import (
+    Goal,
+    Place,
+    frames_of,
+    goal_scene,
+    joint_of,
+    marker_scene,
+    path_points,
+    write_scene,
+)
 from .settings import MISSING, command_of
 
 _SECONDS_BETWEEN_LOOKS = 0.1
@@ -27,7 +39,7 @@ class Task:
     """One press of the button: the settings, and the job that makes the motions.
 
     Raises:
-        ValueError: The command was not found.
+        ValueError: The command was not found, or goals or markers cannot be used.
     """
 
     running: "Task | None" = None
@@ -45,7 +57,11 @@ class Task:
         self.target = target.name if target else None
         self.bones: dict[str, str] | None = None
         """The bone of each joint of a retargeted motion; by name if None."""
+        directed = _directed(context, self.settings, self.fps, target)
         self.folder = Path(tempfile.mkdtemp(prefix="latentmotion-"))
+        self.scene = self.folder / "scene.json" if directed else None
+        if directed and self.scene:
+            write_scene(directed, self.scene)
         self.job = Job(self._calls(), self.folder)
 
     def _calls(self) -> Iterator[list[str]]:
@@ -53,9 +69,13 @@ class Task:
         settings, prompts = self.settings, self.folder / "prompt.txt"
         prompts.write_text(settings["prompt"] + "\n", encoding="utf-8")
         call = [self.command, "generate", "--json", "--model", settings["model"]]
-        call += ["--file", str(prompts)] if settings["prompt"].strip() else []
-        call += ["--seconds", f"{settings['seconds']:.6g}", "--fps", f"{self.fps:.9g}"]
-        call += ["--count", str(settings["takes"]), "--seed", str(settings["seed"])]
+        if self.scene:
+            call += ["--scene", str(self.scene)]
+        else:
+            call += ["--file", str(prompts)] if settings["prompt"].strip() else []
+            call += ["--seconds", f"{settings['seconds']:.6g}"]
+        call += ["--fps", f"{self.fps:.9g}", "--count", str(settings["takes"])]
+        call += ["--seed", str(settings["seed"])]
         yield [*call, "-o", str(self.folder / "made.bvh"), str(self.folder / "made.glb")]
         armature = self._armature()
         if armature is None:
@@ -80,6 +100,8 @@ class Task:
         takes = [read_take(file) for file in files]
         start = context.scene.frame_start
         name = self.settings["prompt"].strip() or self.settings["model"]
+        if self.settings["directed_by"] == "MARKERS":
+            name = "Timeline"
         actions = []
         for number, take in enumerate(takes, 1):
             body = Body(armature)
@@ -128,7 +150,53 @@ class Task:
         return sorted(numbered, key=lambda path: (len(path.name), path.name))
 
 
-_SETTINGS = ("prompt", "seconds", "seed", "takes", "model")
+_SETTINGS = ("prompt", "seconds", "seed", "takes", "model", "directed_by")
+
+
+def _directed(
+    context: bpy.types.Context, settings: dict, fps: float, target: bpy.types.Object | None
+) -> dict | None:
+    """Returns the scene file of goals or markers, or None where the sentence is all."""
+    scene, by = context.scene, settings["directed_by"]
+    if by == "SENTENCE":
+        return None
+    origin = target.matrix_world.translation if target else scene.cursor.location
+    turn = target.matrix_world.to_quaternion() if target else None
+    heading = 2 * math.atan2(turn.z, turn.w) if turn else 0.0
+    place = Place(tuple(origin), heading, scene.frame_start, fps)
+    if by == "MARKERS":
+        markers = [(marker.name, marker.frame) for marker in scene.timeline_markers]
+        return marker_scene(settings["prompt"], markers, place, scene.frame_end)
+    goals, paths, now = [], [], (scene.frame_current, scene.frame_subframe)
+    for thing in scene.objects:
+        joint = joint_of(thing)
+        for frame in frames_of(thing, _curves(thing)) if joint else []:
+            scene.frame_set(int(frame // 1), subframe=frame % 1)
+            goals.append(Goal(joint, frame, tuple(thing.matrix_world.translation)))
+        if thing.type == "CURVE" and thing.name.partition(".")[0] == "path":
+            paths.append(thing)
+    scene.frame_set(now[0], subframe=now[1])
+    if len(paths) > 1:
+        raise ValueError(f"{len(paths)} curves named path: a motion follows one")
+    points = [
+        thing.matrix_world @ Vector(p) for thing in paths for p in path_points(thing.data.splines)
+    ]
+    return goal_scene(settings["prompt"], settings["seconds"], goals, points, place)
+
+
+def _curves(thing: bpy.types.Object) -> list[bpy.types.FCurve]:
+    """Returns the animation curves of an object, of Blender 4 or 5."""
+    animation = thing.animation_data
+    if animation is None or animation.action is None:
+        return []
+    if hasattr(animation.action, "fcurves"):
+        return list(animation.action.fcurves)
+    bags = [
+        strip.channelbag(animation.action_slot)
+        for layer in animation.action.layers
+        for strip in layer.strips
+    ]
+    return [curve for bag in bags if bag for curve in bag.fcurves]
 
 
 def target_of(context: bpy.types.Context) -> bpy.types.Object | None:

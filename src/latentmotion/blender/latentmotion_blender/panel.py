@@ -22,6 +22,7 @@ class Panel(bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("seconds", "seed", "takes"):
             column.prop(settings, name)
+        layout.prop(settings, "directed_by")
         layout.prop(settings, "model")
         target = generate.target_of(context)
         layout.label(

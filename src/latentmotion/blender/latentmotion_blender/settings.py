@@ -33,6 +33,18 @@ class Settings(bpy.types.PropertyGroup):
         min=1,
         soft_max=10,
     )
+    directed_by: bpy.props.EnumProperty(
+        name="Directed by",
+        items=[
+            ("SENTENCE", "Sentence", "The sentence is all"),
+            (
+                "GOALS",
+                "Goals",
+                "Keyed empties named after joints, such as right_wrist, and a curve named path",
+            ),
+            ("MARKERS", "Markers", "Each marker's name is what the person does until the next"),
+        ],
+    )
     model: bpy.props.StringProperty(
         name="Model", description="Name or folder of the model", default="fast"
     )
