@@ -1,17 +1,24 @@
-"""`latentmotion experiment`: the paper's tables, with this project's figures beside the paper's."""
+"""`latentmotion experiment`: the paper's tables beside ours, and experiments of directing."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.errors import InputError, hint
+from latentmotion.model.card import DEFAULT
+from latentmotion.reproduce.directing import EXPERIMENTS
 from latentmotion.reproduce.tables import TABLES, rows_named, table_named
+
+if TYPE_CHECKING:
+    from latentmotion.data.dataset import Dataset
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,13 @@ class ListExperiments:
         """
         from latentmotion.reproduce.markdown import overview, rows_of
 
-        print(rows_of(table_named(self.name)) if self.name else overview(TABLES.values()))
+        if self.name in EXPERIMENTS:
+            print(f"{self.name}: {EXPERIMENTS[self.name][0]}")
+        elif self.name:
+            print(rows_of(table_named(self.name)))
+        else:
+            directing = [f"{name:<18}{title}" for name, (title, _) in EXPERIMENTS.items()]
+            print("\n".join([overview(TABLES.values()), "", "directing (--model):", *directing]))
 
 
 @dataclass(frozen=True)
@@ -63,8 +76,11 @@ class RunExperiment:
     """Train and measure the rows of a table; the same command again resumes a stopped run.
 
     Tables that share a folder share models. Writes OUTPUT/NAME.md, .json and, for a figure, .png.
+    Experiments of directing train nothing: they measure --model.
 
-    Example: latentmotion experiment run vae --data my_data --budget small -o results
+    Examples:
+        latentmotion experiment run vae --data my_data --budget small -o results
+        latentmotion experiment run goals --data my_data --model fast -o results
     """
 
     name: Annotated[Positional[str], arg(metavar="TABLE")]
@@ -84,6 +100,10 @@ class RunExperiment:
     replications: int | None = None
     """Repetitions of each measurement; by default those of the budget."""
     device: options.Device = options.AUTO
+    model: str = DEFAULT
+    """Name or folder of the model of an experiment of directing."""
+    count: int | None = None
+    """Motions of a row of an experiment of directing; by default 40."""
 
     def run(self) -> None:
         """Trains, measures and writes; prints the page.
@@ -92,6 +112,10 @@ class RunExperiment:
             InputError: Experiment, row or budget is unknown, or the folder holds other runs.
         """
         from latentmotion.data.dataset import Dataset
+
+        if self.name in EXPERIMENTS:
+            self._directing(Dataset.load(self.data))
+            return
         from latentmotion.evaluation.evaluators.interface import load_evaluator
         from latentmotion.evaluation.protocol import PROTOCOLS
         from latentmotion.gpu.backend import text_encoder_named
@@ -104,6 +128,9 @@ class RunExperiment:
             folder = self.output / "text" / name.replace(":", "_").replace("/", "_")
             return CachedTextEncoder(text_encoder_named(name), folder)
 
+        if self.name not in TABLES:
+            known = [*TABLES, *EXPERIMENTS]
+            raise InputError(f"unknown experiment {self.name!r}; {hint(self.name, known)}")
         table = table_named(self.name)
         rows = rows_named(table, self.rows)
         with distributed_context(self.device) as context:
@@ -116,3 +143,24 @@ class RunExperiment:
             protocol = sizes.protocol(replace(PROTOCOLS[self.protocol], replications=count))
             tables = runner.TableRunner(table, work, protocol, evaluator)
             print(tables.run(rows).read_text(encoding="utf-8"))
+
+    def _directing(self, data: Dataset) -> None:
+        """Measures an experiment of directing; prints the page."""
+        from latentmotion.pipeline import MotionPipeline
+        from latentmotion.ranking.scorer import shipped_scorer
+        from latentmotion.reproduce.directing.bench import Bench, write_results
+
+        count = 40 if self.count is None else self.count
+        if count < 2:
+            raise InputError(f"--count {count}: expected 2 or more motions")
+        if self.evaluator or self.rows or self.set:
+            raise InputError(
+                f"{self.name} is an experiment of directing: leave --evaluator, --rows, --set out"
+            )
+        title, place = EXPERIMENTS[self.name]
+        module, _, function = place.partition(":")
+        measure = getattr(import_module(f"latentmotion.reproduce.directing.{module}"), function)
+        generate = MotionPipeline.from_pretrained(self.model, threads=1)
+        bench = Bench(generate, data, shipped_scorer(), count)
+        page = write_results(self.name, title, measure(bench), bench, self.output)
+        print(page.read_text(encoding="utf-8"))

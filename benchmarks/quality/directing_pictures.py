@@ -1,0 +1,109 @@
+"""The pictures of docs/guide/control.md and fit.md: a strip for each way to direct a motion.
+
+python -m benchmarks.quality.directing_pictures docs/pictures --model fast
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as Folder
+
+import numpy as np
+from PIL import Image
+
+from latentmotion import Motion, MotionPipeline, Path, Reach
+from latentmotion.render.strip import write
+
+WIDTH, MOST = 880, 58_000
+"""Pixels, and bytes of a picture."""
+
+
+def path(generate: MotionPipeline) -> list[Motion]:
+    wave = [(0.9 * float(np.sin(1.1 * z)), z) for z in np.linspace(0, 5.4, 8).tolist()]
+    motion = generate("a person walks forward", 5, 1, goals=[Path(wave)]).cleaned()
+    return [replace(motion, caption="walks forward, along a path")]
+
+
+def goals(generate: MotionPipeline) -> list[Motion]:
+    goals = [Reach("right_wrist", 2.0, (-0.35, 1.8, 2.3)), Reach("pelvis", 2.0, (0, None, 2.1))]
+    motion = generate("a person walks forward", 4, 2, goals=goals).cleaned()
+    return [replace(motion, caption="walks; right wrist 1.8 m high at 2 s")]
+
+
+def edit(generate: MotionPipeline) -> list[Motion]:
+    walk = generate("a person walks forward", 5, 0).cleaned()
+    jump = generate.edit(walk, "a person jumps", (1.6, 3.0), 3)
+    return [
+        replace(walk, caption="walks forward"),
+        replace(jump, caption="the same; jumps between 1.6 and 3 s"),
+    ]
+
+
+def timeline(generate: MotionPipeline) -> list[Motion]:
+    spans = [("a person walks forward", 3), ("a person jumps", 2), ("a person sits down", 3)]
+    return [generate.timeline(spans, 2).cleaned()]
+
+
+def two_tracks(generate: MotionPipeline) -> list[Motion]:
+    spans, wave = [("a person walks forward", 5)], "a person waves the right hand"
+    motion = generate.timeline(spans, 1, parts=[("right_arm", wave, 1, 4)]).cleaned()
+    return [replace(motion, caption="walks forward; right arm: waves from 1 to 4 s")]
+
+
+def loop(generate: MotionPipeline) -> list[Motion]:
+    turn = generate.loop("a person runs forward", 1.2, 2)
+    joints = turn.joints.copy()
+    joints[..., [0, 2]] -= joints[:, :1, [0, 2]]
+    twice = replace(turn, joints=np.concatenate([joints, joints]))
+    return [replace(twice, caption="runs, in place: two turns of 1.2 s")]
+
+
+def fit(generate: MotionPipeline) -> list[Motion]:
+    real = generate("a person walks forward and waves", 3.2, 3).cleaned()
+    noise = np.random.default_rng(0).normal(0, 0.05, real.joints.shape)
+    noisy = (real.joints + noise).astype(np.float32)
+    fitted = generate.fit(noisy).cleaned()
+    return [
+        replace(Motion(noisy, real.fps), caption="recorded, 5 cm of noise"),
+        replace(fitted, caption="fitted"),
+    ]
+
+
+PICTURES: dict[str, Callable[[MotionPipeline], list[Motion]]] = {
+    "path": path,
+    "goals": goals,
+    "edit": edit,
+    "timeline": timeline,
+    "two_tracks": two_tracks,
+    "loop": loop,
+    "fit": fit,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Folder)
+    parser.add_argument("--model", default="fast")
+    parser.add_argument("--only", nargs="*", default=list(PICTURES))
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")
+    generate = MotionPipeline.from_pretrained(options.model, threads=1)
+    for name in options.only:
+        file = options.folder / f"directing_{name}.png"
+        motions, style = PICTURES[name](generate), "path" if name == "path" else "row"
+        write(file, motions, style, 11, WIDTH)
+        with Image.open(file) as opened:
+            picture = opened.convert("RGB")
+        for colors in (48, 32, 24, 16):
+            few = picture.quantize(colors, dither=Image.Dither.NONE)
+            few.save(file, optimize=True)
+            if file.stat().st_size <= MOST:
+                break
+        print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
