@@ -77,8 +77,8 @@ def test_names_that_say_nothing_are_guessed_and_can_be_corrected(
 @pytest.mark.parametrize(
     ("mapping", "told"),
     [
-        ({"left_hip": "nobody"}, "'nobody', which is none of the rig's joints"),
-        ({"tail": "left_hip"}, "the map has 'tail'"),
+        ({"left_hip": "nobody"}, "'nobody'"),
+        ({"tail": "left_hip"}, "map has 'tail'"),
         ({"left_hip": 3}, "string"),
     ],
 )
