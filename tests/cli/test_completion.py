@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from latentmotion.cli import completion
 from latentmotion.cli.main import main
+from latentmotion.errors import MissingExtraError
 
 ASK = """
 source {script}
@@ -38,3 +40,16 @@ def test_bash_completes_commands_options_and_choices(
     )
     found = [line.split() for line in done.stdout.splitlines()]
     assert found == [["generate"], ["hdm05"], ["--model"], ["openvino"]], done.stderr
+
+
+@pytest.mark.parametrize("error", [ModuleNotFoundError("x"), MissingExtraError("a", "b", "c")])
+def test_commands_of_missing_extras_are_completed_by_their_names(
+    error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(name: str) -> None:
+        raise error
+
+    monkeypatch.setattr(completion, "import_module", refuse)
+    with pytest.raises(SystemExit):
+        main(["completion", "zsh"])
+    assert "text-encoder" in capsys.readouterr().out

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from clients import HERE, run
 
 from latentmotion.cli.main import main
+from tests.clients.clients import HERE, run
 
 COMMAND = Path(sys.executable).with_name("latentmotion")
 

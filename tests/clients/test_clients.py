@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from clients import Seen, in_blender, in_browser, in_usd, measure, takes, validate
-from conftest import Row, Table
 
 from latentmotion import formats
 from latentmotion.motion import Motion
+from tests.clients.clients import Seen, in_blender, in_browser, in_usd, measure, takes, validate
+from tests.clients.conftest import Row, Table
 
 CLOSE = 0.01
 """Meters."""

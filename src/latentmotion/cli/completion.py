@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal
 import tyro
 from tyro.conf import Positional, arg, subcommand
 
+from latentmotion.errors import MissingExtraError
+
 
 @dataclass(frozen=True)
 class Completion:
@@ -42,7 +44,7 @@ def _command(name: str, target: str) -> Any:
     module, _, cls = target.partition(":")
     try:
         return getattr(import_module(f"latentmotion.cli.{module}"), cls)
-    except ModuleNotFoundError:
+    except (ModuleNotFoundError, MissingExtraError):
         return make_dataclass(name.title(), [])
 
 
