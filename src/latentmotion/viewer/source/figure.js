@@ -46,6 +46,17 @@ export class Figure {
   }
 }
 
+/** A figure that what stands behind it can be seen through. */
+export function ghost(motion, geometry, color, at) {
+  const figure = new Figure(motion, geometry, color, at);
+  const [transparent, opacity, depthWrite] = [true, 0.3, false];
+  figure.object.material.dispose();
+  figure.object.material = new THREE.MeshLambertMaterial({ color, transparent, opacity, depthWrite });
+  figure.object.castShadow = false;
+  figure.object.receiveShadow = false;
+  return figure;
+}
+
 // The bones hold matrices of the motion's own space, and the mesh's position shifts the result:
 // three.js calls that detached.
 function skinnedMesh(geometry, material, bones) {

@@ -1,7 +1,7 @@
 // What was asked of a motion: goals with names, the path with times, ghosts at keyframes.
 
 import * as THREE from "three";
-import { Figure } from "./figure.js";
+import { ghost } from "./figure.js";
 
 const NEAR = 0.25; // seconds around its time in which a goal is lit
 const LIFT = 0.006; // meters of the path above the floor
@@ -14,7 +14,11 @@ export class Marks {
     this.stops = path.map((stop) => new Stop(stop, color));
     this.object = new THREE.Group().add(...[...this.goals, ...this.stops].map((mark) => mark.object));
     if (path.length > 1) this.object.add(curve(path, color));
-    for (const time of poses) this.object.add(ghost(motion, geometry, color, time));
+    for (const time of poses) {
+      const figure = ghost(motion, geometry, color, [0, 0]);
+      figure.showTime(time);
+      this.object.add(figure.object);
+    }
     this.object.position.set(dx, 0, dz);
   }
 
@@ -65,16 +69,6 @@ function curve(path, color) {
   const line = new THREE.CatmullRomCurve3(points, false, "centripetal");
   const material = new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.5 });
   return new THREE.Mesh(new THREE.TubeGeometry(line, 24 * path.length, 0.012, 8), material);
-}
-
-function ghost(motion, geometry, color, time) {
-  const figure = new Figure(motion, geometry, color, [0, 0]);
-  const [transparent, opacity, depthWrite] = [true, 0.3, false];
-  figure.object.material = new THREE.MeshLambertMaterial({ color, transparent, opacity, depthWrite });
-  figure.object.castShadow = false;
-  figure.object.receiveShadow = false;
-  figure.showTime(time);
-  return figure.object;
 }
 
 // Words that face the camera, `up` meters above what they name.

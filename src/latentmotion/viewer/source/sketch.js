@@ -9,15 +9,21 @@ const MIDDLE = 0.96; // height of what it looks at, meters
 export class Sketch {
   constructor(canvas, motions, colors) {
     this.name = "canvas";
-    Object.assign(this, { canvas, motions, colors });
+    this.canvas = canvas;
     this.context = canvas.getContext("2d");
-    this.offsets = lineUp(motions);
-    this.paths = motions.map(smoothPath);
-    Object.assign(this, { watched: null, follow: true, time: 0, angle: START, scale: 1, free: 0 });
+    Object.assign(this, { follow: true, angle: START, scale: 1, free: 0 });
+    this.show(motions, colors);
     canvas.addEventListener("pointermove", ({ buttons, movementX }) => {
       if (buttons) this.turn(-movementX * 0.01);
     });
     canvas.addEventListener("wheel", ({ deltaY }) => this.zoom(Math.exp(deltaY * 0.001)));
+  }
+
+  /** Shows other motions, from their beginning; the view stays until `reset`. */
+  show(motions, colors, { offsets = lineUp(motions) } = {}) {
+    Object.assign(this, { motions, colors, offsets, watched: null });
+    this.paths = motions.map(smoothPath);
+    this.showTime(0);
   }
 
   showTime(time) {

@@ -27,34 +27,43 @@ export class Stage {
     this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.05, 3 * FARTHEST);
     this.controls = orbit(this.camera, canvas, () => (this.stale = true));
     this.controls.addEventListener("start", () => (this.touched = true));
-    this.offsets = lineUp(motions);
-    this.figures = this.#figures(motions, colors);
-    this.paths = motions.map(smoothPath);
-    this.floor = new Floor(motions, this.offsets, colors);
-    this.marks = this.figures.map(({ motion }, i) => {
-      return new Marks(motion, geometries.get(motion.skeleton), colors[i], this.offsets[i]);
-    });
-    this.all = motions.map((_, take) => take);
-    this.seconds = Math.max(...motions.map(({ seconds }) => seconds));
-    this.sun = sunlight(this.#spread(this.all, true).length() / 2 + 1.9);
-    this.scene = new THREE.Scene().add(
-      ...[...this.figures, ...this.marks].map((drawn) => drawn.object),
-      ...[this.floor.object, this.sun, this.sun.target, skylight(), rimlight()],
-    );
+    this.scene = new THREE.Scene().add(skylight(), rimlight());
+    this.shown = []; // objects of the motions that are shown
+    this.past = []; // objects that were shown before the last picture
+    this.eye = EYE;
     this.watched = null;
     this.follow = true;
     this.detail = 1;
     this.freeHeight = 0;
-    this.time = 0;
     this.center = new THREE.Vector3(0, HEIGHT, 0);
+    this.show(motions, colors);
   }
 
-  #figures(motions, colors) {
-    return motions.map((motion, i) => {
-      const { skeleton } = motion;
-      if (!geometries.has(skeleton)) geometries.set(skeleton, bodyGeometry(skeleton));
-      return new Figure(motion, geometries.get(skeleton), colors[i], this.offsets[i]);
+  /**
+   * Shows other motions, from their beginning; the view stays until `reset`. `makers` make figures
+   * other than the mannequin, `offsets` set them elsewhere than side by side.
+   */
+  show(motions, colors, { makers = [], offsets = lineUp(motions) } = {}) {
+    this.past.push(...this.shown);
+    this.offsets = offsets;
+    this.figures = motions.map((motion, i) => {
+      return (makers[i] ?? mannequin)(motion, geometryOf(motion), colors[i], offsets[i]);
     });
+    this.paths = motions.map(smoothPath);
+    this.floor = new Floor(motions, offsets, colors);
+    this.marks = motions.map((motion, i) => {
+      return new Marks(motion, geometryOf(motion), colors[i], offsets[i]);
+    });
+    this.all = motions.map((_, take) => take);
+    this.watched = null;
+    this.seconds = Math.max(...motions.map(({ seconds }) => seconds));
+    this.sun = sunlight(this.#spread(this.all, true).length() / 2 + 1.9);
+    this.sun.shadow.mapSize.setScalar(SHADOW_PIXELS * this.detail);
+    this.shown = [this.floor, ...this.figures, ...this.marks].map((drawn) => drawn.object);
+    this.shown.push(this.sun, this.sun.target);
+    this.scene.remove(...this.past).add(...this.shown);
+    this.setDark(this.dark);
+    this.showTime(0);
   }
 
   showTime(time) {
@@ -136,7 +145,7 @@ export class Stage {
     this.camera.far = Math.max(3 * FARTHEST, 4 * distance);
     this.camera.updateProjectionMatrix();
     this.controls.target.copy(this.center);
-    this.camera.position.copy(this.center).addScaledVector(EYE, distance);
+    this.camera.position.copy(this.center).addScaledVector(this.eye, distance);
     this.controls.update();
     this.touched = false;
     this.stale = true;
@@ -144,11 +153,11 @@ export class Stage {
 
   /** How far back the eye has to stand for both ends of a row, the nearer one seen larger. */
   #far(size, half) {
-    const aside = new THREE.Vector3(0, 1, 0).cross(EYE).normalize();
+    const aside = new THREE.Vector3(0, 1, 0).cross(this.eye).normalize();
     const ends = [-1, 1].flatMap((x) => [-1, 1].map((z) => {
       return new THREE.Vector3(x * (size.x / 2 + BESIDE), 0, (z * size.z) / 2);
     }));
-    return Math.max(...ends.map((end) => end.dot(EYE) + Math.abs(end.dot(aside)) / half));
+    return Math.max(...ends.map((end) => end.dot(this.eye) + Math.abs(end.dot(aside)) / half));
   }
 
   turn(angle) {
@@ -195,6 +204,7 @@ export class Stage {
   }
 
   setDark(dark) {
+    this.dark = dark;
     this.floor.setDark(dark);
     this.stale = true;
   }
@@ -213,7 +223,32 @@ export class Stage {
     this.floor.fadeAround(this.controls.target, this.camera.position);
     this.renderer.render(this.scene, this.camera);
     this.stale = false;
+    // Only now, so that what is shown shares the programs of what was shown before.
+    this.past.splice(0).forEach(release);
   }
+}
+
+function mannequin(motion, geometry, color, at) {
+  return new Figure(motion, geometry, color, at);
+}
+
+// Figures of one skeleton share the resting skin.
+function geometryOf({ skeleton }) {
+  if (!geometries.has(skeleton)) geometries.set(skeleton, bodyGeometry(skeleton));
+  return geometries.get(skeleton);
+}
+
+/** Frees what an object holds on the graphics card, but for skins, which are shared. */
+export function release(object) {
+  object.traverse(({ geometry, material, skeleton, shadow }) => {
+    if (!geometry?.attributes.paint) geometry?.dispose();
+    for (const one of [material ?? []].flat()) {
+      one.map?.dispose();
+      one.dispose();
+    }
+    skeleton?.dispose();
+    shadow?.dispose();
+  });
 }
 
 function orbit(camera, canvas, changed) {

@@ -1,9 +1,9 @@
 // The site: a sentence → takes side by side, made in this page by the model in its worker.
 
-import { Motion } from "../motion.js";
+import { boneLengths, Motion } from "../motion.js";
 import { colorsOf } from "../colors.js";
+import { Player } from "../player.js";
 import { bvh, fileName, npz, save } from "./files.js";
-import { Player } from "./player.js";
 import { fromAddress, fromForm, intoForm, toAddress } from "./recipe.js";
 
 const find = (id) => document.getElementById(id);
@@ -85,8 +85,8 @@ function show(motions) {
   const shown = motions.map(
     (motion) => new Motion({ caption: motion.prompt, fps: motion.fps }, skeleton, motion.joints),
   );
-  player.show(shown);
   const colors = colorsOf(motions);
+  player.show(shown, colors);
   const buttons = motions.map((motion, take) => takeButton(motion, take, colors[take]));
   find("takes").replaceChildren(...buttons);
   find("takes").hidden = find("panel").hidden = find("save").hidden = false;
@@ -117,18 +117,6 @@ function chosen() {
     (button) => button.getAttribute("aria-pressed") === "true",
   );
   return pressed < 0 ? made.map((_, take) => take) : [pressed];
-}
-
-/** Median length of each bone, meters. */
-function boneLengths({ joints, skeleton: { parents }, frames }) {
-  return parents.map((parent, joint) => {
-    if (parent < 0) return 0;
-    const lengths = Array.from({ length: frames }, (_, frame) => {
-      const at = (j, axis) => joints[(frame * parents.length + j) * 3 + axis];
-      return Math.hypot(...[0, 1, 2].map((axis) => at(joint, axis) - at(parent, axis)));
-    });
-    return lengths.sort((a, b) => a - b)[Math.floor(frames / 2)];
-  });
 }
 
 function showTime() {
@@ -179,7 +167,7 @@ addEventListener("hashchange", () => {
 });
 document.addEventListener("keydown", (event) => {
   const typing = /^(INPUT|SELECT|BUTTON|TEXTAREA|SUMMARY)$/.test(event.target.tagName);
-  if (event.key !== " " || typing || !player.timeline) return;
+  if (event.key !== " " || typing || !made.length) return;
   event.preventDefault();
   player.timeline.play(!player.timeline.playing);
 });

@@ -1,0 +1,130 @@
+// The screen Character: the user's figure, which bone moves with which joint, the motion on it.
+
+import { get, query, request, send } from "./api.js";
+import { fill, find, make, onChange, onClick, say, trying, words } from "./dom.js";
+
+export class CharacterScreen {
+  /** `restage` draws the stage again; `isShown` says if this screen is there. */
+  constructor(studio, restage, isShown) {
+    Object.assign(this, { studio, restage, isShown, characters: [], current: null });
+    fill(find("character-format"), studio.capabilities.character_formats ?? ["glb", "bvh"]);
+    onClick("character-open", () => find("character-file").click());
+    onChange("character-file", (field) => this.add(field.files[0]).finally(() => (field.value = "")));
+    onChange("character-list", ({ value }) => this.choose(value));
+    onClick("character-export", () => this.export());
+    onClick("character-delete", () => this.remove());
+    for (const kind of ["dragover", "drop"]) {
+      document.addEventListener(kind, (event) => {
+        if (!this.isShown()) return;
+        event.preventDefault();
+        if (kind === "drop" && event.dataTransfer.files.length) trying(() => this.add(event.dataTransfer.files[0]));
+      });
+    }
+  }
+
+  /** The motion on the mannequin, and on the character beside it. */
+  actors() {
+    const { take } = this.studio;
+    if (!take) return [];
+    const plain = { take, figure: "mannequin" };
+    return this.current ? [plain, { take, figure: this.current.id }] : [plain];
+  }
+
+  async list() {
+    const answer = await get("characters");
+    this.characters = answer.characters ?? answer;
+    const known = this.characters.map(({ id, name }) => [id, name]);
+    fill(find("character-list"), known.length ? known : [["", "none yet"]], this.current?.id);
+    const figures = [["mannequin", "Mannequin"], ["stick", "Stick figure"], ...known];
+    fill(find("figure"), figures, this.studio.figure);
+    const current = this.characters.find(({ id }) => id === find("character-list").value);
+    this.current = current ?? null;
+    this.#show();
+  }
+
+  choose(id) {
+    this.current = this.characters.find((character) => character.id === id) ?? null;
+    this.#show();
+    return this.restage();
+  }
+
+  async add(file) {
+    if (!file) return;
+    say(`Reading ${file.name} …`);
+    let character = null;
+    const redo = async () => {
+      const answer = await request("POST", `characters?${query({ name: file.name })}`, { body: file });
+      this.current = character = await answer.json();
+      await this.#changed();
+    };
+    const undo = async () => {
+      await request("DELETE", `characters/${character.id}`);
+      this.current = null;
+      await this.#changed();
+    };
+    await this.studio.history.act("Open character", redo, undo);
+    const { missing } = character;
+    const lack = missing.length ? `; no bone for ${missing.map(words).join(", ")}` : "";
+    say(`${character.name}: ${character.bones.length} bones${lack}.`);
+  }
+
+  async #changed() {
+    if (!["mannequin", "stick"].includes(this.studio.figure)) this.studio.figure = "mannequin";
+    await this.list();
+    await this.restage();
+  }
+
+  #show() {
+    const character = this.current;
+    find("character-body").hidden = !character;
+    if (!character) return;
+    const { bones, mapping, missing, guessed } = character;
+    find("character-facts").textContent =
+      `${bones.length} bones, ${guessed.length} joints guessed` +
+      (missing.length ? `, ${missing.length} missing` : "");
+    find("bones").tBodies[0].replaceChildren(
+      ...Object.entries(mapping).map(([joint, bone]) => this.#row(joint, bone, bones)),
+    );
+  }
+
+  #row(joint, bone, bones) {
+    const isGuessed = this.current.guessed.includes(joint);
+    const select = make("select", {
+      aria: { label: `Bone of ${words(joint)}` },
+      on: { change: ({ target }) => trying(() => this.#assign(joint, target.value || null)) },
+    });
+    fill(select, [["", "– none –"], ...bones.map((name) => [name, name])], bone ?? "");
+    const state = bone ? (isGuessed ? "guessed" : "") : "missing";
+    const name = make("th", { scope: "row" }, words(joint));
+    if (state) name.append(make("small", { className: state, textContent: ` ${state}` }));
+    return make("tr", { data: { joint, state } }, name, make("td", {}, select));
+  }
+
+  #assign(joint, bone) {
+    const character = this.current;
+    const put = (mapping) => async () => {
+      this.current = await send("PATCH", `characters/${character.id}`, { mapping });
+      await this.list();
+      await this.restage();
+    };
+    const { mapping } = character;
+    const done = this.studio.history.act("Bone", put({ ...mapping, [joint]: bone }), put(mapping));
+    return done.catch((error) => {
+      this.#show();
+      throw error;
+    });
+  }
+
+  async export() {
+    if (!this.studio.take) throw new Error("There is no take yet: make one first.");
+    const format = find("character-format").value;
+    say(`Saved ${await this.studio.export(this.studio.take, format, this.current.id)}.`);
+  }
+
+  async remove() {
+    await request("DELETE", `characters/${this.current.id}`);
+    this.current = null;
+    await this.#changed();
+    say("Character removed.");
+  }
+}

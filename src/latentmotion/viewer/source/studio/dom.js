@@ -1,0 +1,50 @@
+// Elements of the page: found by id, or made; and the line that says what happened.
+
+export const find = (id) => document.getElementById(id);
+
+/** Makes an element; `on` are its listeners, `data` its data attributes, `aria` those of ARIA. */
+export function make(tag, { on = {}, data = {}, aria = {}, ...properties } = {}, ...children) {
+  const element = Object.assign(document.createElement(tag), properties);
+  Object.assign(element.dataset, data);
+  for (const [name, value] of Object.entries(aria)) element.setAttribute(`aria-${name}`, value);
+  for (const [kind, listener] of Object.entries(on)) element.addEventListener(kind, listener);
+  element.append(...children);
+  return element;
+}
+
+export function say(words, isWrong = false) {
+  find("status").textContent = words;
+  find("status").classList.toggle("wrong", isWrong);
+}
+
+/** Calls `work`; what goes wrong is said, never thrown. */
+export async function trying(work) {
+  try {
+    return await work();
+  } catch (error) {
+    say(error.message, true);
+    return undefined;
+  }
+}
+
+export function onClick(id, action) {
+  find(id).addEventListener("click", () => trying(action));
+}
+
+export function onChange(id, action) {
+  find(id).addEventListener("change", (event) => trying(() => action(event.target)));
+}
+
+export function press(id, isPressed) {
+  find(id).setAttribute("aria-pressed", String(isPressed));
+}
+
+/** Fills a list with [value, words] or plain values, and keeps what is chosen where it is there. */
+export function fill(select, options, chosen = select.value) {
+  const rows = options.map((option) => (Array.isArray(option) ? option : [option, option]));
+  select.replaceChildren(...rows.map(([value, words]) => new Option(words, value)));
+  if (rows.some(([value]) => String(value) === String(chosen))) select.value = chosen;
+}
+
+export const words = (name) => name.replaceAll("_", " ");
+export const round = (value, places = 2) => Number(value.toFixed(places));

@@ -1,0 +1,85 @@
+// What will be asked for: prompts with their lengths, a path, goals, and how it is generated.
+
+const SETTINGS = ["takes", "seed", "steps", "guidance", "clean", "loop", "best_of"];
+
+export function emptyDraft({ steps, guidance }) {
+  return {
+    segments: [{ prompt: "", seconds: null }],
+    path: [], // {x, z, at}: meters, seconds or null
+    goals: [], // {joint, at, to: [x, y, z]}
+    settings: {
+      ...{ takes: 4, seed: 0, steps: steps.at(-1), guidance: guidance.usual },
+      ...{ clean: true, loop: false, best_of: 1 },
+    },
+  };
+}
+
+/** The recipe that the server makes motions from. */
+export function recipeOf({ segments, path, goals, settings }) {
+  const { takes, loop, best_of: best, ...rest } = settings;
+  const recipe = { format: 1, ...rest };
+  if (best > 1) recipe.best_of = best;
+  if (segments.length > 1) return { ...recipe, timeline: segments };
+  Object.assign(recipe, segments[0]);
+  if (loop) return { ...recipe, loop };
+  if (path.length > 1) recipe.path = pathOf(path);
+  if (goals.length) recipe.goals = goals;
+  return recipe;
+}
+
+/** What a take was made from, as a draft. */
+export function draftOf(recipe, usual) {
+  const { prompt = "", seconds = null, timeline = [], path, goals = [] } = recipe;
+  const settings = { ...usual.settings, loop: false, best_of: 1 };
+  for (const name of SETTINGS) if (recipe[name] != null) settings[name] = recipe[name];
+  return {
+    segments: timeline.length ? timeline.map((one) => ({ seconds: null, ...one })) : [{ prompt, seconds }],
+    path: waypointsOf(path),
+    goals: goals.map(({ joint, at, to }) => ({ joint, at, to: to.map((value) => value ?? 0) })),
+    settings,
+  };
+}
+
+/** Whether paths and goals go with what else is asked for. */
+export function takesGoals({ segments, settings }) {
+  return segments.length === 1 && !settings.loop;
+}
+
+/** A draft as a project keeps it. */
+export function projectOf(name, { segments, path, goals, settings }, takes) {
+  const kept = { format: 1, name, takes: takes.map(({ id }) => id), timeline: segments, goals, settings };
+  return path.length ? { ...kept, path: pathOf(path) } : kept;
+}
+
+export function draftOfProject({ timeline, path, goals = [], settings = {} }, usual) {
+  const segments = timeline?.length ? timeline : usual.segments;
+  return { segments, path: waypointsOf(path), goals, settings: { ...usual.settings, ...settings } };
+}
+
+// Times are kept where every point has one.
+function pathOf(path) {
+  const points = path.map(({ x, z }) => [x, z]);
+  return path.every(({ at }) => at !== null) ? { points, at: path.map(({ at }) => at) } : { points };
+}
+
+function waypointsOf(path) {
+  return (path?.points ?? []).map(([x, z], i) => ({ x, z, at: path.at?.[i] ?? null }));
+}
+
+/** Seconds of each prompt; one without a length counts as long as what was made of it. */
+export function lengthsOf({ segments }, whole) {
+  const given = segments.reduce((sum, { seconds }) => sum + (seconds ?? 0), 0);
+  const open = segments.filter(({ seconds }) => seconds === null).length;
+  const usual = open && whole > given + 0.5 * open ? (whole - given) / open : 4;
+  return segments.map(({ seconds }) => seconds ?? usual);
+}
+
+/** When each waypoint is passed: as it says, or by the way walked until there. */
+export function timesOf(path, seconds) {
+  const ways = [0];
+  for (let i = 1; i < path.length; i++) {
+    ways.push(ways[i - 1] + Math.hypot(path[i].x - path[i - 1].x, path[i].z - path[i - 1].z));
+  }
+  const whole = ways.at(-1) || 1;
+  return path.map(({ at }, i) => at ?? (ways[i] / whole) * seconds);
+}

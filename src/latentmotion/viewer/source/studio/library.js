@@ -1,0 +1,190 @@
+// The screen Library: all takes with pictures; search, tags, stars; many at once; import.
+
+import { download, get, query, request } from "./api.js";
+import { fill, find, make, onChange, onClick, round, say, trying } from "./dom.js";
+
+const PAGE = 60; // takes that are asked for at once
+const PATIENCE = 200; // milliseconds without a key before a search
+
+export class Library {
+  /** `go` leads to a screen by its name, `compare` puts two takes side by side. */
+  constructor(studio, go, compare) {
+    Object.assign(this, { studio, go, compare, takes: [], chosen: new Map(), pictures: new Map() });
+    fill(find("zip-format"), studio.capabilities.formats);
+    this.seen = new IntersectionObserver((entries) => {
+      for (const { isIntersecting, target } of entries) if (isIntersecting) this.#paint(target);
+    });
+    let waiting = 0;
+    find("query").addEventListener("input", () => {
+      clearTimeout(waiting);
+      waiting = setTimeout(() => trying(() => this.list()), PATIENCE);
+    });
+    find("filters").addEventListener("submit", (event) => event.preventDefault());
+    for (const id of ["tag", "only-stars", "only-deleted"]) onChange(id, () => this.list());
+    onClick("more", () => this.list(this.takes.length));
+    onClick("import", () => find("import-file").click());
+    onChange("import-file", (field) => this.import([...field.files]).finally(() => (field.value = "")));
+    onClick("choose-all", () => this.chooseAll());
+    onClick("show-chosen", () => this.open(this.#theChosen(1, 8)));
+    onClick("compare-chosen", () => this.compare(this.#theChosen(2, 2)));
+    onClick("set-tags", () => this.tag());
+    onClick("export-chosen", () => this.export());
+    onClick("delete-chosen", () => this.remove(true));
+    onClick("restore-chosen", () => this.remove(false));
+    studio.addEventListener("library", () => this.refresh());
+    studio.addEventListener("edited", () => this.refresh());
+    this.#showChosen();
+  }
+
+  /** Lists what the filters let through, from `offset` on. */
+  async list(offset = 0) {
+    const filters = { query: find("query").value.trim(), tag: find("tag").value };
+    if (find("only-stars").checked) filters.star = true;
+    if (find("only-deleted").checked) filters.deleted = true;
+    for (const [name, value] of Object.entries(filters)) if (!value) delete filters[name];
+    const asked = (this.asked = `${query(filters)} ${offset} ${Math.random()}`);
+    const { total, takes, tags } = await get(`takes?${query({ ...filters, offset, limit: PAGE })}`);
+    if (asked !== this.asked) return;
+    this.takes = offset ? [...this.takes, ...takes] : takes;
+    const known = tags ?? [...new Set(this.takes.flatMap((take) => take.tags))].sort();
+    fill(find("tag"), [["", "all"], ...known.map((tag) => [tag, tag])], filters.tag ?? "");
+    const cards = takes.map((take) => this.#card(take));
+    if (offset) find("grid").append(...cards);
+    else find("grid").replaceChildren(...cards);
+    find("more").hidden = this.takes.length >= total;
+    find("total").textContent = total === 1 ? "1 take" : `${total.toLocaleString("en")} takes`;
+    find("grid").dataset.listed = String(this.takes.length);
+  }
+
+  refresh() {
+    if (document.body.dataset.screen === "library") trying(() => this.list());
+  }
+
+  #card(take) {
+    const { id, title, star, seconds, tags, missing, made } = take;
+    const facts = [`${round(seconds, 1)} s`, made ? new Date(made).toLocaleDateString("en") : "", ...tags];
+    const tick = make("input", {
+      ...{ type: "checkbox", checked: this.chosen.has(id) },
+      aria: { label: `Select ${title}` },
+      on: { change: ({ target }) => this.#choose(take, target.checked) },
+    });
+    const opened = { type: "button", className: "picture", title: missing ? "Its file is missing" : "Show" };
+    const picture = make("button", {
+      ...{ ...opened, disabled: missing },
+      ...{ data: { take: id }, aria: { label: `Show ${title}` } },
+      on: { click: () => trying(() => this.open([take])) },
+    });
+    if (missing) picture.textContent = "file missing";
+    else this.seen.observe(picture);
+    const name = make("input", {
+      ...{ value: title, className: "title", maxLength: 200 },
+      aria: { label: `Title of ${title}` },
+      on: { change: ({ target }) => this.edit("Rename", take, { title: target.value.trim() }) },
+    });
+    const starred = make("button", {
+      ...{ type: "button", className: "star", textContent: star ? "★" : "☆" },
+      aria: { label: `Star ${title}`, pressed: star },
+      on: { click: () => this.edit(star ? "Remove star" : "Star", take, { star: !star }) },
+    });
+    const line = make("p", { className: "soft", textContent: facts.filter(Boolean).join(" · ") });
+    return make("li", { data: { take: id } }, picture, tick, starred, name, line);
+  }
+
+  // Pictures are asked for as they come into view; the token goes with the request.
+  async #paint(place) {
+    this.seen.unobserve(place);
+    const { take: id } = place.dataset;
+    const edits = JSON.stringify(this.takes.find((take) => take.id === id)?.edits);
+    const key = `${id} ${edits}`;
+    if (!this.pictures.has(key)) {
+      const answer = request("GET", `takes/${id}/thumbnail.svg`);
+      this.pictures.set(key, answer.then((one) => one.blob()).then((blob) => URL.createObjectURL(blob)));
+    }
+    const source = await this.pictures.get(key).catch(() => this.pictures.delete(key) && null);
+    if (source) place.replaceChildren(make("img", { src: source, alt: "" }));
+  }
+
+  edit(name, take, fields) {
+    return trying(() => this.studio.edit(name, take, fields));
+  }
+
+  #choose(take, isChosen) {
+    if (isChosen) this.chosen.set(take.id, take);
+    else this.chosen.delete(take.id);
+    this.#showChosen();
+  }
+
+  chooseAll() {
+    const isAll = this.takes.every(({ id }) => this.chosen.has(id));
+    this.chosen = new Map(isAll ? [] : this.takes.map((take) => [take.id, take]));
+    for (const tick of find("grid").querySelectorAll("input[type=checkbox]")) tick.checked = !isAll;
+    this.#showChosen();
+  }
+
+  #showChosen() {
+    const { size } = this.chosen;
+    find("chosen-count").textContent = size ? `${size} selected` : "None selected";
+    const deleted = [...this.chosen.values()].some((take) => take.deleted);
+    for (const id of ["show-chosen", "set-tags", "export-chosen", "delete-chosen", "chosen-tags"]) {
+      find(id).disabled = !size;
+    }
+    find("compare-chosen").disabled = size !== 2;
+    find("restore-chosen").hidden = !deleted;
+    find("delete-chosen").hidden = deleted;
+  }
+
+  #theChosen(least, most) {
+    const takes = [...this.chosen.values()];
+    if (takes.length >= least && takes.length <= most) return takes;
+    throw new Error(`${takes.length} takes are selected; select ${least === most ? least : `${least} to ${most}`}.`);
+  }
+
+  async open(takes) {
+    await this.studio.open(takes);
+    this.go("make");
+  }
+
+  async tag() {
+    const tags = find("chosen-tags").value.split(",").map((tag) => tag.trim()).filter(Boolean);
+    for (const take of this.#theChosen(1, Infinity)) await this.studio.edit("Tags", take, { tags });
+    this.#forget();
+    say(tags.length ? `Tagged ${tags.join(", ")}.` : "Tags removed.");
+  }
+
+  async export() {
+    const ids = this.#theChosen(1, Infinity).map(({ id }) => id);
+    const format = find("zip-format").value;
+    say(`Saved ${await download("POST", "export", "takes.zip", { ids, format })}.`);
+  }
+
+  async remove(isDeleted) {
+    const takes = this.#theChosen(1, Infinity);
+    await this.studio.remove(takes, isDeleted);
+    this.#forget();
+    say(`${takes.length} ${isDeleted ? "deleted. Ctrl+Z brings them back" : "restored"}.`);
+  }
+
+  // What was chosen has changed by now.
+  #forget() {
+    this.chosen.clear();
+    this.#showChosen();
+    this.refresh();
+  }
+
+  async import(files) {
+    for (const file of files) {
+      let take = null;
+      const redo = async () => {
+        if (take) await request("POST", `takes/${take.id}/restore`);
+        else take = await (await request("POST", `import?${query({ name: file.name })}`, { body: file })).json();
+        this.refresh();
+      };
+      const undo = async () => {
+        await request("DELETE", `takes/${take.id}`);
+        this.refresh();
+      };
+      await this.studio.history.act("Import", redo, undo);
+      say(`Imported ${file.name}.`);
+    }
+  }
+}

@@ -1,0 +1,252 @@
+// The studio: screens around one stage and one clock; motions come from the server that sent the page.
+
+import { restPose, sole } from "../anatomy.js";
+import { Motion } from "../motion.js";
+import { Player } from "../player.js";
+import { SPEEDS } from "../timeline.js";
+import { get, keepToken } from "./api.js";
+import { CharacterScreen } from "./character.js";
+import { Compare } from "./compare.js";
+import { Directions } from "./direct.js";
+import { find, fill, make, onChange, onClick, press, say, trying } from "./dom.js";
+import { listen } from "./keys.js";
+import { Library } from "./library.js";
+import { MakeScreen } from "./make.js";
+import { Projects } from "./projects.js";
+import { Studio } from "./studio.js";
+
+const NAMES = { make: "Make", library: "Library", character: "Character", compare: "Compare" };
+const isPhone = matchMedia("(max-width: 820px)");
+
+keepToken();
+const player = new Player(find("view"), () => ({ above: 44, below: 8 }), showTime);
+trying(open).then((isOpen) => {
+  document.body.dataset.state = isOpen ? "ready" : "failed";
+});
+
+async function open() {
+  const capabilities = await get("capabilities");
+  const studio = new Studio(capabilities, player);
+  player.show([standing(studio.skeleton)], ["#8a94a6"]);
+  const screens = {};
+  const restage = (stay) => trying(() => stageOf(studio, screens, stay));
+  screens.make = new MakeScreen(studio);
+  const directions = new Directions(studio, () => document.body.dataset.screen === "make");
+  screens.character = new CharacterScreen(studio, restage, () => document.body.dataset.screen === "character");
+  screens.compare = new Compare(studio, restage);
+  screens.library = new Library(studio, go, async (pair) => {
+    screens.compare.pair = pair;
+    go("compare");
+  });
+  const projects = new Projects(studio);
+  const enter = () => trying(() => enterScreen(studio, screens, restage));
+
+  studio.addEventListener("takes", () => restage(false));
+  studio.addEventListener("edited", () => restage(true));
+  studio.addEventListener("pick", () => {
+    if (find("alone").getAttribute("aria-pressed") === "true") look(studio, true);
+  });
+  studio.history.addEventListener("change", () => showHistory(studio.history));
+  addEventListener("hashchange", enter);
+  wire(studio, directions, restage);
+  listen(keysOf(studio, screens, directions, projects));
+  fold();
+  about(capabilities);
+  await screens.character.list();
+  await enter();
+  find("prompt").focus({ preventScroll: true });
+  waitForModel();
+  performance.measure("ready", { start: 0, end: performance.now() });
+  window.latentmotion = { studio, player, directions };
+  return true;
+}
+
+// The model is read while the page is.
+async function waitForModel() {
+  const isWarm = await fetch("/readyz").then(({ ok }) => ok, () => false);
+  find("generate").disabled = !isWarm;
+  if (!isWarm) setTimeout(waitForModel, 300);
+  else document.body.dataset.model = "warm";
+}
+
+/** The mannequin at rest, for a stage without takes. */
+function standing(skeleton) {
+  const rest = restPose(skeleton);
+  const { positions } = rest;
+  const lift = [0, -Math.max(sole(rest), -2), 0];
+  const flat = skeleton.names.flatMap((name) => positions[name].map((value, axis) => value + lift[axis]));
+  return new Motion({ caption: "a person stands", fps: 20 }, skeleton, Float32Array.from(flat));
+}
+
+function go(screen) {
+  location.hash = screen;
+}
+
+async function enterScreen(studio, screens, restage) {
+  const wished = location.hash.slice(1);
+  const screen = NAMES[wished] ? wished : "make";
+  document.body.dataset.screen = screen;
+  document.title = `${NAMES[screen]} – Latent Motion studio`;
+  find("screen-name").textContent = NAMES[screen];
+  for (const element of document.querySelectorAll("[data-of]")) {
+    element.hidden = !element.dataset.of.split(" ").includes(screen);
+  }
+  for (const link of find("screens").children) {
+    if (link.hash === `#${screen}`) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  await screens[screen].list?.();
+  if (screen !== "library") await restage(false);
+}
+
+async function stageOf(studio, screens, stay) {
+  const { screen } = document.body.dataset;
+  if (screen === "library") return;
+  const actors = screens[screen].actors();
+  press("alone", false);
+  if (actors.length) await studio.stage(actors, { overlay: screen === "compare" && screens.compare.overlay, stay });
+  else {
+    player.show([standing(studio.skeleton)], ["#8a94a6"]);
+    studio.tell("staged");
+  }
+  document.body.dataset.takes = String(actors.length);
+}
+
+function look(studio, isAlone) {
+  press("alone", isAlone);
+  player.watch(isAlone && studio.takes.length ? studio.picked : null);
+}
+
+function isPressed(id) {
+  return find(id).getAttribute("aria-pressed") === "true";
+}
+
+function wire(studio, directions, restage) {
+  const { timeline } = player;
+  fill(find("speed"), SPEEDS.map((speed) => [speed, `${speed}×`]), 1);
+  onClick("play", () => timeline.play(!timeline.playing));
+  find("scrub").addEventListener("input", () => {
+    timeline.play(false);
+    timeline.seek(Number(find("scrub").value));
+  });
+  onChange("speed", ({ value }) => timeline.setSpeed(Number(value)));
+  onChange("figure", ({ value }) => {
+    studio.figure = value;
+    return restage(true);
+  });
+  onClick("follow", () => {
+    player.stage.setFollow(!player.stage.follow);
+    press("follow", player.stage.follow);
+  });
+  onClick("above", () => directions.lookFromAbove());
+  onClick("alone", () => look(studio, !isPressed("alone")));
+  onClick("undo", () => move(studio, "undo"));
+  onClick("redo", () => move(studio, "redo"));
+  for (const [button, dialog] of [["open-keys", "keys"], ["open-settings", "settings"]]) {
+    onClick(button, () => find(dialog).showModal());
+  }
+}
+
+async function move(studio, which) {
+  const name = await studio.history[which]();
+  const done = which === "undo" ? "Undone" : "Done again";
+  say(name ? `${done}: ${name}.` : `Nothing to ${which}.`);
+}
+
+function showHistory({ past, future }) {
+  for (const [id, list, words] of [["undo", past, "Undo"], ["redo", future, "Redo"]]) {
+    find(id).disabled = !list.length;
+    find(id).title = list.length ? `${words}: ${list.at(-1).name}` : words;
+  }
+}
+
+function keysOf(studio, screens, directions, projects) {
+  const { timeline, stage } = player;
+  const { make: making, compare } = screens;
+  const staged = ["make", "character", "compare"];
+  const step = (frames) => {
+    const frame = 1 / (player.takes[0]?.fps ?? 20);
+    timeline.play(false);
+    timeline.seek((Math.round(timeline.time / frame) + frames) * frame);
+  };
+  const click = (id) => () => find(id).click();
+  return [
+    ["Enter", "in the prompt: generate", () => making.generate(), ["make"]],
+    ["1–9", "pick a take", (key) => studio.pick(Number(key) - 1), ["make", "character"]],
+    ["Space", "play, pause", () => timeline.play(!timeline.playing), staged],
+    ["ArrowLeft", "a frame back", () => step(-1), staged],
+    ["ArrowRight", "a frame on", () => step(1), staged],
+    ["Home", "to the start", () => timeline.seek(0), staged],
+    ["End", "to the end", () => timeline.seek(timeline.seconds), staged],
+    ["[", "slower", () => timeline.faster(-1), staged],
+    ["]", "faster", () => timeline.faster(1), staged],
+    ["z or 0", "the picked take alone, all", click("alone"), ["make"]],
+    ["f", "camera follows", click("follow"), staged],
+    ["v", "look from above", click("above"), staged],
+    ["r", "camera back", () => stage.reset(), staged],
+    ["ArrowUp", "nearer", () => stage.zoom(0.9), staged],
+    ["ArrowDown", "farther", () => stage.zoom(1.1), staged],
+    ["Shift+ArrowLeft", "turn the camera left", () => stage.turn(-0.12), staged],
+    ["Shift+ArrowRight", "turn the camera right", () => stage.turn(0.12), staged],
+    ["/", "to the prompt, or the search", () => find(isLibrary() ? "query" : "prompt").focus()],
+    ["n", "add a prompt", () => !find("add-segment").hidden && making.strip.add(), ["make"]],
+    ["p", "draw the path", () => directions.choose("path"), ["make"]],
+    ["k", "place a goal", () => directions.choose("goal"), ["make"]],
+    ["j", "a goal where the joint is now", () => directions.keepPose(), ["make"]],
+    ["i", "the take starts here", () => making.trimHere(0), ["make"]],
+    ["o", "the take ends here", () => making.trimHere(1), ["make"]],
+    ["s", "star", () => making.star(), ["make"]],
+    ["d", "duplicate", () => making.duplicate(), ["make"]],
+    ["Delete", "delete the take", () => making.remove(), ["make"]],
+    ["e", "export", () => making.export(), ["make"]],
+    ["g", "ghost overlay", () => compare.setOverlay(!compare.overlay), ["compare"]],
+    ["m", "Make", () => go("make")],
+    ["l", "Library", () => go("library")],
+    ["c", "Character", () => go("character")],
+    ["x", "Compare", () => go("compare")],
+    ["Ctrl+Z", "undo", () => move(studio, "undo")],
+    ["Ctrl+Shift+Z or Ctrl+Y", "do again", () => move(studio, "redo")],
+    ["Ctrl+S", "save the project", () => (find("project-name").value ? projects.save() : projects.show())],
+    ["Escape", "put the tool away, leave the field", () => directions.end() || document.activeElement.blur()],
+    ["?", "these keys", () => (find("keys").open ? find("keys").close() : find("keys").showModal())],
+  ];
+}
+
+function isLibrary() {
+  return document.body.dataset.screen === "library";
+}
+
+// Panels are folded on phones, and where there is room the options are open.
+function fold() {
+  const set = () => {
+    for (const panel of document.querySelectorAll("details.fold")) {
+      panel.open = !isPhone.matches && panel.id !== "part";
+    }
+  };
+  isPhone.addEventListener("change", set);
+  set();
+}
+
+function about({ model, version, library, fps, seconds, formats }) {
+  const rows = {
+    Model: typeof model === "string" ? model : `${model.name} ${model.hash ?? ""}`,
+    Version: version ?? "",
+    Library: library ?? "",
+    "Frames a second": fps,
+    Seconds: `${seconds.least} to ${seconds.most}`,
+    Formats: formats.map((format) => format[0]?.length > 1 ? format[0] : format).join(", "),
+  };
+  const cells = Object.entries(rows).flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, String(value))]);
+  find("about").replaceChildren(...cells);
+}
+
+function showTime() {
+  const { time, seconds, playing, speed } = player.timeline;
+  find("scrub").max = seconds;
+  find("scrub").value = time;
+  find("scrub").setAttribute("aria-valuetext", `${time.toFixed(1)} of ${seconds.toFixed(1)} s`);
+  find("time").textContent = `${time.toFixed(1)} / ${seconds.toFixed(1)} s`;
+  find("play").setAttribute("aria-label", playing ? "Pause" : "Play");
+  find("play").classList.toggle("playing", playing);
+  find("speed").value = speed;
+}

@@ -1,0 +1,194 @@
+// What the studio works on: the draft, the takes that are shown, the picked one; all can be undone.
+
+import { colorsOf } from "../colors.js";
+import { ghost } from "../figure.js";
+import { boneLengths, lineUp, Motion } from "../motion.js";
+import { download, request, send } from "./api.js";
+import { draftOf, emptyDraft, recipeOf } from "./draft.js";
+import { characterMaker, StickFigure } from "./figures.js";
+import { History } from "./history.js";
+
+const MOST_MOTIONS = 64; // that are kept in memory
+const UNUSUAL = 0.3; // part by which a bone differs from the mannequin's, so that it gets a skin of its own
+
+export class Studio extends EventTarget {
+  constructor(capabilities, player) {
+    super();
+    const { joints: names, parents, directions } = capabilities;
+    const lengths = directions.map((offset) => Math.hypot(...offset));
+    this.skeleton = { names, parents, directions, lengths };
+    Object.assign(this, { capabilities, player, history: new History(), motions: new Map() });
+    Object.assign(this, { draft: emptyDraft(capabilities), takes: [], picked: 0, figure: "mannequin" });
+    this.turn = 0;
+  }
+
+  tell(what) {
+    this.dispatchEvent(new Event(what));
+  }
+
+  /** The picked take, if there is any. */
+  get take() {
+    return this.takes[this.picked] ?? null;
+  }
+
+  /** Changes the draft, or whatever of it `edit` touches. */
+  change(name, edit) {
+    const before = this.draft;
+    const after = structuredClone(before);
+    edit(after);
+    if (JSON.stringify(after) === JSON.stringify(before)) return Promise.resolve();
+    const put = (draft) => async () => {
+      this.draft = draft;
+      this.tell("draft");
+    };
+    return this.history.act(name, put(after), put(before));
+  }
+
+  /** Makes takes of the draft, or of `recipe`, and shows them. */
+  generate(recipe = recipeOf(this.draft), count = this.draft.settings.takes) {
+    const [before, picked] = [this.takes, this.picked];
+    let made = null;
+    const redo = async () => {
+      if (made) await this.#mark(made, false);
+      else made = (await send("POST", "takes", { recipe, takes: count })).takes;
+      await this.show(made, 0);
+    };
+    const undo = async () => {
+      await this.#mark(made, true);
+      await this.show(before, picked);
+    };
+    return this.history.act("Generate", redo, undo);
+  }
+
+  /** Shows takes side by side. */
+  async show(takes, picked = 0) {
+    this.takes = takes;
+    this.picked = Math.min(picked, Math.max(takes.length - 1, 0));
+    await Promise.all(takes.map((take) => this.motionOf(take)));
+    this.tell("takes");
+  }
+
+  /** Shows takes out of the library together with what the first was made from. */
+  open(takes) {
+    const [before, picked, draft] = [this.takes, this.picked, this.draft];
+    const mine = draftOf(takes[0].recipe, emptyDraft(this.capabilities));
+    const put = (shown, at, drafted) => async () => {
+      this.draft = drafted;
+      this.tell("draft");
+      await this.show(shown, at);
+    };
+    return this.history.act("Open", put(takes, 0, mine), put(before, picked, draft));
+  }
+
+  pick(number) {
+    if (number < 0 || number >= this.takes.length) return;
+    this.picked = number;
+    this.tell("pick");
+  }
+
+  /** Changes what is kept of a take: title, tags, star, edits. */
+  edit(name, take, fields) {
+    const { title, tags, star, edits } = take;
+    const old = { title, tags, star, ...edits };
+    const before = Object.fromEntries(Object.keys(fields).map((key) => [key, old[key] ?? null]));
+    const put = (values) => async () => {
+      this.#replace(await send("PATCH", `takes/${take.id}`, values));
+      this.tell("edited");
+    };
+    return this.history.act(name, put(fields), put(before));
+  }
+
+  async duplicate(take) {
+    const [before, picked] = [this.takes, this.picked];
+    let copy = null;
+    const redo = async () => {
+      if (copy) await this.#mark([copy], false);
+      else copy = await send("POST", `takes/${take.id}/duplicate`);
+      const at = before.findIndex(({ id }) => id === take.id);
+      await this.show(before.toSpliced(at + 1, 0, copy), at + 1);
+    };
+    const undo = async () => {
+      await this.#mark([copy], true);
+      await this.show(before, picked);
+    };
+    return this.history.act("Duplicate", redo, undo);
+  }
+
+  /** Marks takes as deleted, or, where `isDeleted` is false, brings them back. */
+  remove(takes, isDeleted = true) {
+    const [before, picked] = [this.takes, this.picked];
+    const ids = new Set(takes.map(({ id }) => id));
+    const left = isDeleted ? before.filter(({ id }) => !ids.has(id)) : before;
+    const redo = async () => {
+      await this.#mark(takes, isDeleted);
+      if (left.length < before.length) await this.show(left, Math.min(picked, Math.max(left.length - 1, 0)));
+    };
+    const undo = async () => {
+      await this.#mark(takes, !isDeleted);
+      if (left.length < before.length) await this.show(before, picked);
+    };
+    return this.history.act(isDeleted ? "Delete" : "Restore", redo, undo);
+  }
+
+  async #mark(takes, isDeleted) {
+    await Promise.all(takes.map(({ id }) => {
+      return request(isDeleted ? "DELETE" : "POST", `takes/${id}${isDeleted ? "" : "/restore"}`);
+    }));
+    this.tell("library");
+  }
+
+  #replace(take) {
+    this.takes = this.takes.map((one) => (one.id === take.id ? take : one));
+  }
+
+  /** The motion of a take as an export would write it. */
+  async motionOf(take) {
+    const key = `${take.id} ${JSON.stringify(take.edits)}`;
+    if (!this.motions.has(key)) {
+      if (this.motions.size >= MOST_MOTIONS) this.motions.delete(this.motions.keys().next().value);
+      this.motions.set(key, this.#read(take));
+      this.motions.get(key).catch(() => this.motions.delete(key));
+    }
+    return this.motions.get(key);
+  }
+
+  async #read(take) {
+    const answer = await request("GET", `takes/${take.id}/joints`);
+    const joints = new Float32Array(await answer.arrayBuffer());
+    const frames = joints.length / this.skeleton.names.length / 3;
+    const lengths = boneLengths({ joints, skeleton: this.skeleton, frames });
+    const isUsual = lengths.every((length, joint) => {
+      return Math.abs(length - this.skeleton.lengths[joint]) <= UNUSUAL * this.skeleton.lengths[joint];
+    });
+    const skeleton = isUsual ? this.skeleton : { ...this.skeleton, lengths };
+    const fps = Number(answer.headers.get("X-Fps") ?? take.fps);
+    return new Motion({ caption: take.title, fps }, skeleton, joints);
+  }
+
+  /** Puts {take, figure, color} on the stage, one over the other where `overlay`. */
+  async stage(actors, { overlay = false, stay = false } = {}) {
+    this.turn += 1;
+    const mine = this.turn;
+    const motions = await Promise.all(actors.map(({ take }) => this.motionOf(take)));
+    const makers = await Promise.all(actors.map(({ take, figure }) => makerOf(take, figure)));
+    if (mine !== this.turn) return; // something else is shown by now
+    const colors = colorsOf(actors).map((color, i) => actors[i].color ?? color);
+    const starts = motions.map((motion) => motion.ground(0).map((value) => -value));
+    this.player.show(motions, colors, { makers, offsets: overlay ? starts : lineUp(motions), stay });
+    this.tell("staged");
+  }
+
+  /** Writes a take's file, on the character where one is named. */
+  async export(take, format, character) {
+    const named = character ? `&character=${encodeURIComponent(character)}` : "";
+    return download("GET", `takes/${take.id}/file?format=${format}${named}`, `take.${format}`);
+  }
+}
+
+async function makerOf(take, figure) {
+  if (figure === "stick") return (...of) => new StickFigure(...of);
+  if (figure === "ghost") return ghost;
+  if (!figure || figure === "mannequin") return undefined;
+  const answer = await request("GET", `takes/${take.id}/on/${encodeURIComponent(figure)}.glb`);
+  return characterMaker(await answer.arrayBuffer());
+}
