@@ -47,8 +47,8 @@ export class Figure {
 }
 
 /** A figure that what stands behind it can be seen through. */
-export function ghost(motion, geometry, color, at) {
-  const figure = new Figure(motion, geometry, color, at);
+export function ghost(motion, skinOf, color, at) {
+  const figure = new Figure(motion, skinOf(), color, at);
   const [transparent, opacity, depthWrite] = [true, 0.3, false];
   figure.object.material.dispose();
   figure.object.material = new THREE.MeshLambertMaterial({ color, transparent, opacity, depthWrite });

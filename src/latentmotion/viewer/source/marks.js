@@ -7,15 +7,16 @@ const NEAR = 0.25; // seconds around its time in which a goal is lit
 const LIFT = 0.006; // meters of the path above the floor
 
 export class Marks {
-  /** `at` is the [x, z] shift of the take. */
-  constructor(motion, geometry, color, [dx, dz]) {
+  /** `skinOf` returns the skin of ghosts; the last is the [x, z] shift of the take. */
+  constructor(motion, skinOf, color, [dx, dz]) {
     const { goals = [], path = [], poses = [] } = motion.marks;
     this.goals = goals.map((goal) => new Goal(goal, color));
     this.stops = path.map((stop) => new Stop(stop, color));
-    this.object = new THREE.Group().add(...[...this.goals, ...this.stops].map((mark) => mark.object));
+    this.object = new THREE.Group();
+    for (const mark of [...this.goals, ...this.stops]) this.object.add(mark.object);
     if (path.length > 1) this.object.add(curve(path, color));
     for (const time of poses) {
-      const figure = ghost(motion, geometry, color, [0, 0]);
+      const figure = ghost(motion, skinOf, color, [0, 0]);
       figure.showTime(time);
       this.object.add(figure.object);
     }

@@ -33,7 +33,7 @@ export class Player {
   show(takes, colors, { stay = false, ...options } = {}) {
     this.takes = takes;
     if (this.stage) this.stage.show(takes, colors, options);
-    else this.#open(takes, colors);
+    else this.#open(takes, colors, options);
     const captions = takes.map(({ caption }) => caption).join("; ");
     this.stage.canvas.setAttribute("aria-label", `Animated figure: ${captions}`);
     this.timeline.seconds = Math.max(...takes.map(({ seconds }) => seconds));
@@ -44,12 +44,12 @@ export class Player {
     this.timeline.play(!still.matches);
   }
 
-  #open(takes, colors) {
+  #open(takes, colors, options) {
     const canvas = document.createElement("canvas");
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "img");
     this.place.replaceChildren(canvas);
-    this.stage = new (HAS_WEBGL ? Stage : Sketch)(canvas, takes, colors);
+    this.stage = new (HAS_WEBGL ? Stage : Sketch)(canvas, takes, colors, options);
     this.stage.setDark(dark.matches);
     this.pace = new Pace(this.timeline, this.stage);
   }

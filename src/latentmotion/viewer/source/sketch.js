@@ -7,12 +7,12 @@ const START = 0.4; // radians that it stands to the side
 const MIDDLE = 0.96; // height of what it looks at, meters
 
 export class Sketch {
-  constructor(canvas, motions, colors) {
+  constructor(canvas, motions, colors, options) {
     this.name = "canvas";
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     Object.assign(this, { follow: true, angle: START, scale: 1, free: 0 });
-    this.show(motions, colors);
+    this.show(motions, colors, options);
     canvas.addEventListener("pointermove", ({ buttons, movementX }) => {
       if (buttons) this.turn(-movementX * 0.01);
     });

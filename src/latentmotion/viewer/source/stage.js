@@ -17,7 +17,8 @@ const BESIDE = 0.6; // meters that a body reaches out to either side
 const geometries = new WeakMap(); // the resting skin of each skeleton, for all stages of a page
 
 export class Stage {
-  constructor(canvas, motions, colors) {
+  /** `options` are those of `show`. */
+  constructor(canvas, motions, colors, options) {
     this.name = "webgl";
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
@@ -36,24 +37,22 @@ export class Stage {
     this.detail = 1;
     this.freeHeight = 0;
     this.center = new THREE.Vector3(0, HEIGHT, 0);
-    this.show(motions, colors);
+    this.show(motions, colors, options);
   }
 
   /**
    * Shows other motions, from their beginning; the view stays until `reset`. `makers` make figures
-   * other than the mannequin, `offsets` set them elsewhere than side by side.
+   * other than the mannequin from a motion, what returns its skin, a color and a place; `offsets`
+   * set them elsewhere than side by side.
    */
   show(motions, colors, { makers = [], offsets = lineUp(motions) } = {}) {
     this.past.push(...this.shown);
     this.offsets = offsets;
-    this.figures = motions.map((motion, i) => {
-      return (makers[i] ?? mannequin)(motion, geometryOf(motion), colors[i], offsets[i]);
-    });
+    const made = (make) => (motion, i) => make(motion, () => geometryOf(motion), colors[i], offsets[i]);
+    this.figures = motions.map((motion, i) => made(makers[i] ?? mannequin)(motion, i));
     this.paths = motions.map(smoothPath);
     this.floor = new Floor(motions, offsets, colors);
-    this.marks = motions.map((motion, i) => {
-      return new Marks(motion, geometryOf(motion), colors[i], offsets[i]);
-    });
+    this.marks = motions.map(made((...of) => new Marks(...of)));
     this.all = motions.map((_, take) => take);
     this.watched = null;
     this.seconds = Math.max(...motions.map(({ seconds }) => seconds));
@@ -228,8 +227,8 @@ export class Stage {
   }
 }
 
-function mannequin(motion, geometry, color, at) {
-  return new Figure(motion, geometry, color, at);
+function mannequin(motion, skinOf, color, at) {
+  return new Figure(motion, skinOf(), color, at);
 }
 
 // Figures of one skeleton share the resting skin.

@@ -18,7 +18,7 @@ export class Timeline extends EventTarget {
   }
 
   advance(elapsed) {
-    if (!this.playing) return;
+    if (!this.playing || !this.seconds) return;
     this.clock += elapsed * this.speed;
     if (this.clock > this.seconds + REST_AT_END * this.speed) this.clock = 0;
     this.#tell("time");

@@ -1,5 +1,7 @@
 // Elements of the page: found by id, or made; and the line that says what happened.
 
+const FIRST = ["glb", "bvh", "fbx", "usdz", "npz", "csv", "html"];
+
 export const find = (id) => document.getElementById(id);
 
 /** Makes an element; `on` are its listeners, `data` its data attributes, `aria` those of ARIA. */
@@ -44,6 +46,12 @@ export function fill(select, options, chosen = select.value) {
   const rows = options.map((option) => (Array.isArray(option) ? option : [option, option]));
   select.replaceChildren(...rows.map(([value, words]) => new Option(words, value)));
   if (rows.some(([value]) => String(value) === String(chosen))) select.value = chosen;
+}
+
+/** Formats, those that animation programs open first. */
+export function byUse(formats) {
+  const rank = (format) => (FIRST.includes(format) ? FIRST.indexOf(format) : FIRST.length);
+  return [...formats].sort((a, b) => rank(a) - rank(b));
 }
 
 export const words = (name) => name.replaceAll("_", " ");

@@ -3,12 +3,15 @@
 import { find, make, trying } from "./dom.js";
 
 const TYPED = /^(INPUT|SELECT|TEXTAREA)$/;
+const ARROWS = { Left: "←", Right: "→", Up: "↑", Down: "↓" };
 const OWN = new Set(["checkbox", "range", "button", "submit"]);
 
 /** Listens to `keys`: rows of [key, what it does, action, screens or all]. */
 export function listen(keys) {
-  const rows = keys.map(([key, does]) => [make("dt", {}, make("kbd", {}, key)), make("dd", {}, does)]);
-  find("key-list").replaceChildren(...rows.flat());
+  find("key-list").replaceChildren(...keys.map(([key, does]) => {
+    const names = key.split(" or ").map((one) => make("kbd", {}, one.replace(/Arrow(\w+)/, (_, way) => ARROWS[way])));
+    return make("div", {}, make("dt", {}, ...names), make("dd", {}, does));
+  }));
   document.addEventListener("keydown", (event) => {
     const { screen } = document.body.dataset;
     const pressed = nameOf(event);

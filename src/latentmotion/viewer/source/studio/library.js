@@ -1,7 +1,7 @@
 // The screen Library: all takes with pictures; search, tags, stars; many at once; import.
 
 import { download, get, query, request } from "./api.js";
-import { fill, find, make, onChange, onClick, round, say, trying } from "./dom.js";
+import { byUse, fill, find, make, onChange, onClick, round, say, trying } from "./dom.js";
 
 const PAGE = 60; // takes that are asked for at once
 const PATIENCE = 200; // milliseconds without a key before a search
@@ -10,7 +10,7 @@ export class Library {
   /** `go` leads to a screen by its name, `compare` puts two takes side by side. */
   constructor(studio, go, compare) {
     Object.assign(this, { studio, go, compare, takes: [], chosen: new Map(), pictures: new Map() });
-    fill(find("zip-format"), studio.capabilities.formats);
+    fill(find("zip-format"), byUse(studio.capabilities.formats));
     this.seen = new IntersectionObserver((entries) => {
       for (const { isIntersecting, target } of entries) if (isIntersecting) this.#paint(target);
     });
@@ -61,8 +61,9 @@ export class Library {
   }
 
   #card(take) {
-    const { id, title, star, seconds, tags, missing, made } = take;
-    const facts = [`${round(seconds, 1)} s`, made ? new Date(made).toLocaleDateString("en") : "", ...tags];
+    const { id, title, star, seconds, tags, missing, made, recipe } = take;
+    const seed = recipe.seed === undefined ? "imported" : `seed ${recipe.seed}`;
+    const facts = [`${round(seconds, 1)} s`, seed, made ? new Date(made).toLocaleDateString("en") : "", ...tags];
     const tick = make("input", {
       ...{ type: "checkbox", checked: this.chosen.has(id) },
       aria: { label: `Select ${title}` },

@@ -1,7 +1,5 @@
 // The studio: screens around one stage and one clock; motions come from the server that sent the page.
 
-import { restPose, sole } from "../anatomy.js";
-import { Motion } from "../motion.js";
 import { Player } from "../player.js";
 import { SPEEDS } from "../timeline.js";
 import { get, keepToken } from "./api.js";
@@ -27,7 +25,7 @@ trying(open).then((isOpen) => {
 async function open() {
   const capabilities = await get("capabilities");
   const studio = new Studio(capabilities, player);
-  player.show([standing(studio.skeleton)], ["#8a94a6"]);
+  studio.stand("stick");
   const screens = {};
   const restage = (stay) => trying(() => stageOf(studio, screens, stay));
   screens.make = new MakeScreen(studio);
@@ -44,6 +42,7 @@ async function open() {
   studio.addEventListener("takes", () => restage(false));
   studio.addEventListener("edited", () => restage(true));
   studio.addEventListener("pick", () => {
+    if (document.body.dataset.screen === "character") restage(false);
     if (find("alone").getAttribute("aria-pressed") === "true") look(studio, true);
   });
   studio.history.addEventListener("change", () => showHistory(studio.history));
@@ -57,6 +56,8 @@ async function open() {
   find("prompt").focus({ preventScroll: true });
   waitForModel();
   performance.measure("ready", { start: 0, end: performance.now() });
+  // The mannequin's skin takes a second: only now, and before the first takes come.
+  requestIdleCallback(() => studio.takes.length || studio.stand("mannequin"));
   window.latentmotion = { studio, player, directions };
   return true;
 }
@@ -67,15 +68,6 @@ async function waitForModel() {
   find("generate").disabled = !isWarm;
   if (!isWarm) setTimeout(waitForModel, 300);
   else document.body.dataset.model = "warm";
-}
-
-/** The mannequin at rest, for a stage without takes. */
-function standing(skeleton) {
-  const rest = restPose(skeleton);
-  const { positions } = rest;
-  const lift = [0, -Math.max(sole(rest), -2), 0];
-  const flat = skeleton.names.flatMap((name) => positions[name].map((value, axis) => value + lift[axis]));
-  return new Motion({ caption: "a person stands", fps: 20 }, skeleton, Float32Array.from(flat));
 }
 
 function go(screen) {
@@ -95,6 +87,7 @@ async function enterScreen(studio, screens, restage) {
     if (link.hash === `#${screen}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
+  say("");
   await screens[screen].list?.();
   if (screen !== "library") await restage(false);
 }
@@ -105,10 +98,7 @@ async function stageOf(studio, screens, stay) {
   const actors = screens[screen].actors();
   press("alone", false);
   if (actors.length) await studio.stage(actors, { overlay: screen === "compare" && screens.compare.overlay, stay });
-  else {
-    player.show([standing(studio.skeleton)], ["#8a94a6"]);
-    studio.tell("staged");
-  }
+  else studio.stand(isReady() ? studio.figure : "stick");
   document.body.dataset.takes = String(actors.length);
 }
 
@@ -210,6 +200,10 @@ function keysOf(studio, screens, directions, projects) {
     ["Escape", "put the tool away, leave the field", () => directions.end() || document.activeElement.blur()],
     ["?", "these keys", () => (find("keys").open ? find("keys").close() : find("keys").showModal())],
   ];
+}
+
+function isReady() {
+  return document.body.dataset.state !== "loading";
 }
 
 function isLibrary() {

@@ -2,7 +2,7 @@
 
 import { colorsOf } from "../colors.js";
 import { send } from "./api.js";
-import { fill, find, make, onChange, onClick, press, round, say, trying, words } from "./dom.js";
+import { byUse, fill, find, make, onChange, onClick, press, round, say, trying, words } from "./dom.js";
 import { lengthsOf, recipeOf } from "./draft.js";
 import { Strip } from "./strip.js";
 
@@ -45,7 +45,7 @@ export class MakeScreen {
     find("part").hidden = !can.edit;
     find("part-which").hidden = !can.parts;
     fill(find("part-name"), [["", "whole body"], ...parts.map((one) => [one, words(one)])]);
-    fill(find("format"), formats);
+    fill(find("format"), byUse(formats));
     fill(find("pace"), PACES.map((pace) => [pace, `${pace}×`]), 1);
   }
 
@@ -236,7 +236,7 @@ export class MakeScreen {
     press("star", star);
     find("star").textContent = star ? "★ Starred" : "☆ Star";
     const seed = recipe.seed === undefined ? "imported" : `seed ${recipe.seed}`;
-    find("facts").textContent = `${round(seconds)} s · ${frames} frames, ${round(fps)} a second · ${seed}`;
+    find("facts").textContent = `${round(seconds)} s · ${frames} frames · ${round(fps)} fps · ${seed}`;
     const whole = wholeOf(take);
     const [from, to] = edits.trim ?? [0, whole];
     find("trim-from").max = find("trim-to").max = whole;

@@ -85,7 +85,7 @@ export class Strip {
     const marks = Array.from({ length: Math.floor(this.seconds) + 1 }, (_, second) => {
       return place(make("i", { textContent: `${second}` }), second / this.seconds);
     });
-    find("ruler").replaceChildren(...marks, make("b", { id: "now" }));
+    find("ruler").replaceChildren(...marks);
     this.#showTime();
   }
 
@@ -154,8 +154,7 @@ export class Strip {
   }
 
   #showTime() {
-    const now = find("now");
-    if (now) place(now, this.studio.player.timeline.time / this.seconds);
+    place(find("now"), this.studio.player.timeline.time / this.seconds);
   }
 }
 

@@ -1,5 +1,6 @@
 // What the studio works on: the draft, the takes that are shown, the picked one; all can be undone.
 
+import { restPose, sole } from "../anatomy.js";
 import { colorsOf } from "../colors.js";
 import { ghost } from "../figure.js";
 import { boneLengths, lineUp, Motion } from "../motion.js";
@@ -178,6 +179,14 @@ export class Studio extends EventTarget {
     this.tell("staged");
   }
 
+  /** Puts a figure at rest on the stage, where there are no takes. */
+  stand(figure) {
+    this.turn += 1;
+    const makers = figure === "stick" ? [stick] : [];
+    this.player.show([standing(this.skeleton)], ["#8a94a6"], { makers });
+    this.tell("staged");
+  }
+
   /** Writes a take's file, on the character where one is named. */
   async export(take, format, character) {
     const named = character ? `&character=${encodeURIComponent(character)}` : "";
@@ -186,9 +195,22 @@ export class Studio extends EventTarget {
 }
 
 async function makerOf(take, figure) {
-  if (figure === "stick") return (...of) => new StickFigure(...of);
+  if (figure === "stick") return stick;
   if (figure === "ghost") return ghost;
   if (!figure || figure === "mannequin") return undefined;
   const answer = await request("GET", `takes/${take.id}/on/${encodeURIComponent(figure)}.glb`);
   return characterMaker(await answer.arrayBuffer());
+}
+
+function stick(...of) {
+  return new StickFigure(...of);
+}
+
+function standing(skeleton) {
+  const rest = restPose(skeleton);
+  const flat = skeleton.names.flatMap((name) => {
+    const [x, y, z] = rest.positions[name];
+    return [x, y - Math.max(sole(rest), -2), z];
+  });
+  return new Motion({ caption: "a person stands", fps: 20 }, skeleton, Float32Array.from(flat));
 }
