@@ -53,19 +53,24 @@ export class CharacterScreen {
     say(`Reading ${file.name} …`);
     let character = null;
     const redo = async () => {
+      if (character) return this.#mark(character, false);
       const answer = await request("POST", `characters?${query({ name: file.name })}`, { body: file });
       this.current = character = await answer.json();
-      await this.#changed();
+      return this.#changed();
     };
-    const undo = async () => {
-      await request("DELETE", `characters/${character.id}`);
-      this.current = null;
-      await this.#changed();
-    };
+    const undo = () => this.#mark(character, true);
     await this.studio.history.act("Open character", redo, undo);
     const { missing } = character;
     const lack = missing.length ? `; no bone for ${missing.map(words).join(", ")}` : "";
     say(`${character.name}: ${character.bones.length} bones${lack}.`);
+  }
+
+  // Deletes a character, or brings it back.
+  async #mark(character, isDeleted) {
+    const path = `characters/${character.id}`;
+    await (isDeleted ? request("DELETE", path) : request("POST", `${path}/restore`));
+    this.current = isDeleted ? null : character;
+    await this.#changed();
   }
 
   async #changed() {
@@ -122,9 +127,9 @@ export class CharacterScreen {
   }
 
   async remove() {
-    await request("DELETE", `characters/${this.current.id}`);
-    this.current = null;
-    await this.#changed();
-    say("Character removed.");
+    const character = this.current;
+    const mark = (isDeleted) => () => this.#mark(character, isDeleted);
+    await this.studio.history.act("Remove character", mark(true), mark(false));
+    say("Character removed. Ctrl+Z brings it back.");
   }
 }

@@ -42,7 +42,7 @@ function isTheirs({ target }, pressed) {
   if (TYPED.test(target.tagName) && !OWN.has(target.type)) return true;
   if (target.type === "range") return /Arrow|Home|End/.test(pressed);
   if (/^(BUTTON|A|SUMMARY)$/.test(target.tagName) || target.type === "checkbox") {
-    return ["Space", "Enter", "Delete"].includes(pressed) && (pressed !== "Delete" || Boolean(target.closest(".track")));
+    return pressed === "Space" || pressed === "Enter";
   }
   return false;
 }

@@ -76,9 +76,8 @@ export class Strip {
     find("keyframes").replaceChildren(
       ...goals.map(({ at, joint }, i) => {
         const tick = this.#tick(at, words(joint));
-        tick.addEventListener("keydown", ({ key }) => {
-          if (key === "Delete") this.studio.change("Remove goal", (draft) => draft.goals.splice(i, 1));
-        });
+        const remove = () => this.studio.change("Remove goal", (draft) => draft.goals.splice(i, 1));
+        tick.addEventListener("keydown", (event) => onDelete(event, remove));
         return tick;
       }),
     );
@@ -97,7 +96,7 @@ export class Strip {
       aria: { label: `Prompt ${number + 1}: ${text}, ${span}`, pressed: number === this.chosen },
       on: {
         click: () => this.choose(number),
-        keydown: ({ key }) => (key === "Delete" || key === "Backspace") && this.remove(number),
+        keydown: (event) => onDelete(event, () => this.remove(number)),
         contextmenu: (event) => {
           event.preventDefault();
           this.remove(number);
@@ -156,6 +155,14 @@ export class Strip {
   #showTime() {
     place(find("now"), this.studio.player.timeline.time / this.seconds);
   }
+}
+
+// The key is answered here, so that it does not delete the take as well.
+function onDelete(event, remove) {
+  if (event.key !== "Delete" && event.key !== "Backspace") return;
+  event.preventDefault();
+  event.stopPropagation();
+  remove();
 }
 
 function place(element, part) {

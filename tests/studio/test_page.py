@@ -1,0 +1,425 @@
+"""The studio's page in a real browser, driven as a user would.
+
+Skipped without Chromium, Playwright or what the extra `studio` installs; the check of
+accessibility also without `npm ci` in `viewer/source`, which brings axe-core.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from latentmotion.motion import Motion
+from tests.support.pages import CHROMIUM, walking
+
+pytest.importorskip("fastapi", reason="needs the extra studio")
+playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+if CHROMIUM is None:
+    pytest.skip("needs Chromium (Debian: apt-get install chromium)", allow_module_level=True)
+
+AXE = Path(__file__).parents[2] / "src/latentmotion/viewer/source/node_modules/axe-core/axe.min.js"
+SCREENS = ("make", "library", "character", "compare")
+PATIENCE = 120_000  # milliseconds; a busy machine is no fault of the page
+FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+NEWS = """
+document.addEventListener("securitypolicyviolation", (event) => {
+  console.error(`policy: ${event.violatedDirective} ${event.blockedURI}`);
+});
+"""
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """What `latentmotion studio` prints."""
+    library = tmp_path_factory.mktemp("library")
+    program = "from latentmotion.cli.main import main; main()"
+    command = [sys.executable, "-c", program, "studio", "--no-browser", "--port", "0"]
+    with subprocess.Popen(
+        [*command, "--library", str(library)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    ) as server:
+        assert server.stdout is not None
+        yield server.stdout.readline().strip()
+        server.terminate()
+        server.stdout.read()
+
+
+@pytest.fixture(scope="module")
+def opened(address: str) -> Iterator[Any]:
+    """The page, with four takes of a walk; what it asks of other hosts or is refused is a fault."""
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        context = browser.new_context(
+            viewport={"width": 900, "height": 640}, reduced_motion="reduce", accept_downloads=True
+        )
+        context.set_default_timeout(PATIENCE)
+        page = context.new_page()
+        page.add_init_script(NEWS)
+        page.faults = []
+        host = address.split("/studio")[0]
+        page.on("console", lambda said: said.type == "error" and page.faults.append(said.text))
+        page.on("pageerror", lambda error: page.faults.append(str(error)))
+        page.on(
+            "request",
+            lambda asked: (
+                asked.url.startswith((host, "blob:", "data:")) or page.faults.append(asked.url)
+            ),
+        )
+        page.goto(address)
+        page.wait_for_selector("body:is([data-model=warm], [data-state=failed])")
+        assert page.get_attribute("body", "data-state") == "ready", page.inner_text("#status")
+        generated(page, "a person walks forward")
+        yield page
+        browser.close()
+
+
+@pytest.fixture
+def page(opened: Any) -> Iterator[Any]:
+    """The page on its first screen."""
+    go(opened, "make")
+    yield opened
+    assert opened.faults == []
+
+
+def generated(page: Any, prompt: str, takes: int = 4) -> None:
+    page.fill("[name=takes]", str(takes))
+    page.fill("#prompt", prompt)
+    page.press("#prompt", "Enter")
+    said(page, f"{takes} × ")
+
+
+def said(page: Any, words: str) -> None:
+    page.wait_for_selector(f"#status:has-text('{words}')")
+
+
+def go(page: Any, screen: str) -> None:
+    page.click(f"#screens a[href='#{screen}']")
+    page.wait_for_selector(f"body[data-screen={screen}]")
+
+
+def until(page: Any, words: str) -> None:
+    """Waits until an expression of the page's own objects is true."""
+    page.wait_for_function(f"() => {{ const {{ studio, player }} = latentmotion; return {words} }}")
+
+
+def asked(page: Any, words: str) -> Any:
+    return page.evaluate(f"() => {{ const {{ studio, player }} = latentmotion; return {words} }}")
+
+
+def downloaded(page: Any, selector: str) -> Path:
+    with page.expect_download() as download:
+        page.click(selector)
+    path = download.value.path()
+    return path.rename(path.with_name(download.value.suggested_filename))
+
+
+def test_four_takes_move_on_one_clock(page):
+    assert page.url.endswith("#make") and "token" not in page.url
+    assert asked(page, "player.stage.figures.length") == 4
+    before = asked(page, "player.takes.map((take) => [...take.sample(0)])")
+    page.keyboard.press("Space")
+    until(page, "player.timeline.time > 0.3")
+    page.keyboard.press("Space")
+    after = asked(page, "player.takes.map((take) => [...take.sample(player.timeline.time)])")
+    moved = np.abs(np.subtract(after, before)).max(axis=1)
+    assert (moved > 0.02).all()
+    assert len({tuple(take[:9]) for take in after}) == 4
+
+
+def test_what_the_stage_shows_is_what_the_file_holds(page):
+    page.keyboard.press("2")
+    until(page, "studio.picked === 1")
+    page.check("#mirrored")
+    until(page, "studio.take.edits.mirrored && studio.takes.length === 4")
+    page.select_option("#format", "npz")
+    saved = Motion.load(downloaded(page, "#export"))
+    until(page, "player.takes[1].frames === studio.take.frames")
+    shown = np.reshape(asked(page, "[...player.takes[1].positions]"), (-1, 22, 3))
+    np.testing.assert_allclose(shown, saved.joints, atol=1e-6)
+    page.keyboard.press("Control+z")
+    until(page, "!studio.take.edits.mirrored")
+
+
+def test_edits_are_undone_and_done_again_by_keys(page):
+    page.click("#view canvas", position={"x": 5, "y": 200})
+    page.keyboard.press("1")
+    page.keyboard.press("s")
+    until(page, "studio.take.star")
+    assert page.inner_text("#picks [aria-pressed=true]") == "★ 1"
+    whole = asked(page, "studio.take.frames")
+    page.evaluate("latentmotion.player.timeline.seek(1)")
+    page.keyboard.press("i")
+    until(page, f"studio.take.frames < {whole}")
+    page.keyboard.press("Delete")
+    until(page, "studio.takes.length === 3")
+    for check in ("studio.takes.length === 4", f"studio.take.frames === {whole}"):
+        page.keyboard.press("Control+z")
+        until(page, check)
+    page.keyboard.press("Control+Shift+z")
+    until(page, f"studio.take.frames < {whole}")
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    until(page, f"!studio.take.star && studio.take.frames === {whole}")
+    page.keyboard.press("d")
+    until(page, "studio.takes.length === 5 && studio.picked === 1")
+    page.keyboard.press("Control+z")
+    until(page, "studio.takes.length === 4")
+
+
+def test_timeline_gets_prompts_and_lengths(page):
+    page.keyboard.press("n")
+    until(page, "studio.draft.segments.length === 2")
+    page.fill("#prompt", "a person jumps")
+    page.press("#prompt", "Tab")
+    until(page, "studio.draft.segments[1].prompt === 'a person jumps'")
+    edge = page.locator(".segment .edge").last
+    box = edge.bounding_box()
+    page.mouse.move(box["x"] + 4, box["y"] + 10)
+    page.mouse.down()
+    page.mouse.move(box["x"] - 60, box["y"] + 10)
+    page.mouse.up()
+    until(page, "studio.draft.segments[1].seconds > 0.5")
+    assert page.is_hidden("#direct-body")
+    page.fill("[name=seconds]", "2")
+    generated(page, "a person jumps", takes=1)
+    assert [span["prompt"] for span in asked(page, "studio.take.recipe.timeline")] == [
+        "a person walks forward",
+        "a person jumps",
+    ]
+    page.focus("#segments .segment:last-child button")
+    page.keyboard.press("Delete")
+    until(page, "studio.draft.segments.length === 1")
+    page.keyboard.press("Control+z")
+    until(page, "studio.draft.segments.length === 2")
+    page.click("#segments .segment:last-child .remove")
+    until(page, "studio.draft.segments.length === 1")
+
+
+def floor(page: Any, x: float, z: float) -> list[float]:
+    return page.evaluate("([x, z]) => latentmotion.directions.hand.onScreen(x, z)", [x, z])
+
+
+def test_path_and_goal_are_set_on_the_floor(page):
+    page.focus("#view canvas")
+    page.keyboard.press("p")
+    page.wait_for_selector("#hint:visible")
+    page.mouse.click(*floor(page, 0.0, 1.0))
+    until(page, "studio.draft.path.length === 2")
+    page.mouse.move(*floor(page, 0.0, 1.0))
+    page.mouse.down()
+    page.mouse.move(*floor(page, 0.3, 1.2), steps=4)
+    page.mouse.move(*floor(page, 0.5, 1.5), steps=4)
+    page.mouse.up()
+    until(page, "studio.draft.path[1].x === 0.5")
+    path = asked(page, "studio.draft.path.map(({ x, z }) => [x, z])")
+    assert path == [[0, 0], pytest.approx([0.5, 1.5], abs=0.03)]
+    page.keyboard.press("k")
+    page.select_option("#goal-joint", "right_wrist")
+    page.fill("#goal-height", "1.2")
+    page.evaluate("latentmotion.player.timeline.seek(1)")
+    page.mouse.click(*floor(page, 0.0, 1.0))
+    until(page, "studio.draft.goals.length === 1")
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#hint", state="hidden")
+    page.fill("[name=seconds]", "3")
+    generated(page, "a person walks forward", takes=1)
+    recipe = asked(page, "studio.take.recipe")
+    assert recipe["path"]["points"] == path
+    (goal,) = recipe["goals"]
+    assert (goal["joint"], goal["at"], goal["to"][1]) == ("right_wrist", 1, 1.2)
+    assert "right wrist" in page.inner_text("#reached")
+    for _ in range(9):
+        page.keyboard.press("Control+z")
+    until(page, "!studio.draft.path.length && !studio.draft.goals.length")
+
+
+def test_library_finds_tags_and_writes_many(page, tmp_path):
+    walking(caption="a foreign walk").save(tmp_path / "foreign.bvh")
+    go(page, "library")
+    page.set_input_files("#import-file", tmp_path / "foreign.bvh")
+    said(page, "Imported foreign.bvh")
+    page.fill("#query", "foreign")
+    page.wait_for_selector("#grid[data-listed='1'] img")
+    page.check("#grid li input[type=checkbox]")
+    page.fill("#chosen-tags", "own, walk")
+    page.click("#set-tags")
+    page.wait_for_selector("#grid li:has-text('own')")
+    page.fill("#query", "")
+    page.select_option("#tag", "own")
+    page.wait_for_selector("#grid[data-listed='1']")
+    page.fill("#grid .title", "mine")
+    page.press("#grid .title", "Enter")
+    page.wait_for_selector("#grid [aria-label='Title of mine']")
+    page.click("#grid .star")
+    page.wait_for_selector("#grid .star[aria-pressed=true]")
+    page.select_option("#tag", "")
+    page.wait_for_function("() => Number(document.getElementById('grid').dataset.listed) > 4")
+    page.check("#only-stars")
+    page.wait_for_selector("#grid[data-listed='1']")
+    page.uncheck("#only-stars")
+    page.wait_for_function("() => Number(document.getElementById('grid').dataset.listed) > 4")
+    page.click("#choose-all")
+    count = int(page.inner_text("#chosen-count").split()[0])
+    page.select_option("#zip-format", "bvh")
+    with zipfile.ZipFile(downloaded(page, "#export-chosen")) as archive:
+        names = archive.namelist()
+    assert len(names) == count and all(name.endswith(".bvh") for name in names)
+
+
+def test_deleted_takes_come_back(page):
+    go(page, "library")
+    page.wait_for_selector("#grid li")
+    total = page.inner_text("#total")
+    page.check("#grid li:first-child input[type=checkbox]")
+    page.click("#delete-chosen")
+    said(page, "1 deleted")
+    page.check("#only-deleted")
+    page.wait_for_selector("#grid li:first-child input[type=checkbox]")
+    page.check("#grid li:first-child input[type=checkbox]")
+    page.click("#restore-chosen")
+    said(page, "1 restored")
+    page.uncheck("#only-deleted")
+    page.wait_for_selector(f"#total:text-is('{total}')")
+
+
+def test_motion_is_shown_on_an_own_character(page, tmp_path):
+    walking().save(tmp_path / "hero.glb")
+    generated(page, "a person waves", takes=1)
+    go(page, "character")
+    page.set_input_files("#character-file", tmp_path / "hero.glb")
+    said(page, "hero")
+    until(page, "player.stage.figures.length === 2")
+    assert page.locator("#bones tbody tr").count() == 22
+    head = page.locator("#bones tr[data-joint=head] select")
+    bone = head.input_value()
+    assert bone
+    first = asked(page, "player.stage.figures[1].actions[0].time")
+    page.evaluate("latentmotion.player.timeline.seek(1)")
+    assert asked(page, "player.stage.figures[1].actions[0].time") == 1 != first
+    head.select_option("")
+    page.wait_for_selector("#bones tr[data-joint=head][data-state=missing]")
+    page.keyboard.press("Control+z")
+    page.wait_for_selector("#bones tr[data-joint=head]:not([data-state=missing])")
+    assert head.input_value() == bone
+    page.select_option("#character-format", "bvh")
+    assert downloaded(page, "#character-export").read_text().startswith("HIERARCHY")
+    go(page, "make")
+    page.select_option("#figure", label="hero.glb")
+    until(page, "player.stage.figures[0].mixer")
+    page.select_option("#figure", "stick")
+    until(page, "player.stage.figures[0].sticks")
+    page.select_option("#figure", "mannequin")
+    until(page, "player.stage.figures[0].bones && !player.stage.figures[0].sticks")
+
+
+def test_a_file_that_is_no_character_is_refused_in_words(page, tmp_path):
+    (tmp_path / "broken.glb").write_bytes(b"glTF is not here")
+    go(page, "character")
+    page.set_input_files("#character-file", tmp_path / "broken.glb")
+    page.wait_for_selector("#status.wrong")
+    assert len(page.inner_text("#status")) > 20
+    page.faults[:] = [fault for fault in page.faults if "status of 4" not in fault]
+
+
+def test_two_takes_are_compared_on_one_clock(page):
+    generated(page, "a person walks forward", takes=2)
+    go(page, "compare")
+    until(page, "player.stage.figures.length === 2")
+    starts = "player.takes.map((take, i) => take.ground(0)[0] + player.stage.offsets[i][0])"
+    assert asked(page, starts) == pytest.approx([0, 0], abs=1e-6)
+    assert page.inner_text("#differences tr.differs th") == "seed"
+    page.keyboard.press("g")
+    until(page, f"Math.abs({starts}[1] - {starts}[0]) > 0.5")
+    page.keyboard.press("g")
+
+
+def test_project_brings_everything_back(page):
+    generated(page, "a person kicks", takes=2)
+    page.click("#open-projects")
+    page.fill("#project-name", "my fight")
+    page.press("#project-name", "Enter")
+    said(page, "Saved the project my fight")
+    ids = asked(page, "studio.takes.map(({ id }) => id)")
+    generated(page, "a person sits down", takes=1)
+    page.click("#open-projects")
+    page.click("[aria-label='Open my fight']")
+    said(page, "Opened my fight")
+    assert asked(page, "studio.takes.map(({ id }) => id)") == ids
+    assert page.input_value("#prompt") == "a person kicks"
+
+
+def test_a_take_is_made_again_to_the_bit(page):
+    page.click("#again")
+    said(page, "equal to the bit")
+
+
+def test_an_empty_prompt_is_asked_for(page):
+    page.fill("#prompt", "")
+    page.press("#prompt", "Enter")
+    page.wait_for_selector("#status.wrong:has-text('Write what a person does')")
+    assert page.evaluate("document.activeElement.id") == "prompt"
+    page.fill("#prompt", "a person stands")
+    page.press("#prompt", "Tab")
+
+
+def test_question_mark_shows_the_keys(page):
+    page.focus("#view canvas")
+    page.keyboard.press("?")
+    assert page.locator("#keys kbd").count() > 30
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#keys", state="hidden")
+
+
+@pytest.mark.parametrize("width", (1280, 390))
+def test_screens_fit_and_can_be_used_by_all(page, width):
+    if not AXE.is_file():
+        pytest.skip("needs axe-core: run npm ci in src/latentmotion/viewer/source")
+    page.set_viewport_size({"width": width, "height": 844 if width == 390 else 800})
+    page.evaluate(AXE.read_text("utf-8"))
+    found = {}
+    for screen in SCREENS:
+        go(page, screen)
+        if screen != "library":
+            page.wait_for_selector("#view canvas")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        results = page.evaluate("axe.run({ resultTypes: ['violations'] })")
+        found[screen] = [
+            f"{one['id']}: {node['html'][:120]}"
+            for one in results["violations"]
+            if one["impact"] in ("serious", "critical")
+            for node in one["nodes"]
+        ]
+    page.set_viewport_size({"width": 900, "height": 640})
+    assert not any(found.values()), found
+
+
+def test_panels_fold_on_a_phone(page):
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.wait_for_selector("#options:not([open])")
+    page.click("#direct summary")
+    page.wait_for_selector("#draw-path:visible")
+    page.set_viewport_size({"width": 900, "height": 640})
+    page.wait_for_selector("#options[open]")
+
+
+def test_page_holds_nothing_inline():
+    folder = Path(__file__).parents[2] / "src/latentmotion/studio/assets"
+    page = (folder / "index.html").read_text("utf-8")
+    assert not re.search(r"<style| style=| on\w+=|https?://", page)
+    assert re.findall(r"<script[^>]*>", page) == [
+        '<script src="/studio/assets/studio.js" defer>',
+    ]
+    style = (folder / "studio.css").read_text("utf-8")
+    assert "url(" not in style and "@import" not in style
