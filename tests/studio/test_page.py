@@ -62,7 +62,7 @@ def opened(address: str) -> Iterator[Any]:
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
         context = browser.new_context(
-            viewport={"width": 900, "height": 640}, reduced_motion="reduce", accept_downloads=True
+            viewport={"width": 840, "height": 560}, reduced_motion="reduce", accept_downloads=True
         )
         context.set_default_timeout(PATIENCE)
         page = context.new_page()
@@ -80,6 +80,7 @@ def opened(address: str) -> Iterator[Any]:
         page.goto(address)
         page.wait_for_selector("body:is([data-model=warm], [data-state=failed])")
         assert page.get_attribute("body", "data-state") == "ready", page.inner_text("#status")
+        page.select_option("#figure", "stick")  # quick to draw where there is no GPU
         generated(page, "a person walks forward")
         yield page
         browser.close()
@@ -88,6 +89,7 @@ def opened(address: str) -> Iterator[Any]:
 @pytest.fixture
 def page(opened: Any) -> Iterator[Any]:
     """The page on its first screen."""
+    opened.faults.clear()
     go(opened, "make")
     yield opened
     assert opened.faults == []
@@ -222,7 +224,7 @@ def test_path_and_goal_are_set_on_the_floor(page):
     page.mouse.move(*floor(page, 0.3, 1.2), steps=4)
     page.mouse.move(*floor(page, 0.5, 1.5), steps=4)
     page.mouse.up()
-    until(page, "studio.draft.path[1].x === 0.5")
+    until(page, "studio.draft.path[1].x > 0.45")
     path = asked(page, "studio.draft.path.map(({ x, z }) => [x, z])")
     assert path == [[0, 0], pytest.approx([0.5, 1.5], abs=0.03)]
     page.keyboard.press("k")
@@ -240,8 +242,8 @@ def test_path_and_goal_are_set_on_the_floor(page):
     (goal,) = recipe["goals"]
     assert (goal["joint"], goal["at"], goal["to"][1]) == ("right_wrist", 1, 1.2)
     assert "right wrist" in page.inner_text("#reached")
-    for _ in range(9):
-        page.keyboard.press("Control+z")
+    page.click("#goals .remove")
+    page.click("#clear-path")
     until(page, "!studio.draft.path.length && !studio.draft.goals.length")
 
 
@@ -276,6 +278,8 @@ def test_library_finds_tags_and_writes_many(page, tmp_path):
     with zipfile.ZipFile(downloaded(page, "#export-chosen")) as archive:
         names = archive.namelist()
     assert len(names) == count and all(name.endswith(".bvh") for name in names)
+    page.click("#choose-all")
+    assert page.inner_text("#chosen-count") == "None selected"
 
 
 def test_deleted_takes_come_back(page):
@@ -318,10 +322,10 @@ def test_motion_is_shown_on_an_own_character(page, tmp_path):
     go(page, "make")
     page.select_option("#figure", label="hero.glb")
     until(page, "player.stage.figures[0].mixer")
+    page.select_option("#figure", "mannequin")
+    until(page, "player.stage.figures[0].rig")
     page.select_option("#figure", "stick")
     until(page, "player.stage.figures[0].sticks")
-    page.select_option("#figure", "mannequin")
-    until(page, "player.stage.figures[0].bones && !player.stage.figures[0].sticks")
 
 
 def test_a_file_that_is_no_character_is_refused_in_words(page, tmp_path):
@@ -343,6 +347,10 @@ def test_two_takes_are_compared_on_one_clock(page):
     page.keyboard.press("g")
     until(page, f"Math.abs({starts}[1] - {starts}[0]) > 0.5")
     page.keyboard.press("g")
+    page.fill("#lead-seconds", "1")
+    page.press("#lead-seconds", "Enter")
+    page.wait_for_selector("body[data-screen=make]")
+    until(page, "studio.take.recipe.between && player.takes.length === studio.takes.length")
 
 
 def test_project_brings_everything_back(page):
@@ -401,7 +409,7 @@ def test_screens_fit_and_can_be_used_by_all(page, width):
             if one["impact"] in ("serious", "critical")
             for node in one["nodes"]
         ]
-    page.set_viewport_size({"width": 900, "height": 640})
+    page.set_viewport_size({"width": 840, "height": 560})
     assert not any(found.values()), found
 
 
@@ -410,7 +418,7 @@ def test_panels_fold_on_a_phone(page):
     page.wait_for_selector("#options:not([open])")
     page.click("#direct summary")
     page.wait_for_selector("#draw-path:visible")
-    page.set_viewport_size({"width": 900, "height": 640})
+    page.set_viewport_size({"width": 840, "height": 560})
     page.wait_for_selector("#options[open]")
 
 

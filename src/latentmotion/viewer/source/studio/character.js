@@ -31,8 +31,7 @@ export class CharacterScreen {
   }
 
   async list() {
-    const answer = await get("characters");
-    this.characters = answer.characters ?? answer;
+    this.characters = (await get("characters")).characters;
     const known = this.characters.map(({ id, name }) => [id, name]);
     fill(find("character-list"), known.length ? known : [["", "none yet"]], this.current?.id);
     const figures = [["mannequin", "Mannequin"], ["stick", "Stick figure"], ...known];
@@ -83,12 +82,12 @@ export class CharacterScreen {
     const character = this.current;
     find("character-body").hidden = !character;
     if (!character) return;
-    const { bones, mapping, missing, guessed } = character;
-    find("character-facts").textContent =
-      `${bones.length} bones, ${guessed.length} joints guessed` +
-      (missing.length ? `, ${missing.length} missing` : "");
+    const { bones, mapping, guessed, problem } = character;
+    const facts = `${bones.length} bones, ${guessed.length} joints guessed`;
+    find("character-facts").textContent = problem ? `${facts}; ${problem}.` : `${facts}.`;
+    const { joints } = this.studio.capabilities;
     find("bones").tBodies[0].replaceChildren(
-      ...Object.entries(mapping).map(([joint, bone]) => this.#row(joint, bone, bones)),
+      ...joints.map((joint) => this.#row(joint, mapping[joint] ?? null, bones)),
     );
   }
 

@@ -1,7 +1,8 @@
 // The screen Compare: two takes on one clock, one over the other or side by side.
 
 import { get } from "./api.js";
-import { fill, find, make, onChange, onClick, press, round } from "./dom.js";
+import { fill, find, make, onChange, onClick, press, round, trying } from "./dom.js";
+import { samplingOf } from "./draft.js";
 
 const COLORS = ["#2f8f9d", "#e2694a"];
 const CHOICE = 60; // latest takes of the library to choose from
@@ -15,11 +16,17 @@ const FACTS = {
 };
 
 export class Compare {
-  constructor(studio, restage) {
-    Object.assign(this, { studio, restage, pair: [null, null], overlay: true, known: [] });
+  /** `makeTakes` makes takes of a recipe and shows them. */
+  constructor(studio, restage, makeTakes) {
+    Object.assign(this, { studio, restage, makeTakes, pair: [null, null], overlay: true, known: [] });
     ["take-a", "take-b"].forEach((id, i) => onChange(id, ({ value }) => this.choose(i, value)));
     onClick("overlay", () => this.setOverlay(!this.overlay));
     onClick("swap", () => this.set([...this.pair].reverse()));
+    find("lead").hidden = !studio.capabilities.can.between;
+    find("lead").addEventListener("submit", (event) => {
+      event.preventDefault();
+      trying(() => this.lead());
+    });
   }
 
   actors() {
@@ -54,6 +61,15 @@ export class Compare {
     const pair = [...this.pair];
     pair[side] = this.known.find((take) => take.id === id);
     return this.set(pair);
+  }
+
+  /** Makes takes that lead from A to B. */
+  lead() {
+    const { draft } = this.studio;
+    const [start, end] = this.pair.map((take) => take?.id);
+    if (!end) throw new Error("Choose two takes first.");
+    const asked = { prompt: find("lead-prompt").value.trim(), seconds: Number(find("lead-seconds").value) };
+    return this.makeTakes({ ...samplingOf(draft), ...asked, between: { start, end } }, draft.settings.takes);
   }
 
   setOverlay(overlay) {

@@ -27,6 +27,11 @@ export function recipeOf({ segments, path, goals, settings }) {
   return recipe;
 }
 
+/** How motions are generated, whatever is asked for. */
+export function samplingOf({ settings: { seed, steps, guidance, clean } }) {
+  return { format: 1, seed, steps, guidance, clean };
+}
+
 /** What a take was made from, as a draft. */
 export function draftOf(recipe, usual) {
   const { prompt = "", seconds = null, timeline = [], path, goals = [] } = recipe;

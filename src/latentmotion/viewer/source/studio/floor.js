@@ -86,6 +86,7 @@ export class FloorHand {
       ((clientX - box.left) / box.width) * 2 - 1,
       1 - ((clientY - box.top) / box.height) * 2,
     );
+    stage.camera.updateMatrixWorld(); // it may have moved since the last picture
     const ray = new THREE.Raycaster();
     ray.setFromCamera(at, stage.camera);
     const hit = ray.ray.intersectPlane(new THREE.Plane(new THREE.Vector3(0, 1, 0)), new THREE.Vector3());
@@ -100,6 +101,7 @@ export class FloorHand {
   /** Where a place of the picked take's floor is on the screen: [x, y], pixels of the page. */
   onScreen(x, z) {
     const [dx, dz] = this.#offset();
+    this.stage.camera.updateMatrixWorld();
     const box = this.stage.canvas.getBoundingClientRect();
     const { x: right, y: up } = new THREE.Vector3(x + dx, 0, z + dz).project(this.stage.camera);
     return [box.left + ((right + 1) / 2) * box.width, box.top + ((1 - up) / 2) * box.height];

@@ -39,6 +39,7 @@ function fits(key, pressed) {
 function isTheirs({ target }, pressed) {
   if (document.querySelector("dialog[open]")) return pressed !== "?" || TYPED.test(target.tagName);
   if (pressed === "Escape" || pressed === "Ctrl+S") return false;
+  if (target.tagName === "SELECT" && pressed.startsWith("Ctrl+")) return false;
   if (TYPED.test(target.tagName) && !OWN.has(target.type)) return true;
   if (target.type === "range") return /Arrow|Home|End/.test(pressed);
   if (/^(BUTTON|A|SUMMARY)$/.test(target.tagName) || target.type === "checkbox") {

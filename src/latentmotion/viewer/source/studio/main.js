@@ -31,7 +31,10 @@ async function open() {
   screens.make = new MakeScreen(studio);
   const directions = new Directions(studio, () => document.body.dataset.screen === "make");
   screens.character = new CharacterScreen(studio, restage, () => document.body.dataset.screen === "character");
-  screens.compare = new Compare(studio, restage);
+  screens.compare = new Compare(studio, restage, (recipe, count) => {
+    go("make");
+    return screens.make.make(recipe, count);
+  });
   screens.library = new Library(studio, go, async (pair) => {
     screens.compare.pair = pair;
     go("compare");
@@ -57,7 +60,7 @@ async function open() {
   waitForModel();
   performance.measure("ready", { start: 0, end: performance.now() });
   // The mannequin's skin takes a second: only now, and before the first takes come.
-  requestIdleCallback(() => studio.takes.length || studio.stand("mannequin"));
+  requestIdleCallback(() => studio.takes.length || studio.stand(studio.figure));
   window.latentmotion = { studio, player, directions };
   return true;
 }

@@ -3,7 +3,7 @@
 import { colorsOf } from "../colors.js";
 import { send } from "./api.js";
 import { byUse, fill, find, make, onChange, onClick, press, round, say, trying, words } from "./dom.js";
-import { lengthsOf, recipeOf } from "./draft.js";
+import { lengthsOf, recipeOf, samplingOf } from "./draft.js";
 import { Strip } from "./strip.js";
 
 const WHOLE_NUMBERS = ["takes", "seed", "steps", "best_of"];
@@ -33,8 +33,10 @@ export class MakeScreen {
     return takes.map((take) => ({ take, figure }));
   }
 
-  #limit({ steps, guidance, seconds, formats, can, parts = [] }) {
+  #limit({ steps, guidance, seconds, formats, can, parts = [], labels = [] }) {
     const { elements } = this.form;
+    if (labels.length) elements.prompt.setAttribute("list", "labels");
+    find("labels").replaceChildren(...labels.map((label) => new Option(label)));
     fill(elements.steps, steps);
     Object.assign(elements.guidance, { min: guidance.least, max: guidance.most });
     Object.assign(elements.seconds, { min: seconds.least, max: seconds.most });
@@ -43,6 +45,7 @@ export class MakeScreen {
     find("loops").hidden = !can.loop;
     find("add-segment").hidden = !can.timeline;
     find("part").hidden = !can.edit;
+    find("go-on").hidden = !can.start;
     find("part-which").hidden = !can.parts;
     fill(find("part-name"), [["", "whole body"], ...parts.map((one) => [one, words(one)])]);
     fill(find("format"), byUse(formats));
@@ -76,6 +79,7 @@ export class MakeScreen {
       onChange(id, () => this.trim(["trim-from", "trim-to"].map((end) => Number(find(end).value))));
     }
     onClick("again", () => this.#again());
+    onClick("go-on", () => this.goOn());
     find("part-form").addEventListener("submit", (event) => {
       event.preventDefault();
       trying(() => this.#changePart());
@@ -102,7 +106,8 @@ export class MakeScreen {
   async generate() {
     for (const field of ["prompt", "seconds"]) await this.#take(this.form.elements[field]);
     const { segments } = this.studio.draft;
-    const empty = segments.findIndex(({ prompt }) => !prompt);
+    const isAsked = this.studio.capabilities.prompts !== "nothing";
+    const empty = isAsked ? segments.findIndex(({ prompt }) => !prompt) : -1;
     if (empty >= 0) {
       this.strip.choose(empty);
       throw new Error("Write what a person does, e.g. a person walks and sits down.");
@@ -143,8 +148,17 @@ export class MakeScreen {
     const between = [Number(find("part-from").value), Number(find("part-to").value)];
     const part = find("part-name").value;
     const edit = { take: take.id, between, parts: part ? [part] : [] };
-    const { steps, guidance, clean, seed, takes } = draft.settings;
-    return this.make({ format: 1, prompt, seed, steps, guidance, clean, edit }, takes);
+    return this.make({ ...samplingOf(draft), prompt, edit }, draft.settings.takes);
+  }
+
+  /** Makes takes that begin in the picked take's last pose. */
+  goOn() {
+    const { draft } = this.studio;
+    const { id } = this.#picked();
+    const prompt = find("prompt").value.trim();
+    if (!prompt) throw new Error("Write what the person does next, then go on from here.");
+    const { seconds } = this.strip.segment;
+    return this.make({ ...samplingOf(draft), prompt, seconds, start: id }, draft.settings.takes);
   }
 
   async #again() {

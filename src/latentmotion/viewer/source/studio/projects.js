@@ -20,10 +20,12 @@ export class Projects {
     await this.#list();
   }
 
+  async #names() {
+    return (await get("projects")).projects.map(({ name }) => name);
+  }
+
   async #list() {
-    const answer = await get("projects");
-    const names = (answer.projects ?? answer).map((one) => one.name ?? one);
-    const rows = names.map((name) => {
+    const rows = (await this.#names()).map((name) => {
       const open = { type: "button", textContent: name, aria: { label: `Open ${name}` } };
       const remove = { type: "button", textContent: "Delete", aria: { label: `Delete ${name}` } };
       return make("li", {},
@@ -54,7 +56,7 @@ export class Projects {
 
   async #replace(action, name, content) {
     const path = `projects/${encodeURIComponent(name)}`;
-    const before = await get(path).catch(() => null);
+    const before = (await this.#names()).includes(name) ? await get(path) : null;
     const put = (project) => async () => {
       if (project) await send("PUT", path, project);
       else await request("DELETE", path);
