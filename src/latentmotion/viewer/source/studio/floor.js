@@ -9,6 +9,8 @@ import { round } from "./dom.js";
 const NEAR = 18; // pixels from a waypoint within which the pointer grabs it
 const DRAWN = 10; // pixels after which a press is a drawn line and no click
 const APART = 0.35; // meters between the waypoints of a drawn line
+const WIDER = 1.45; // times as far from above
+const AHEAD = 1.3; // meters
 const ABOVE = new THREE.Vector3(0.05, 1, 0.55).normalize();
 
 export class FloorHand {
@@ -28,14 +30,21 @@ export class FloorHand {
   choose(tool) {
     this.tool = this.tool === tool ? null : tool;
     this.stage.controls.enabled = this.tool === null;
+    if (this.tool) this.studio.player.timeline.play(false);
     if (this.tool && !this.isAbove) this.lookFromAbove(true);
     this.changed();
   }
 
   lookFromAbove(isAbove) {
     this.isAbove = isAbove;
-    this.stage.eye = isAbove ? ABOVE : this.usual;
-    this.stage.reset();
+    const { stage } = this;
+    stage.eye = isAbove ? ABOVE : this.usual;
+    stage.reset();
+    if (isAbove) {
+      // More of the floor, most of it where motions go.
+      stage.zoom(WIDER);
+      for (const one of [stage.camera.position, stage.controls.target]) one.z += AHEAD;
+    }
     this.changed();
   }
 
