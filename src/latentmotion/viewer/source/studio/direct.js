@@ -22,6 +22,8 @@ export class Directions {
     for (const id of ["draw-path", "add-waypoint"]) find(id).hidden = !can.path;
     for (const id of ["place-goal", "keep-pose", "goal-kind"]) find(id).hidden = !can.goals;
     this.hand = studio.player.stage.scene && new FloorHand(studio, (place) => this.#showTool(place));
+    // Without WebGL there is no floor to point at; the tables remain.
+    if (!this.hand) for (const id of ["draw-path", "place-goal", "above"]) find(id).hidden = true;
     onClick("draw-path", () => this.choose("path"));
     onClick("place-goal", () => this.choose("goal"));
     onClick("keep-pose", () => this.keepPose());

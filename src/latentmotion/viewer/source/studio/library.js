@@ -1,6 +1,6 @@
 // The screen Library: all takes with pictures; search, tags, stars; many at once; import.
 
-import { download, get, query, request } from "./api.js";
+import { download, get, query, request, send } from "./api.js";
 import { byUse, fill, find, make, onChange, onClick, round, say, trying } from "./dom.js";
 
 const PAGE = 60; // takes that are asked for at once
@@ -69,13 +69,13 @@ export class Library {
       aria: { label: `Select ${title}` },
       on: { change: ({ target }) => this.#choose(take, target.checked) },
     });
-    const opened = { type: "button", className: "picture", title: missing ? "Its file is missing" : "Show" };
+    const show = missing ? () => this.bringBack(take) : () => this.open([take]);
     const picture = make("button", {
-      ...{ ...opened, disabled: missing },
-      ...{ data: { take: id }, aria: { label: `Show ${title}` } },
-      on: { click: () => trying(() => this.open([take])) },
+      ...{ type: "button", className: "picture", data: { take: id } },
+      aria: { label: missing ? `Make ${title} again: its file is missing` : `Show ${title}` },
+      on: { click: () => trying(show) },
     });
-    if (missing) picture.textContent = "file missing";
+    if (missing) picture.textContent = "File missing: make again";
     else this.seen.observe(picture);
     const name = make("input", {
       ...{ value: title, className: "title", maxLength: 200 },
@@ -103,6 +103,13 @@ export class Library {
     }
     const source = await this.pictures.get(key).catch(() => this.pictures.delete(key) && null);
     if (source) place.replaceChildren(make("img", { src: source, alt: "" }));
+  }
+
+  /** Makes a take whose file is missing again from its recipe. */
+  async bringBack({ id, title }) {
+    const { equal } = await send("POST", `takes/${id}/again`);
+    await this.list();
+    say(equal ? `${title} is there again.` : `${title} came out otherwise than it was.`, !equal);
   }
 
   edit(name, take, fields) {
