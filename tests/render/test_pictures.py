@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from latentmotion.errors import InputError
-from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import make_mannequin
 from latentmotion.render.painter import camera_around
-from tests.support.walker import t_pose, walker
+from tests.support.walker import walker
 
 Image = pytest.importorskip("PIL.Image")
 av = pytest.importorskip("av")
@@ -34,41 +32,6 @@ def painted(picture) -> np.ndarray:
     """Where the figure is: pixels that are clearly blue."""
     red, _, blue = np.moveaxis(np.asarray(picture.convert("RGB")).astype(int), -1, 0)
     return blue - red > 60
-
-
-def test_the_mannequin_surrounds_its_bones():
-    skeleton = t_pose().skeleton
-    body = make_mannequin(skeleton, cell=0.03)
-    distance = np.linalg.norm(body.vertices[:, None] - skeleton.rest_joints(), axis=-1).min(0)
-    assert distance.max() < 0.2
-    np.testing.assert_allclose(np.linalg.norm(body.normals, axis=-1), 1, atol=1e-6)
-    faces = body.vertices[body.quads]
-    outward = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
-    agree = (outward * body.normals[body.quads].sum(1)).sum(-1) > 0
-    assert agree.mean() > 0.995
-
-
-def test_a_stretched_mannequin_is_close_to_one_built_for_its_bones():
-    lengths = np.random.default_rng(0).uniform(0.97, 1.03, (22, 1))
-    person = t_pose().skeleton
-    skeleton = replace(person, offsets=0.9 * lengths * person.offsets)
-    usual, stretched = (make_mannequin(made, cell=0.03) for made in (person, skeleton))
-    assert stretched.quads is usual.quads
-    edges = np.stack([stretched.quads, np.roll(stretched.quads, -1, axis=1)], axis=-1)
-    _, faces = np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0, return_counts=True)
-    assert (faces == 2).all()
-    # A joint more makes it another kind of skeleton, which has no standard lengths.
-    names, parents = (*skeleton.names, "tip"), (*skeleton.parents, 21)
-    other = Skeleton("other", names, parents, np.append(skeleton.offsets, [(-0.1, 0, 0)], axis=0))
-    built = make_mannequin(other, cell=0.03)
-    between = np.linalg.norm(stretched.vertices[:, None] - built.vertices, axis=-1).min(1)
-    assert between.max() < 0.03  # the faces are as wide, with corners elsewhere
-    for axis in range(3):
-        np.testing.assert_allclose(
-            np.quantile(stretched.vertices[:, axis], (0, 1)),
-            np.quantile(built.vertices[:, axis], (0, 1)),
-            atol=0.02,
-        )
 
 
 def test_skin_follows_the_bones():

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import cross, unit
 from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.storage.limits import MOST_FRAMES
@@ -143,22 +144,26 @@ def bone_axes(skeleton: Skeleton, miss: float = 0.0) -> BoneAxes:
         miss: Meters by which bones pass the joint that they point to, for programs that connect
             bones which meet.
     """
+    bones, offsets = {}, np.asarray(skeleton.offsets, float)
+    lengths = np.linalg.norm(offsets, axis=-1)
+    aside = np.abs(offsets[:, 0]) / np.maximum(lengths, 1e-12)
+    for joint in reversed(range(1, len(skeleton))):  # the first of equals is kept
+        parent = skeleton.parents[joint]
+        if lengths[joint] > 1e-6 and aside[joint] <= aside[bones.get(parent, joint)]:
+            bones[parent] = joint  # from pelvis and chest to the spine, not to a limb
     world = np.tile(np.eye(3), (len(skeleton), 1, 1))
+    if bones:
+        aims = offsets[list(bones.values())]
+        world[list(bones)] = _frames(aims + miss * _frames(aims)[..., 0])
+    level = _frames(np.array(_AHEAD))
     for joint, parent in enumerate(skeleton.parents):
-        bones = [np.asarray(skeleton.offsets[child], float) for child in skeleton.children(joint)]
-        bones = [bone for bone in bones if np.linalg.norm(bone) > 1e-6]
-        if bones:  # from pelvis and chest to the spine, not to a limb
-            bone = min(bones, key=lambda bone: abs(bone[0]) / np.linalg.norm(bone))
-            world[joint] = _frame(bone + miss * _frame(bone)[:, 0])
-        elif parent >= 0:
-            ahead = world[parent, 2, 1] > 0.8
-            world[joint] = _frame(np.array(_AHEAD)) if ahead else world[parent]
+        if joint not in bones and parent >= 0:
+            world[joint] = level if world[parent, 2, 1] > 0.8 else world[parent]
     return BoneAxes(skeleton, world)
 
 
-def _frame(y: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+def _frames(y: Float[np.ndarray, "*bones 3"]) -> Float[np.ndarray, "*bones 3 3"]:
     """Returns axes with the given y whose z points ahead, or up where y itself points ahead."""
-    y = y / np.linalg.norm(y)
-    x = np.cross(y, _UP if abs(y[2]) > 0.8 else _AHEAD)
-    x /= np.linalg.norm(x)
-    return np.stack([x, y, np.cross(x, y)], axis=-1)
+    y = unit(y)
+    x = unit(cross(y, np.where(np.abs(y[..., 2:]) > 0.8, _UP, _AHEAD)))
+    return np.stack([x, y, cross(x, y)], axis=-1)

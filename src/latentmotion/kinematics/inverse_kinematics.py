@@ -45,7 +45,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.arrays import unit
+from latentmotion.arrays import cross, unit
 from latentmotion.kinematics.rotations import (
     matrix_between,
     matrix_from_quaternion,
@@ -83,11 +83,8 @@ def hinge(
         stiffness: λ, per frame.
         pace: Greatest turn about the bone from each frame to the next, radians.
     """
-    carried = [unit(np.cross(axis[0], np.eye(3)[np.argmin(np.abs(axis[0]))]))]
-    for step in matrix_between(axis[:-1], axis[1:]):  # parallel transport
-        carried.append(step @ carried[-1])
-    first = np.stack(carried)
-    frame = np.stack([first, np.cross(axis, first)], axis=1)
+    first = _carried(axis)
+    frame = np.stack([first, cross(axis, first)], axis=1)
     weight, trust = (normal**2).sum(-1), np.linalg.norm(prior, axis=-1)
     plane, prior = (unit(np.einsum("tij,tj->ti", frame, x)) for x in (normal, prior))
     signed = plane * (weight * _signs(plane, weight, prior))[:, None]
@@ -108,6 +105,21 @@ def hinge(
     return np.einsum("tij,ti->tj", frame, np.stack([np.cos(angle), np.sin(angle)], axis=-1))
 
 
+def _carried(axis: Float[np.ndarray, "frames 3"]) -> Float[np.ndarray, "frames 3"]:
+    """Returns a normal of an axis that does not turn about it: parallel transport."""
+    start = unit(cross(axis[0], np.eye(3)[np.argmin(np.abs(axis[0]))]))
+    x, y, z = start.tolist()
+    halves = axis[:-1] + axis[1:]
+    squares = 0.5 * (halves**2).sum(-1)  # 1 + the cosine of the step
+    found = [(x, y, z)]
+    steps = zip(axis[1:].tolist(), halves.tolist(), squares.tolist(), strict=True)
+    for (a, b, c), (u, v, w), square in steps:
+        along = (a * x + b * y + c * z) / square if square > 1e-6 else 0.0
+        x, y, z = x - along * u, y - along * v, z - along * w
+        found.append((x, y, z))
+    return np.array(found)
+
+
 def _signs(
     plane: Float[np.ndarray, "frames 2"],
     weight: Float[np.ndarray, " frames"],
@@ -116,16 +128,16 @@ def _signs(
     """Chooses for each frame: the limb bends naturally (1), or beyond straight (-1)."""
     natural = weight * (weight + _PRIOR * (plane * prior).sum(-1))
     pull = _CONTINUITY * np.minimum(weight[1:], weight[:-1]) * (plane[1:] * plane[:-1]).sum(-1)
-    signs = np.array([1.0, -1.0])
-    best, choices = -natural[0] * signs, []
-    for unary, pair in zip(natural[1:], pull, strict=True):
-        cost = best[:, None] - pair * np.outer(signs, signs)
-        choices.append(cost.argmin(0))
-        best = cost.min(0) - unary * signs
-    path = [int(best.argmin())]
+    first = float(natural[0])
+    bends, beyond, choices = -first, first, []  # least costs of paths to either sign
+    for unary, pair in zip(natural[1:].tolist(), pull.tolist(), strict=True):
+        stays, comes = (bends - pair, beyond + pair), (bends + pair, beyond - pair)
+        choices.append((stays[1] < stays[0], comes[1] < comes[0]))
+        bends, beyond = min(stays) - unary, min(comes) + unary
+    path = [beyond < bends]
     for before in reversed(choices):
-        path.append(int(before[path[-1]]))
-    return signs[path[::-1]]
+        path.append(before[path[-1]])
+    return np.where(path[::-1], -1.0, 1.0)
 
 
 def _solve_chain(
@@ -187,6 +199,8 @@ LIMBS = (
 )
 """The limbs of a person whose rest pose is a T."""
 
+_LIMB_OF = {limb.joints[0]: limb for limb in LIMBS}
+
 
 def solve(
     joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton = HUMANML3D
@@ -230,16 +244,16 @@ class _Solver:
                 self.rest[joint] = (0, 1, 0)
         known = lengths[..., None] > 1e-6
         self.bones = np.where(known, bones / np.maximum(lengths, 1e-6)[..., None], self.rest)
-        self.world = {-1: np.broadcast_to(np.eye(3), (len(joints), 3, 3))}
+        # Of each joint; the last is the root's parent.
+        self.world = np.tile(np.eye(3), (len(skeleton) + 1, len(joints), 1, 1))
 
     def animation(self) -> Animation:
         for branch in self.branches:
             self.world[branch] = self._fit_branch(branch)
         self._fit_feet_and_head()
-        for joint in range(len(self.skeleton)):
-            if joint not in self.world:
-                self.world[joint] = self._turn(joint)
-        world = np.stack([self.world[joint] for joint in range(len(self.skeleton))], axis=1)
+        for level in self._levels():
+            self._turn(level)
+        world = np.ascontiguousarray(np.moveaxis(self.world[:-1], 0, 1))
         # Joints around pelvis and chest move where rotations alone cannot reach them.
         offsets = self.rest * self.lengths[:, None]
         translations = np.repeat(offsets[None], len(self.joints), axis=0)
@@ -271,23 +285,46 @@ class _Solver:
             self.rest[children] = unit(np.einsum("tij,tci->cj", rotation, bones))
         return rotation
 
-    def _turn(self, joint: int) -> Float[np.ndarray, "frames 3 3"]:
-        """Turns a limb about its hinge, other bones by the shortest rotation."""
+    def _levels(self) -> list[list[int]]:
+        """Returns the joints that are no branches, those of one depth together, rising."""
+        levels: dict[int, list[int]] = {}
+        depths = {-1: -1}
+        for joint, parent in enumerate(self.skeleton.parents):
+            depths[joint] = depths[parent] + 1
+            if joint not in self.branches:
+                levels.setdefault(depths[joint], []).append(joint)
+        return [levels[depth] for depth in sorted(levels)]
+
+    def _turn(self, joints: list[int]) -> None:
+        """Turns limbs about their hinges, other bones by the shortest rotation."""
+        names, parents = self.skeleton.names, self.skeleton.parents
+        swinging = []
+        for joint in joints:
+            limb = _LIMB_OF.get(names[joint])
+            if not self.children[joint]:
+                self.world[joint] = self.world[parents[joint]]
+            elif limb is not None and set(limb.joints) <= set(names):
+                self.world[joint] = self._turn_limb(limb, parents[joint])
+            else:
+                swinging.append(joint)
+        if swinging:
+            children = [self.children[joint][0] for joint in swinging]
+            before = np.stack([self._reference(joint) for joint in swinging])
+            rest = np.einsum("ctij,cj->cti", before, self.rest[children])
+            bones = np.moveaxis(self.bones[:, children], 1, 0)
+            self.world[swinging] = matrix_between(rest, bones) @ before
+
+    def _reference(self, joint: int) -> Float[np.ndarray, "frames 3 3"]:
+        """Returns the rotation from which a bone swings, most often its parent's."""
         parent = self.skeleton.parents[joint]
-        if not self.children[joint]:
-            return self.world[parent]
-        child = self.children[joint][0]
-        limb = next((x for x in LIMBS if x.joints[0] == self.skeleton.names[joint]), None)
-        if limb is not None and set(limb.joints) <= set(self.skeleton.names):
-            return self._turn_limb(limb, parent)
-        reference = self.world[parent]
         end, steps = joint, 0
         while len(self.children[end]) == 1:
             end, steps = self.children[end][0], steps + 1
-        if end in self.branches:  # between branches, a share of the rotation from one to the other
-            ends = [quaternion_from_matrix(self.world[branch]) for branch in (parent, end)]
-            reference = matrix_from_quaternion(slerp(ends[0], ends[1], 1 / (steps + 1)))
-        return matrix_between(reference @ self.rest[child], self.bones[:, child]) @ reference
+        if end not in self.branches:
+            return self.world[parent]
+        # Between branches, a share of the rotation from one to the other.
+        ends = [quaternion_from_matrix(self.world[other]) for other in (parent, end)]
+        return matrix_from_quaternion(slerp(ends[0], ends[1], 1 / (steps + 1)))
 
     def _fit_feet_and_head(self) -> None:
         """Takes as rest pose of the feet how they stand, and of the head how it is mostly held."""
@@ -316,16 +353,16 @@ class _Solver:
         tip = self._local_bone(names.index(limb.tip), parent) if limb.tip in names else None
         upper, lower = self._local_bone(middle, parent), self._local_bone(end, parent)
         rest = self.rest[middle]
-        rest_hinge = unit(np.cross(np.cross(rest, limb.hinge), rest))
+        rest_hinge = unit(cross(cross(rest, np.array(limb.hinge, float)), rest))
         swing = matrix_between(rest, upper) @ rest_hinge
         prior = _SWING_PRIOR * (1 + upper @ rest)[:, None] * swing
         if tip is not None:
-            prior = prior + _TOE_PRIOR * np.cross(tip, lower)
+            prior = prior + _TOE_PRIOR * cross(tip, lower)
         stiffness = _STIFFNESS * (self.fps / 20) ** 2
         # A limb may twist a little in a step, and as far as both its bones turn.
         swings = [np.linalg.norm(np.diff(bone, axis=0), axis=-1) for bone in (upper, lower)]
         pace = _PACE / self.fps + np.maximum(*swings)
-        axis = hinge(upper, np.cross(upper, lower), prior, stiffness, pace)
+        axis = hinge(upper, cross(upper, lower), prior, stiffness, pace)
         return self.world[parent] @ _frame(upper, axis) @ _frame(rest, rest_hinge).T
 
     def _local_bone(self, joint: int, frame: int) -> Float[np.ndarray, "frames 3"]:
@@ -335,4 +372,4 @@ class _Solver:
 def _frame(
     axis: Float[np.ndarray, "*frames 3"], normal: Float[np.ndarray, "*frames 3"]
 ) -> Float[np.ndarray, "*frames 3 3"]:
-    return np.stack([axis, normal, np.cross(axis, normal)], axis=-1)
+    return np.stack([axis, normal, cross(axis, normal)], axis=-1)

@@ -1,27 +1,28 @@
 """Mannequin: a smooth skin around the bones of any human skeleton, made by formula.
 
-One vertex in each cell that the surface crosses: the mean of the crossings on the cell's 12 edges.
-One quad around each crossed edge of the grid, through the four cells that share it.
-
 The body is the surface f(p) = 0 of tapered capsules, blended by a soft minimum
 
     f(p) = −k log Σᵢ exp(−dᵢ(p) / k),      wᵢ(p) = exp((f(p) − dᵢ(p)) / k),
 
 and wᵢ, the share that each capsule has in the blend, is also the skinning weight of its joint.
-The surface net of a coarse grid is pulled onto f = 0 by Newton's method.
 
-That takes a tenth of a second, so it is done once for each kind of skeleton, with standard lengths,
-and stretched along the bones of each body: a vertex p at the shares tᵢ along the capsules becomes
+A standard body is meshed once for each kind of skeleton: one vertex in each cell of a coarse grid
+that the surface crosses, the mean of the crossings on the cell's 12 edges; one quad around each
+crossed edge, through the four cells that share it; then all is pulled onto f = 0.
+
+Any other body is the standard one stretched along its bones and pulled onto its own surface: a
+vertex p at the shares tᵢ along the capsules goes to
 
     p' = s p + Σᵢ wᵢ ((1 − tᵢ) (aᵢ' − s aᵢ) + tᵢ (bᵢ' − s bᵢ)),
 
-where aᵢ and bᵢ are the joints at both ends of capsule i, and s is the ratio of the bodies' sizes.
+where aᵢ and bᵢ are the joints at both ends of capsule i, and s is the ratio of the bodies' sizes,
+and from there along the gradient of the new f, by two steps of Newton's method.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
@@ -41,25 +42,24 @@ def surface_net(
     Returns:
         Vertices in steps of the grid, and the corners of the quads, counterclockwise from outside.
     """
-    steps, n = np.eye(3, dtype=int), np.array(values.shape) - 1
-    total, count = np.zeros((*n, 3)), np.zeros(n)
+    steps, inside = np.eye(3, dtype=int), values < 0
+    corners = [
+        inside[tuple(slice(c, n - 1 + c) for c, n in zip(corner, values.shape, strict=True))]
+        for corner in product((0, 1), repeat=3)
+    ]
+    crossed = np.logical_or.reduce(corners) & ~np.logical_and.reduce(corners)
+    cells = np.argwhere(crossed)
+    total, count = np.zeros((len(cells), 3)), np.zeros(len(cells))
     for axis, (u, v) in product(range(3), product((0, 1), repeat=2)):  # the 12 edges of each cell
         first = np.insert((u, v), axis, 0)
-        a, b = (
-            values[tuple(slice(c, m + c) for c, m in zip(corner, n, strict=True))]
-            for corner in (first, first + steps[axis])
-        )
-        crossed = (a < 0) != (b < 0)
-        total += crossed[..., None] * first
-        total[..., axis] += np.where(crossed, a / np.where(crossed, a - b, 1), 0)
-        count += crossed
-    cells = np.stack(np.meshgrid(*[np.arange(m) for m in n], indexing="ij"), axis=-1)
-    with np.errstate(invalid="ignore"):
-        vertices = cells + total / np.where(count > 0, count, np.nan)[..., None]
-    crossed = np.isfinite(vertices[..., 0])
+        a, b = (values[tuple((cells + end).T)] for end in (first, first + steps[axis]))
+        cut = (a < 0) != (b < 0)
+        total += cut[:, None] * first
+        total[:, axis] += np.where(cut, a / np.where(cut, a - b, 1), 0)
+        count += cut
     number = np.full(crossed.shape, -1)
-    number[crossed] = np.arange(crossed.sum())
-    quads, inside = [], values < 0
+    number[crossed] = np.arange(len(cells))
+    quads = []
     for axis in range(3):  # the four cells around each crossed edge of the grid
         ahead = np.roll(inside, -1, axis)
         ahead[tuple(slice(-1, None) if a == axis else slice(None) for a in range(3))] = False
@@ -69,7 +69,7 @@ def surface_net(
         around = [edges - second - third, edges - third, edges, edges - second]
         ring = np.stack([number[tuple(cell.T)] for cell in around], axis=-1)
         quads.append(np.where(outward[:, None], ring, ring[:, ::-1]))
-    return vertices[crossed], np.concatenate(quads)
+    return cells + total / count[:, None], np.concatenate(quads)
 
 
 _BLEND = 0.013
@@ -83,8 +83,17 @@ _SOFTNESS = 1.5
 
 _INFLUENCES = 4
 
-_MOST_STRETCH = 1.35
-"""How much longer or shorter a stretched bone may be; other bodies are built anew."""
+_REACH = 10
+"""Distance from a capsule, in k, beyond which it has no share."""
+
+_LEAST_SHARE = 1e-3
+"""Share of a capsule in the standard body's skin below which it is left out of others' skin."""
+
+_MOST_DIFFERENCE = 0.08
+"""Meters that a bone may end elsewhere than a standard one; other bodies are meshed anew."""
+
+_LONGEST_STEP = 0.02
+"""Meters that Newton's method moves a vertex at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,9 +165,7 @@ class Mannequin:
         self, animation: Animation
     ) -> tuple[Float[np.ndarray, "frames vertices 3"], Float[np.ndarray, "frames vertices 3"]]:
         """Returns vertices and normals in every frame, by linear blend skinning."""
-        world = animation.rotations.copy()
-        for joint, parent in list(enumerate(self.skeleton.parents))[1:]:
-            world[:, joint] = world[:, parent] @ world[:, joint]
+        world = self.skeleton.world_rotations(animation.rotations)
         shift = animation.joints() - np.einsum("tjab,jb->tja", world, self.skeleton.rest_joints())
         turn = np.einsum("vk,tvkab->tvab", self.weights, world[:, self.joints])
         moved = np.einsum("vk,tvka->tva", self.weights, shift[:, self.joints])
@@ -176,31 +183,66 @@ def make_mannequin(skeleton: Skeleton, cell: float = 0.022) -> Mannequin:
             and a skeleton with other names gets a stick for each bone.
         cell: Size of the grid's cells, meters on a body of 1.7 m: about the length of a face.
     """
-    standard = _standard_lengths(skeleton)
+    standard = _standard(skeleton)
     rest = tuple(map(tuple, standard.offsets.tolist()))
-    built, anchors = _build(skeleton.name, skeleton.names, skeleton.parents, rest, cell)
-    ratio = _scale(skeleton) / _scale(standard)
-    joints, standard_joints = skeleton.rest_joints(), standard.rest_joints()
-    vertices = ratio * built.vertices + anchors @ (joints - ratio * standard_joints)
-    flat, floor = built.vertices[:, 1] < standard_joints[:, 1].min() + 1e-9, joints[:, 1].min()
-    flat &= vertices[:, 1] < floor + 0.01  # soles, but not of the shorter leg
-    vertices[:, 1] = np.where(flat, floor, np.maximum(vertices[:, 1], floor))
-    return replace(built, vertices=vertices, skeleton=skeleton)
+    mesh = _mesh(standard.name, standard.names, standard.parents, rest, cell)
+    body, built = _Body(skeleton), mesh.body
+    ratio = np.float32(body.scale / built.scale)
+    points = ratio * mesh.points + (body.rest - ratio * built.rest) @ mesh.anchors
+    points, _ = body.settled(points, mesh.near)
+    points, slope = body.settled(points, mesh.near)
+    normals = slope / np.sqrt((slope**2).sum(0))
+    return Mannequin(points.T, normals.T, mesh.quads, mesh.joints, mesh.weights, skeleton)
 
 
-def _standard_lengths(skeleton: Skeleton) -> Skeleton:
-    """Returns a skeleton with the same bone directions and standard lengths, if it has any."""
-    for known in (HUMANML3D, KIT, BODY):
-        if (known.names, known.parents) == (skeleton.names, skeleton.parents):
-            standard = np.linalg.norm(known.offsets[1:], axis=-1, keepdims=True)
-            lengths = np.linalg.norm(skeleton.offsets[1:], axis=-1, keepdims=True)
-            stretch = lengths / standard / (_scale(skeleton) / _scale(known))
-            if stretch.min() * _MOST_STRETCH > 1 and stretch.max() < _MOST_STRETCH:
-                # Rounded, so that files of one body, read back, are the same kind of skeleton.
-                directions = np.round(skeleton.offsets[1:] / lengths, 2) + 0.0
-                offsets = np.concatenate([np.zeros((1, 3)), directions * standard])
-                return replace(known, offsets=offsets)
-    return skeleton
+def _standard(skeleton: Skeleton) -> Skeleton:
+    """Returns the skeleton whose body is stretched to fit another; that itself if none is alike."""
+    found, least = skeleton, _MOST_DIFFERENCE
+    offsets = skeleton.offsets / _scale(skeleton)
+    for standard in _STANDARDS:
+        if (standard.names, standard.parents) == (skeleton.names, skeleton.parents):
+            apart = np.linalg.norm(standard.offsets / _scale(standard) - offsets, axis=-1).max()
+            found, least = (standard, apart) if apart < least else (found, least)
+    return found
+
+
+def _t_pose(**ends: tuple[float, float, float]) -> Skeleton:
+    """Returns a body with arms to the sides, with the ends of some bones on the left."""
+    bones = _BONES | ends
+    offsets = []
+    for name in HUMANML3D.names:
+        side, _, joint = name.rpartition("_")
+        x, y, z = bones[joint]
+        offsets.append((-x if side == "right" else x, y, z))
+    return replace(HUMANML3D, offsets=np.array(offsets))
+
+
+def _kit_t_pose() -> Skeleton:
+    """Returns KIT's body with arms to the sides."""
+    offsets = KIT.offsets.copy()
+    for joint, name in enumerate(KIT.names):
+        if name.endswith(("elbow", "wrist")):
+            side = 1 if name.startswith("left") else -1
+            offsets[joint] = side * np.linalg.norm(offsets[joint]), 0, 0
+    return replace(KIT, offsets=offsets)
+
+
+_BONES = {
+    **{"pelvis": (0.0, 0.0, 0.0), "spine1": (0, 0.128, 0), "spine2": (0, 0.14, 0)},
+    **{"spine3": (0, 0.056, 0), "neck": (0, 0.213, 0), "head": (0, 0.098, 0.003)},
+    **{"knee": (0.046, -0.378, 0), "ankle": (0.022, -0.418, 0), "shoulder": (0.122, 0, 0)},
+    **{"elbow": (0.254, 0, 0), "wrist": (0.259, 0, 0)},
+}
+"""Ends of bones in the rest poses of generated motions, meters from their starts."""
+
+_STANDARDS = (
+    # The data that models learn from have shoulders of two kinds.
+    _t_pose(hip=(0.070, -0.066, 0.029), foot=(0, -0.055, 0.130), collar=(0.078, 0.109, 0)),
+    _t_pose(hip=(0.073, -0.070, 0.008), foot=(0, -0.073, 0.118), collar=(0.130, 0.016, 0)),
+    BODY,
+    _kit_t_pose(),
+)
+"""Skeletons whose bodies are meshed, each when it is first needed."""
 
 
 def _scale(skeleton: Skeleton) -> float:
@@ -211,143 +253,222 @@ def _scale(skeleton: Skeleton) -> float:
     return max(0.1, float(height[index("neck")] - height[index("left_ankle")]) / _REFERENCE_HEIGHT)
 
 
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Pairs of points and capsules that have a share in the skin there, in the points' order."""
+
+    points: Int[np.ndarray, " pairs"]
+    capsules: Int[np.ndarray, " pairs"]
+
+    @cached_property
+    def first(self) -> Int[np.ndarray, " points"]:
+        """The first pair of each point."""
+        return np.flatnonzero(np.diff(self.points, prepend=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """The body of one skeleton, to be stretched to fit others; not to be written to."""
+
+    body: _Body
+    points: Float[np.ndarray, "3 vertices"]
+    quads: Int[np.ndarray, "quads 4"]
+    joints: Int[np.ndarray, "vertices 4"]
+    weights: Float[np.ndarray, "vertices 4"]
+    anchors: Float[np.ndarray, "joints vertices"]
+    """How far each vertex goes with each joint when bones change."""
+    near: _Near
+
+
 @lru_cache(maxsize=16)
-def _build(
+def _mesh(
     name: str,
     names: tuple[str, ...],
     parents: tuple[int, ...],
     offsets: tuple[tuple[float, ...], ...],
     cell: float,
-) -> tuple[Mannequin, Float[np.ndarray, "vertices joints"]]:
-    """Returns the body of a skeleton, and the share of each joint in moving a vertex if it moves.
-
-    The arrays cannot be written to, since several bodies share them.
-    """
-    skeleton = Skeleton(name, names, parents, np.array(offsets))
-    body = _Body(skeleton)
+) -> _Mesh:
+    """Returns the body of a skeleton."""
+    body = _Body(Skeleton(name, names, parents, np.array(offsets)))
     low, values = body.sample(cell * body.scale)
     corners, quads = surface_net(values)
-    vertices = low + cell * body.scale * corners
+    points = np.ascontiguousarray(low[:, None] + cell * body.scale * corners.T, np.float32)
+    near = body.near(points)
     for _ in range(2):
-        value, slope, _ = body.evaluate(vertices)
-        vertices = vertices - (value / (slope**2).sum(-1))[:, None] * slope
-    _, slope, share = body.evaluate(vertices)
-    joints, weights = body.influences(vertices, share)
-    normals = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
-    anchors = body.anchors(vertices, share)
-    for array in (vertices, normals, quads, joints, weights, anchors):
+        points, _ = body.settled(points, near)
+    _, _, share = body.evaluate(points, near)
+    joints, weights = body.influences(points, near, share)
+    anchors = body.anchors(points, near, share)
+    kept = share > _LEAST_SHARE
+    for array in (points, quads, joints, weights, anchors):
         array.setflags(write=False)
-    return Mannequin(vertices, normals, quads, joints, weights, skeleton), anchors
+    near = _Near(near.points[kept], near.capsules[kept])
+    return _Mesh(body, points, quads, joints, weights, anchors, near)
+
+
+_Template = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+@lru_cache(maxsize=16)
+def _template(names: tuple[str, ...], parents: tuple[int, ...]) -> _Template:
+    """Returns a body's capsules: the joints of both ends, the ends from there, radii, squash."""
+    body = [_named(capsule, "", 1) for capsule in _MIDDLE]
+    for side, sign in (("left_", 1), ("right_", -1)):
+        body += [_named(capsule, side, sign) for capsule in _SIDE]
+    found = [capsule for capsule in body if {capsule.joint, capsule.toward} <= {*names}]
+    if not found:  # joints of other names: a stick for each bone
+        bones = [(names[p], name) for name, p in zip(names, parents, strict=True)]
+        found = [Capsule(a, (0, 0, 0), (0, 0, 0), (0.035, 0.025), b) for a, b in bones[1:] or bones]
+    owner = np.array([names.index(capsule.joint) for capsule in found])
+    toward = np.array([names.index(capsule.toward) for capsule in found])
+    start, end, radii, squash = (
+        np.array([getattr(capsule, part) for capsule in found], np.float32).T.copy()
+        for part in ("start", "end", "radii", "squash")
+    )
+    return owner, toward, start, end, radii, squash
 
 
 class _Body:
     """The capsules of one skeleton as arrays, and the function whose zero is their skin."""
 
     def __init__(self, skeleton: Skeleton) -> None:
-        self.skeleton, self.scale = skeleton, _scale(skeleton)
-        names, rest, index = skeleton.names, skeleton.rest_joints(), skeleton.names.index
-        body = [_named(capsule, "", 1) for capsule in _MIDDLE]
-        for side, sign in (("left_", 1), ("right_", -1)):
-            body += [_named(capsule, side, sign) for capsule in _SIDE]
-        capsules = [capsule for capsule in body if {capsule.joint, capsule.toward} <= {*names}]
-        if not capsules:  # joints of other names: a stick for each bone
-            bones = [(names[p], name) for name, p in zip(names, skeleton.parents, strict=True)]
-            capsules = [
-                Capsule(a, (0, 0, 0), (0, 0, 0), (0.035, 0.025), b) for a, b in bones[1:] or bones
+        self.names, self.scale = skeleton.names, _scale(skeleton)
+        self.rest = skeleton.rest_joints().T.astype(np.float32)
+        template = _template(skeleton.names, skeleton.parents)
+        self.owner, self.toward, start, end, radii, self.squash = template
+        scale = np.float32(self.scale)
+        self.start = self.rest[:, self.owner] + scale * start
+        self.end = self.rest[:, self.toward] + scale * end
+        self.radii = scale * radii
+        self.blend = scale * np.float32(_BLEND)
+        self.sole = self.rest[1].min()
+        axis = (self.end - self.start) / self.squash
+        along = axis / np.maximum((axis**2).sum(0), np.float32(1e-9))
+        widening = self.radii[1] - self.radii[0]
+        self.table = np.concatenate(
+            [
+                self.start,
+                1 / self.squash,
+                axis,
+                along,
+                along * widening,
+                self.radii[:1],
+                widening[None],
             ]
-        self.owner = np.array([index(capsule.joint) for capsule in capsules])
-        self.toward = np.array([index(capsule.toward) for capsule in capsules])
-        self.start = rest[self.owner] + self.scale * np.array([c.start for c in capsules])
-        self.end = rest[self.toward] + self.scale * np.array([c.end for c in capsules])
-        self.radii = self.scale * np.array([capsule.radii for capsule in capsules])
-        self.squash = np.array([capsule.squash for capsule in capsules])
-        self.blend = _BLEND * self.scale
-        self.sole = float(rest[:, 1].min())
+        )
 
     def distances(
-        self, points: Float[np.ndarray, "*batch 3"], which: slice = slice(None)
-    ) -> tuple[Float[np.ndarray, "*batch capsules"], Float[np.ndarray, "*batch capsules 3"]]:
-        """Returns the distance from the surface of each capsule, negative inside, and its slope."""
-        start, radii, squash = self.start[which], self.radii[which], self.squash[which]
-        axis = (self.end[which] - start) / squash
-        taper = (radii[:, 1] - radii[:, 0]) / np.maximum((axis**2).sum(-1), 1e-9)
-        along, share = self.places(points, which)
-        between = (share > 0) & (share < 1)
-        share = np.clip(share, 0, 1)
-        across = along - share[..., None] * axis
-        length = np.linalg.norm(across, axis=-1)
-        slope = across / np.maximum(length, 1e-9)[..., None] - (between * taper)[..., None] * axis
-        return length - radii[:, 0] - share * (radii[:, 1] - radii[:, 0]), slope / squash
+        self, points: Float[np.ndarray, "3 pairs"], capsules: Int[np.ndarray, " pairs"]
+    ) -> tuple[
+        Float[np.ndarray, " pairs"], Float[np.ndarray, "3 pairs"], Float[np.ndarray, " pairs"]
+    ]:
+        """Returns distances from the surfaces of capsules, negative inside, of one capsule a point.
 
-    def places(
-        self, points: Float[np.ndarray, "*batch 3"], which: slice = slice(None)
-    ) -> tuple[Float[np.ndarray, "*batch capsules 3"], Float[np.ndarray, "*batch capsules"]]:
-        """Returns points from each capsule's start, and the share of its length they are at."""
-        start, squash = self.start[which], self.squash[which]
-        axis = (self.end[which] - start) / squash
-        along = (points[..., None, :] - start) / squash
-        return along, (along * axis).sum(-1) / np.maximum((axis**2).sum(-1), 1e-9)
-
-    def anchors(
-        self, points: Float[np.ndarray, "points 3"], share: Float[np.ndarray, "points capsules"]
-    ) -> Float[np.ndarray, "points joints"]:
-        """Returns how far each point goes with each joint when the lengths of bones change."""
-        place = np.clip(self.places(points)[1], 0, 1)
-        joint = np.eye(len(self.skeleton))
-        return share * (1 - place) @ joint[self.owner] + share * place @ joint[self.toward]
+        Returns:
+            The distances, their slopes, and the shares of the capsules' lengths, 0 to 1, where the
+            points are.
+        """
+        table = self.table.take(capsules, axis=1)
+        start, thinner, axis, along, taper = table[:15].reshape(5, 3, -1)
+        radius, widening = table[15:]
+        away = (points - start) * thinner
+        place = (away * along).sum(0)
+        between = (place > 0) & (place < 1)
+        place = place.clip(0, 1)
+        away -= place * axis
+        length = np.sqrt((away**2).sum(0))
+        slope = (away / np.maximum(length, np.float32(1e-9)) - between * taper) * thinner
+        return length - radius - place * widening, slope, place
 
     def evaluate(
-        self, points: Float[np.ndarray, "points 3"]
+        self, points: Float[np.ndarray, "3 points"], near: _Near
     ) -> tuple[
         Float[np.ndarray, " points"],
-        Float[np.ndarray, "points 3"],
-        Float[np.ndarray, "points capsules"],
+        Float[np.ndarray, "3 points"],
+        Float[np.ndarray, " pairs"],
     ]:
-        """Returns f, its gradient, and the share of each capsule in the blend."""
-        distances, slopes = self.distances(points)
-        closest = distances.min(-1, keepdims=True)
-        share = np.exp((closest - distances) / self.blend)
-        total = share.sum(-1, keepdims=True)
-        value = closest[:, 0] - self.blend * np.log(total[:, 0])
-        slope = np.einsum("pc,pcx->px", share / total, slopes)
-        below = self.sole - points[:, 1]
+        """Returns f, its gradient, and the share of each pair in the blend."""
+        distance, slopes, _ = self.distances(points.take(near.points, axis=1), near.capsules)
+        share = np.exp(distance / -self.blend)
+        total = np.add.reduceat(share, near.first)
+        value = -self.blend * np.log(total)
+        slope = np.add.reduceat(slopes * share, near.first, axis=1) / total
+        below = self.sole - points[1]
         cut = below > value
-        return np.where(cut, below, value), np.where(cut[:, None], (0, -1, 0), slope), share / total
+        slope[:, cut] = np.array([[0], [-1], [0]])
+        return np.where(cut, below, value), slope, share / total.take(near.points)
 
-    def sample(self, cell: float) -> tuple[Float[np.ndarray, " width"], Float[np.ndarray, "x y z"]]:
-        """Returns f on a grid and the grid's corner; far outside, f is just large."""
+    def settled(
+        self, points: Float[np.ndarray, "3 points"], near: _Near
+    ) -> tuple[Float[np.ndarray, "3 points"], Float[np.ndarray, "3 points"]]:
+        """Returns points near the skin on it, by a step of Newton's method, and f's gradient."""
+        value, slope, _ = self.evaluate(points, near)
+        most = np.float32(_LONGEST_STEP * self.scale)
+        return points - (value / (slope**2).sum(0)).clip(-most, most) * slope, slope
+
+    def sample(self, cell: float) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "x y z"]]:
+        """Returns the corner of a grid around the body, and f there; just large far outside."""
         edge = 0.15 * self.scale
-        low = np.minimum(self.start, self.end).min(0) - edge
-        extent = np.maximum(self.start, self.end).max(0) + edge - low
-        size = np.ceil(extent / cell).astype(int)
-        total = np.full(size, 1e-30)
-        margin = (self.radii.max(-1, keepdims=True) + 5 * self.blend) * self.squash
-        first = ((np.minimum(self.start, self.end) - margin - low) / cell).astype(int).clip(0)
-        last = ((np.maximum(self.start, self.end) + margin - low) / cell).astype(int) + 2
-        for number in range(len(self.owner)):
-            box = tuple(slice(*ends) for ends in zip(first[number], last[number], strict=True))
-            axes = [np.arange(n)[b] for n, b in zip(size, box, strict=True)]
-            corners = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-            distance, _ = self.distances(low + cell * corners, slice(number, number + 1))
-            total[box] += np.exp(-distance[..., 0] / self.blend)
+        low = np.minimum(self.start, self.end).min(1) - edge
+        high = np.maximum(self.start, self.end).max(1) + edge
+        size = np.ceil((high - low) / cell).astype(int)
+        total = np.full(size.prod(), 1e-30)
+        first, last = (((box.T - low) / cell).astype(int) for box in self.boxes(5))
+        for number, ends in enumerate(zip(first.clip(0), np.minimum(last + 2, size), strict=True)):
+            axes = [np.arange(*pair) for pair in zip(*ends, strict=True)]
+            corners = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
+            points = (low[:, None] + cell * corners).astype(np.float32)
+            distance, _, _ = self.distances(points, np.full(points.shape[1], number))
+            total[np.ravel_multi_index(tuple(corners), size)] += np.exp(distance / -self.blend)
         height = low[1] + cell * np.arange(size[1])
-        return low, np.maximum(-self.blend * np.log(total), (self.sole - height)[:, None])
+        values = -self.blend * np.log(total.reshape(size))
+        return low, np.maximum(values, (self.sole - height)[:, None])
+
+    def boxes(
+        self, reach: float
+    ) -> tuple[Float[np.ndarray, "3 capsules"], Float[np.ndarray, "3 capsules"]]:
+        """Returns the corners of boxes around the capsules and some blends farther."""
+        margin = (self.radii.max(0) + reach * self.blend) * self.squash
+        return np.minimum(self.start, self.end) - margin, np.maximum(self.start, self.end) + margin
+
+    def near(self, points: Float[np.ndarray, "3 points"]) -> _Near:
+        """Returns the pairs of points and capsules near them."""
+        low, high = self.boxes(_REACH)
+        inside = (points[..., None] > low[:, None]) & (points[..., None] < high[:, None])
+        return _Near(*np.nonzero(inside.all(0)))
+
+    def anchors(
+        self, points: Float[np.ndarray, "3 points"], near: _Near, share: Float[np.ndarray, " pairs"]
+    ) -> Float[np.ndarray, "joints points"]:
+        """Returns how far each point goes with each joint when bones change."""
+        _, _, place = self.distances(points.take(near.points, axis=1), near.capsules)
+        start = self._by_joint(near, self.owner, share * (1 - place))
+        end = self._by_joint(near, self.toward, share * place)
+        return (start + end).astype(np.float32)
 
     def influences(
-        self, points: Float[np.ndarray, "points 3"], share: Float[np.ndarray, "points capsules"]
+        self, points: Float[np.ndarray, "3 points"], near: _Near, share: Float[np.ndarray, " pairs"]
     ) -> tuple[Int[np.ndarray, "points 4"], Float[np.ndarray, "points 4"]]:
         """Returns the joints that move each point, and their weights.
 
         Left limbs do not move what is right of the middle, nor right limbs what is left.
         """
-        total = share ** (1 / _SOFTNESS) @ np.eye(len(self.skeleton))[self.owner]
-        sides = [name.partition("_")[0] for name in self.skeleton.names]
+        total = self._by_joint(near, self.owner, share ** (1 / _SOFTNESS)).T
+        sides = [name.partition("_")[0] for name in self.names]
         side = np.array([{"left": 1, "right": -1}.get(name, 0) for name in sides])
-        total /= 1 + np.exp(np.clip(-side * points[:, :1] / (0.012 * self.scale), -30, 30))
+        total /= 1 + np.exp(np.clip(-side * points[0][:, None] / (0.012 * self.scale), -30, 30))
         total = np.pad(total, ((0, 0), (0, max(0, _INFLUENCES - total.shape[1]))))
         joints = np.argsort(-total, axis=-1)[:, :_INFLUENCES]
         weights = np.take_along_axis(total, joints, axis=-1)
-        return np.minimum(joints, len(self.skeleton) - 1), weights / weights.sum(-1, keepdims=True)
+        return np.minimum(joints, len(self.names) - 1), weights / weights.sum(-1, keepdims=True)
+
+    def _by_joint(
+        self, near: _Near, joints: Int[np.ndarray, " capsules"], values: Float[np.ndarray, " pairs"]
+    ) -> Float[np.ndarray, "joints points"]:
+        """Returns the sum of pairs' values for each joint of a capsule and each point."""
+        shape = len(self.names), len(near.first)
+        flat = np.ravel_multi_index((joints[near.capsules], near.points), shape)
+        return np.bincount(flat, values, np.prod(shape)).reshape(shape)
 
 
 def _named(capsule: Capsule, side: str, sign: int) -> Capsule:
