@@ -2,9 +2,9 @@
 
     python -m benchmarks.generation.service
 
-A server process with `--threads` threads of the model; clients in this process. "batched" and "one
-after the other" (batches of one) take turns. At twice capacity, requests come at a fixed rate,
-however many are still open.
+A server process with `--threads` threads of the model; clients in this process, which yields to it
+(nice). "batched" and "one after the other" (batches of one) take turns. At twice capacity, requests
+come at a fixed rate, however many are still open.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from itertools import count
 import httpx
 
 from benchmarks.harness.contest import figure, table
+from benchmarks.harness.load import NICE, Request, load, processor, request
 
 NUMBERS = count()
 RAW = {"format": "raw", "clean": False, "seconds": 4.0}
@@ -45,6 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         served("--threads", threads) as one,
         served("--threads", threads, "--batch-size", "1") as two,
     ):
+        os.nice(NICE)
         contenders = {"batched": (one, RAW), "one after the other": (two, RAW), "GLB": (one, GLB)}
         found: dict[str, list[tuple[float, float]]] = {name: [] for name in contenders}
         for _ in range(options.turns):
@@ -60,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         rate, cost = (statistics.median(part) for part in zip(*ratios, strict=True))
         print(f"batching: {rate:.2f} times the requests, 1/{cost:.2f} of the CPU")
         capacity = statistics.median(run[0] for run in found["batched"])
-        print(asyncio.run(overload(one[0], 2 * capacity, options.seconds)))
+        print(asyncio.run(overload(*one, 2 * capacity, options.seconds)))
     print(f"load {os.getloadavg()[0]:.1f}")
 
 
@@ -103,67 +105,53 @@ async def throughput(
     async with httpx.AsyncClient(base_url=address, timeout=60, limits=limits) as client:
         for _ in range(4):
             await client.post("/v1/motions", content=body(about), headers=headers)
-        began, cpu = time.perf_counter(), processor(process)
+        began, cpu = time.perf_counter(), family(process)
         end = began + seconds
         await asyncio.gather(*(ask(client) for _ in range(clients)))
-        took, spent = time.perf_counter() - began, processor(process) - cpu
+        took, spent = time.perf_counter() - began, family(process) - cpu
     return done / took, 1e3 * spent / max(done, 1)
 
 
-def processor(process: int) -> float:
+def family(process: int) -> float:
     """Returns the CPU seconds of a process and those that it started."""
-    total = 0.0
     with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as children:  # noqa: PTH123
-        every = [process, *map(int, children.read().split())]
-    for one in every:
-        with open(f"/proc/{one}/stat", encoding="ascii") as stat:  # noqa: PTH123
-            fields = stat.read().rpartition(")")[2].split()
-        total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    return total
+        return sum(map(processor, [process, *map(int, children.read().split())]))
 
 
-async def overload(address: str, rate: float, seconds: float) -> str:
+async def overload(address: str, process: int, rate: float, seconds: float) -> str:
     """Returns what happened at a rate that is too high."""
-    times: dict[str, list[float]] = {}
-    headers = {"Content-Type": "application/json"}
-
-    async def timed(client: httpx.AsyncClient, path: str) -> None:
-        began = time.perf_counter()
-        try:
-            if path == "/livez":
-                name = f"livez {(await client.get(path)).status_code}"
-            else:
-                answer = await client.post(path, content=body(RAW), headers=headers)
-                name = str(answer.status_code)
-        except httpx.HTTPError as error:
-            name = type(error).__name__
-        times.setdefault(name, []).append(1e3 * (time.perf_counter() - began))
-
-    limits = httpx.Limits(max_connections=1000, max_keepalive_connections=200)
-    async with httpx.AsyncClient(base_url=address, timeout=60, limits=limits) as client:
-        tasks, began = [], time.perf_counter()
-        for number in range(round(rate * seconds)):
-            await asyncio.sleep(max(0.0, began + number / rate - time.perf_counter()))
-            tasks.append(asyncio.ensure_future(timed(client, "/v1/motions")))
-            if number % 10 == 0:
-                tasks.append(asyncio.ensure_future(timed(client, "/livez")))
-        await asyncio.gather(*tasks)
+    cpu, loop = processor(process), processor(process, process)
+    times = await load(address, mixed(), rate, seconds)
+    total = sum(map(len, times.values()))
+    costs = [1e3 * (now - before) / total for now, before in (
+        (processor(process), cpu), (processor(process, process), loop))]  # fmt: skip
     rows = []
     for name, found in sorted(times.items()):
-        found.sort()
-        rows.append(
-            [name, str(len(found)), *(figure(found[int(p * len(found))]) for p in (0.5, 0.99))]
+        ordered = sorted(found)
+        marks = (1e3 * ordered[int(share * len(ordered))] for share in (0.5, 0.99))
+        rows.append([name, str(len(found)), *map(figure, marks)])
+    text = httpx.get(f"{address}/metrics", timeout=60).text
+    memory, late, counted = (
+        float(re.search(rf"^{name} (\S+)", text, re.MULTILINE)[1])  # type: ignore[index]
+        for name in (
+            "process_resident_memory_bytes",
+            "latentmotion_loop_late_seconds_sum",
+            "latentmotion_loop_late_seconds_count",
         )
-    memory = (await _metrics(address)) / 1e6
-    head = f"asked {rate:.0f} a second for {seconds:g} s; then {memory:.0f} MB"
-    return f"{head}\n\n{table(['answer', 'times', 'median, ms', 'p99, ms'], rows)}"
+    )
+    head = f"asked {rate:.0f} a second for {seconds:g} s; then {memory / 1e6:.0f} MB"
+    cost = "CPU ms of a request: {:.2f}, of them in the event loop {:.2f}".format(*costs)
+    late = f"the event loop was {1e3 * late / counted:.1f} ms late in the mean"
+    answers = table(["answer", "times", "median, ms", "p99, ms"], rows)
+    return f"{head}\n{cost}; {late}\n\n{answers}"
 
 
-async def _metrics(address: str) -> float:
-    async with httpx.AsyncClient(base_url=address) as client:
-        text = (await client.get("/metrics")).text
-    found = re.search(r"^process_resident_memory_bytes (\S+)", text, re.MULTILINE)
-    return float(found[1]) if found else 0.0
+def mixed() -> Iterator[Request]:
+    """Yields motions, and whether the server lives after every tenth."""
+    for number in count():
+        yield "motion", request("POST", "/v1/motions", body(RAW))
+        if number % 10 == 9:
+            yield "livez", request("GET", "/livez")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import os
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -138,6 +140,48 @@ def test_a_slow_body_is_not_awaited(called: Called, monkeypatch: pytest.MonkeyPa
 
     answer = called.wait(called.client.post("/v1/motions", content=body()))
     assert answer.status_code == 408
+
+
+def test_a_full_queue_refuses_before_the_body_is_read(called: Called) -> None:
+    body, sent = bytearray(), []
+
+    async def receive() -> dict[str, Any]:
+        body.extend(b"{}")
+        return {"type": "http.request", "body": b"{}", "more_body": True}
+
+    async def ask() -> None:
+        batcher = called.service.batcher
+        tasks = [asyncio.ensure_future(batcher.submit(object(), [lambda: stop.wait(30)], 30.0))]
+        while not batcher._running:
+            await asyncio.sleep(0.01)
+        tasks.append(asyncio.ensure_future(batcher.submit(object(), [int] * 8, 30.0)))
+        await asyncio.sleep(0)
+        scope = {"type": "http", "method": "POST", "path": "/v1/motions", "query_string": b""}
+        scope |= {"headers": [(b"host", b"localhost")], "raw_path": b"/v1/motions"}
+        await called.app(scope, receive, keep)
+        stop.set()
+        await asyncio.gather(*tasks)
+
+    async def keep(message: dict[str, Any]) -> None:
+        sent.append(message)
+
+    stop = threading.Event()
+    called.wait(ask())
+    assert sent[0]["status"] == 429 and not body
+    headers = dict(sent[0]["headers"])
+    assert int(headers[b"retry-after"]) >= 1 and b"connection" not in headers
+    assert b"8 of 8 places" in sent[1]["body"]
+    counted = called.get("/metrics").text
+    assert 'latentmotion_requests_total{route="/v1/motions",status="429"}' in counted
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own there")
+def test_the_model_and_file_workers_yield_to_the_event_loop(called: Called) -> None:
+    threads = [thread.native_id for thread in called.service.batcher._threads]
+    assert called.post("/v1/motions", {"prompt": "a jump", "format": "bvh"}).status_code == 200
+    (writer,) = called.service.writers._started
+    niceness = [os.getpriority(os.PRIO_PROCESS, one) for one in (*threads, writer.pid)]
+    assert all(one > os.getpriority(os.PRIO_PROCESS, 0) for one in niceness)
 
 
 def test_health_and_metrics_never_wait_for_the_model(called: Called) -> None:

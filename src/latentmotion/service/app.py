@@ -109,6 +109,7 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
         Guard,
         settings=service.settings,
         metrics=service.metrics,
+        room=service.batcher.check_room,
         open_paths=open_paths,
         uploads=uploaded,
     )
@@ -119,7 +120,7 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
 
 @asynccontextmanager
 async def _lifespan(service: Service, jobs: Jobs, app: FastAPI) -> AsyncIterator[None]:
-    tasks = [asyncio.create_task(work) for work in (service.start(), jobs.work())]
+    tasks = [asyncio.create_task(work) for work in (service.start(), service.watch(), jobs.work())]
     yield
     service.drain()
     for task in tasks:

@@ -7,12 +7,14 @@ it never waits for more. Requests whose client has gone or whose time is over ar
 from __future__ import annotations
 
 import asyncio
+import os
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from threading import Condition, Thread
+from threading import Condition, Thread, get_native_id
 from typing import Any
 
 from latentmotion.service.metrics import Metrics
@@ -20,6 +22,9 @@ from latentmotion.service.problems import Problem
 
 Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]
 """Key and payloads of a batch to a result, or an exception, for each."""
+
+NICE = 5
+"""By how much threads of the model and file workers yield to the event loop, which answers."""
 
 
 @dataclass(eq=False)
@@ -77,7 +82,10 @@ class Batcher:
         line = self._background if background else self._waiting
         with self._changed:
             if not background:
-                self._check_room(len(tasks))
+                if len(tasks) > self._queue:
+                    most = f"{len(tasks)} motions at once, and {self._queue} may wait"
+                    raise Problem(422, f"{most}; ask for fewer, or a job")
+                self.check_room(len(tasks))
             line.extend(tasks)
             self._changed.notify(len(tasks))
         try:
@@ -93,6 +101,14 @@ class Batcher:
     def wait(self) -> float:
         """Returns the seconds after which a request that waits now is expected to be done."""
         return self._seconds_each * (len(self._waiting) + 1)
+
+    def check_room(self, count: int = 1) -> None:
+        """Raises Problem 429 if no more can wait."""
+        taken = len(self._waiting)
+        if taken + count > self._queue:
+            self._metrics.shed.labels("queue full").inc()
+            detail = f"{taken} of {self._queue} places in the queue are taken; try again later"
+            raise Problem(429, detail, self.wait())
 
     async def drained(self, seconds: float) -> bool:
         """Waits until nothing waits or runs; returns whether that was so within the time."""
@@ -110,16 +126,6 @@ class Batcher:
             self._changed.notify_all()
         await asyncio.to_thread(lambda: [thread.join() for thread in self._threads])
 
-    def _check_room(self, count: int) -> None:
-        if count > self._queue:
-            detail = f"{count} motions at once, and {self._queue} may wait; ask for fewer, or a job"
-            raise Problem(422, detail)
-        taken = len(self._waiting)
-        if taken + count > self._queue:
-            self._metrics.shed.labels("queue full").inc()
-            detail = f"{taken} of {self._queue} places in the queue are taken; try again later"
-            raise Problem(429, detail, self.wait())
-
     def _drop(self, tasks: Sequence[_Task], line: deque[_Task]) -> None:
         """Takes tasks that have not begun out of the queue again."""
         for task in tasks:
@@ -131,6 +137,8 @@ class Batcher:
                 line.remove(task)
 
     def _work(self) -> None:
+        if sys.platform == "linux":  # elsewhere it would be the whole process
+            os.setpriority(os.PRIO_PROCESS, get_native_id(), NICE)
         while batch := self._take():
             began = time.monotonic()
             for task in batch:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -25,6 +25,9 @@ OPEN = frozenset(
 
 UPLOADS = frozenset({"/v1/clean", "/v1/convert", "/v1/retarget"})
 """Paths whose bodies are files."""
+
+QUEUED = frozenset({"/v1/motions", "/v1/batches"})
+"""Paths that are refused before the body is read while the queue is full."""
 
 LARGEST_BODY = 1 << 18
 """Bytes of any other body."""
@@ -49,6 +52,7 @@ class Guard:
         app: What is guarded.
         settings: Who is let in.
         metrics: Where requests are counted.
+        room: Raises Problem while the queue is full.
         open_paths: Paths that need no token.
         uploads: Paths whose bodies are files.
     """
@@ -58,10 +62,11 @@ class Guard:
         app: ASGIApp,
         settings: Settings,
         metrics: Metrics,
+        room: Callable[[], None],
         open_paths: frozenset[str] = OPEN,
         uploads: frozenset[str] = UPLOADS,
     ) -> None:
-        self.app, self.settings, self.metrics = app, settings, metrics
+        self.app, self.settings, self.metrics, self.room = app, settings, metrics, room
         self._open, self._uploads = open_paths, uploads
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -86,14 +91,19 @@ class Guard:
         try:
             self._check(scope)
             receive = self._bounded(scope, receive)
+            if scope["path"] in QUEUED and scope["method"] == "POST":
+                self.room()
         except Problem as problem:
-            headers = dict(problem.headers or {}) | {"Connection": "close"}
+            headers = dict(problem.headers or {})
+            if problem.status_code != 429:  # who is told to come back keeps the connection
+                headers["Connection"] = "close"
             refuse = problem_response(problem.status_code, str(problem.detail), headers)
             await refuse(scope, receive, counted)
         else:
             with self.metrics.open.track_inprogress():
                 await self.app(scope, receive, counted)
-        route = getattr(scope.get("route"), "path", "other")
+        known = scope["path"] if scope["path"] in QUEUED else "other"
+        route = getattr(scope.get("route"), "path", known)
         self.metrics.requests.labels(route, status).inc()
         self.metrics.request_seconds.labels(route).observe(time.monotonic() - began)
 

@@ -37,6 +37,9 @@ class Metrics:
         )
         self.seconds = self._histogram("latentmotion_part_seconds", "Time of each part.", "part")
         self.waited = self._histogram("latentmotion_wait_seconds", "Time in the queue.")
+        self.late = self._histogram(
+            "latentmotion_loop_late_seconds", "How late the event loop was, five times a second."
+        )
         self.batch_size = Histogram(
             "latentmotion_batch_size",
             "Motions that were generated together.",

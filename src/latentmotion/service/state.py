@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -72,6 +73,13 @@ class Service:
         if self.settings.start_workers:
             await self.writers.start()
             await self.readers.start()
+
+    async def watch(self) -> None:
+        """Measures how late the event loop is."""
+        while True:
+            due = time.monotonic() + 0.2
+            await asyncio.sleep(0.2)
+            self.metrics.late.observe(time.monotonic() - due)
 
     def leave(self) -> None:
         """Says that the service is not ready, so that a balancer sends no more work."""

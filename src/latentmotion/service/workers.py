@@ -16,6 +16,7 @@ import numpy as np
 
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
+from latentmotion.service.batching import NICE
 from latentmotion.service.problems import Problem
 
 _TASKS_OF_A_PROCESS = 1000
@@ -123,6 +124,8 @@ class FileWorkers:
             env=os.environ | _ONE_THREAD | places,
             start_new_session=True,  # Ctrl+C ends the service first
         )
+        with suppress(ProcessLookupError):
+            os.setpriority(os.PRIO_PROCESS, process.pid, NICE)
         self._started.add(process)
         return process
 
