@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import sys
+from collections import Counter
 from dataclasses import replace
 from importlib.util import find_spec
-from itertools import count, islice
+from itertools import count, cycle, islice
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +28,7 @@ from benchmarks.generation import (
 )
 from benchmarks.generation.authors import AuthorsGeneration
 from benchmarks.generation.ours import Generation, Model, sentences
-from benchmarks.harness import authors_networks, contest, process
+from benchmarks.harness import authors_networks, contest, load, process
 from benchmarks.training import device as device_training
 from benchmarks.training import speed as training
 from latentmotion import MotionPipeline
@@ -245,3 +247,29 @@ def test_every_table_of_the_page_has_a_program(monkeypatch, tmp_path):
     )
     assert named == {path.stem for path in tmp_path.iterdir()}
     assert all(find_spec("benchmarks." + words.split("'")[1]) for words in ran)
+
+
+def test_load_counts_answers_and_lost_connections():
+    talks = set()
+
+    async def answer(reader, writer):
+        talks.add(asyncio.current_task())
+        while b"/good" in await reader.readline():
+            await reader.readuntil(b"\r\n\r\n")
+            writer.write(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok")
+        writer.close()
+
+    async def run():
+        server = await asyncio.start_server(answer, "127.0.0.1", 0)
+        place = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        asked = cycle((name, load.request("GET", f"/{name}")) for name in ("good", "gone"))
+        found = await load.load(place, asked, 1000, 0.02)
+        server.close()
+        await asyncio.gather(*talks)
+        return found
+
+    times = asyncio.run(run())
+    counts = Counter()
+    for name, found in times.items():
+        counts[name if name == "good 200" else f"{name.split()[0]} lost"] += len(found)
+    assert counts == {"good 200": 10, "gone lost": 10}

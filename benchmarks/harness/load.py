@@ -43,7 +43,7 @@ async def load(
     place, times, idle = urlsplit(address), defaultdict(list), []
 
     async def one(name: str, content: bytes) -> None:
-        began = time.perf_counter()
+        began, link = time.perf_counter(), None
         try:
             async with asyncio.timeout(patience):
                 while idle and idle[-1][0].at_eof():
@@ -59,6 +59,8 @@ async def load(
             name = f"{name} {status}"
         except (OSError, TimeoutError, asyncio.IncompleteReadError) as error:
             name = f"{name} {type(error).__name__}"
+            if link is not None:
+                link[1].close()
         times[name].append(time.perf_counter() - began)
 
     tasks, began = set(), time.perf_counter()
