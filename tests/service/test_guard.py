@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
+import signal
 import sys
 import threading
 from collections.abc import Iterator
@@ -182,6 +183,25 @@ def test_the_model_and_file_workers_yield_to_the_event_loop(called: Called) -> N
     (writer,) = called.service.writers._started
     niceness = [os.getpriority(os.PRIO_PROCESS, one) for one in (*threads, writer.pid)]
     assert all(one > os.getpriority(os.PRIO_PROCESS, 0) for one in niceness)
+
+
+def test_a_killed_file_worker_is_told_and_replaced(called: Called) -> None:
+    wanted = {"prompt": "a person jumps", "format": "bvh"}
+    assert called.post("/v1/motions", wanted).status_code == 200
+    (worker,) = called.service.writers._started
+
+    async def ask() -> httpx.Response:
+        os.kill(worker.pid, signal.SIGSTOP)
+        asked = asyncio.ensure_future(called.client.post("/v1/motions", json=wanted))
+        while not called.service.writers._tasks:
+            await asyncio.sleep(0.01)
+        os.kill(worker.pid, signal.SIGKILL)
+        return await asked
+
+    answer = called.wait(ask())
+    assert answer.status_code == 503 and "try again" in answer.json()["detail"]
+    assert answer.headers["retry-after"] == "1"
+    assert called.post("/v1/motions", wanted).status_code == 200
 
 
 def test_health_and_metrics_never_wait_for_the_model(called: Called) -> None:

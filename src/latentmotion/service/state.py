@@ -183,12 +183,19 @@ class Service:
     async def file(
         self, motions: Sequence[Motion], form: str, clean: bool, fps: float | None
     ) -> tuple[bytes, str]:
-        """Returns motions as bytes, and their format."""
+        """Returns motions as bytes, and their format.
+
+        Raises:
+            Problem: Too many wait, or the process that wrote the file was killed or took too long.
+        """
         if form == "raw" and not clean and fps is None:
             return encoded(motions, form)
         task, content = written(motions, form, clean, fps)
         with self.metrics.seconds.labels("file").time():
-            head, found = await self.writers.run(task, content, self.settings.deadline)
+            try:
+                head, found = await self.writers.run(task, content, self.settings.deadline)
+            except WorkerError as error:
+                raise Problem(503, f"the file was not written ({error}); try again", 1.0) from error
         return found, head["format"]
 
     async def read(self, task: dict[str, Any]) -> dict[str, Any]:
