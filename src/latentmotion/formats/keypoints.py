@@ -64,7 +64,9 @@ def read_keypoints(path: str | Path, stated: Stated = Stated()) -> Keypoints:
         InputError: Its ending is unknown, or a layout that is stated.
     """
     path = Path(path)
-    readers = dict(zip(ENDINGS, (_npz, _npy, _json, _csv), strict=True))
+    readers = dict(
+        zip(ENDINGS, (_npz, lambda path: {"points": read_array(path)}, _json, _csv), strict=True)
+    )
     ending = path.suffix.lower()
     if ending not in readers:
         raise InputError(
@@ -95,7 +97,10 @@ def _keypoints(found: Mapping[str, Any], stated: Stated) -> Keypoints:
         x, y, z = np.moveaxis(points, 2, 0)
         points = np.stack([x, -y, -z] if stated.up == "-y" else [x, z, -y], axis=2)
     confidence = found.get("confidence")
-    size = stated.size or _pair(found.get("size"))
+    size = stated.size
+    if size is None and found.get("size") is not None:
+        width, height = (float(side) for side in np.asarray(found["size"]).ravel())
+        size = width, height
     focal = stated.focal if stated.focal is not None else found.get("focal")
     names = _names(stated.names or found.get("names"), points.shape[1])
     return Keypoints(
@@ -121,20 +126,9 @@ def _names(found: Any, count: int) -> tuple[str, ...]:
     return tuple(str(name) for name in values.ravel())
 
 
-def _pair(size: Any) -> tuple[float, float] | None:
-    if size is None:
-        return None
-    width, height = (float(side) for side in np.asarray(size).ravel())
-    return width, height
-
-
 def _npz(path: Path) -> dict[str, Any]:
     _check_keys(path, names_in(path))
     return dict(read_arrays(path, _KEYS))
-
-
-def _npy(path: Path) -> dict[str, Any]:
-    return {"points": read_array(path)}
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -29,6 +29,7 @@ def readme(card: ModelCard) -> str:
     }
     shortest, longest = card.frames
     prompt = '"a person walks"' if text else '"LABEL"' if card.task == "action" else "None"
+    rows = [f"| {name} | {value:g} |" for name, value in numbers(card.figures)]
     lines = [
         front_matter(head),
         f"# {card.name}",
@@ -50,10 +51,10 @@ def readme(card: ModelCard) -> str:
         *(f"* Data: {line}" for line in made.data),
         *(f"* SHA-256 of {name}: {value}" for name, value in made.data_hashes.items()),
         f"* {made.hours:g} hours on {made.machine or 'an unknown machine'}",
-        *_block(made.commands),
+        *(["", "```bash", *made.commands, "```", ""] if made.commands else [""]),
         "## Figures",
         "",
-        *_table(card.figures),
+        *(["| figure | value |", "|---|---|", *rows] if rows else ["None were measured."]),
         "",
         "## Terms",
         "",
@@ -86,12 +87,3 @@ def numbers(figures: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield from numbers(value, f"{prefix}{name}.")
         elif isinstance(value, int | float) and not isinstance(value, bool):
             yield f"{prefix}{name}", value
-
-
-def _table(figures: Mapping[str, Any]) -> list[str]:
-    rows = [f"| {name} | {value:g} |" for name, value in numbers(figures)]
-    return ["| figure | value |", "|---|---|", *rows] if rows else ["None were measured."]
-
-
-def _block(commands: tuple[str, ...]) -> list[str]:
-    return ["", "```bash", *commands, "```", ""] if commands else [""]

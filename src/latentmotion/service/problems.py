@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from http import HTTPStatus
+from http.client import responses
 from typing import Any
 
 from fastapi.exceptions import RequestValidationError
@@ -49,7 +49,11 @@ def problem_response(
         headers: Headers of its own.
         errors: `at` and `problem` of each field that cannot be used.
     """
-    about: dict[str, Any] = {"type": "about:blank", "title": _title(status), "status": status}
+    about: dict[str, Any] = {
+        "type": "about:blank",
+        "title": responses.get(status, "Problem"),
+        "status": status,
+    }
     content = about | {"detail": detail} | ({"errors": list(errors)} if errors else {})
     # Text from a request may hold halves of characters, which UTF-8 cannot.
     body = json.dumps(content, ensure_ascii=True).encode()
@@ -89,10 +93,3 @@ async def on_failure(request: Request, error: Exception) -> Response:
 
 
 _NO_OBJECT = "expected a JSON object, sent with Content-Type: application/json"
-
-
-def _title(status: int) -> str:
-    try:
-        return HTTPStatus(status).phrase
-    except ValueError:
-        return "Problem"

@@ -148,8 +148,9 @@ def written(motions: Sequence[Motion], form: str, clean: bool, fps: float | None
             "caption": motion.caption,
             "metadata": dict(motion.metadata),
             "skeleton": {
-                one.name: _plain(getattr(motion.skeleton, one.name))
+                one.name: value.tolist() if isinstance(value, np.ndarray) else value
                 for one in fields(motion.skeleton)
+                for value in [getattr(motion.skeleton, one.name)]
             },
         }
         for motion in motions
@@ -166,7 +167,3 @@ async def _exchange(
     await process.stdin.drain()
     head = json.loads(await process.stdout.readuntil(b"\n"))
     return head, await process.stdout.readexactly(head["size"])
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value

@@ -91,6 +91,8 @@ def _routes(library: Library, files: dict[str, bytes], service: Service) -> APIR
     for routes in (
         _capabilities(service, library),
         takes.routes(service, library),
+        takes.file_routes(service, library),
+        takes.transfer_routes(service, library),
         characters.routes(service, library),
         projects.routes(library),
     ):

@@ -208,7 +208,7 @@ class Library:
         for motion, recipe, title, edits in made:
             goals = [
                 {
-                    "goal": _goal(goal),
+                    "goal": {k: v for k, v in goal.items() if k not in ("before", "after")},
                     "before_cm": 1e2 * goal["before"],
                     "after_cm": 1e2 * goal["after"],
                 }
@@ -514,10 +514,6 @@ def _character(row: sqlite3.Row) -> Character:
 def _edits(text: str) -> Edits:
     """Returns edits as the database holds them; most takes have the same."""
     return from_json(Edits, json.loads(text))
-
-
-def _goal(goal: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in goal.items() if name not in ("before", "after")}
 
 
 def _row(take: Take) -> tuple[Any, ...]:

@@ -81,10 +81,6 @@ Tag = Annotated[
 Span = tuple[Annotated[Number, Field(ge=0)], Annotated[Number, Field(gt=0)]]
 
 
-def _distinct(tags: list[str]) -> list[str]:
-    return list(dict.fromkeys(tags))
-
-
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
@@ -163,7 +159,9 @@ class TakeChanges(_Strict):
 
     title: Title = ""
     """What the list shows."""
-    tags: Annotated[list[Tag], AfterValidator(_distinct)] = Field([], max_length=50)
+    tags: Annotated[list[Tag], AfterValidator(lambda tags: list(dict.fromkeys(tags)))] = Field(
+        [], max_length=50
+    )
     """Words of the user's choice."""
     star: bool = False
     """Marked as good."""

@@ -43,7 +43,7 @@ _EDITS = ("trim", "speed", "in_place", "mirrored")
 
 
 def routes(service: Service, library: Library) -> APIRouter:
-    """Returns the routes."""
+    """Returns the routes of takes in the library: made, listed, changed, made again."""
     router = APIRouter()
     maker = Maker(service.pipeline, digest_of_model(service.settings.model), library)
 
@@ -109,6 +109,13 @@ def routes(service: Service, library: Library) -> APIRouter:
         equal, back = await run_in_threadpool(library.compare, take, motion)
         return {"equal": equal, "restored": back}
 
+    return router
+
+
+def file_routes(service: Service, library: Library) -> APIRouter:
+    """Returns the routes of one take as a file."""
+    router = APIRouter()
+
     @router.get("/takes/{name}/joints", response_class=Response)
     def joints(name: Id) -> Response:
         """Send the joints of a take as float32, little-endian: frames × joints × 3, meters."""
@@ -148,6 +155,13 @@ def routes(service: Service, library: Library) -> APIRouter:
         content, ending = await content_of(service, library, take, wanted)
         headers = {"Content-Disposition": f'attachment; filename="{file_name(take, ending)}"'}
         return Response(content, headers=headers, media_type=MEDIA_TYPES[ending])
+
+    return router
+
+
+def transfer_routes(service: Service, library: Library) -> APIRouter:
+    """Returns the routes that send takes as an archive, and take motions of files in."""
+    router = APIRouter()
 
     @router.post("/export", response_class=Response)
     async def exported(request: Request, wanted: ExportRequest) -> Response:

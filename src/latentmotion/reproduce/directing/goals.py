@@ -71,17 +71,16 @@ def courses() -> dict[str, tuple[str, tuple[Goal, ...], float]]:
     }
     line = np.array([[0.0, 0], [0, 1], [0, 2], [0, 3]])
     shapes |= {f"path: {speed:g} m/s": (line, speed) for speed in (0.5, 1.0, 1.5, 2.0)}
-    found = {name: _walked(*course) for name, course in shapes.items()}
+    found: dict[str, tuple[str, tuple[Goal, ...], float]] = {}
+    for name, (points, speed) in shapes.items():
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        seconds = min(max(float(lengths.sum()) / speed + 0.05, 1.0), 9.5)
+        times = np.concatenate([[0], np.cumsum(lengths)]) / lengths.sum() * (seconds - 0.05)
+        path = Path([(float(x), float(z)) for x, z in points], times.tolist())
+        found[name] = WALK, (path,), seconds
     steps = tuple(Reach("pelvis", at, (0, None, -0.6 * at)) for at in (1.0, 2.0, 3.0))
     found["backwards, 0.6 m/s"] = (BACK, (*steps, Heading(3.0, 0.0)), 3.2)
     return found
-
-
-def _walked(points: np.ndarray, speed: float) -> tuple[str, tuple[Goal, ...], float]:
-    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    seconds = min(max(float(lengths.sum()) / speed + 0.05, 1.0), 9.5)
-    times = np.concatenate([[0], np.cumsum(lengths)]) / lengths.sum() * (seconds - 0.05)
-    return WALK, (Path([(float(x), float(z)) for x, z in points], times.tolist()),), seconds
 
 
 def _path_row(

@@ -45,15 +45,6 @@ def keep_rows(bench: Bench) -> Rows:
     return rows
 
 
-def _edited(bench: Bench, each: Recording, start: int, end: int, seed: int) -> Motion:
-    fps = each.motion.fps
-    return bench.generate.edit(each.motion, each.text, (start / fps, end / fps), seed)
-
-
-def _linear(bench: Bench, each: Recording, start: int, end: int, seed: int) -> Motion:
-    return replace(each.motion, joints=blended(each.motion.joints, start, end))
-
-
 def _inertialized(bench: Bench, each: Recording, start: int, end: int, seed: int) -> Motion:
     joints = each.motion.joints
     piece = inertialized(
@@ -68,8 +59,12 @@ def _inertialized(bench: Bench, each: Recording, start: int, end: int, seed: int
 
 
 _FILLS: dict[str, Fill] = {
-    "edit": _edited,
-    "linear interpolation": _linear,
+    "edit": lambda bench, each, start, end, seed: bench.generate.edit(
+        each.motion, each.text, (start / each.motion.fps, end / each.motion.fps), seed
+    ),
+    "linear interpolation": lambda _, each, start, end, __: replace(
+        each.motion, joints=blended(each.motion.joints, start, end)
+    ),
     "linear, inertialized": _inertialized,
 }
 
