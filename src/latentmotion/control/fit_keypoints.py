@@ -54,6 +54,9 @@ _WINDOW, _OVERLAP = 160, 40
 _UNSEEN, _BRIDGED = 0.04, 0.12
 """Meters that a joint is off in a gap: by the latents, and by a curve over a gap of one second."""
 
+_ABOVE_FLOOR = ((("foot", "ankle"), 0.0), (("knee",), 0.45))
+"""Joints of the legs, and meters that they are above the floor of somebody who stands."""
+
 _ABOVE_HIPS = 0.09
 """Meters of the pelvis above the middle of the hips."""
 
@@ -388,9 +391,7 @@ def _start(
     space = motion.representation
     assert isinstance(space, HumanML3DRepresentation)
     joints, known = rough_joints(scene)
-    low = float(np.percentile(joints[:, known.any(axis=0), 1], 2)) if not scene.flat else 0.0
-    if scene.flat:
-        low = float(np.median(joints[:, 0, 1])) - 0.9
+    low = _floor(joints, known)
     place = np.array([joints[0, 0, 0], low, joints[0, 0, 2]])
     own = turn(joints - place, -yaw[:1, None])
     own = np.concatenate([own, 2 * own[-1:] - own[-2:-1]])
@@ -401,6 +402,15 @@ def _start(
     weights[:, space.blocks["positions"]] = np.repeat(known[:, 1:], 3, axis=1)
     z = fit_features(motion, wanted, weights, 0.2, 30)
     return np.concatenate([z.ravel(), yaw[:1], place, [scene.pitch or 0.0]])
+
+
+def _floor(joints: Joints, known: Bool[np.ndarray, "frames joints"]) -> float:
+    """Returns the height of the floor, by the lowest joint of the legs that was seen."""
+    for parts, above in _ABOVE_FLOOR:
+        own = [HUMANML3D.names.index(f"{side}_{p}") for side in ("left", "right") for p in parts]
+        if known[:, own].any():
+            return float(np.percentile(joints[:, own][known[:, own]][:, 1], 2)) - above
+    return float(np.median(joints[:, 0, 1])) - 0.9
 
 
 def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:
