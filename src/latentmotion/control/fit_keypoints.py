@@ -13,7 +13,7 @@ their speed. Recordings longer than the model's motions are fitted in windows th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -53,6 +53,12 @@ _WINDOW, _OVERLAP = 160, 40
 
 _UNSEEN, _BRIDGED = 0.04, 0.12
 """Meters that a joint is off in a gap: by the latents, and by a curve over a gap of one second."""
+
+_TRUNK = ("hip", "shoulder")
+"""Whose two sides show the heading of a body."""
+
+_SIDES = ("knee", "ankle", "foot", "elbow", "wrist", "ear")
+"""Whose two sides show it roughly."""
 
 _ABOVE_FLOOR = ((("foot", "ankle"), 0.0), (("knee",), 0.45))
 """Joints of the legs, and meters that they are above the floor of somebody who stands."""
@@ -312,8 +318,8 @@ def _fitted_window(scene: Scene, motion: DecodedMotion) -> tuple[Joints, dict[st
         )
     noise = float(np.hypot(scene.noise, _EXPRESSED))
     candidates = []
-    for yaw in _headings(scene):
-        start = _start(scene, motion, yaw)
+    for yaw, floor in product(_headings(scene), _floors(scene)):
+        start = _start(scene, motion, yaw, floor)
         candidates.append(_refined(observation, motion, start, noise, 30 if scene.flat else 100))
     _, p = min(candidates, key=lambda found: found[0])
     joints = _placed(motion, p, width)
@@ -379,7 +385,7 @@ def _placed(motion: DecodedMotion, p: Float[np.ndarray, " numbers"], width: int)
 
 
 def _start(
-    scene: Scene, motion: DecodedMotion, yaw: Float[np.ndarray, " frames"]
+    scene: Scene, motion: DecodedMotion, yaw: Float[np.ndarray, " frames"], floor: float
 ) -> Float[np.ndarray, " numbers"]:
     """Returns latents and placement to begin with, from smoothed keypoints.
 
@@ -387,12 +393,12 @@ def _start(
         scene: What was seen.
         motion: The motion as a function of its latents.
         yaw: Heading of the body in each frame.
+        floor: Its height, meters.
     """
     space = motion.representation
     assert isinstance(space, HumanML3DRepresentation)
     joints, known = rough_joints(scene)
-    low = _floor(joints, known)
-    place = np.array([joints[0, 0, 0], low, joints[0, 0, 2]])
+    place = np.array([joints[0, 0, 0], floor, joints[0, 0, 2]])
     own = turn(joints - place, -yaw[:1, None])
     own = np.concatenate([own, 2 * own[-1:] - own[-2:-1]])
     ahead = np.concatenate([yaw, yaw[-1:]]) - yaw[0]
@@ -404,13 +410,18 @@ def _start(
     return np.concatenate([z.ravel(), yaw[:1], place, [scene.pitch or 0.0]])
 
 
-def _floor(joints: Joints, known: Bool[np.ndarray, "frames joints"]) -> float:
-    """Returns the height of the floor, by the lowest joint of the legs that was seen."""
+def _floors(scene: Scene) -> list[float]:
+    """Returns heights of the floor to begin with: that of the feet, or what may be under them."""
+    joints, known = rough_joints(scene)
     for parts, above in _ABOVE_FLOOR:
         own = [HUMANML3D.names.index(f"{side}_{p}") for side in ("left", "right") for p in parts]
         if known[:, own].any():
-            return float(np.percentile(joints[:, own][known[:, own]][:, 1], 2)) - above
-    return float(np.median(joints[:, 0, 1])) - 0.9
+            return [float(np.percentile(joints[:, own][known[:, own]][:, 1], 2)) - above]
+    if scene.flat:
+        return [float(np.median(joints[:, 0, 1])) - 0.9]
+    # The highest that the pelvis was for a while is that of somebody who stands.
+    high = float(np.percentile(joints[:, 0, 1], 80))
+    return [high - 0.93] + [0.0] * (0.05 < high < 1.3 and abs(high - 0.93) > 0.1)
 
 
 def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:
@@ -459,18 +470,15 @@ def _seen_near(scene: Scene) -> Bool[np.ndarray, "frames keypoints"]:
 
 
 def _headings(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
-    """Returns the headings of the body to begin with: one, or those that a picture may show."""
-    across = np.zeros((scene.frames, scene.points.shape[2]))
-    for part in ("hip", "shoulder"):
-        sides = [f"{side}_{part}" for side in ("right", "left")]
-        if set(sides) <= set(scene.names):
-            k = [scene.names.index(side) for side in sides]
-            both = scene.weights[:, k].min(axis=1)
-            if (both > 0).any():
-                step = scene.points[:, k[0]] - scene.points[:, k[1]]
-                across += _smoothed(step, both, scene.positions, 2.0, scene.frames)
+    """Returns the headings of the body to begin with: one, or those that are as likely."""
+    across = _across(scene, _TRUNK, 2.0)
     if not scene.flat:
-        return [np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))]
+        if across.any():
+            return [_heading_of(-across[:, 0], across[:, 2])]
+        across = _across(scene, _SIDES, 10.0)
+        found = [_heading_of(-across[:, 0], across[:, 2])] if across.any() else []
+        found += _headings_of_path(scene)
+        return found or [np.full(scene.frames, yaw) for yaw in np.arange(4) * np.pi / 2]
     assert scene.depth is not None
     # In the picture the right side is at -x; how wide hips and shoulders look says how far turned.
     depth = _smoothed(
@@ -478,13 +486,40 @@ def _headings(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
     )
     wide = np.clip(across[:, 0] * depth[:, 0] / 0.55, -1, 1)
     away = np.sqrt(1 - wide**2)
-    found = [np.unwrap(np.arctan2(sign * away, wide)) for sign in (1.0, -1.0)]
-    path = rough_joints(scene)[0][:, 0]
-    way = np.gradient(path, axis=0)
-    if np.linalg.norm(path[-1] - path[0]) > 0.5:
-        way = _smoothed(way, np.ones(len(way)), np.arange(len(way), dtype=float), 6.0)
-        found.append(np.unwrap(np.arctan2(way[:, 0], way[:, 2])))
+    return [_heading_of(wide, sign * away) for sign in (1.0, -1.0)] + _headings_of_path(scene)
+
+
+def _across(
+    scene: Scene, parts: tuple[str, ...], width: float
+) -> Float[np.ndarray, "frames coordinates"]:
+    """Returns how far the right side is from the left one, smoothed and summed; 0 if not seen."""
+    found = np.zeros((scene.frames, scene.points.shape[2]))
+    for part in parts:
+        sides = [f"{side}_{part}" for side in ("right", "left")]
+        if set(sides) <= set(scene.names):
+            k = [scene.names.index(side) for side in sides]
+            both = scene.weights[:, k].min(axis=1)
+            if (both > 0).any():
+                step = scene.points[:, k[0]] - scene.points[:, k[1]]
+                found += _smoothed(step, both, scene.positions, width, scene.frames)
     return found
+
+
+def _headings_of_path(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
+    """Returns the heading of somebody who walks ahead; nothing if the pelvis stays."""
+    path = rough_joints(scene)[0][:, 0]
+    if np.linalg.norm(path[-1] - path[0]) <= 0.5:
+        return []
+    way = np.gradient(path, axis=0)
+    way = _smoothed(way, np.ones(len(way)), np.arange(len(way), dtype=float), 6.0)
+    return [_heading_of(way[:, 2], way[:, 0])]
+
+
+def _heading_of(
+    ahead: Float[np.ndarray, " frames"], aside: Float[np.ndarray, " frames"]
+) -> Float[np.ndarray, " frames"]:
+    """Returns the angle about y that turns +z that way, without leaps."""
+    return np.unwrap(np.arctan2(aside, ahead))
 
 
 def _detail(observation: Observation, joints: Joints, noise: float) -> Joints:
