@@ -63,6 +63,9 @@ _SIDES = ("knee", "ankle", "foot", "elbow", "wrist", "ear")
 _ABOVE_FLOOR = ((("foot", "ankle"), 0.0), (("knee",), 0.45))
 """Joints of the legs, and meters that they are above the floor of somebody who stands."""
 
+_PELVIS = 0.93
+"""Meters of the pelvis above the floor of somebody who stands."""
+
 _ABOVE_HIPS = 0.09
 """Meters of the pelvis above the middle of the hips."""
 
@@ -114,8 +117,8 @@ def generate_fitted(
         frames = min(length, scene.frames - start)
         window = scene.window(start, max(frames, shortest))
         joints, found = _fitted_window(window, motion(window.frames))
-        # A camera stands still: later windows take its tilt from the first.
-        scene = replace(scene, pitch=found["pitch"])
+        # A camera and the floor stay: later windows take them from those before.
+        scene = replace(scene, pitch=found["pitch"], floor=found["floor"])
         pieces.append((start, joints[:frames]))
         about.append(found)
     joints, pitch = _joined(pieces, scene.frames), about[0]["pitch"]
@@ -160,6 +163,8 @@ class Scene:
     """Focal length of the camera, pixels."""
     pitch: float | None = None
     """Tilt of the camera, radians, once it is known."""
+    floor: float | None = None
+    """Height of the floor, meters, once it is known."""
 
     @classmethod
     def of(cls, keypoints: Keypoints, fps: float, noise: float | None) -> Scene:
@@ -336,7 +341,8 @@ def _fitted_window(scene: Scene, motion: DecodedMotion) -> tuple[Joints, dict[st
         joints = joints + _detail(observation, joints, scene.noise)
         joints = _bridged(observation, joints, motion.representation.fps)
     dropped = float((seen & ~kept).sum() / seen.sum())
-    return joints, {"noise": scene.noise, "dropped": dropped, "pitch": float(p[-1])}
+    found = {"noise": scene.noise, "dropped": dropped}
+    return joints, found | {"floor": float(p[-3]), "pitch": float(p[-1])}
 
 
 def _refined(
@@ -419,9 +425,12 @@ def _floors(scene: Scene) -> list[float]:
             return [float(np.percentile(joints[:, own][known[:, own]][:, 1], 2)) - above]
     if scene.flat:
         return [float(np.median(joints[:, 0, 1])) - 0.9]
+    if scene.floor is not None:
+        return [scene.floor]
     # The highest that the pelvis was for a while is that of somebody who stands.
     high = float(np.percentile(joints[:, 0, 1], 80))
-    return [high - 0.93] + [0.0] * (0.05 < high < 1.3 and abs(high - 0.93) > 0.1)
+    standing = high - _PELVIS
+    return [standing] if abs(standing) < 0.1 or not 0 < high < 1.4 else [standing, 0.0]
 
 
 def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:
