@@ -73,6 +73,39 @@ def test_noise_and_gaps_are_taken_away_where_the_recording_is(
     assert fitted.metadata["fit"]["noise"] == pytest.approx(0.05, abs=0.015)
 
 
+LEGS = [f"{side}_{part}" for side in ("left", "right") for part in ("knee", "ankle", "foot")]
+FOUR = ["pelvis", "head", "left_wrist", "right_wrist"]
+
+
+@pytest.mark.parametrize(
+    ("unseen", "height"),
+    [
+        (LEGS, 0.0),
+        ([*LEGS, "pelvis", "left_hip", "right_hip"], -1.5),
+        ([name for name in NAMES if name not in FOUR], 0.0),
+        ([name for name in NAMES if name not in FOUR[:2]], -1.5),
+    ],
+    ids=["legs", "lower body", "all but head, hands and pelvis", "all but head and pelvis"],
+)
+def test_joints_that_are_never_seen_are_those_of_somebody_upright(
+    generate: MotionPipeline, walk: np.ndarray, unseen: list[str], height: float
+) -> None:
+    real = walk + np.array([0, height, 0])
+    seen = np.array([name not in unseen for name in NAMES])[None].repeat(len(real), axis=0)
+    fitted = generate.fit(real, seen).joints
+    assert np.linalg.norm(fitted - real, axis=-1)[~seen].mean() < 0.25
+    feet = fitted[:, [10, 11], 1].min(axis=1) - height
+    assert abs(feet).max() < 0.1
+
+
+def test_somebody_who_sits_with_legs_unseen_has_feet_on_the_floor(generate: MotionPipeline) -> None:
+    sits = generate("a person sits down on a chair", 2.0, 2).cleaned().joints.astype(float)
+    assert np.median(sits[:, 0, 1]) < 0.7
+    seen = np.array([name not in LEGS for name in NAMES])[None].repeat(len(sits), axis=0)
+    fitted = generate.fit(sits, seen).joints
+    assert abs(np.median(fitted[:, [10, 11], 1].min(axis=1))) < 0.1
+
+
 def test_other_rates_and_layouts_are_fitted(generate: MotionPipeline, walk: np.ndarray) -> None:
     fast = Motion(walk).resampled(50)
     points = np.einsum("kj,tjc->tkc", joint_weights(LAYOUTS["coco_17"]), fast.joints)
@@ -107,6 +140,11 @@ def test_long_recordings_are_fitted_in_windows(
     fitted = generate.fit(walk, noise=0.01)
     assert len(fitted) == len(walk)
     assert np.linalg.norm(fitted.joints - walk, axis=-1).mean() < 0.03
+    # Without legs all windows have the floor of the first.
+    seen = np.ones(walk.shape[:2], bool)
+    seen[:, [NAMES.index(name) for name in LEGS]] = False
+    lowest = generate.fit(walk, seen).joints[..., 1].min(axis=1)
+    assert np.ptp(lowest) < 0.1
 
 
 def test_noise_and_size_are_measured(walk: np.ndarray) -> None:

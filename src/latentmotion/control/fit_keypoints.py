@@ -60,11 +60,11 @@ _TRUNK = ("hip", "shoulder")
 _SIDES = ("knee", "ankle", "foot", "elbow", "wrist", "ear")
 """Whose two sides show it roughly."""
 
-_ABOVE_FLOOR = ((("foot", "ankle"), 0.0), (("knee",), 0.45))
-"""Joints of the legs, and meters that they are above the floor of somebody who stands."""
+_PELVIS, _KNEE = 0.93, 0.45
+"""Meters of pelvis and knees above the floor of somebody who stands."""
 
-_PELVIS = 0.93
-"""Meters of the pelvis above the floor of somebody who stands."""
+_COMMON = 0.95
+"""Share of its loss that counts where the floor is at 0, as it mostly is."""
 
 _ABOVE_HIPS = 0.09
 """Meters of the pelvis above the middle of the hips."""
@@ -325,7 +325,8 @@ def _fitted_window(scene: Scene, motion: DecodedMotion) -> tuple[Joints, dict[st
     candidates = []
     for yaw, floor in product(_headings(scene), _floors(scene)):
         start = _start(scene, motion, yaw, floor)
-        candidates.append(_refined(observation, motion, start, noise, 30 if scene.flat else 100))
+        value, p = _refined(observation, motion, start, noise, 30 if scene.flat else 100)
+        candidates.append((value * (1.0 if floor else _COMMON), p))
     _, p = min(candidates, key=lambda found: found[0])
     joints = _placed(motion, p, width)
     off = np.linalg.norm(observation.missing(joints), axis=-1)
@@ -417,20 +418,21 @@ def _start(
 
 
 def _floors(scene: Scene) -> list[float]:
-    """Returns heights of the floor to begin with: that of the feet, or what may be under them."""
+    """Returns heights of the floor to begin with: one, or those that are as likely."""
     joints, known = rough_joints(scene)
-    for parts, above in _ABOVE_FLOOR:
-        own = [HUMANML3D.names.index(f"{side}_{p}") for side in ("left", "right") for p in parts]
-        if known[:, own].any():
-            return [float(np.percentile(joints[:, own][known[:, own]][:, 1], 2)) - above]
+    high = joints[:, 0, 1]
     if scene.flat:
-        return [float(np.median(joints[:, 0, 1])) - 0.9]
+        return [float(np.median(high)) - 0.9]
+    seen = {HUMANML3D.names[joint].split("_")[-1] for joint in np.flatnonzero(known.any(axis=0))}
+    lowest = float(np.percentile(joints[:, known.any(axis=0), 1], 2))
+    if seen & {"ankle", "foot"}:
+        return [lowest]
     if scene.floor is not None:
         return [scene.floor]
-    # The highest that the pelvis was for a while is that of somebody who stands.
-    high = float(np.percentile(joints[:, 0, 1], 80))
-    standing = high - _PELVIS
-    return [standing] if abs(standing) < 0.1 or not 0 < high < 1.4 else [standing, 0.0]
+    # Somebody stands for a while at least; or sits, and the floor is at 0.
+    standing = lowest - _KNEE if "knee" in seen else float(np.percentile(high, 80)) - _PELVIS
+    near = abs(standing) < 0.1 or not 0 < standing + _PELVIS < 1.4
+    return [standing] if near else [standing, 0.0]
 
 
 def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:

@@ -41,6 +41,7 @@ CASES = {
     "noise 5 cm": Spoiled(0.05),
     "legs unseen 1 s": Spoiled(0.01, 1.0, _LEGS),
     "legs never seen": Spoiled(0.01, 100.0, _LEGS),
+    "one arm never seen": Spoiled(0.01, 100.0, ("left_elbow", "left_wrist")),
     "all but head, hands and pelvis unseen": Spoiled(
         0.01, 100.0, tuple(name for name in HUMANML3D.names if name not in _SEEN)
     ),
