@@ -429,7 +429,7 @@ def _floors(scene: Scene) -> list[float]:
         return [lowest]
     if scene.floor is not None:
         return [scene.floor]
-    # Somebody stands for a while at least; or sits, and the floor is at 0.
+    # Somebody stands for a while at least; or sits or lies, and the floor is at 0.
     standing = lowest - _KNEE if "knee" in seen else float(np.percentile(high, 80)) - _PELVIS
     near = abs(standing) < 0.1 or not 0 < standing + _PELVIS < 1.4
     return [standing] if near else [standing, 0.0]
