@@ -22,6 +22,10 @@ class InputError(LatentMotionError):
     """An argument, option or prompt that cannot be used."""
 
 
+class DiskFullError(InputError):
+    """A file that was not written, as the disk has no room for it."""
+
+
 class DataError(LatentMotionError):
     """A folder or data set that lacks something or contradicts itself."""
 

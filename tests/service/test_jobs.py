@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import io
 import json
+import os
+import tempfile
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import httpx
 import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
-from latentmotion.service import jobs
+from latentmotion.errors import DiskFullError
+from latentmotion.service import jobs, problems, worker
+from latentmotion.service.schemas import BatchRequest
 from latentmotion.service.settings import Settings
 from tests.service.conftest import Called, serving
 
@@ -55,6 +61,66 @@ def test_wrong_input_makes_no_job(called: Called) -> None:
     answer = called.post("/v1/jobs", ASKED | {"seconds": 100})
     assert answer.status_code == 422
     assert "makes motions of" in answer.json()["detail"]
+
+
+class FullDisk:
+    """A disk on which no file has room."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.refused = asyncio.Event()
+        for name in ("write_text", "write_bytes"):
+            monkeypatch.setattr(Path, name, self._refuse)
+
+    def _refuse(self, *content: Any, **options: Any) -> None:
+        self.refused.set()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_full_disk_takes_no_job_and_says_so(
+    called: Called, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    FullDisk(monkeypatch)
+    answer = called.post("/v1/jobs", ASKED)
+    assert answer.status_code == 507
+    assert answer.headers["content-type"] == problems.MEDIA_TYPE
+    assert answer.json()["detail"] == problems.FULL_DISK
+    with pytest.raises(DiskFullError):
+        jobs.Jobs(called.service, tmp_path).add(BatchRequest.model_validate(ASKED))
+    assert not list(tmp_path.iterdir()), "nothing half-written"
+
+
+def test_a_full_disk_takes_no_file_and_says_so(
+    called: Called, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    monkeypatch.setattr(tempfile, "mkdtemp", Mock(side_effect=full))
+    answer = called.wait(called.client.post("/v1/clean?source=bvh", content=b"x"))
+    assert (answer.status_code, answer.json()["detail"]) == (507, problems.FULL_DISK)
+    with monkeypatch.context() as patch:
+        patch.setitem(worker._VERBS, "join", Mock(side_effect=full))
+        assert worker.answer({"verb": "join"}, b"") == ({"full": str(full)}, b"")
+
+
+def test_a_job_waits_for_room(
+    called: Called, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jobs, "ROOM", 0.01)
+
+    async def talk() -> None:
+        found = jobs.Jobs(called.service, tmp_path)
+        job = found.add(BatchRequest.model_validate(ASKED))
+        with monkeypatch.context() as patch:
+            work, disk = asyncio.ensure_future(found.work()), FullDisk(patch)
+            await disk.refused.wait()
+            await asyncio.sleep(0)
+            assert not work.done()
+            assert found.state(job.id).state in ("queued", "running")
+        while found.state(job.id).state != "done":
+            await asyncio.sleep(0.02)
+        work.cancel()
+        await asyncio.gather(work, return_exceptions=True)
+
+    called.wait(talk())
 
 
 def test_what_a_killed_process_left_is_taken_up(

@@ -40,6 +40,8 @@ class Client:
         message = await asyncio.wait_for(self.heard.get(), 60)
         if message["type"] == "websocket.close":
             return message.get("code", 1000), message.get("reason", "")
+        if message["type"] == "websocket.accept":
+            return message
         if "text" in message:
             return json.loads(message["text"])
         return np.frombuffer(message["bytes"], "<f4").reshape(-1, 22, 3)
@@ -123,6 +125,54 @@ def test_a_silent_client_is_left(streamed: Any, monkeypatch: pytest.MonkeyPatch)
         assert (await client.hear())[0] == streams.POLICY
 
     streamed(talk)
+
+
+def test_a_client_that_waits_for_its_piece_stays(
+    called: Called, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, come = called.service.called, asyncio.Event()
+
+    async def held(function: Callable[[], Any], seconds: float | None) -> Any:
+        await come.wait()
+        return await made(function, seconds)
+
+    monkeypatch.setattr(streams, "IDLE", 0.1)
+    monkeypatch.setattr(called.service, "called", held)
+
+    async def talk() -> None:
+        client = Client(called.app)
+        client.say({"prompt": "a person walks"})
+        assert (await client.hear())["type"] == "websocket.accept"
+        assert (await client.hear())["fps"] == 20
+        await asyncio.wait({client.task}, timeout=3 * streams.IDLE)
+        come.set()
+        assert (await client.hear())["piece"] == 1
+        await client.leave()
+
+    called.wait(talk())
+
+
+def test_a_piece_is_not_lost_to_the_deadline(
+    called: Called, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[float | None] = []
+    submitted = called.service.batcher.submit
+
+    async def submit(key: Any, payloads: Any, seconds: float | None, *more: Any) -> Any:
+        asked.append(seconds)
+        return await submitted(key, payloads, seconds, *more)
+
+    monkeypatch.setattr(called.service.batcher, "submit", submit)
+
+    async def talk() -> None:
+        client = Client(called.app)
+        await client.begun({"prompt": "a person walks"})
+        assert "joints" in await client.hear()
+        assert (await client.hear())["piece"] == 1
+        await client.leave()
+
+    called.wait(talk())
+    assert set(asked) == {None}
 
 
 def test_no_more_streams_than_are_allowed(called: Called, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion import formats
-from latentmotion.errors import InputError, LatentMotionError
+from latentmotion.errors import DiskFullError, InputError, LatentMotionError
 from latentmotion.motion import Motion
 from latentmotion.viewer.page import payload
 
@@ -56,6 +56,8 @@ def encoded(motions: Sequence[Motion], form: str) -> tuple[bytes, str]:
     with tempfile.TemporaryDirectory() as folder:
         try:
             files = formats.save(Path(folder) / f"motion.{form}", motions)
+        except DiskFullError:
+            raise
         except LatentMotionError as error:
             raise InputError(str(error).replace(f"{folder}/", "")) from error
         return packed(files, form)

@@ -63,14 +63,18 @@ class Batcher:
             thread.start()
 
     async def submit(
-        self, key: Hashable, payloads: Sequence[Any], seconds: float, background: bool = False
+        self,
+        key: Hashable,
+        payloads: Sequence[Any],
+        seconds: float | None,
+        background: bool = False,
     ) -> list[Any]:
         """Returns the results of payloads, which may be run together with others of the same key.
 
         Args:
             key: Equal for payloads that can be run together.
             payloads: One or more.
-            seconds: Time until when they are wanted.
+            seconds: Time until when they are wanted; None for any.
             background: Run them only where nothing else waits.
 
         Raises:

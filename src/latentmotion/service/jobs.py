@@ -34,7 +34,7 @@ from latentmotion.service.answers import MEDIA_TYPES
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest, JobState
 from latentmotion.service.state import Service
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import atomic_file, is_disk_full
 
 MOST = 1000
 """Jobs in the folder."""
@@ -44,6 +44,9 @@ KEPT = 86_400.0
 
 LOOK = 2.0
 """Seconds between two looks for jobs that another process left."""
+
+ROOM = 30.0
+"""Seconds between two looks for room on a full disk."""
 
 TOGETHER = 16
 """Motions in a file."""
@@ -73,13 +76,19 @@ class Jobs:
 
         Raises:
             Problem: There are too many.
+            DiskFullError, OSError: It cannot be written.
         """
         if sum(1 for _ in self.folder.iterdir()) >= MOST:
             raise Problem(429, f"{MOST} jobs are here; delete some, or try later", 60.0)
         place = self.folder / secrets.token_hex(16)
-        place.mkdir()
-        with atomic_file(place / "request.json") as temporary:
-            temporary.write_text(request.model_dump_json(), encoding="utf-8")
+        try:
+            place.mkdir()
+            (place / "lock").touch()  # now, as there may be no room later
+            with atomic_file(place / "request.json") as temporary:
+                temporary.write_text(request.model_dump_json(), encoding="utf-8")
+        except (LatentMotionError, OSError):
+            shutil.rmtree(place, ignore_errors=True)
+            raise
         self._new.set()
         return JobState(id=place.name, state="queued", motions=len(request.all_prompts()), made=0)
 
@@ -128,15 +137,26 @@ class Jobs:
         try:
             while True:
                 self._new.clear()
-                for place in await asyncio.to_thread(self._open):
-                    with suppress(FileNotFoundError), _locked(place) as free:
-                        if free:
-                            await self._finish(place)
+                pause = await self._look()
                 with suppress(TimeoutError):
-                    await asyncio.wait_for(self._new.wait(), LOOK)
+                    await asyncio.wait_for(self._new.wait(), pause)
         finally:
             if self._own:
                 shutil.rmtree(self.folder, ignore_errors=True)
+
+    async def _look(self) -> float:
+        """Makes what is open; returns the seconds after which to look again."""
+        for place in await asyncio.to_thread(self._open):
+            try:
+                with suppress(FileNotFoundError), _locked(place) as free:
+                    if free:
+                        await self._finish(place)
+            except (LatentMotionError, OSError) as error:
+                if not is_disk_full(error):
+                    raise
+                print(f"error: job {place.name} waits for room: {error}", file=sys.stderr)
+                return ROOM
+        return LOOK
 
     def _open(self) -> list[Path]:
         """Returns the jobs that are not done, the oldest first; removes those of long ago."""
@@ -153,7 +173,11 @@ class Jobs:
         return [place for _, place in sorted(found)]
 
     async def _finish(self, place: Path) -> None:
-        """Makes what is missing of a job."""
+        """Makes what is missing of a job.
+
+        Raises:
+            DiskFullError: There is no room for it; it stays as it is.
+        """
         service = self._service
         try:
             request = self._request(place)
@@ -173,6 +197,8 @@ class Jobs:
         except Exception as error:
             if not place.is_dir():  # deleted
                 return
+            if is_disk_full(error):
+                raise
             told = str(getattr(error, "detail", error)).replace(str(place), place.name)
             if not isinstance(error, LatentMotionError | Problem):
                 print(f"error: job {place.name}: {error!r}", file=sys.stderr)

@@ -2,11 +2,13 @@
 
 400 no HTTP or JSON   401 token   403 host, origin   404, 405   408 slow body   413 size
 422 what is asked for cannot be made   429 queue full   503 not ready, shutting down, too late
+507 disk full
 """
 
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from http.client import responses
 from typing import Any
@@ -17,8 +19,11 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from latentmotion.errors import LatentMotionError
+from latentmotion.storage.files import is_disk_full
 
 MEDIA_TYPE = "application/problem+json"
+
+FULL_DISK = "the disk of the service is full; delete jobs that are done, or try again later"
 
 
 class Problem(HTTPException):
@@ -69,7 +74,17 @@ async def on_http(request: Request, error: Exception) -> Response:
 async def on_input(request: Request, error: Exception) -> Response:
     """Answers our own errors."""
     assert isinstance(error, LatentMotionError)
+    if is_disk_full(error):
+        return await on_disk(request, error)
     return problem_response(422, str(error))
+
+
+async def on_disk(request: Request, error: Exception) -> Response:
+    """Answers a full disk; every other error of the system is the service's own."""
+    if not is_disk_full(error):
+        raise error
+    print(f"error: {error}", file=sys.stderr)
+    return problem_response(507, FULL_DISK, {"Retry-After": "60"})
 
 
 async def on_fields(request: Request, error: Exception) -> Response:

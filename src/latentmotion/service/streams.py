@@ -29,7 +29,7 @@ AHEAD = 2
 """Pieces that are sent and not acknowledged."""
 
 IDLE = 60.0
-"""Seconds after which a client that says nothing is left."""
+"""Seconds for which a stream waits for its client: a prompt, or what it acknowledges."""
 
 POLICY, GOING, LATER = 1008, 1001, 1013
 """Codes by which a WebSocket is closed."""
@@ -71,10 +71,7 @@ class Stream:
     async def _listen(self) -> tuple[int, str]:
         """Reads what the client says."""
         while True:
-            try:
-                message = await asyncio.wait_for(self._socket.receive(), IDLE)
-            except TimeoutError:
-                return POLICY, f"nothing was said for {IDLE:g} s"
+            message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 return GOING, "the client has gone"
             try:
@@ -110,19 +107,21 @@ class Stream:
 
     async def _send(self) -> tuple[int, str]:
         """Sends pieces, a few ahead of what the client has acknowledged."""
+        silent = POLICY, f"nothing was said for {IDLE:g} s"
         while self._motion is None:
-            await self._heard()
+            if not await self._heard():
+                return silent
         skeleton = self._motion.space.skeleton
         about = {"joints": skeleton.names, "parents": skeleton.parents}
         about["offsets"] = np.asarray(skeleton.offsets).tolist()
         await self._tell({**about, "fps": self._motion.space.fps})
         while True:
             while self._sent - self._acknowledged >= AHEAD:
-                await self._heard()
+                if not await self._heard():
+                    return silent
             try:
-                motion = await self._service.called(
-                    lambda stream=self._motion: next(stream), self._service.settings.deadline
-                )
+                # Without a deadline: a piece that is given up while it is made would be missing.
+                motion = await self._service.called(lambda stream=self._motion: next(stream), None)
             except Problem:  # the queue is full: the stream waits as anyone does
                 await asyncio.sleep(0.5)
                 continue
@@ -135,9 +134,12 @@ class Stream:
                 self._socket.send_bytes(motion.joints.astype("<f4").tobytes()), IDLE
             )
 
-    async def _heard(self) -> None:
+    async def _heard(self) -> bool:
+        """Waits until the client says something; returns whether that was so in time."""
         self._said.clear()
-        await self._said.wait()
+        with suppress(TimeoutError):
+            return await asyncio.wait_for(self._said.wait(), IDLE)
+        return False
 
     async def _tell(self, message: object) -> None:
         await asyncio.wait_for(self._socket.send_text(json.dumps(message)), IDLE)

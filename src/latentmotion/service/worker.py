@@ -26,7 +26,7 @@ from latentmotion.motion import Motion, cleaned
 from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.inspection import inspect_rig
 from latentmotion.service.answers import encoded, packed
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import atomic_file, is_disk_full
 
 MEMORY = 1 << 32
 """Bytes of address space."""
@@ -61,10 +61,12 @@ def answer(task: dict[str, Any], content: bytes) -> Reply:
     try:
         return _VERBS[task["verb"]](task, content)
     except LatentMotionError as error:
-        return {"error": str(error)}, b""
+        return {"full" if is_disk_full(error) else "error": str(error)}, b""
     except MemoryError:
         return {"error": f"the file needs more than {MEMORY >> 30} GB of memory; cut it"}, b""
     except Exception as error:
+        if is_disk_full(error):
+            return {"full": str(error)}, b""
         return {"failure": f"{type(error).__name__}: {error}"}, b""
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.errors import InputError
+from latentmotion.errors import DiskFullError, InputError
 from latentmotion.motion import Motion
 from latentmotion.service.batching import NICE
 from latentmotion.service.problems import Problem
@@ -56,6 +56,7 @@ class FileWorkers:
 
         Raises:
             Problem: 429, too many tasks wait.
+            DiskFullError: There is no room for what it writes.
             InputError: The task cannot be done.
             WorkerError: The process ended or took too long; the next one is started.
         """
@@ -99,6 +100,8 @@ class FileWorkers:
             raise WorkerError(f"not done in {seconds:g} s" if late else "stopped") from error
         finally:
             self._idle.put_nowait(await self._kept(process))
+        if "full" in head:
+            raise DiskFullError(head["full"])
         if "error" in head:
             raise InputError(head["error"])
         if "failure" in head:

@@ -7,6 +7,7 @@ after the machine and the process that writes it, so that writers at the same ti
 
 from __future__ import annotations
 
+import errno
 import glob
 import hashlib
 import os
@@ -23,7 +24,7 @@ from pathlib import Path
 
 from safetensors import SafetensorError
 
-from latentmotion.errors import FileFormatError, InputError
+from latentmotion.errors import DiskFullError, FileFormatError, InputError
 from latentmotion.storage.limits import STALE_SECONDS
 from latentmotion.storage.reading import read_text
 
@@ -31,11 +32,18 @@ _FAILURES = (OSError, SafetensorError)
 """Errors of writing, as on a full disk; safetensors has its own."""
 
 
+def is_disk_full(error: Exception) -> bool:
+    """Returns whether something was not written as the disk, or the user's share of it, is full."""
+    full = isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return full or isinstance(error, DiskFullError)
+
+
 @contextmanager
 def atomic_file(path: str | Path) -> Iterator[Path]:
     """Yields a temporary path beside `path`, renamed onto it when the block succeeds.
 
     Raises:
+        DiskFullError: There is no room for it.
         InputError: The folder does not exist or cannot be written.
     """
     target = Path(path)
@@ -178,7 +186,8 @@ def _put_back(aside: Path, target: Path) -> None:
 
 
 def _unwritable(target: Path, error: Exception) -> InputError:
-    return InputError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}")
+    kind = DiskFullError if is_disk_full(error) else InputError
+    return kind(f"cannot write {target}: {getattr(error, 'strerror', None) or error}")
 
 
 def _permit(path: Path, mode: int) -> None:
