@@ -53,7 +53,7 @@ class _Soak:
     def __init__(self, address: str, server: psutil.Process, seconds: float, rate: float) -> None:
         self.address, self.server, self.seconds, self.rate = address, server, seconds, rate
         self.events: Counter[str] = Counter()
-        self.samples: list[tuple[float, float, int]] = []
+        self.samples: list[tuple[float, float, list[float], int]] = []
         self.began = time.monotonic()
 
     async def run(self, fill: bool) -> None:
@@ -80,22 +80,24 @@ class _Soak:
         print(f"\n{self._kept()}")
 
     def _kept(self) -> str:
-        """Returns memory and open files after the first minutes, and at the end."""
-        later = [s for s in self.samples if s[0] > min(300.0, self.seconds / 3)]
+        """Returns memory and open files as they were six times, and the most that there was."""
         rows = []
-        for name, (_, memory, files) in (("after the start", later[0]), ("at the end", later[-1])):
-            rows.append([name, figure(memory), str(files)])
-        most = max(later, key=lambda sample: sample[1])
-        rows.append(["most", figure(most[1]), str(max(sample[2] for sample in later))])
-        return table(["server and workers", "MB", "open files"], rows)
+        every = max(1, len(self.samples) // 6)
+        for at, server, workers, files in self.samples[every - 1 :: every]:
+            told = " + ".join(map(figure, workers))
+            rows.append([f"{at:.0f} s", *map(figure, (server, server + sum(workers))), told])
+            rows[-1].append(str(files))
+        most = max(server + sum(workers) for _, server, workers, _ in self.samples)
+        rows.append(["most", "", figure(most), "", str(max(one[3] for one in self.samples))])
+        return table(["after", "server, MB", "with workers, MB", "workers", "open files"], rows)
 
     async def _sampled(self) -> None:
         while self.server.is_running():
             with suppress(psutil.Error):
                 family = [self.server, *self.server.children()]
-                memory = sum(one.memory_info().rss for one in family) / 1e6
+                server, *workers = (one.memory_info().rss / 1e6 for one in family)
                 files = sum(one.num_fds() for one in family)
-                self.samples.append((time.monotonic() - self.began, memory, files))
+                self.samples.append((time.monotonic() - self.began, server, workers, files))
             await asyncio.sleep(5.0)
 
     async def _streamed(self) -> None:
@@ -111,8 +113,10 @@ class _Soak:
                         self.events["errors of a stream"] += "error" in about
                         if "piece" in about:
                             await stream.send(json.dumps({"ack": about["piece"]}))
+                    closed = f"{stream.close_code} {stream.close_reason}"
             except (OSError, TimeoutError, websockets.WebSocketException) as error:
-                self.events[f"stream: {type(error).__name__}"] += 1
+                closed = str(error)
+            self.events[f"stream: {closed}"] += 1
             await asyncio.sleep(1.0)
 
     async def _rude(self) -> None:

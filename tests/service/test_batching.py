@@ -187,7 +187,8 @@ def test_a_service_that_shuts_down_takes_no_work(called: Called) -> None:
             assert answer.headers["retry-after"]
             assert answer.headers["connection"] == "close"
         assert called.get("/readyz").status_code == 503
-        assert called.get("/livez").status_code == 200
+        alive = called.get("/livez")
+        assert (alive.status_code, alive.headers["connection"]) == (200, "close")
     finally:
         service.obstacle, service.leaving = None, False
         service.draining.clear()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 import signal
@@ -12,14 +13,18 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import httpx
 import numpy as np
 import pytest
+import uvicorn
+from fastapi import FastAPI
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.client import Client
+from latentmotion.service.server import Server, bound
 
 
 @contextmanager
@@ -70,6 +75,82 @@ def test_sigterm_loses_nothing_and_streams_end(tmp_path: Path) -> None:
         assert process.wait(60) == -signal.SIGTERM
         with pytest.raises(httpx.ConnectError):
             httpx.get(f"{address}/livez")
+
+
+class Slow(FastAPI):
+    """An application whose /slow is answered when it is told to; any other path at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.state.service = None
+        self.begun, self.go = asyncio.Event(), asyncio.Event()
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        if scope["path"] == "/slow":
+            self.begun.set()
+            await self.go.wait()
+        await send({"type": "http.response.start", "status": 204, "headers": []})
+        await send({"type": "http.response.body"})
+
+
+async def started(app: FastAPI) -> tuple[Server, socket.socket]:
+    """Returns a server in this process, and its door."""
+    place = bound("127.0.0.1", 0)
+    config = uvicorn.Config(app, lifespan="off", log_level="error", timeout_graceful_shutdown=60)
+    config.load()
+    server = Server(config, app, 0.0)
+    server.lifespan = config.lifespan_class(config)
+    await server.startup([place])
+    return server, place
+
+
+Link = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+async def asked(link: Link, path: str = "/") -> None:
+    """Sends a request and reads its answer."""
+    link[1].write(f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+    assert (await link[0].readuntil(b"\r\n\r\n")).startswith(b"HTTP/1.1 204")
+
+
+def test_who_waits_at_the_door_is_answered() -> None:
+    async def talk() -> None:
+        server, place = await started(Slow())
+        clients = [socket.create_connection(place.getsockname()) for _ in range(8)]
+        for client in clients:
+            client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        await server.shutdown([place])  # nothing has been accepted until here
+        for client in clients:
+            assert client.recv(100).startswith(b"HTTP/1.1 204")
+            client.close()
+
+    asyncio.run(talk())
+
+
+def test_open_connections_are_answered_while_work_is_left() -> None:
+    async def talk() -> None:
+        app = Slow()
+        server, place = await started(app)
+        where = place.getsockname()
+        kept, busy = [await asyncio.open_connection(*where) for _ in range(2)]
+        await asked(kept)
+        answer = asyncio.ensure_future(asked(busy, "/slow"))
+        await app.begun.wait()
+        stopped = asyncio.ensure_future(server.shutdown([place]))
+        while place.fileno() != -1:
+            await asyncio.sleep(0)
+        with pytest.raises(ConnectionRefusedError):
+            await asyncio.open_connection(*where)
+        await asked(kept)
+        assert not stopped.done()
+        app.go.set()
+        await answer
+        await stopped
+        for reader, writer in (kept, busy):
+            assert await reader.read() == b""
+            writer.close()
+
+    asyncio.run(talk())
 
 
 def test_what_cannot_be_served_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -48,6 +48,7 @@ _PROBLEMS: dict[int | str, dict[str, Any]] = {
         422: "What is asked for cannot be made; the text says why.",
         429: "The queue is full; Retry-After says when to try again.",
         503: "Loading, shutting down or too late; Retry-After says when to try again.",
+        507: "The disk of the service is full.",
     }.items()
 }
 _MOTIONS: dict[int | str, dict[str, Any]] = {
@@ -95,6 +96,7 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
     app.add_exception_handler(HTTPException, problems.on_http)
     app.add_exception_handler(RequestValidationError, problems.on_fields)
     app.add_exception_handler(LatentMotionError, problems.on_input)
+    app.add_exception_handler(OSError, problems.on_disk)
     app.add_exception_handler(ClientGoneError, _on_gone)
     app.add_exception_handler(Exception, problems.on_failure)
     for routes in (_health, _motions, uploads.routes, streams.routes):
@@ -107,9 +109,7 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
         open_paths, uploaded = OPEN | extension.open_paths, UPLOADS | extension.uploads
     app.add_middleware(
         Guard,
-        settings=service.settings,
-        metrics=service.metrics,
-        room=service.batcher.check_room,
+        service=service,
         open_paths=open_paths,
         uploads=uploaded,
     )

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem, problem_response
-from latentmotion.service.settings import Settings
+from latentmotion.service.state import Service
 
 OPEN = frozenset(
     {"/", "/viewer", "/livez", "/readyz", "/openapi.json"}
@@ -50,9 +49,7 @@ class Guard:
 
     Args:
         app: What is guarded.
-        settings: Who is let in.
-        metrics: Where requests are counted.
-        room: Raises Problem while the queue is full.
+        service: Its settings say who is let in; its queue has room or none.
         open_paths: Paths that need no token.
         uploads: Paths whose bodies are files.
     """
@@ -60,13 +57,12 @@ class Guard:
     def __init__(
         self,
         app: ASGIApp,
-        settings: Settings,
-        metrics: Metrics,
-        room: Callable[[], None],
+        service: Service,
         open_paths: frozenset[str] = OPEN,
         uploads: frozenset[str] = UPLOADS,
     ) -> None:
-        self.app, self.settings, self.metrics, self.room = app, settings, metrics, room
+        self.app, self.service = app, service
+        self.settings, self.metrics = service.settings, service.metrics
         self._open, self._uploads = open_paths, uploads
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -86,13 +82,15 @@ class Guard:
                 headers = MutableHeaders(raw=message["headers"])
                 for name, value in SECURITY.items():
                     headers.setdefault(name, value)
+                if self.service.leaving:  # so that nothing is sent on it when it is closed
+                    headers["Connection"] = "close"
             await send(message)
 
         try:
             self._check(scope)
             receive = self._bounded(scope, receive)
             if scope["path"] in QUEUED and scope["method"] == "POST":
-                self.room()
+                self.service.batcher.check_room()
         except Problem as problem:
             headers = dict(problem.headers or {})
             if problem.status_code != 429:  # who is told to come back keeps the connection

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import select
 import socket
 import warnings
+from collections.abc import Sequence
+from contextlib import suppress
 from types import FrameType
 
 import uvicorn
@@ -26,13 +30,20 @@ WAITING = 2048
 CONNECTIONS = 1000
 """Connections at the same time; beyond, they are answered by 503."""
 
+PASSES = 100
+"""Passes of the event loop at most in which the last connections are accepted."""
+
+QUIET = 0.5
+"""Seconds without a request after which the connections that are still open are closed."""
+
 
 class Server(uvicorn.Server):
     """A server that tells its balancer before it stops.
 
     At SIGTERM `/readyz` says 503 at once; work is taken for some seconds more, until the balancer
-    has seen it; then no connection is taken, and what waits is finished. A second signal ends the
-    notice.
+    has seen it; then no connection is taken, and what waits is finished. From the signal on every
+    answer has `Connection: close`; what comes on an open connection is answered until no work is
+    left. A second signal ends the notice.
 
     Args:
         config: Settings of uvicorn.
@@ -60,6 +71,38 @@ class Server(uvicorn.Server):
             return
         self._loop.call_soon_threadsafe(self._service.drain)
         super().handle_exit(sig, frame)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Answers all that has come before it closes connections, in the time that there is."""
+        loop = asyncio.get_running_loop()
+        end = loop.time() + (self.config.timeout_graceful_shutdown or math.inf)
+        with suppress(TimeoutError):
+            async with asyncio.timeout_at(end):
+                await self._refuse_connections(sockets or [])
+                await self._answer_open_connections()
+        self.config.timeout_graceful_shutdown = max(0, math.ceil(end - loop.time()))
+        await super().shutdown(sockets)
+
+    async def _refuse_connections(self, sockets: Sequence[socket.socket]) -> None:
+        """Stops listening once those that wait at the door are let in: closing it resets them."""
+        passes = 0  # of the event loop since somebody came, who is let in by the next two
+        for _ in range(PASSES):
+            waits = bool(select.select(sockets, (), (), 0)[0])
+            passes = 0 if waits else passes + 1
+            if passes > 2:
+                break
+            await asyncio.sleep(0)
+        for server in self.servers:
+            server.close()
+        for place in sockets:
+            place.close()
+
+    async def _answer_open_connections(self) -> None:
+        """Waits until no request is under way and none came for a while."""
+        state, answered = self.server_state, -1
+        while not self.force_exit and (state.tasks or state.total_requests != answered):
+            answered = state.total_requests
+            await asyncio.sleep(QUIET)
 
 
 def bound(host: str, port: int) -> socket.socket:

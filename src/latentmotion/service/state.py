@@ -102,10 +102,7 @@ class Service:
     def check_ready(self) -> None:
         """Raises Problem 503 while no work is taken."""
         if self.obstacle is not None:
-            problem = Problem(503, f"{self.obstacle}; try again", 2.0)
-            if self.draining.is_set():
-                problem.headers = {**(problem.headers or {}), "Connection": "close"}
-            raise problem
+            raise Problem(503, f"{self.obstacle}; try again", 2.0)
 
     def about(self) -> ModelAnswer:
         """Returns what the model is and what may be asked for."""
@@ -150,8 +147,16 @@ class Service:
         self.check(settings, prompts)
         return await self.batcher.submit(settings, prompts, seconds, background)
 
-    async def called(self, function: Callable[[], T], seconds: float) -> T:
-        """Returns what a function of the model returns, which is run in the queue alone."""
+    async def called(self, function: Callable[[], T], seconds: float | None) -> T:
+        """Returns what a function of the model returns, which is run in the queue alone.
+
+        Args:
+            function: Runs the model.
+            seconds: Time until when it is wanted; None for any.
+
+        Raises:
+            Problem: The queue is full, or the time is over.
+        """
         return (await self.batcher.submit(object(), [function], seconds))[0]
 
     async def motion(self, request: MotionRequest) -> tuple[Motion, bool]:
