@@ -95,6 +95,7 @@ def test_noise_is_numpys(answered: dict[str, Any]):
 
 
 @pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.LongSentenceWarning")
 def test_joints_are_pythons(answered: dict[str, Any], four_steps: Path):
     pipeline = MotionPipeline.from_pretrained(four_steps, "onnxruntime", 1)
     start, farthest = 0, 0.0
