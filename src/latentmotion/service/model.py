@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 from latentmotion.condition.task import SentenceCondition
@@ -86,11 +85,14 @@ def run(
     """
     if not isinstance(key, BatchSettings):
         return [_one(payload) for payload in payloads]
+    settings = key
     try:
-        return _motions(pipeline, key, payloads)
+        return _motions(pipeline, settings, payloads)
     except LatentMotionError:
         # One of them is at fault, and the others do not pay for it.
-        return [_one(partial(_only, pipeline, key, payload)) for payload in payloads]
+        return [
+            _one(lambda one=payload: _motions(pipeline, settings, [one])[0]) for payload in payloads
+        ]
 
 
 def _motions(
@@ -100,10 +102,6 @@ def _motions(
     texts, seeds = [prompt.text for prompt in prompts], [prompt.seed for prompt in prompts]
     sampling = settings.steps, settings.guidance, settings.sampler
     return pipeline.batch(texts, seconds, seeds, *sampling)
-
-
-def _only(pipeline: MotionPipeline, settings: BatchSettings, prompt: Prompt) -> Motion:
-    return _motions(pipeline, settings, [prompt])[0]
 
 
 def _one(function: Callable[[], Any]) -> Any | LatentMotionError:
