@@ -34,6 +34,16 @@ def test_generation_imports_no_pytorch() -> None:
     assert run(code) == "[]"
 
 
+def test_verbs_of_the_plain_installation_need_neither_pytorch_nor_pillow() -> None:
+    modules = ("clean", "convert", "data", "edit", "evaluate", "fit", "generate", "motions")
+    code = (
+        "import sys; sys.modules.update(dict.fromkeys(('torch', 'onnx', 'PIL', 'av')));"
+        "from importlib import import_module as load;"
+        f"print(len([load('latentmotion.cli.' + name) for name in {modules}]))"
+    )
+    assert run(code) == str(len(modules))
+
+
 def test_public_names_exist() -> None:
     code = "import latentmotion as l; print(all(getattr(l, n) is not None for n in l.__all__))"
     assert run(code) == "True"

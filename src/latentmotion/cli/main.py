@@ -33,7 +33,7 @@ VERBS = {
     "edit": Verb("edit:Edit", "Generate a part of a motion anew."),
     "between": Verb("edit:Between", "Generate what leads from one motion to another."),
     "fit": Verb("fit:Fit", "Turn keypoints of a tracker into a clean motion."),
-    "render": Verb("motions:Render", "Draw motion files as video, GIF or picture."),
+    "render": Verb("render:Render", "Draw motion files as video, GIF or picture."),
     "search": Verb("search:Search", "Find motions in your own files by a sentence."),
     "nearest": Verb("search:Nearest", "Report the training clips nearest to a motion."),
     "retarget": Verb("motions:Retarget", "Retarget motions to your own character."),
