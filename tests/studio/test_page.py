@@ -101,14 +101,24 @@ def page(opened: Any) -> Iterator[Any]:
 
 
 def generated(page: Any, prompt: str, takes: int = 4) -> None:
+    page.evaluate("latentmotion.before = latentmotion.studio.takes")
     page.fill("[name=takes]", str(takes))
     page.fill("#prompt", prompt)
     page.press("#prompt", "Enter")
+    until(page, "studio.takes !== latentmotion.before && document.body.dataset.state === 'ready'")
     said(page, f"{takes} × ")
 
 
 def said(page: Any, words: str) -> None:
     page.wait_for_selector(f"#status:has-text('{words}')")
+
+
+def listed(page: Any, count: str = "true") -> None:
+    """Waits until the library shows what its filters let through, as many takes as asked for."""
+    page.wait_for_function(
+        "() => { const { ariaBusy, dataset: { listed } } = document.getElementById('grid');"
+        f" return ariaBusy === 'false' && {count} }}"
+    )
 
 
 def go(page: Any, screen: str) -> None:
@@ -258,25 +268,27 @@ def test_library_finds_tags_and_writes_many(page, tmp_path):
     page.set_input_files("#import-file", tmp_path / "foreign.bvh")
     said(page, "Imported foreign.bvh")
     page.fill("#query", "foreign")
-    page.wait_for_selector("#grid[data-listed='1'] img")
+    listed(page, "listed === '1'")
+    page.wait_for_selector("#grid img")
     page.check("#grid li input[type=checkbox]")
     page.fill("#chosen-tags", "own, walk")
     page.click("#set-tags")
     page.wait_for_selector("#grid li:has-text('own')")
+    listed(page)
     page.fill("#query", "")
     page.select_option("#tag", "own")
-    page.wait_for_selector("#grid[data-listed='1']")
+    listed(page, "listed === '1'")
     page.fill("#grid .title", "mine")
     page.press("#grid .title", "Enter")
     page.wait_for_selector("#grid [aria-label='Title of mine']")
     page.click("#grid .star")
     page.wait_for_selector("#grid .star[aria-pressed=true]")
     page.select_option("#tag", "")
-    page.wait_for_function("() => Number(document.getElementById('grid').dataset.listed) > 4")
+    listed(page, "listed > 4")
     page.check("#only-stars")
-    page.wait_for_selector("#grid[data-listed='1']")
+    listed(page, "listed === '1'")
     page.uncheck("#only-stars")
-    page.wait_for_function("() => Number(document.getElementById('grid').dataset.listed) > 4")
+    listed(page, "listed > 4")
     page.click("#choose-all")
     count = int(page.inner_text("#chosen-count").split()[0])
     page.select_option("#zip-format", "bvh")
@@ -289,13 +301,13 @@ def test_library_finds_tags_and_writes_many(page, tmp_path):
 
 def test_deleted_takes_come_back(page):
     go(page, "library")
-    page.wait_for_selector("#grid li")
+    listed(page, "listed > 4")
     total = page.inner_text("#total")
     page.check("#grid li:first-child input[type=checkbox]")
     page.click("#delete-chosen")
     said(page, "1 deleted")
     page.check("#only-deleted")
-    page.wait_for_selector("#grid li:first-child input[type=checkbox]")
+    listed(page)
     page.check("#grid li:first-child input[type=checkbox]")
     page.click("#restore-chosen")
     said(page, "1 restored")

@@ -17,6 +17,7 @@ export class Library {
     let waiting = 0;
     find("query").addEventListener("input", () => {
       clearTimeout(waiting);
+      find("grid").ariaBusy = "true";
       waiting = setTimeout(() => trying(() => this.list()), PATIENCE);
     });
     find("filters").addEventListener("submit", (event) => event.preventDefault());
@@ -42,8 +43,11 @@ export class Library {
     if (find("only-stars").checked) filters.star = true;
     if (find("only-deleted").checked) filters.deleted = true;
     for (const [name, value] of Object.entries(filters)) if (!value) delete filters[name];
-    const asked = (this.asked = `${query(filters)} ${offset} ${Math.random()}`);
-    const { total, takes, tags } = await get(`takes?${query({ ...filters, offset, limit: PAGE })}`);
+    const asked = (this.asked = Symbol("list"));
+    find("grid").ariaBusy = "true";
+    const { total, takes, tags } = await get(`takes?${query({ ...filters, offset, limit: PAGE })}`).finally(() => {
+      if (asked === this.asked) find("grid").ariaBusy = "false";
+    });
     if (asked !== this.asked) return;
     this.takes = offset ? [...this.takes, ...takes] : takes;
     const known = tags ?? [...new Set(this.takes.flatMap((take) => take.tags))].sort();
