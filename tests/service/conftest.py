@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 from collections.abc import AsyncIterator, Awaitable, Iterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
 from typing import Any
@@ -52,6 +54,20 @@ class Called:
 
     def post(self, path: str, body: Any = None, **options: Any) -> httpx.Response:
         return self.wait(self.client.post(path, json=body, **options))
+
+
+async def kill_writers(called: Called, times: int) -> None:
+    """Kills the only process that writes files when it has a task, and its successors as well."""
+    writers, killed = called.service.writers, set[int]()
+    for process in writers._started:
+        os.kill(process.pid, signal.SIGSTOP)  # so that it cannot be done before
+    while len(killed) < times:
+        await asyncio.sleep(0.01)
+        found = {process.pid for process in writers._started} - killed
+        if writers._tasks and found:
+            (victim,) = found
+            os.kill(victim, signal.SIGKILL)
+            killed.add(victim)
 
 
 @contextmanager

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
-import signal
 import sys
 import threading
 from collections.abc import Iterator
@@ -19,7 +18,7 @@ from latentmotion.errors import InputError
 from latentmotion.service import guard
 from latentmotion.service.app import create_app
 from latentmotion.service.settings import Settings, check_bind, read_tokens
-from tests.service.conftest import TOKEN, Called
+from tests.service.conftest import TOKEN, Called, kill_writers
 
 PROTECTED = [("POST", "/v1/motions"), ("GET", "/v1/models"), ("GET", "/metrics"), ("GET", "/x")]
 
@@ -185,22 +184,23 @@ def test_the_model_and_file_workers_yield_to_the_event_loop(called: Called) -> N
     assert all(one > os.getpriority(os.PRIO_PROCESS, 0) for one in niceness)
 
 
-def test_a_killed_file_worker_is_told_and_replaced(called: Called) -> None:
+@pytest.mark.parametrize(("times", "status"), [(1, 200), (2, 503)])
+def test_a_killed_file_worker_is_replaced_and_the_second_told(
+    called: Called, times: int, status: int
+) -> None:
     wanted = {"prompt": "a person jumps", "format": "bvh"}
     assert called.post("/v1/motions", wanted).status_code == 200
-    (worker,) = called.service.writers._started
 
     async def ask() -> httpx.Response:
-        os.kill(worker.pid, signal.SIGSTOP)
         asked = asyncio.ensure_future(called.client.post("/v1/motions", json=wanted))
-        while not called.service.writers._tasks:
-            await asyncio.sleep(0.01)
-        os.kill(worker.pid, signal.SIGKILL)
+        await kill_writers(called, times)
         return await asked
 
     answer = called.wait(ask())
-    assert answer.status_code == 503 and "try again" in answer.json()["detail"]
-    assert answer.headers["retry-after"] == "1"
+    assert answer.status_code == status
+    if status == 503:
+        assert answer.headers["retry-after"] == "1"
+        assert "the process that works on it ended 2 times" in answer.json()["detail"]
     assert called.post("/v1/motions", wanted).status_code == 200
 
 

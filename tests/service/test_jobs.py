@@ -21,7 +21,7 @@ from latentmotion.errors import DiskFullError
 from latentmotion.service import jobs, problems, worker
 from latentmotion.service.schemas import BatchRequest
 from latentmotion.service.settings import Settings
-from tests.service.conftest import Called, serving
+from tests.service.conftest import Called, kill_writers, serving
 
 ASKED = {"prompts": ["a person walks", "a person jumps"], "seconds": 1.0, "clean": False}
 
@@ -119,6 +119,46 @@ def test_a_job_waits_for_room(
             await asyncio.sleep(0.02)
         work.cancel()
         await asyncio.gather(work, return_exceptions=True)
+
+    called.wait(talk())
+
+
+@pytest.mark.parametrize(("times", "state"), [(1, "done"), (2, "failed")])
+def test_a_job_outlives_a_file_worker_but_not_two(called: Called, times: int, state: str) -> None:
+    async def talk() -> dict[str, Any]:
+        killed = asyncio.ensure_future(kill_writers(called, times))
+        added = await called.client.post("/v1/jobs", json=ASKED)
+        await killed
+        return await done(called.client, added.headers["location"])
+
+    found = called.wait(talk())
+    assert found["state"] == state
+    if state == "failed":
+        assert found["error"].startswith("the file was not written (the process that works on it")
+
+
+def test_a_job_lets_other_files_go_first(
+    called: Called, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jobs, "LOOK", 0.01)
+    refused = asyncio.Event()
+
+    async def refuse(*task: Any) -> Any:
+        refused.set()
+        raise problems.Problem(429, "too many files")
+
+    async def talk() -> None:
+        found = jobs.Jobs(called.service, tmp_path)
+        job = found.add(BatchRequest.model_validate(ASKED))
+        with monkeypatch.context() as patch:
+            patch.setattr(called.service.writers, "run", refuse)
+            work = asyncio.ensure_future(found.work())
+            await refused.wait()
+        while (state := found.state(job.id)).state in ("queued", "running"):
+            await asyncio.sleep(0.02)
+        work.cancel()
+        await asyncio.gather(work, return_exceptions=True)
+        assert (state.state, state.error) == ("done", None)
 
     called.wait(talk())
 

@@ -21,6 +21,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -173,7 +174,7 @@ class Jobs:
         return [place for _, place in sorted(found)]
 
     async def _finish(self, place: Path) -> None:
-        """Makes what is missing of a job.
+        """Makes what is missing of a job; it stays open while too many files of others wait.
 
         Raises:
             DiskFullError: There is no room for it; it stays as it is.
@@ -193,12 +194,14 @@ class Jobs:
                     temporary.write_bytes(content)
             names = [part.name for part in _parts(place)]
             task = {"verb": "join", "folder": str(place), "files": names}
-            await service.writers.run({**task, "format": request.format}, b"", PATIENCE)
+            await service.written({**task, "format": request.format}, b"", PATIENCE)
         except Exception as error:
             if not place.is_dir():  # deleted
                 return
             if is_disk_full(error):
                 raise
+            if isinstance(error, Problem) and error.status_code == HTTPStatus.TOO_MANY_REQUESTS:
+                return
             told = str(getattr(error, "detail", error)).replace(str(place), place.name)
             if not isinstance(error, LatentMotionError | Problem):
                 print(f"error: job {place.name}: {error!r}", file=sys.stderr)

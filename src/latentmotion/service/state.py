@@ -49,7 +49,7 @@ class Service:
         self.batcher = Batcher(
             partial(model.run, self.pipeline), settings.queue, settings.batch, self.metrics
         )
-        self.writers = FileWorkers(settings.file_workers, settings.queue)
+        self.writers = FileWorkers(settings.file_workers, settings.queue, tries=2)
         self.readers = FileWorkers(settings.file_workers, 2 * settings.file_workers)
         self.obstacle: str | None = STARTING
         self.draining = asyncio.Event()
@@ -191,14 +191,23 @@ class Service:
         """Returns motions as bytes, and their format.
 
         Raises:
-            Problem: Too many wait, or the process that wrote the file was killed or took too long.
+            Problem: As for `written`.
         """
         if form == "raw" and not clean and fps is None:
             return encoded(motions, form)
-        task, content = written(motions, form, clean, fps)
+        return await self.written(*written(motions, form, clean, fps), self.settings.deadline)
+
+    async def written(
+        self, task: dict[str, Any], content: bytes, seconds: float
+    ) -> tuple[bytes, str]:
+        """Returns what a worker that writes files makes of a task, and its format.
+
+        Raises:
+            Problem: Too many wait, it took too long, or its process was killed, and the next, too.
+        """
         with self.metrics.seconds.labels("file").time():
             try:
-                head, found = await self.writers.run(task, content, self.settings.deadline)
+                head, found = await self.writers.run(task, content, seconds)
             except WorkerError as error:
                 raise Problem(503, f"the file was not written ({error}); try again", 1.0) from error
         return found, head["format"]

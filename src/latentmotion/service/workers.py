@@ -24,7 +24,16 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 
 
 class WorkerError(Exception):
-    """The process ended, or took too long, in the middle of a task."""
+    """The process ended, or took too long, in the middle of a task.
+
+    Args:
+        problem: What happened.
+        ended: Whether it ended, so that another may do the task.
+    """
+
+    def __init__(self, problem: str, ended: bool) -> None:
+        super().__init__(problem)
+        self.ended = ended
 
 
 class FileWorkers:
@@ -33,12 +42,14 @@ class FileWorkers:
     Args:
         count: Number of processes.
         waiting: Tasks that wait at most.
+        tries: Processes that may end in the middle of a task before it is given up.
     """
 
-    def __init__(self, count: int, waiting: int) -> None:
+    def __init__(self, count: int, waiting: int, tries: int = 1) -> None:
         self._idle: asyncio.Queue[Process | None] = asyncio.Queue()
         self._tasks = 0
         self._most = count + waiting
+        self._tries, self._stopped = tries, False
         self._started: set[Process] = set()
         self._done: dict[int, int] = {}
         for _ in range(count):
@@ -58,7 +69,7 @@ class FileWorkers:
             Problem: 429, too many tasks wait.
             DiskFullError: There is no room for what it writes.
             InputError: The task cannot be done.
-            WorkerError: The process ended or took too long; the next one is started.
+            WorkerError: It took too long, or as many processes ended as may.
         """
         if self._tasks >= self._most:
             raise Problem(429, "too many files are being worked on; try again", 1.0)
@@ -74,7 +85,8 @@ class FileWorkers:
             self._idle.put_nowait(self._idle.get_nowait() or await self._start())
 
     async def stop(self) -> None:
-        """Ends all processes."""
+        """Ends all processes, and starts no more."""
+        self._stopped = True
         for process in tuple(self._started):
             await self._end(process)
 
@@ -86,18 +98,31 @@ class FileWorkers:
     async def _run(
         self, task: dict[str, Any], content: bytes, seconds: float
     ) -> tuple[dict[str, Any], bytes]:
+        for _ in range(self._tries - 1):
+            try:
+                return await self._tried(task, content, seconds)
+            except WorkerError as error:
+                if self._stopped or not error.ended:
+                    raise
+        return await self._tried(task, content, seconds)
+
+    async def _tried(
+        self, task: dict[str, Any], content: bytes, seconds: float
+    ) -> tuple[dict[str, Any], bytes]:
         process = await self._idle.get()
         try:
-            if process is None or process.returncode is not None:
-                process = await self._start()
+            if process is not None and process.returncode is not None:
+                process = await self._end(process)
+            process = process or await self._start()
             async with asyncio.timeout(seconds):
                 head, found = await _exchange(process, task, content)
         except (TimeoutError, OSError, asyncio.IncompleteReadError, ValueError) as error:
             if process is not None:
-                await self._end(process)
-            process = None
-            late = isinstance(error, TimeoutError)
-            raise WorkerError(f"not done in {seconds:g} s" if late else "stopped") from error
+                process = await self._end(process)
+            if isinstance(error, TimeoutError):
+                raise WorkerError(f"not done in {seconds:g} s", ended=False) from error
+            times = f" {self._tries} times" if self._tries > 1 else ""
+            raise WorkerError(f"the process that works on it ended{times}", True) from error
         finally:
             self._idle.put_nowait(await self._kept(process))
         if "full" in head:
@@ -115,8 +140,7 @@ class FileWorkers:
         self._done[process.pid] = self._done.get(process.pid, 0) + 1
         if self._done[process.pid] < _TASKS_OF_A_PROCESS:
             return process
-        await self._end(process)
-        return None
+        return await self._end(process)
 
     async def _start(self) -> Process:
         places = {"PYTHONPATH": os.pathsep.join(sys.path)}
@@ -142,7 +166,9 @@ class FileWorkers:
             process.stdin.close()
 
 
-def written(motions: Sequence[Motion], form: str, clean: bool, fps: float | None) -> Any:
+def written(
+    motions: Sequence[Motion], form: str, clean: bool, fps: float | None
+) -> tuple[dict[str, Any], bytes]:
     """Returns the task that makes a file of motions, and the bytes that belong to it."""
     about = [
         {
