@@ -7,7 +7,7 @@
         motion.save("sit.bvh")
 
 Needs `pip install "latentmotion[client]"`. A service that is busy is asked again, as long as its
-answers say when.
+answers say when; so is one whose connection is refused or lost, a few times.
 """
 
 from __future__ import annotations
@@ -46,6 +46,12 @@ LARGEST_PIECE = 1 << 24
 LONGEST_WAIT = 10.0
 """Seconds between two calls at most."""
 
+RECONNECTS = 3
+"""How often a call is sent again whose connection was refused or lost."""
+
+PAUSE = 0.1
+"""Seconds before the first of these; each later pause is twice as long."""
+
 
 class ServiceError(LatentMotionError):
     """A request that the service does not meet.
@@ -74,6 +80,11 @@ class Request:
     """A file in place of JSON."""
     query: Mapping[str, Any] | None = None
     """Parameters of the address; None is left out."""
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether it may arrive twice: all but a new job, since the service keeps no other."""
+        return (self.method, self.path) != ("POST", "/v1/jobs")
 
     def arguments(self) -> dict[str, Any]:
         """Returns the arguments of httpx."""
@@ -123,29 +134,41 @@ def read_motions(content: bytes) -> list[Motion]:
 
 
 class _Patience:
-    """How long to wait before a call is repeated."""
+    """Whether and when a call is sent again."""
 
-    def __init__(self, seconds: float) -> None:
-        self._end = time.monotonic() + seconds
+    def __init__(self, seconds: float, repeatable: bool) -> None:
+        self._end, self._repeatable, self._lost = time.monotonic() + seconds, repeatable, 0
 
-    def wait(self, answer: httpx.Response) -> float | None:
-        """Returns the seconds to wait; None if the answer stands."""
-        after = answer.headers.get("Retry-After", "")
-        if answer.status_code not in BUSY or not after.isdecimal():
-            return None
-        seconds = min(float(after), LONGEST_WAIT)
+    def wait(self, outcome: httpx.Response | httpx.HTTPError) -> float | None:
+        """Returns the seconds to wait; None if the outcome stands."""
+        if isinstance(outcome, httpx.Response):
+            after = outcome.headers.get("Retry-After", "")
+            if outcome.status_code not in BUSY or not after.isdecimal():
+                return None
+            seconds = min(float(after), LONGEST_WAIT)
+        else:
+            # A connection that was refused has carried nothing.
+            lost = httpx.NetworkError | httpx.RemoteProtocolError
+            again = lost if self._repeatable else httpx.ConnectError
+            if self._lost == RECONNECTS or not isinstance(outcome, again):
+                return None
+            seconds = PAUSE * 2**self._lost
+            self._lost += 1
         return seconds if time.monotonic() + seconds < self._end else None
 
 
-def _checked(answer: httpx.Response) -> httpx.Response:
-    """Raises ServiceError for an answer that is none."""
-    if answer.is_success:
-        return answer
+def _checked(outcome: httpx.Response | httpx.HTTPError, url: object) -> httpx.Response:
+    """Raises LatentMotionError for an answer that is none, or where none came."""
+    if isinstance(outcome, httpx.HTTPError):
+        problem = f"no service at {url}: {outcome or type(outcome).__name__}"
+        raise LatentMotionError(problem) from outcome
+    if outcome.is_success:
+        return outcome
     try:
-        detail = str(answer.json()["detail"])
+        detail = str(outcome.json()["detail"])
     except (ValueError, KeyError, TypeError):
-        detail = answer.text[:200] or answer.reason_phrase
-    raise ServiceError(answer.status_code, detail)
+        detail = outcome.text[:200] or outcome.reason_phrase
+    raise ServiceError(outcome.status_code, detail)
 
 
 def _given(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -157,10 +180,6 @@ def _settings(url: str, token: str | None, timeout: float) -> dict[str, Any]:
     return {"base_url": url, "headers": headers, "timeout": timeout}
 
 
-def _unreachable(error: httpx.HTTPError, url: object) -> LatentMotionError:
-    return LatentMotionError(f"no service at {url}: {error or type(error).__name__}")
-
-
 class Client:
     """A service.
 
@@ -168,7 +187,8 @@ class Client:
         url: Its address, such as `http://localhost:8700`.
         token: Token, if the service wants one.
         timeout: Seconds that a call may take.
-        patience: Seconds for which a busy service is asked again.
+        patience: Seconds for which a service that is busy, or not reached, is asked again; 0 for
+            never.
         transport: Transport of httpx, for tests.
 
     Every method raises `ServiceError` where the service refuses, and `LatentMotionError` where
@@ -198,15 +218,15 @@ class Client:
 
     def call(self, request: Request) -> httpx.Response:
         """Returns the answer to a call."""
-        patience = _Patience(self._patience)
+        patience = _Patience(self._patience, request.repeatable)
         while True:
             try:
-                answer = self._http.request(**request.arguments())
+                outcome = self._http.request(**request.arguments())
             except httpx.HTTPError as error:
-                raise _unreachable(error, self._http.base_url) from error
-            seconds = patience.wait(answer)
+                outcome = error
+            seconds = patience.wait(outcome)
             if seconds is None:
-                return _checked(answer)
+                return _checked(outcome, self._http.base_url)
             time.sleep(seconds)
 
     def motion(self, prompt: str, seconds: float | None = None, **options: Any) -> Motion:
@@ -341,15 +361,15 @@ class AsyncClient:
 
     async def call(self, request: Request) -> httpx.Response:
         """Returns the answer to a call."""
-        patience = _Patience(self._patience)
+        patience = _Patience(self._patience, request.repeatable)
         while True:
             try:
-                answer = await self._http.request(**request.arguments())
+                outcome = await self._http.request(**request.arguments())
             except httpx.HTTPError as error:
-                raise _unreachable(error, self._http.base_url) from error
-            seconds = patience.wait(answer)
+                outcome = error
+            seconds = patience.wait(outcome)
             if seconds is None:
-                return _checked(answer)
+                return _checked(outcome, self._http.base_url)
             await asyncio.sleep(seconds)
 
     async def motion(self, prompt: str, seconds: float | None = None, **options: Any) -> Motion:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections.abc import Callable
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 import httpx
@@ -83,6 +85,111 @@ def test_a_busy_service_is_left_at_last() -> None:
 def test_no_service_is_told() -> None:
     with Client("http://127.0.0.1:9") as client, pytest.raises(LatentMotionError, match="no serv"):
         client.models()
+
+
+OK = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]"
+BUSY = b"HTTP/1.1 429 Busy\r\nRetry-After: 0\r\nContent-Length: 0\r\n\r\n"
+HALF = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n["
+NOTHING = b""
+
+
+class Stub:
+    """A server on loopback that answers each connection as told, and closes it."""
+
+    def __init__(self, *answers: bytes) -> None:
+        self.place, self.answers, self.asked = socket.create_server(("127.0.0.1", 0)), answers, 0
+        self.address = f"http://127.0.0.1:{self.place.getsockname()[1]}"
+        Thread(target=self._answer, daemon=True).start()
+
+    def _answer(self) -> None:
+        for answer in self.answers:
+            link = self.place.accept()[0]
+            with link, link.makefile("rb") as lines:
+                size = 0
+                while (line := lines.readline().lower()) != b"\r\n":
+                    size = int(line.split()[1]) if line.startswith(b"content-length") else size
+                lines.read(size)
+                self.asked += 1
+                link.sendall(answer)
+        self.place.close()
+
+
+def models_by_client(address: str, patience: float = 60.0) -> object:
+    with Client(address, patience=patience) as client:
+        return client.models()
+
+
+def models_by_async_client(address: str, patience: float = 60.0) -> object:
+    async def ask() -> object:
+        async with AsyncClient(address, patience=patience) as client:
+            return await client.models()
+
+    return asyncio.run(ask())
+
+
+@pytest.mark.parametrize("models", [models_by_client, models_by_async_client])
+@pytest.mark.parametrize("first", [[NOTHING], [HALF], [BUSY], [NOTHING, BUSY, HALF, BUSY]])
+def test_what_was_lost_or_refused_is_asked_again(
+    models: Callable[..., object], first: list[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clients, "PAUSE", 0.0)
+    stub = Stub(*first, OK)
+    assert models(stub.address) == []
+    assert stub.asked == len(first) + 1
+
+
+@pytest.mark.parametrize("models", [models_by_client, models_by_async_client])
+@pytest.mark.parametrize("first", [NOTHING, BUSY])
+def test_nothing_is_asked_again_without_patience(
+    models: Callable[..., object], first: bytes
+) -> None:
+    stub = Stub(first, OK)
+    with pytest.raises(LatentMotionError):
+        models(stub.address, patience=0.0)
+    assert stub.asked == 1
+
+
+def test_lost_answers_are_given_up_after_some(monkeypatch: pytest.MonkeyPatch) -> None:
+    waited: list[float] = []
+    monkeypatch.setattr(clients.time, "sleep", waited.append)
+    stub = Stub(*[NOTHING] * 4)
+    with pytest.raises(LatentMotionError, match="no service at"):
+        models_by_client(stub.address)
+    assert stub.asked == 4
+    assert waited == [0.1, 0.2, 0.4]
+
+
+def test_a_job_is_not_asked_for_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    stub = Stub(NOTHING)
+    with Client(stub.address) as client, pytest.raises(LatentMotionError, match="no service at"):
+        client.job(["a person walks"])
+    assert stub.asked == 1
+    tries: list[str] = []
+
+    def refuse(request: httpx.Request) -> httpx.Response:
+        tries.append(request.url.path)
+        raise httpx.ConnectError("refused")
+
+    monkeypatch.setattr(clients, "PAUSE", 0.0)
+    with answering(refuse) as client, pytest.raises(LatentMotionError, match="refused"):
+        client.job(["a person walks"])
+    assert tries == ["/v1/jobs"] * 4, "of a refused connection nothing has arrived"
+
+
+def test_a_service_that_starts_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.socket() as place:
+        place.bind(("127.0.0.1", 0))
+        address, answers = f"http://127.0.0.1:{place.getsockname()[1]}", []
+        listens = Event()
+        monkeypatch.setattr(clients.time, "sleep", lambda _: (place.listen(), listens.set()))
+        call = Thread(target=lambda: answers.append(models_by_client(address)))
+        call.start()
+        assert listens.wait(60)
+        with place.accept()[0] as link:
+            link.recv(1 << 16)
+            link.sendall(OK)
+        call.join()
+    assert answers == [[]]
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
