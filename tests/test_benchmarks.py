@@ -6,6 +6,7 @@ import asyncio
 import re
 import sys
 from collections import Counter
+from contextlib import closing, suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from itertools import count, cycle, islice
@@ -23,6 +24,7 @@ from benchmarks.generation import (
     first_motion,
     growth,
     render,
+    soak,
     speed,
     text_encoder,
 )
@@ -32,6 +34,7 @@ from benchmarks.harness import authors_networks, contest, load, process
 from benchmarks.training import device as device_training
 from benchmarks.training import speed as training
 from latentmotion import MotionPipeline
+from tests.support import stub_service
 
 ROOT = Path(__file__).parents[1]
 QUICK = ["--engines", "onnxruntime", "--threads", "1", "--seconds", "1", "--turns", "1"]
@@ -247,6 +250,43 @@ def test_every_table_of_the_page_has_a_program(monkeypatch, tmp_path):
     )
     assert named == {path.stem for path in tmp_path.iterdir()}
     assert all(find_spec("benchmarks." + words.split("'")[1]) for words in ran)
+
+
+def test_a_request_on_a_connection_that_was_kept_in_vain_is_sent_again():
+    seen = []
+
+    async def answer(reader, writer):
+        """Answers one request, and takes the next without a word."""
+        with suppress(asyncio.IncompleteReadError), closing(writer):
+            for content in (b"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n\r\n", b""):
+                seen.append(await reader.readuntil(b"\r\n\r\n"))
+                writer.write(content)
+
+    async def run():
+        server = await asyncio.start_server(answer, "127.0.0.1", 0)
+        place = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        found = await load.load(place, cycle([("a", load.request("GET", "/"))]), 2, 1.0)
+        server.close()
+        return found
+
+    times = asyncio.run(run())
+    assert {name: len(found) for name, found in times.items()} == {"a 200": 1, "a again 200": 1}
+    assert len(seen) == 3
+
+
+def test_the_soak_counts_what_happens(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(soak, "served", stub_service.served)
+    monkeypatch.setattr(soak, "LAST", 1.0)
+    monkeypatch.setattr(soak.os, "nice", lambda more: more)
+    soak.main(["--minutes", "0.03", "--rate", "20", "--small-disk", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "SIGTERM under load: ended" in printed
+    before = rows(printed.partition("SIGTERM")[0])
+    found = {name: int(cells[0]) for name, cells in before.items() if name[-3:].isdecimal()}
+    assert found == {"raw 200": 29, "GLB 429": 4, "livez 200": 3}
+    happened = rows(printed)
+    for event in ("stream: 1001 going", "pieces of a stream", "hung", "jobs: 202"):
+        assert int(happened[event][0]) >= 1
 
 
 def test_load_counts_answers_and_lost_connections():

@@ -32,6 +32,9 @@ from benchmarks.generation.service import GLB, RAW, body, served
 from benchmarks.harness.contest import figure, table
 from benchmarks.harness.load import NICE, Request, Times, load, request
 
+LAST = 10.0
+"""Seconds of the load in whose middle SIGTERM comes."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Prints what happened."""
@@ -64,8 +67,8 @@ class _Soak:
         tasks = [asyncio.create_task(one) for one in beside + ([self._filling()] if fill else [])]
         times = await load(self.address, _requests(), self.rate, self.seconds)
         print(f"{self.rate:g} requests a second for {self.seconds:g} s\n\n{_table(times)}\n")
-        last = asyncio.create_task(load(self.address, _requests(), self.rate, 10.0))
-        await asyncio.sleep(5.0)
+        last = asyncio.create_task(load(self.address, _requests(), self.rate, LAST))
+        await asyncio.sleep(LAST / 2)
         self.server.send_signal(signal.SIGTERM)
         told = time.monotonic()
         with suppress(psutil.TimeoutExpired):
@@ -123,20 +126,23 @@ class _Soak:
         """Sends half a request and hangs, or a whole one and goes."""
         place = urlsplit(self.address)
         hanging: list[asyncio.StreamWriter] = []
-        for number in count():
-            with suppress(OSError):
-                _, writer = await asyncio.open_connection(place.hostname, place.port)
-                whole = request("POST", "/v1/motions", body(RAW))
-                writer.write(whole[:-20] if number % 2 else whole)
-                if number % 2:
+        try:
+            for number in count():
+                with suppress(OSError):
+                    _, writer = await asyncio.open_connection(place.hostname, place.port)
+                    whole = request("POST", "/v1/motions", body(RAW))
+                    writer.write(whole[:-20] if number % 2 else whole)
                     hanging.append(writer)
-                else:
-                    await asyncio.sleep(0.05)
-                    writer.close()
-                self.events["hung" if number % 2 else "went before the answer"] += 1
-            if len(hanging) > 20:
-                hanging.pop(0).close()
-            await asyncio.sleep(0.5)
+                    if number % 2 == 0:
+                        await asyncio.sleep(0.05)
+                        hanging.pop().close()
+                    self.events["hung" if number % 2 else "went before the answer"] += 1
+                if len(hanging) > 20:
+                    hanging.pop(0).close()
+                await asyncio.sleep(0.5)
+        finally:
+            for writer in hanging:
+                writer.close()
 
     async def _killing(self) -> None:
         await asyncio.sleep(self.seconds / 3)

@@ -78,6 +78,7 @@ def test_a_batch_has_a_take_for_each_prompt_and_seed(called: Called, walk: Motio
     ("change", "status", "told"),
     [
         ({"seconds": 200}, 422, "makes motions of 0.6 to 9.8 seconds"),
+        ({"seconds": -1.7e308}, 422, "a number that frames can be counted in"),
         ({"prompt": ""}, 422, "the sentence is empty"),
         ({"prompt": "x" * 501}, 422, "at most 500 characters"),
         ({"steps": 3}, 422, "this distilled model takes 1, 2, 4"),

@@ -163,11 +163,12 @@ def frames_of(
         lengths = [USUAL_SECONDS] * count if usual is None else usual
         return [min(max(round(length * fps), shortest), longest) for length in lengths]
     lengths = [seconds] * count if isinstance(seconds, int | float) else list(seconds)
-    if not np.isfinite(lengths).all():
-        raise InputError(f"{seconds} seconds: expected a number")
+    frames = [length * fps for length in lengths]
+    if not np.isfinite(frames).all():
+        raise InputError(f"{seconds} seconds: expected a number that frames can be counted in")
     if len(lengths) != count:
         raise InputError(f"{len(lengths)} lengths for {count} motions")
-    return [round(length * fps) for length in lengths]
+    return [round(length) for length in frames]
 
 
 def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:
