@@ -9,7 +9,7 @@ import pytest
 from latentmotion.data.clip import mirror_words
 from latentmotion.data.prepare import encode
 from latentmotion.data.recording import EncodedRecording, Recording
-from latentmotion.data.sources.hdm05 import CLASSES, find_clips, hdm05_recordings, split_of
+from latentmotion.data.sources.hdm05 import CLASSES, find_clips, hdm05_groups, split_of
 from latentmotion.errors import DataError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 
@@ -47,7 +47,9 @@ def test_real_clips_of_one_actor(tmp_path: Path, shared: Path) -> None:
     with tarfile.open(shared / "data/hdm05_asfamc.tar.xz", "r|xz") as tar:
         for _, member in zip(range(31), tar, strict=False):
             tar.extract(member, tmp_path, filter="data")
-    items = list(hdm05_recordings(tmp_path))
+    groups = hdm05_groups(tmp_path, 10)
+    assert [len(group.files) for group in groups] == [10, 10, 8]
+    items = [item for group in groups for item in group.read()]
     assert len(items) == 28
     assert all(isinstance(item, Recording) and item.label.sentences for item in items)
     encoded = [encode(item, HUMANML3D_FEATURES) for item in items if isinstance(item, Recording)]

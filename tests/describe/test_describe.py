@@ -10,7 +10,7 @@ import pytest
 
 from latentmotion.data.clip import mirror_words
 from latentmotion.data.recording import Recording
-from latentmotion.data.sources.hdm05 import hdm05_recordings
+from latentmotion.data.sources.hdm05 import hdm05_groups
 from latentmotion.describe.agreement import check
 from latentmotion.describe.claims import Claim, claims_of
 from latentmotion.describe.facts import Description
@@ -188,7 +188,7 @@ def test_hdm05_is_read_as_its_classes_say(shared: Path, tmp_path: Path) -> None:
             if member.name.endswith(".asf") or any(name in member.name for name in expected):
                 tar.extract(member, tmp_path, filter="data")
     seen = right = 0
-    for item in hdm05_recordings(tmp_path):
+    for item in hdm05_groups(tmp_path)[0].read():
         assert isinstance(item, Recording)
         kind, side = next(acts for name, acts in expected.items() if name in item.label.id)
         joints = HUMANML3D_FEATURES.canonicalize(HUMANML3D_FEATURES.retarget(item.joints))

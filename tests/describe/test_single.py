@@ -13,7 +13,7 @@ import pytest
 from latentmotion.data.described import without_captions
 from latentmotion.data.recording import Recording
 from latentmotion.data.singles import Found, category_of, with_prompts
-from latentmotion.data.sources.hdm05 import hdm05_recordings
+from latentmotion.data.sources.hdm05 import hdm05_groups
 from latentmotion.data.store import StoredClip
 from latentmotion.describe.facts import SingleAction
 from latentmotion.describe.reading import scene_of
@@ -158,7 +158,7 @@ def test_the_benchmark_finds_what_windows_of_real_clips_are_said_to_show(
             if member.name.endswith(".asf") or re.search(r"_00[1-4]_120\.amc$", member.name):
                 tar.extract(member, tmp_path, filter="data")
     checked = 0
-    for item in hdm05_recordings(tmp_path):
+    for item in hdm05_groups(tmp_path)[0].read():
         assert isinstance(item, Recording)
         joints = HUMANML3D_FEATURES.canonicalize(HUMANML3D_FEATURES.retarget(item.joints))
         for action in found_in(joints):

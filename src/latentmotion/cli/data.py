@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import hashlib
+import json
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain
 from math import sqrt
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
+from latentmotion import __version__
 from latentmotion.cli import options
 from latentmotion.cli.motions import write_draft
-from latentmotion.data import described, packing
+from latentmotion.data import described, packing, sharding
 from latentmotion.data.clip import Source
 from latentmotion.data.compose import Composition, compose
 from latentmotion.data.compose_actions import compose_actions
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.inspection import inspect_folder
 from latentmotion.data.prepare import Preparation, Report, encode_all, merge, parts_of
-from latentmotion.data.recording import Dropped, EncodedRecording
+from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup
 from latentmotion.data.sources import cmu, hdm05, humanact12, humanml3d, snu, uestc
 from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
@@ -32,11 +38,29 @@ from latentmotion.plugins import plugin, plugin_names
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.smpl import SMPL_FEATURES
-from latentmotion.storage.files import check_replaceable
+from latentmotion.storage import shards
+from latentmotion.storage.address import folder_at
+from latentmotion.storage.configuration import to_json
+from latentmotion.storage.files import check_replaceable, sha256
 
 _FEW_ACTS = 3
 """Acts of a part that is told of beside single actions."""
 
+Shard = Annotated[
+    str | None,
+    arg(
+        help="Read only a part of the files, such as 3/16: the third of sixteen processes. What is "
+        "read is kept beside the output folder (OUTPUT.recordings), where a killed run is resumed; "
+        "whoever finds all of it finished writes the folder."
+    ),
+]
+Dask = Annotated[
+    str | None,
+    arg(
+        help="Have the files read by the workers of the Dask cluster with this scheduler, such as "
+        "tcp://host:8786, which see files and output at the same paths."
+    ),
+]
 Hold = Annotated[
     int,
     arg(
@@ -67,20 +91,26 @@ class PrepareCmu:
     uncaptioned: bool = False
     """Also keep the parts of each trial that the index leaves out, without captions, for training a
     VAE."""
+    shard: Shard = None
+    dask: Dask = None
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        check_replaceable(self.output, MANIFEST)
         data = cmu.CmuTrials.load(self.trials, self.humanml3d, self.fps)
-        preparation = Preparation(HUMANML3D_FEATURES)
-        preparation.add(encode_all(data.recordings(self.uncaptioned), HUMANML3D_FEATURES))
+        known = to_json([data.rates, data.rows, data.splits, data.texts, data.exercises])
+        digest = hashlib.sha256(json.dumps(known).encode()).hexdigest()
+        settings = {"source": "cmu", "uncaptioned": self.uncaptioned, "annotations": digest}
         notes = (
             f"HumanML3D's index has {data.missing} more CMU clips, of trials that are not in "
             f"{self.trials}; get them from {CMU.url}",
         )
-        report = preparation.write(self.output, (CMU,), notes=notes if data.missing else ())
-        print(report.text())
-        print(f"wrote {self.output}")
+        _Files(
+            self.output,
+            CMU,
+            partial(data.groups, uncaptioned=self.uncaptioned),
+            settings,
+            notes=notes if data.missing else (),
+        ).prepare(self.shard, self.dask)
 
 
 @dataclass(frozen=True)
@@ -90,11 +120,13 @@ class PrepareHdm05:
     folder: options.Folder
     """Folder of HDM_ACTOR_CLASS_NNN_120.amc files beside their ASF files, nested in any way."""
     output: options.PreparedOutput
+    shard: Shard = None
+    dask: Dask = None
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        recordings = encode_all(hdm05.hdm05_recordings(self.folder), HUMANML3D_FEATURES)
-        _prepare(self.output, HUMANML3D_FEATURES, hdm05.HDM05, recordings)
+        groups = partial(hdm05.hdm05_groups, self.folder)
+        _Files(self.output, hdm05.HDM05, groups, {"source": "hdm05"}).prepare(self.shard, self.dask)
 
 
 @dataclass(frozen=True)
@@ -186,6 +218,8 @@ class PrepareLabelled:
     name: SourceName = "labelled"
     license: License = "unknown"
     credit: Credit = ""
+    shard: Shard = None
+    dask: Dask = None
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
@@ -204,8 +238,10 @@ class PrepareLabelled:
             _draft(motions, self.draft_map)
             return
         representation = representation_named(self.representation)
-        encoded = encode_all(motions.recordings(), representation)
-        _prepare(self.output, representation, source, encoded)
+        settings = _settings_of(motions, None, self.map)
+        _Files(self.output, source, motions.groups, settings, representation).prepare(
+            self.shard, self.dask
+        )
 
 
 @dataclass(frozen=True)
@@ -227,6 +263,8 @@ class PrepareOwn:
     name: SourceName = "own"
     license: License = "unknown"
     credit: Credit = ""
+    shard: Shard = None
+    dask: Dask = None
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
@@ -244,8 +282,8 @@ class PrepareOwn:
         if self.draft_map:
             _draft(motions, self.draft_map)
             return
-        encoded = encode_all(motions.recordings(), HUMANML3D_FEATURES)
-        _prepare(self.output, HUMANML3D_FEATURES, source, encoded)
+        settings = _settings_of(motions, self.captions, self.map)
+        _Files(self.output, source, motions.groups, settings).prepare(self.shard, self.dask)
 
 
 @dataclass(frozen=True)
@@ -504,14 +542,69 @@ def _prepare_official(
     print(f"wrote {output}")
 
 
+def _settings_of(motions: OwnMotions, captions: Path | None, joint_map: Path | None) -> Any:
+    """Returns what decides how motion files are read, as plain values."""
+    return {
+        "source": motions.source.name,
+        "captions": captions and sha256(captions),
+        "map": joint_map and sha256(joint_map),
+        **{name: getattr(motions, name) for name in ("fps", "unit", "val", "test", "labelled")},
+    }
+
+
 def _prepare(
     output: Path,
     representation: Representation,
     source: Source,
     recordings: Iterable[EncodedRecording | Dropped],
+    notes: tuple[str, ...] = (),
 ) -> None:
     check_replaceable(output, MANIFEST)
     preparation = Preparation(representation)
     preparation.add(recordings)
-    print(preparation.write(output, (source,)).text())
+    print(preparation.write(output, (source,), notes=notes).text())
     print(f"wrote {output}")
+
+
+@dataclass(frozen=True)
+class _Files:
+    """Files of a source that can be read in groups, and where they go."""
+
+    output: Path
+    source: Source
+    groups: Callable[[int | None], Sequence[FileGroup]]
+    settings: Mapping[str, Any]
+    representation: Representation = HUMANML3D_FEATURES
+    notes: tuple[str, ...] = ()
+
+    def prepare(self, shard: str | None, dask: str | None) -> None:
+        """Prepares the folder and prints the report; or reads a part of the files.
+
+        Raises:
+            InputError: It is no such part, or what is kept beside the folder is of other files, or
+                the cluster failed.
+        """
+        if shard and dask:
+            raise InputError("give either --shard or --dask, not both")
+        share = shards.Share.parse(shard) if shard else shards.Share()
+        check_replaceable(self.output, MANIFEST)
+        groups = self.groups(sharding.FILES if shard or dask else None)
+        if not (shard or dask):
+            found = chain.from_iterable(group.read() for group in groups)
+            recordings = encode_all(found, self.representation)
+        else:
+            settings = {"version": __version__, **self.settings}
+            work = sharding.work_of(groups, self.representation, settings)
+            beside = self.output.with_name(f"{self.output.name}.recordings")
+            folder = folder_at(str(beside), create=True)
+
+            def report(record: shards.Record) -> None:
+                print(f"{record.name}: {record.items} files", file=sys.stderr, flush=True)
+
+            if dask:
+                shards.submit(work, folder, dask, report)
+            elif shards.make(work, folder, share, report) is None:
+                print(f"shard {shard} is finished, others are not")
+                return
+            recordings = sharding.recordings_of(folder)
+        _prepare(self.output, self.representation, self.source, recordings, self.notes)

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +23,8 @@ from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import Animation
 from latentmotion.representation.smpl import smpl_features
 from latentmotion.storage.limits import FARTHEST, MOST_FRAMES, MOST_NUMBER, UNPACKED_FACTOR
+
+Item = TypeVar("Item")
 
 SMPL_JOINTS = 24
 
@@ -91,6 +93,22 @@ class Dropped:
     """`clip`, `part` of one (the rest is kept) or `caption`."""
     reason: str
     """Why."""
+
+
+@dataclass(frozen=True)
+class FileGroup:
+    """Some files of a source, which are read without the others; groups in order are the source."""
+
+    files: tuple[Path, ...]
+    """What is read, with files beside it."""
+    read: Callable[[], Iterable[Recording | Dropped]] = field(repr=False)
+    """Reads them; a worker's process can be sent it."""
+
+
+def in_groups(items: Sequence[Item], size: int | None) -> list[Sequence[Item]]:
+    """Returns items in groups of a size, or in one of all."""
+    step = size or max(len(items), 1)
+    return [items[start : start + step] for start in range(0, len(items), step)]
 
 
 @dataclass(frozen=True, eq=False)

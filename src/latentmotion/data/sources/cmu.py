@@ -15,10 +15,12 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -28,10 +30,12 @@ from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_sentenc
 from latentmotion.data.recording import (
     FPS,
     Dropped,
+    FileGroup,
     Label,
     Recording,
     every,
     files_below,
+    in_groups,
     joints_at,
 )
 from latentmotion.data.segments import pieces, touching
@@ -61,6 +65,8 @@ CMU = Source(
     ),
     url="http://mocap.cs.cmu.edu",
 )
+
+Value = TypeVar("Value")
 
 USUAL_RATE, SLOW_RATE = 120.0, 60.0
 """Native frames per second of most trials, and of those that are listed here."""
@@ -167,6 +173,29 @@ class CmuTrials:
             clips = [(a, b, item) for a, b, item in items if isinstance(item, Recording)]
             yield from touching(clips)
 
+    def groups(self, size: int | None = None, uncaptioned: bool = False) -> list[FileGroup]:
+        """Returns the trials in groups, each with what is known of them alone.
+
+        Args:
+            size: Trials in a group; by default there is one group.
+            uncaptioned: As for `recordings`.
+        """
+        groups = []
+        for trials in in_groups(sorted(self.paths), size):
+            rows = _only(self.rows, trials)
+            ids = [row.id for of_trial in rows.values() for row in of_trial]
+            some = CmuTrials(
+                paths=_only(self.paths, trials),
+                rates=_only(self.rates, trials),
+                rows=rows,
+                splits=_only(self.splits, ids),
+                texts=_only(self.texts, [name for one in ids for name in (one, f"M{one}")]),
+                exercises=_only(self.exercises, trials),
+            )
+            read = partial(some.recordings, uncaptioned)
+            groups.append(FileGroup(tuple(some.paths.values()), read))
+        return groups
+
     def _cut(
         self, trial: str, row: IndexRow, joints: Float[np.ndarray, "frames joints 3"]
     ) -> Recording | Dropped:
@@ -195,6 +224,10 @@ class CmuTrials:
             mirrored_sentences=sentences_of(self.texts, f"M{row.id}"),
         )
         return Recording(label, joints[row.start : end])
+
+
+def _only(values: Mapping[str, Value], names: Iterable[str]) -> dict[str, Value]:
+    return {name: values[name] for name in names if name in values}
 
 
 def find_trials(folder: Path) -> dict[str, Path]:

@@ -8,12 +8,22 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_words
-from latentmotion.data.recording import FPS, Dropped, Label, Recording, files_below, joints_at
+from latentmotion.data.recording import (
+    FPS,
+    Dropped,
+    FileGroup,
+    Label,
+    Recording,
+    files_below,
+    in_groups,
+    joints_at,
+)
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.progress import counted
@@ -136,13 +146,22 @@ CLASSES = {
 """The classes whose clips are known to be here; clips of other classes get their label only."""
 
 
-def hdm05_recordings(folder: Path) -> Iterator[Recording | Dropped]:
-    """Yields every clip below a folder.
+def hdm05_groups(folder: Path, size: int | None = None) -> list[FileGroup]:
+    """Returns the clips below a folder in groups.
+
+    Args:
+        folder: Where they are, at any depth.
+        size: Clips in a group; by default there is one group.
 
     Raises:
         DataError: There is no such folder, or no clip in it.
     """
-    for path in counted(find_clips(folder), "clips"):
+    groups = in_groups(find_clips(folder), size)
+    return [FileGroup(tuple(paths), partial(_read, paths)) for paths in groups]
+
+
+def _read(paths: Sequence[Path]) -> Iterator[Recording | Dropped]:
+    for path in counted(paths, "clips"):
         match = _NAME.match(path.stem)
         assert match is not None
         action, rate = match["action"], float(match["fps"])

@@ -17,6 +17,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -41,10 +42,12 @@ from latentmotion.data.quality import (
 from latentmotion.data.recording import (
     FPS,
     Dropped,
+    FileGroup,
     Label,
     Recording,
     every,
     files_below,
+    in_groups,
     interpolate,
     joints_at,
     whole_step,
@@ -104,6 +107,18 @@ class OwnMotions:
         """Yields every motion file.
 
         Raises:
+            DataError, MissingProgramError: As for `groups`.
+        """
+        for group in self.groups():
+            yield from group.read()
+
+    def groups(self, size: int | None = None) -> list[FileGroup]:
+        """Returns the motion files in groups.
+
+        Args:
+            size: Files in a group; by default there is one group.
+
+        Raises:
             DataError: There is no such folder, no motion file in it, or the CSV cannot be used.
             MissingProgramError: There are FBX files, and no Blender.
         """
@@ -111,6 +126,21 @@ class OwnMotions:
         if any(path.suffix.lower() == ".fbx" for path in paths.values()):
             fbx.check_ready()
         listed = _read_csv(self.captions) if self.captions else {}
+        # Captions of files that are not there belong to the first group, which tells of them.
+        told = {name: known for name, known in listed.items() if name not in paths}
+        groups = []
+        for some in in_groups(list(paths.items()), size):
+            told |= {name: listed[name] for name, _ in some if name in listed}
+            beside = [path.with_suffix(".txt") for _, path in some]
+            files = (*(path for _, path in some), *(text for text in beside if text.is_file()))
+            groups.append(FileGroup(files, partial(self._read, dict(some), told)))
+            told = {}
+        return groups
+
+    def _read(
+        self, paths: Mapping[str, Path], listed: Mapping[str, _Annotations]
+    ) -> Iterator[Recording | Dropped]:
+        """Yields some motion files, and the captions of files that are not there."""
         for name, known in listed.items():
             if name not in paths:
                 for sentence in known.sentences:
