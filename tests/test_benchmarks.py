@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import re
+import signal
 import sys
 from collections import Counter
 from contextlib import closing, suppress
@@ -32,6 +34,7 @@ from benchmarks.generation.authors import AuthorsGeneration
 from benchmarks.generation.ours import Generation, Model, sentences
 from benchmarks.harness import authors_networks, contest, load, process
 from benchmarks.training import device as device_training
+from benchmarks.training import kills
 from benchmarks.training import speed as training
 from latentmotion import MotionPipeline
 from tests.support import stub_service
@@ -174,6 +177,25 @@ def test_training_on_a_device_has_a_line_for_each_stage_and_precision(monkeypatc
     found = list(device_training.training_rows("cpu", quick=True))
     assert [name.split()[1] for name, _ in found] == ["first", "first", "second", "second"]
     assert [row["precision"] for _, row in found] == ["float32", "bfloat16"] * 2
+
+
+@pytest.mark.parametrize("differs", [False, True])
+def test_killed_trainings_are_counted(monkeypatch, capsys, tmp_path, differs):
+    def train(data: Path, folder: Path) -> None:
+        """Ends when it is killed if it starts for the first time, else at once."""
+        (folder / "model").mkdir(parents=True, exist_ok=True)
+        (folder / "starts").open("a").write("x")
+        starts = (folder / "starts").read_text()
+        if starts == "x" and folder.name.startswith("killed"):
+            signal.pause()
+        (folder / "model" / kills.WEIGHTS_FILE).write_text(starts if differs else "same")
+        os._exit(0)
+
+    monkeypatch.setattr(kills, "_train", train)
+    kills.main([str(tmp_path), "--kills", "2"])
+    told = re.search(r"(\d+) kills in (\d+) runs; (\d+) of them differ", capsys.readouterr().out)
+    killed, runs, different = map(int, told.groups())
+    assert killed >= 2 and runs >= 1 and different == runs * differs
 
 
 def test_a_process_tells_its_peak_of_memory():

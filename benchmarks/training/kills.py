@@ -1,0 +1,118 @@
+"""A training that is killed at random moments, again and again: do all runs end at the same bits?
+
+    python -m benchmarks.training.kills data --kills 200
+
+Each start is a process that this one, with PyTorch loaded, forks. SIGKILL comes within the time of
+a whole run, at any moment of it; the same run is started again until it ends. Its weights and its
+journal are compared with those of a run that nobody killed. The network is as small as those of the
+tests: it is not the figures that count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+
+from latentmotion.cli.main import main as run
+from latentmotion.gpu.device import describe_machine
+from latentmotion.networks.checkpoint import WEIGHTS_FILE
+from latentmotion.training.journal import read_journal
+
+CHANGES = {
+    "vae.width": 16,
+    "vae.channels": 4,
+    "vae.dilations": [1],
+    "vae_cropping.max_frames": 24,
+    "denoiser.latent_width": 4,
+    "vae_training.steps": 12,
+    "vae_training.batch_size": 4,
+    "vae_training.warm_up": 2,
+    "vae_training.precision": "float32",
+    "vae_training.report_every": 1,
+    "vae_training.validate_every": 4,
+    "vae_training.snapshot_every": 2,
+    "vae_training.sample_every": 0,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Prints how many runs were killed how often, and how many of them differ."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path, help="prepared folder, a small one")
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(arguments)
+    torch.set_num_threads(1)
+    draw, load = random.Random(options.seed), os.getloadavg()[0]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        started(options.data, folder / "warm", None)
+        began = time.monotonic()
+        assert started(options.data, folder / "whole", None) == 0
+        whole = time.monotonic() - began
+        expected, codes, runs = result(folder / "whole"), [], []
+        while codes.count(-signal.SIGKILL) < options.kills:
+            place, starts = folder / f"killed-{len(runs)}", len(codes)
+            while not codes[starts:] or codes[-1]:
+                codes.append(started(options.data, place, draw.uniform(0, whole)))
+                if codes[-1] not in (0, -signal.SIGKILL):
+                    told = place.with_suffix(".log").read_text(encoding="utf-8")
+                    raise SystemExit(f"a start ended with {codes[-1]}: {told[-2000:]}")
+            runs.append(result(place) == expected)
+    kills = codes.count(-signal.SIGKILL)
+    print(f"{describe_machine()}; load {load:.1f} to {os.getloadavg()[0]:.1f}; {whole:.1f} s a run")
+    print(f"{kills} kills in {len(runs)} runs; {runs.count(False)} of them differ")
+
+
+def started(data: Path, folder: Path, seconds: float | None) -> int:
+    """Starts a run in a process of its own, and kills it; returns its exit code.
+
+    Args:
+        data: Prepared folder.
+        folder: The run's.
+        seconds: After which it is killed; None for never.
+    """
+    child = os.fork()
+    if child == 0:
+        _train(data, folder)
+    timer = threading.Timer(seconds or 0, os.kill, (child, signal.SIGKILL))
+    if seconds is not None:
+        timer.start()
+    # Not waited for yet, so that its number stays its own until the timer has ended.
+    os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
+    timer.cancel()
+    if seconds is not None:
+        timer.join()
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def result(folder: Path) -> tuple[bytes, object]:
+    """Returns the weights of a run, and its journal."""
+    return (folder / "model" / WEIGHTS_FILE).read_bytes(), read_journal(folder)
+
+
+def _train(data: Path, folder: Path) -> None:
+    code = 1
+    try:
+        with folder.with_suffix(".log").open("w", encoding="utf-8") as log:
+            os.dup2(log.fileno(), 1)
+            os.dup2(log.fileno(), 2)
+        changes = [f"--set={key}={json.dumps(value)}" for key, value in CHANGES.items()]
+        run(["train", "vae", "--data", str(data), "-o", str(folder), *changes])
+        code = 0
+    finally:
+        os._exit(code)
+
+
+if __name__ == "__main__":
+    main()
