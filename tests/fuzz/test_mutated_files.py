@@ -1,6 +1,7 @@
 """Every reader and mutated files: finite valid data or our own error, and no other exception.
 
-Seeds are fixed. LATENTMOTION_FUZZ=N tries N inputs for each reader in place of a few.
+Time and memory of each file are bounded. Seeds are fixed. LATENTMOTION_FUZZ=N tries N inputs for
+each reader in place of a few, and N/10 for USD, which is read by a process for each file.
 """
 
 from __future__ import annotations
@@ -11,11 +12,14 @@ import lzma
 import os
 import random
 import shutil
+import signal
 import struct
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +48,15 @@ from tests.support.moving_figures import write_moving_figures
 from tests.support.synthetic_smpl import write_synthetic_smpl
 from tests.support.walker import walker
 
+resource = pytest.importorskip("resource", reason="limits of a process are POSIX's")
+
 INPUTS = int(os.environ.get("LATENTMOTION_FUZZ", "6"))
+
+SECONDS = 20.0
+"""Processor time of one file; all of these are small."""
+
+MEMORY, FACTOR = 1 << 28, 1000
+"""Bytes that reading a file may take, however small it is, and for each of its bytes."""
 
 PIECES = [
     *(b"nan", b"inf", b"-1", b"0", b"1e999", b"1e-320", b"99999999999", b"null", b"[]", b"{}"),
@@ -154,8 +166,11 @@ def load_body(path: Path) -> None:
     finite(body.body.template, body.body.weights, body.skeleton.offsets)
 
 
+USD = ("a.usda", "a.usdc", "a.usdz")
+
 READERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys(("a.bvh", "a.csv", "a.npz", "a.npy", "a.amass.npz"), load_motions),
+    **dict.fromkeys(USD, load_motions),
     **dict.fromkeys(("bones.glb", "bones.gltf", "ours.glb"), load_gltf),
     **dict.fromkeys(("figure/a.asf", "figure/a.amc"), load_asf),
     **dict.fromkeys(("data/manifest.json", "data/motions-000.safetensors"), load_dataset),
@@ -180,7 +195,8 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     for name in ("figure", "captions", "card", "texts", "new"):
         (folder / name).mkdir()
     motion = Motion(walker(6).joints().astype("f4"), caption="a person walks")
-    for name in ("a.bvh", "a.csv", "a.npz", "a.amass.npz", "ours.glb"):
+    usd = USD if find_spec("pxr") else ()
+    for name in ("a.bvh", "a.csv", "a.npz", "a.amass.npz", "ours.glb", *usd):
         motion.save(folder / name)
     np.save(folder / "a.npy", motion.joints)
     skeleton = replace(motion.skeleton, name="other", names=tuple(f"n{i}" for i in range(22)))
@@ -209,8 +225,51 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     yield folder
 
 
+class TooSlowError(BaseException):
+    """A file took too long; no reader takes it for damage."""
+
+
+def too_slow(*signal: object) -> None:
+    raise TooSlowError
+
+
+@contextmanager
+def bounded(size: int) -> Iterator[None]:
+    """Fails if what is inside takes too much processor time or memory for a file of a size."""
+    most = MEMORY + FACTOR * size
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+    before, peak = resident(), resident("VmHWM")
+    handler = signal.signal(signal.SIGVTALRM, too_slow)
+    signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + 8 * most, limits[1]))
+    try:
+        yield
+    except TooSlowError:
+        raise AssertionError(f"not read in {SECONDS:g} s of processor time") from None
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, handler)
+        resource.setrlimit(resource.RLIMIT_AS, limits)
+    taken = resident("VmHWM") - before
+    assert taken <= most or resident("VmHWM") == peak, (
+        f"{taken:,} bytes of memory for a file of {size:,}"
+    )
+
+
+def resident(kind: str = "VmRSS") -> int:
+    """Returns bytes of memory that this process has, or had at most since the last reset."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) << 10 for line in lines if line.startswith(f"{kind}:"))
+
+
 @pytest.mark.parametrize("name", READERS)
 def test_mutations(name: str, valid: Path, tmp_path: Path) -> None:
+    if name in USD and "LATENTMOTION_FUZZ" not in os.environ:
+        pytest.skip("a second for each file; set LATENTMOTION_FUZZ")
+    inputs = -(-INPUTS // 10) if name in USD else INPUTS
     content, read = (valid / name).read_bytes(), READERS[name]
     place = tmp_path / name
     if place.parent == tmp_path:
@@ -219,10 +278,10 @@ def test_mutations(name: str, valid: Path, tmp_path: Path) -> None:
         shutil.copytree((valid / name).parent, place.parent)
     read(place)
     draw = random.Random(f"{name} 13")
-    for number in range(INPUTS):
+    for number in range(inputs):
         place.write_bytes(mutated(content, draw))
         try:
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), bounded(place.stat().st_size):
                 warnings.simplefilter("ignore", UserWarning)  # torch's, of old files
                 read(place)
         except LatentMotionError:
