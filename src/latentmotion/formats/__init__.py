@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -66,8 +67,8 @@ def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) 
         The files written.
 
     Raises:
-        InputError: No motions, an unknown ending, an invalid frame rate, or a folder that cannot
-            be written.
+        InputError: No motions, an unknown ending, an invalid frame rate, text that is none, or a
+            folder that cannot be written.
         MissingExtraError: The format needs a package that is not installed.
         MissingProgramError: The format needs Blender, and there is none.
     """
@@ -78,6 +79,16 @@ def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) 
     check_writable(target)
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")
+    for motion in motions:
+        about = json.dumps(dict(motion.metadata), ensure_ascii=False, default=str)
+        for text in (motion.caption, *motion.skeleton.names, about):
+            try:
+                text.encode()
+            except UnicodeEncodeError as error:
+                raise InputError(
+                    f"cannot write {target}: the text {ascii(text)[:100]} holds what is no "
+                    f"character (at {error.start}); was it read in another encoding than UTF-8?"
+                ) from error
     takes = motions if fps is None else [motion.resampled(fps) for motion in motions]
     return writer(target, takes) or [target]
 
