@@ -2,10 +2,11 @@
 
     python -m benchmarks.training.kills data --kills 200
 
-Each start is a process that this one, with PyTorch loaded, forks. SIGKILL comes within the time of
-a whole run, at any moment of it; the same run is started again until it ends. Its weights and its
-journal are compared with those of a run that nobody killed. The network is as small as those of the
-tests: it is not the figures that count.
+Each start is a process that this one, with PyTorch loaded, forks. It is killed at any moment within
+the processor time of a whole run, however busy the machine is: by the timer's signal, which ends a
+process as SIGKILL does. The same run is started again until it ends. Its weights and its journal
+are compared with those of a run that nobody killed. The network is as small as those of the tests:
+it is not the figures that count.
 """
 
 from __future__ import annotations
@@ -16,8 +17,6 @@ import os
 import random
 import signal
 import tempfile
-import threading
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -27,6 +26,8 @@ from latentmotion.cli.main import main as run
 from latentmotion.gpu.device import describe_machine
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
 from latentmotion.training.journal import read_journal
+
+KILL = signal.SIGPROF
 
 CHANGES = {
     "vae.width": 16,
@@ -56,44 +57,36 @@ def main(arguments: Sequence[str] | None = None) -> None:
     draw, load = random.Random(options.seed), os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        started(options.data, folder / "warm", None)
-        began = time.monotonic()
-        assert started(options.data, folder / "whole", None) == 0
-        whole = time.monotonic() - began
+        started(options.data, folder / "warm", 0.0)
+        code, whole = started(options.data, folder / "whole", 0.0)
+        assert code == 0
         expected, codes, runs = result(folder / "whole"), [], []
-        while codes.count(-signal.SIGKILL) < options.kills:
+        while codes.count(-KILL) < options.kills:
             place, starts = folder / f"killed-{len(runs)}", len(codes)
             while not codes[starts:] or codes[-1]:
-                codes.append(started(options.data, place, draw.uniform(0, whole)))
-                if codes[-1] not in (0, -signal.SIGKILL):
+                codes.append(started(options.data, place, draw.uniform(0.001, whole))[0])
+                if codes[-1] not in (0, -KILL):
                     told = place.with_suffix(".log").read_text(encoding="utf-8")
                     raise SystemExit(f"a start ended with {codes[-1]}: {told[-2000:]}")
             runs.append(result(place) == expected)
-    kills = codes.count(-signal.SIGKILL)
     print(f"{describe_machine()}; load {load:.1f} to {os.getloadavg()[0]:.1f}; {whole:.1f} s a run")
-    print(f"{kills} kills in {len(runs)} runs; {runs.count(False)} of them differ")
+    print(f"{codes.count(-KILL)} kills in {len(runs)} runs; {runs.count(False)} of them differ")
 
 
-def started(data: Path, folder: Path, seconds: float | None) -> int:
-    """Starts a run in a process of its own, and kills it; returns its exit code.
+def started(data: Path, folder: Path, seconds: float) -> tuple[int, float]:
+    """Starts a run in a process of its own; returns its exit code and its processor time.
 
     Args:
         data: Prepared folder.
         folder: The run's.
-        seconds: After which it is killed; None for never.
+        seconds: Processor time after which it is killed; 0 for never.
     """
     child = os.fork()
     if child == 0:
+        signal.setitimer(signal.ITIMER_PROF, seconds)
         _train(data, folder)
-    timer = threading.Timer(seconds or 0, os.kill, (child, signal.SIGKILL))
-    if seconds is not None:
-        timer.start()
-    # Not waited for yet, so that its number stays its own until the timer has ended.
-    os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
-    timer.cancel()
-    if seconds is not None:
-        timer.join()
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    _, status, usage = os.wait4(child, 0)
+    return os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime
 
 
 def result(folder: Path) -> tuple[bytes, object]:
