@@ -14,6 +14,7 @@ from latentmotion.errors import MissingExtraError
 from latentmotion.model.card import DEFAULT, find_model
 from latentmotion.storage.files import check_replaceable
 from latentmotion.viewer import site
+from latentmotion.viewer.pyodide import pyodide_files
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,9 @@ class Web:
     """Folder to write."""
     runtime: Path = Path("node_modules/onnxruntime-web/dist")
     """Folder with ONNX Runtime's WebAssembly: npm install onnxruntime-web@1.30.0"""
+    pyodide: Path | None = None
+    """Folder of Pyodide (npm install pyodide@314.0.7) and NumPy's wheel for it, from Pyodide's
+    release: with it the page cleans motions up and writes GLB, CSV and HTML too."""
 
     def run(self) -> None:
         """Writes the site and prints its size.
@@ -41,7 +45,7 @@ class Web:
         """
         check_replaceable(self.output, "service.js")
         if (Path(self.model) / site.MANIFEST_FILE).is_file():
-            site.write_site(self.output, Path(self.model), self.runtime)
+            site.write_site(self.output, Path(self.model), self.runtime, self.pyodide)
         else:
             self._export_and_write()
         size = sum(file.stat().st_size for file in self.output.rglob("*") if file.is_file()) / 1e6
@@ -49,10 +53,12 @@ class Web:
 
     def _export_and_write(self) -> None:
         site.runtime_file(self.runtime)
+        if self.pyodide is not None:
+            pyodide_files(self.pyodide)
         try:
             from latentmotion.export.web import export_web
         except ModuleNotFoundError as error:
             raise MissingExtraError("exporting a model", str(error.name), "train") from error
         with tempfile.TemporaryDirectory() as temporary:
             export_web(find_model(self.model), Path(temporary) / "model")
-            site.write_site(self.output, Path(temporary) / "model", self.runtime)
+            site.write_site(self.output, Path(temporary) / "model", self.runtime, self.pyodide)

@@ -22,9 +22,9 @@ from starlette.exceptions import HTTPException
 
 from latentmotion import __version__
 from latentmotion.errors import LatentMotionError
+from latentmotion.formats.content import MEDIA_TYPES
 from latentmotion.motion import Motion
 from latentmotion.service import metrics, page, problems, streams, uploads
-from latentmotion.service.answers import MEDIA_TYPES
 from latentmotion.service.guard import OPEN, UPLOADS, Guard
 from latentmotion.service.jobs import Jobs
 from latentmotion.service.jobs import routes as job_routes

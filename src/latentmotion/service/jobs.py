@@ -31,7 +31,7 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from pydantic import ValidationError
 
 from latentmotion.errors import LatentMotionError
-from latentmotion.service.answers import MEDIA_TYPES
+from latentmotion.formats.content import MEDIA_TYPES
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest, JobState
 from latentmotion.service.state import Service

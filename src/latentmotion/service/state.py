@@ -12,10 +12,10 @@ from typing import Any, TypeVar, get_args
 
 from starlette.requests import Request
 
+from latentmotion.formats.content import encoded
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.service import model
-from latentmotion.service.answers import encoded
 from latentmotion.service.batching import Batcher
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem

@@ -21,11 +21,11 @@ import numpy as np
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp
 from latentmotion.errors import LatentMotionError
+from latentmotion.formats.content import encoded, packed
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion, cleaned
 from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.inspection import inspect_rig
-from latentmotion.service.answers import encoded, packed
 from latentmotion.storage.files import atomic_file, is_disk_full
 
 MEMORY = 1 << 32

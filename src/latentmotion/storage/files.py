@@ -22,14 +22,15 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
-from safetensors import SafetensorError
-
 from latentmotion.errors import DiskFullError, FileFormatError, InputError
 from latentmotion.storage.limits import STALE_SECONDS
 from latentmotion.storage.reading import read_text
 
-_FAILURES = (OSError, SafetensorError)
-"""Errors of writing, as on a full disk; safetensors has its own."""
+
+def _failures() -> tuple[type[Exception], ...]:
+    """Returns errors of writing, as on a full disk; safetensors, if it is in use, has its own."""
+    safetensors = sys.modules.get("safetensors")
+    return (OSError,) if safetensors is None else (OSError, safetensors.SafetensorError)
 
 
 def is_disk_full(error: Exception) -> bool:
@@ -55,7 +56,7 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
         yield temporary
         _permit(temporary, mode)
         temporary.replace(target)
-    except _FAILURES as error:
+    except _failures() as error:
         raise _unwritable(target, error) from error
     finally:
         temporary.unlink(missing_ok=True)
@@ -86,7 +87,7 @@ def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
         if target.is_dir():
             target.replace(aside)
         temporary.replace(target)
-    except _FAILURES as error:
+    except _failures() as error:
         raise _unwritable(target, error) from error
     finally:
         _put_back(aside, target)

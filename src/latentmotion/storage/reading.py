@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import lzma
 import math
 import os
 import re
@@ -158,6 +157,8 @@ def unpack_xz(path: str | Path, most: int = limits.MOST_JSON) -> bytes:
     Raises:
         FileFormatError: It cannot be read, is damaged, or becomes too large.
     """
+    import lzma  # Python in the browser has none
+
     packed = read_bytes(path)
     most = min(most, max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(packed)))
     decompressor = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=limits.XZ_MEMORY)

@@ -11,7 +11,7 @@ from pathlib import Path
 from fastapi.concurrency import run_in_threadpool
 
 from latentmotion.errors import InputError
-from latentmotion.service.answers import encoded
+from latentmotion.formats.content import encoded
 from latentmotion.service.state import Service
 from latentmotion.studio.library import Library, Take
 

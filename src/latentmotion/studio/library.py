@@ -31,8 +31,8 @@ from typing import Any
 
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats import npz
+from latentmotion.formats.content import encoded
 from latentmotion.motion import Motion
-from latentmotion.service.answers import encoded
 from latentmotion.storage.configuration import from_json
 from latentmotion.storage.files import atomic_file
 from latentmotion.studio.edits import Edits

@@ -14,8 +14,8 @@ from fastapi.responses import Response, StreamingResponse
 
 from latentmotion.errors import InputError
 from latentmotion.formats import npz
+from latentmotion.formats.content import MEDIA_TYPES
 from latentmotion.kinematics.skeleton import HUMANML3D
-from latentmotion.service.answers import MEDIA_TYPES
 from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded

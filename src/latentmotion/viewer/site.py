@@ -2,7 +2,8 @@
 
 The site is plain files for any host: the page and its scripts, which ship with the package, the
 model as `latentmotion export --web` wrote it, and ONNX Runtime's WebAssembly, which does not ship
-with it. `viewer.js`, `latentmotion.js` and `worker.js` are build products; see
+with it; nor does Pyodide, which cleans motions up and writes their files. `viewer.js`,
+`latentmotion.js` and `worker.js` are build products; see
 `source/README.md` and `packages/web/build.js`.
 """
 
@@ -10,32 +11,39 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shutil
 from importlib import resources
 from pathlib import Path
 
 from latentmotion.errors import InputError
-from latentmotion.storage.files import atomic_folder
+from latentmotion.storage.files import atomic_folder, sha256
+from latentmotion.viewer.pyodide import write_python
 
 MODEL_FOLDER = "model"
+PYTHON_FOLDER = "python"
 MANIFEST_FILE = "web.json"
 RUNTIME_FILE = "ort-wasm-simd-threaded.wasm"
 RUNTIME_VERSION = "1.30.0"
 """Version of onnxruntime-web that `worker.js` holds: its WebAssembly has to match."""
 
+_PAGE = "index.html"
 _SERVICE = "service.js"
-_PAGE_FILES = ("index.html", "site.css", "latentmotion.js", "worker.js", "LICENSES.txt", _SERVICE)
+_PAGE_FILES = (_PAGE, "site.css", "latentmotion.js", "worker.js", "LICENSES.txt", _SERVICE)
 
 
-def write_site(output: Path, model: Path, runtime: Path) -> None:
+def write_site(output: Path, model: Path, runtime: Path, pyodide: Path | None = None) -> None:
     """Writes the site.
 
     Args:
         output: Folder to write, replaced as a whole.
         model: Folder that `latentmotion export --web` wrote.
         runtime: Folder with ONNX Runtime's `ort-wasm-simd-threaded.wasm`.
+        pyodide: Folder of Pyodide's files with NumPy's wheel; without it the page says that it
+            cannot clean motions up, and which formats it lacks.
 
     Raises:
+        FileFormatError: A file is damaged.
         InputError: A folder lacks its files, or there is something else at `output`.
     """
     wasm = runtime_file(runtime)
@@ -50,16 +58,28 @@ def write_site(output: Path, model: Path, runtime: Path) -> None:
             (folder / name).write_bytes(shipped.joinpath("web", name).read_bytes())
         shutil.copyfile(wasm, folder / RUNTIME_FILE)
         shutil.copytree(model, folder / MODEL_FOLDER)
-        kept = sorted(file.name for file in folder.iterdir() if file.is_file())
-        digest = hashlib.sha256(b"".join((folder / name).read_bytes() for name in kept))
-        fields = {
-            "{{version}}": digest.hexdigest()[:16],
-            "{{files}}": json.dumps(["./", *(name for name in kept if name != _SERVICE)]),
-        }
-        script = (folder / _SERVICE).read_text("utf-8")
-        for field, value in fields.items():
-            script = script.replace(field, value)
-        (folder / _SERVICE).write_text(script, "utf-8")
+        python: list[Path] = []
+        if pyodide is not None:
+            write_python(pyodide, folder / PYTHON_FOLDER)
+            python = sorted((folder / PYTHON_FOLDER).iterdir())
+        size = sum(file.stat().st_size for file in python) / 1e6
+        _fill(folder / _PAGE, {"python": str(math.ceil(size))})
+        kept = sorted(file for file in folder.iterdir() if file.is_file())
+        names = ["./", *(file.name for file in kept if file.name != _SERVICE)]
+        fields = {"version": _digest(kept), "python": _digest(python), "files": json.dumps(names)}
+        _fill(folder / _SERVICE, fields)
+
+
+def _fill(file: Path, fields: dict[str, str]) -> None:
+    text = file.read_text("utf-8")
+    for field, value in fields.items():
+        text = text.replace(f"{{{{{field}}}}}", value)
+    file.write_text(text, "utf-8")
+
+
+def _digest(files: list[Path]) -> str:
+    """Returns what tells files from those of another site."""
+    return hashlib.sha256("".join(map(sha256, files)).encode()).hexdigest()[:16]
 
 
 def runtime_file(folder: Path) -> Path:

@@ -4,6 +4,7 @@ import { boneLengths, Motion } from "../motion.js";
 import { colorsOf } from "../colors.js";
 import { Player } from "../player.js";
 import { bvh, fileName, npz, save } from "./files.js";
+import { isAsleep, PYTHON_SIZE, rewritten } from "./python.js";
 import { fromAddress, fromForm, intoForm, toAddress } from "./recipe.js";
 
 const find = (id) => document.getElementById(id);
@@ -11,8 +12,9 @@ const form = find("make");
 const player = new Player(find("view"), margins, showTime);
 let generator = null;
 let skeleton = null; // the drawn body: one for all takes, so that its skin is made once
-let made = []; // the motions that are shown
-let asked = 0; // number of the last request; answers to earlier ones are dropped
+let made = []; // motions as the model made them
+let shown = []; // the same as they are shown and saved: cleaned up or not
+let asked = 0; // number of the last request
 
 function margins() {
   return { above: find("top").offsetHeight, below: find("panel").offsetHeight };
@@ -58,37 +60,78 @@ async function generate() {
     form.elements.prompt.focus();
     return;
   }
-  asked += 1;
-  const mine = asked;
   history.replaceState(null, "", toAddress(recipe));
-  document.body.dataset.state = "busy";
   const { prompt, takes, seed, ...rest } = recipe;
-  const started = performance.now();
-  const motions = [];
-  try {
+  await request(async (isWanted) => {
+    const started = performance.now();
+    const motions = [];
     for (let take = 0; take < takes; take++) {
       say(takes > 1 ? `Making take ${take + 1} of ${takes} …` : "Making …");
       motions.push(await generator.generate(prompt, { ...rest, seed: seed + take }));
-      if (mine !== asked) return;
+      if (!isWanted()) return;
     }
-    show(motions);
-    say(`${motions[0].seconds} s of motion in ${Math.round(performance.now() - started)} ms.`);
-  } catch (error) {
-    say(error.message, "wrong");
-  }
-  document.body.dataset.state = "ready";
+    const took = Math.round(performance.now() - started);
+    made = motions;
+    await showMade(isWanted);
+    if (isWanted()) say(`${motions[0].seconds} s of motion in ${took} ms.`);
+  });
 }
 
-function show(motions) {
-  made = motions;
+/** Does what was asked for last; of earlier requests nothing is shown any more. */
+async function request(work) {
+  asked += 1;
+  const mine = asked;
+  const isWanted = () => mine === asked;
+  document.body.dataset.state = "busy";
+  try {
+    await work(isWanted);
+  } catch (error) {
+    if (isWanted()) say(error.message, "wrong");
+  }
+  if (isWanted()) document.body.dataset.state = "ready";
+}
+
+/** Shows the motions, cleaned up if wanted; if that fails, as they are. */
+async function showMade(isWanted, stay = false) {
+  let motions = made;
+  try {
+    if (find("clean").checked) motions = await cleaned(made);
+  } catch (error) {
+    find("clean").checked = false;
+    if (isWanted()) show(made, stay);
+    throw error;
+  }
+  if (isWanted()) show(motions, stay);
+}
+
+function waitFor(work) {
+  say(isAsleep() ? `Loading Python: ${PYTHON_SIZE} MB, once …` : work);
+}
+
+/** Returns motions as Python cleans them up. */
+async function cleaned(motions) {
+  waitFor("Cleaning up …");
+  const { file } = await rewritten(npz(motions), "raw", true);
+  const joints = new Float32Array(file.slice().buffer);
+  let end = 0;
+  return motions.map((motion) => {
+    end += motion.joints.length;
+    return { ...motion, joints: joints.subarray(end - motion.joints.length, end) };
+  });
+}
+
+function show(motions, stay = false) {
+  shown = motions;
   skeleton ??= { ...motions[0].skeleton, lengths: boneLengths(motions[0]) };
-  const shown = motions.map(
+  const takes = motions.map(
     (motion) => new Motion({ caption: motion.prompt, fps: motion.fps }, skeleton, motion.joints),
   );
   const colors = colorsOf(motions);
-  player.show(shown, colors);
+  player.show(takes, colors, { stay });
+  const alone = stay ? [...find("takes").children].findIndex(isPressed) : -1;
   const buttons = motions.map((motion, take) => takeButton(motion, take, colors[take]));
   find("takes").replaceChildren(...buttons);
+  buttons[alone]?.click();
   find("takes").hidden = find("panel").hidden = find("save").hidden = false;
   find("scrub").max = player.timeline.seconds;
   player.fit();
@@ -103,7 +146,7 @@ function takeButton(motion, take, color) {
   button.title = `Look at this take alone; saved files hold it alone then (${take + 1})`;
   button.setAttribute("aria-pressed", "false");
   button.addEventListener("click", () => {
-    const alone = button.getAttribute("aria-pressed") !== "true";
+    const alone = !isPressed(button);
     for (const other of find("takes").children) other.setAttribute("aria-pressed", "false");
     button.setAttribute("aria-pressed", String(alone));
     player.watch(alone ? take : null);
@@ -111,12 +154,12 @@ function takeButton(motion, take, color) {
   return button;
 }
 
+const isPressed = (button) => button.getAttribute("aria-pressed") === "true";
+
 /** The takes to save: the one that is looked at, or all. */
 function chosen() {
-  const pressed = [...find("takes").children].findIndex(
-    (button) => button.getAttribute("aria-pressed") === "true",
-  );
-  return pressed < 0 ? made.map((_, take) => take) : [pressed];
+  const pressed = [...find("takes").children].findIndex(isPressed);
+  return pressed < 0 ? shown.map((_, take) => take) : [pressed];
 }
 
 function showTime() {
@@ -128,15 +171,30 @@ function showTime() {
   find("play").textContent = playing ? "Pause" : "Play";
 }
 
-const savers = {
-  npz: () => {
-    const motions = chosen().map((take) => made[take]);
+async function write() {
+  const format = find("format").value;
+  const motions = chosen().map((take) => shown[take]);
+  if (format === "npz") {
     save(fileName(motions[0], "npz"), npz(motions));
-  },
-  bvh: () => {
-    for (const take of chosen()) save(fileName(made[take], "bvh"), bvh(player.takes[take]));
-  },
-};
+  } else if (PYTHON_SIZE) {
+    await request(async (isWanted) => {
+      waitFor(`Writing ${format.toUpperCase()} …`);
+      const { file, form } = await rewritten(npz(motions), format);
+      if (!isWanted()) return;
+      save(fileName(motions[0], form), file);
+      say(`Saved ${fileName(motions[0], form)}.`);
+    });
+  } else {
+    for (const take of chosen()) save(fileName(shown[take], "bvh"), bvh(player.takes[take]));
+  }
+}
+
+async function cleanUp() {
+  await request(async (isWanted) => {
+    await showMade(isWanted, true);
+    if (isWanted()) say(find("clean").checked ? "Cleaned up." : "As the model made it.");
+  });
+}
 
 form.addEventListener("submit", (event) => {
   event.preventDefault();
@@ -151,7 +209,14 @@ find("scrub").addEventListener("input", () => {
   player.timeline.play(false);
   player.timeline.seek(Number(find("scrub").value));
 });
-for (const [ending, write] of Object.entries(savers)) find(ending).addEventListener("click", write);
+find("write").addEventListener("click", write);
+find("clean").addEventListener("change", cleanUp);
+if (!PYTHON_SIZE) {
+  find("clean").disabled = true;
+  for (const option of find("format").options) option.disabled = !/bvh|npz/.test(option.value);
+  find("format").value = "bvh";
+  find("lack").hidden = false;
+}
 find("share").addEventListener("click", async () => {
   try {
     await navigator.clipboard.writeText(location.href);
@@ -172,7 +237,7 @@ document.addEventListener("keydown", (event) => {
   player.timeline.play(!player.timeline.playing);
 });
 
-window.latentmotion = { player, motions: () => made, npz: () => npz(made), bvh };
+window.latentmotion = { player, motions: () => shown, npz: () => npz(shown), bvh };
 navigator.serviceWorker?.register("service.js").catch(() => {});
 open().catch((error) => {
   document.body.dataset.state = "failed";

@@ -1,4 +1,7 @@
-"""Answers: motions as bytes in the format that was asked for."""
+"""Motions as the content of a file: bytes in the format that was asked for, and its media type.
+
+`rewritten` is what the static page calls in the browser, where Pyodide runs it.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ import numpy as np
 
 from latentmotion import formats
 from latentmotion.errors import DiskFullError, InputError, LatentMotionError
-from latentmotion.motion import Motion
+from latentmotion.motion import Motion, cleaned
 from latentmotion.viewer.page import payload
 
 MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
@@ -36,6 +39,25 @@ MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
     }
 )
 """Each format and its media type."""
+
+
+def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, str]:
+    """Returns the motions of an `.npz` file in another format, and the format that they have.
+
+    Args:
+        content: The file's content.
+        form: A format, see `encoded`.
+        clean: Whether the motions are cleaned up before.
+
+    Raises:
+        FileFormatError: The content is damaged or of another kind.
+        LatentMotionError: The format needs what is not installed.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "motion.npz"
+        file.write_bytes(content)
+        motions = formats.load(file)
+    return encoded(cleaned(motions) if clean else motions, form)
 
 
 def encoded(motions: Sequence[Motion], form: str) -> tuple[bytes, str]:
