@@ -3,7 +3,8 @@
 The graph joins what the model's folder has, text encoder and fused sampler, with the reading of the
 sentence and the way from features to joints, which are traced from the code that Python runs. There
 is one graph for each number of steps; all read the same `weights.bin`, in which large matrices are
-kept as 8-bit integers with one scale a row. Nothing that only training needs is in it.
+kept as 8-bit integers with one scale a row. Nothing that only training needs is in it, nor features
+that no joint depends on.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session
 from latentmotion.errors import ModelError
 from latentmotion.export.onnx import anonymous, trace
+from latentmotion.export.unused import without_unused
 from latentmotion.model import card as cards
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.representation.interface import Representation
@@ -113,7 +115,7 @@ def export_web(source: Path, output: Path, weights: WebWeights = "int8") -> None
         trace(_Joints(representation), example, joints_graph, ("joints",), free={"features": (1,)})
         joints = onnx.load(joints_graph)
         for steps in pipeline.backend.fused:
-            fused = onnx.load(source / fused_sampler_file(steps))
+            fused = without_unused(onnx.load(source / fused_sampler_file(steps)), joints)
             graph = store.taken(_joined(text, reading, fused, joints))
             onnx.save(anonymous(graph), folder / motion_file(steps))
         lengths = cards.lengths_file(card, source)
