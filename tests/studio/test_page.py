@@ -384,6 +384,36 @@ def test_project_brings_everything_back(page):
     assert page.input_value("#prompt") == "a person kicks"
 
 
+def test_a_changed_take_comes_back_with_its_whole_recipe(page):
+    generated(page, "a person walks forward", takes=1)
+    page.click("#part summary")
+    page.fill("#part-prompt", "a person waves the left arm")
+    page.select_option("#part-name", "left_arm")
+    page.click("#part button")
+    until(page, "studio.take.recipe.edit && document.body.dataset.state === 'ready'")
+    page.click("#part summary")
+    recipe = asked(page, "studio.take.recipe")
+    generated(page, "a person stands", takes=1)
+    go(page, "library")
+    page.fill("#query", "waves the left arm")
+    listed(page, "listed === '1'")
+    page.click("#grid .picture")
+    page.wait_for_selector("body[data-screen=make] #kept:visible")
+    assert "changes 0.5 to 1.5 s of a take (left arm)" in page.inner_text("#kept")
+    page.click("#kept-none")
+    page.wait_for_selector("#kept", state="hidden")
+    page.keyboard.press("Control+z")
+    page.wait_for_selector("#kept:visible")
+    generated(page, "a person waves the left arm", takes=1)
+    made = asked(page, "studio.take.recipe")
+    assert made == recipe
+    page.click("#kept-none")
+    page.wait_for_selector("#kept", state="hidden")
+    go(page, "library")
+    page.fill("#query", "")
+    listed(page, "listed > 4")
+
+
 def test_a_take_is_made_again_to_the_bit(page):
     page.click("#again")
     said(page, "equal to the bit")
@@ -428,16 +458,25 @@ def test_screens_fit_and_can_be_used_by_all(page, width, colors):
         if screen != "library":
             page.wait_for_selector("#view canvas")
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        results = page.evaluate("axe.run({ resultTypes: ['violations'] })")
-        found[screen] = [
-            f"{one['id']}: {node['html'][:120]}"
-            for one in results["violations"]
-            if one["impact"] in ("serious", "critical")
-            for node in one["nodes"]
-        ]
+        found[screen] = serious(page)
+    for dialog in ("keys", "projects", "settings"):
+        page.evaluate("(id) => document.getElementById(id).showModal()", dialog)
+        found[dialog] = serious(page)
+        page.evaluate("(id) => document.getElementById(id).close()", dialog)
     page.set_viewport_size({"width": 840, "height": 560})
     page.emulate_media(color_scheme="light", reduced_motion="reduce")
     assert not any(found.values()), found
+
+
+def serious(page: Any) -> list[str]:
+    """Returns what is hard to use in what the page shows, as axe finds it."""
+    results = page.evaluate("axe.run({ resultTypes: ['violations'] })")
+    return [
+        f"{one['id']}: {node['html'][:120]}"
+        for one in results["violations"]
+        if one["impact"] in ("serious", "critical")
+        for node in one["nodes"]
+    ]
 
 
 def test_panels_fold_on_a_phone(page):

@@ -1,5 +1,15 @@
 // What will be asked for: prompts with their lengths, a path, goals, and how it is generated.
 
+// What of a recipe has no field on the screen: it is kept, told in a line, and can be removed.
+const KEPT = {
+  edit: ({ between: [from, to], parts }) => `changes ${from} to ${to} s of a take${among(parts)}`,
+  between: () => "leads from one take to another",
+  start: () => "begins in the last pose of a take",
+  poses: (poses) => `meets ${counted(poses, "whole pose")}`,
+  headings: (headings) => `meets ${counted(headings, "heading")}`,
+  sampler: (name) => `sampler ${name}`,
+  in_place: () => "in place",
+};
 const SETTINGS = ["takes", "seed", "steps", "guidance", "clean", "loop", "best_of"];
 
 export function emptyDraft({ steps, guidance }) {
@@ -7,6 +17,7 @@ export function emptyDraft({ steps, guidance }) {
     segments: [{ prompt: "", seconds: null }],
     path: [], // {x, z, at}: meters, seconds or null
     goals: [], // {joint, at, to: [x, y, z]}
+    kept: {}, // of a recipe, what has no field
     settings: {
       ...{ takes: 4, seed: 0, steps: steps.at(-1), guidance: guidance.usual },
       ...{ clean: true, loop: false, best_of: 1 },
@@ -15,9 +26,9 @@ export function emptyDraft({ steps, guidance }) {
 }
 
 /** The recipe that the server makes motions from. */
-export function recipeOf({ segments, path, goals, settings }) {
+export function recipeOf({ segments, path, goals, kept, settings }) {
   const { takes, loop, best_of: best, ...rest } = settings;
-  const recipe = { format: 1, ...rest };
+  const recipe = { format: 1, ...rest, ...kept };
   if (best > 1) recipe.best_of = best;
   if (segments.length > 1) return { ...recipe, timeline: segments };
   Object.assign(recipe, segments[0]);
@@ -41,9 +52,26 @@ export function draftOf(recipe, usual) {
     segments: timeline.length ? timeline.map((one) => ({ seconds: null, ...one })) : [{ prompt, seconds }],
     path: waypointsOf(path),
     goals: goals.map(({ joint, at, to }) => ({ joint, at, to: to.map((value) => value ?? 0) })),
+    kept: keptOf(recipe),
     settings,
   };
 }
+
+function keptOf(recipe) {
+  const names = Object.keys(KEPT).filter((name) => {
+    const value = recipe[name];
+    return Array.isArray(value) ? value.length : value;
+  });
+  return Object.fromEntries(names.map((name) => [name, recipe[name]]));
+}
+
+/** Says what of the recipe has no field, "" where there is nothing. */
+export function wordsOfKept({ kept }) {
+  return Object.entries(kept).map(([name, value]) => KEPT[name](value)).join("; ");
+}
+
+const counted = ({ length }, name) => `${length} ${name}${length === 1 ? "" : "s"}`;
+const among = (parts) => (parts.length ? ` (${parts.join(", ").replaceAll("_", " ")})` : "");
 
 /** Whether paths and goals go with what else is asked for. */
 export function takesGoals({ segments, settings }) {
@@ -51,14 +79,16 @@ export function takesGoals({ segments, settings }) {
 }
 
 /** A draft as a project keeps it. */
-export function projectOf(name, { segments, path, goals, settings }, takes) {
-  const kept = { format: 1, name, takes: takes.map(({ id }) => id), timeline: segments, goals, settings };
-  return path.length ? { ...kept, path: pathOf(path) } : kept;
+export function projectOf(name, { segments, path, goals, kept, settings }, takes) {
+  const ids = takes.map(({ id }) => id);
+  const project = { format: 1, name, takes: ids, timeline: segments, goals, settings: { ...settings, kept } };
+  return path.length ? { ...project, path: pathOf(path) } : project;
 }
 
 export function draftOfProject({ timeline, path, goals = [], settings = {} }, usual) {
   const segments = timeline?.length ? timeline : usual.segments;
-  return { segments, path: waypointsOf(path), goals, settings: { ...usual.settings, ...settings } };
+  const { kept = {}, ...own } = settings;
+  return { segments, path: waypointsOf(path), goals, kept: keptOf(kept), settings: { ...usual.settings, ...own } };
 }
 
 // Times are kept where every point has one.

@@ -224,9 +224,10 @@ function fold() {
   set();
 }
 
-function about({ model, version, library, fps, seconds, formats }) {
+function about({ model, models, version, library, fps, seconds, formats }) {
   const rows = {
     Model: typeof model === "string" ? model : `${model.name} ${model.hash ?? ""}`,
+    "Other models": models.filter((name) => name !== model).map((name) => `latentmotion studio --model ${name}`).join("; "),
     Version: version ?? "",
     Library: library ?? "",
     "Frames a second": fps,

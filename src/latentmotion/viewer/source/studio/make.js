@@ -3,7 +3,7 @@
 import { colorsOf } from "../colors.js";
 import { send } from "./api.js";
 import { byUse, fill, find, make, onChange, onClick, press, round, say, trying, words } from "./dom.js";
-import { lengthsOf, recipeOf, samplingOf } from "./draft.js";
+import { lengthsOf, recipeOf, samplingOf, wordsOfKept } from "./draft.js";
 import { Strip } from "./strip.js";
 
 const WHOLE_NUMBERS = ["takes", "seed", "steps", "best_of"];
@@ -64,6 +64,7 @@ export class MakeScreen {
       await studio.change("Seed", ({ settings }) => (settings.seed = seed));
       await this.generate();
     });
+    onClick("kept-none", () => studio.change("Plain prompt", (draft) => (draft.kept = {})));
     onClick("star", () => this.star());
     onClick("duplicate", () => this.duplicate());
     onClick("delete", () => this.remove());
@@ -105,8 +106,8 @@ export class MakeScreen {
 
   async generate() {
     for (const field of ["prompt", "seconds"]) await this.#take(this.form.elements[field]);
-    const { segments } = this.studio.draft;
-    const isAsked = this.studio.capabilities.prompts !== "nothing";
+    const { segments, kept } = this.studio.draft;
+    const isAsked = this.studio.capabilities.prompts !== "nothing" && !kept.between;
     const empty = isAsked ? segments.findIndex(({ prompt }) => !prompt) : -1;
     if (empty >= 0) {
       this.strip.choose(empty);
@@ -227,6 +228,9 @@ export class MakeScreen {
       if (field?.type === "checkbox") field.checked = value;
       else if (field) field.value = value;
     }
+    const kept = wordsOfKept(draft);
+    find("kept").hidden = !kept;
+    find("kept-words").textContent = `As it was made: ${kept}.`;
     const many = draft.segments.length > 1;
     const usual = round(lengthsOf(draft, this.studio.take?.seconds ?? 0)[this.strip.chosen], 1);
     find("generate").textContent = many ? `Generate ${draft.segments.length} prompts` : "Generate";
