@@ -19,6 +19,7 @@ from latentmotion.errors import ModelError
 from latentmotion.export.unused import without_unused
 from latentmotion.export.web import export_web
 from latentmotion.model.card import find_model
+from latentmotion.viewer.site import RUNTIME_FILE
 
 SENTENCES = ("a person walks in a circle", "he jumps", "a man waves " + "and waves " * 80)
 
@@ -115,3 +116,13 @@ def test_models_of_many_steps_are_refused(tmp_path: Path):
     with pytest.raises(ModelError, match="no fused sampler"):
         export_web(find_model("starter"), tmp_path / "web")
     assert not list(tmp_path.iterdir())
+
+
+def test_models_that_read_no_sentences_are_refused(student: Path, tmp_path: Path, capsys):
+    runtime = tmp_path / "dist"
+    runtime.mkdir()
+    (runtime / RUNTIME_FILE).touch()
+    with pytest.raises(SystemExit):
+        main(["web", str(student), "--runtime", str(runtime), "-o", str(tmp_path / "site")])
+    assert "takes labels; a web page needs a few-step model" in capsys.readouterr().err
+    assert not (tmp_path / "site").exists()

@@ -24,7 +24,7 @@ from tokenizers import Tokenizer
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.condition.task import SentenceCondition, TextConditioning
+from latentmotion.condition.task import ActionCondition, SentenceCondition, TextConditioning
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session
@@ -98,7 +98,11 @@ def export_web(source: Path, output: Path, weights: WebWeights = "int8") -> None
     card = cards.read_card(source)
     pipeline = MotionPipeline.from_pretrained(source, "onnxruntime", 1)
     if not isinstance(pipeline.condition, SentenceCondition):
-        raise ModelError(f"model {card.name!r} reads no sentences; a web page needs one that does")
+        taken = "labels" if isinstance(pipeline.condition, ActionCondition) else "no prompts"
+        raise ModelError(
+            f"model {card.name!r} takes {taken}; a web page needs a few-step model of sentences, "
+            "such as fast. latentmotion studio shows any model in the browser"
+        )
     if not pipeline.backend.fused:
         raise ModelError(
             f"model {card.name!r} has no fused sampler, as few-step models do (fused_4.onnx); "
