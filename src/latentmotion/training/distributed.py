@@ -130,9 +130,10 @@ def distributed_context(device: str = "auto") -> Iterator[DistributedContext]:
     context = DistributedContext(chosen, Ranks(torch.distributed.get_rank(), world))
     try:
         yield context
-        # torchrun stops the leader, which may still write, if another rank aborts. The last wait has
-        # a group of its own: destroying it joins its threads, one of which could otherwise abort the
-        # ending process. The default group's live on, since DistributedDataParallel refers to it.
+        # torchrun stops the leader, which may still write, if another rank aborts. The last wait
+        # has a group of its own: destroying it joins its threads, one of which could otherwise
+        # abort the ending process. The default group's live on: DistributedDataParallel refers
+        # to it for good.
         last = torch.distributed.new_group()
         torch.distributed.barrier(last)
         torch.distributed.destroy_process_group(last)
