@@ -78,6 +78,21 @@ def test_a_format_is_written_and_read(installed: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(read.joints, motion.joints, atol=1e-6)
 
 
+def test_files_of_a_plugin_are_own_data_and_searched(
+    installed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    Motion(walker(60).joints()).save(mine / "walk.xyz")
+    (mine / "walk.txt").write_text("a person walks\n")
+    main(["data", "prepare", "own", str(mine), "-o", str(tmp_path / "out")])
+    (clip,) = Dataset.load(tmp_path / "out").manifest.clips
+    assert (clip.id, clip.captions[0][0]) == ("walk", "a person walks")
+    capsys.readouterr()
+    main(["search", str(mine), "a walk", "--index", str(tmp_path / "index")])
+    assert capsys.readouterr().out.endswith("mine/walk.xyz\n")
+
+
 def test_a_skeleton_is_found_by_its_names(installed: Path) -> None:
     names = [f"joint {number}" for number in range(22)]
     with pytest.warns(RuntimeWarning, match="the plugin 'absent' of latentmotion.skeletons"):

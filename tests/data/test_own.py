@@ -208,6 +208,16 @@ def test_animations_of_a_glb_are_takes(tmp_path: Path) -> None:
     np.testing.assert_allclose(items[1].joints, takes[1].joints, atol=1e-4)
 
 
+def test_takes_of_an_npz_are_clips(tmp_path: Path) -> None:
+    takes = [Motion(swaying(frames).joints()) for frames in (40, 50)]
+    formats.save(tmp_path / "takes.npz", takes)
+    found = list(OwnMotions(tmp_path, SOURCE).recordings())
+    assert [(r.label.id, len(r.joints)) for r in found if isinstance(r, Recording)] == [
+        ("takes-1", 40),
+        ("takes-2", 50),
+    ]
+
+
 def test_a_draft_is_of_the_first_unknown_skeleton(tmp_path: Path) -> None:
     write_own(tmp_path, ["known"])
     motions = OwnMotions(tmp_path, SOURCE)

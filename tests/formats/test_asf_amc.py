@@ -7,6 +7,7 @@ import tarfile
 import numpy as np
 import pytest
 
+from latentmotion import load
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.kinematics.humanoid import to_humanml3d
@@ -223,6 +224,9 @@ def test_a_real_trial(shared, tmp_path):
                 break
     animation = read_asf_amc(tmp_path / "131_03.amc")
     joints = to_humanml3d(animation)
+    (motion,) = load(tmp_path / "131_03.amc")
+    assert motion.fps == 120
+    np.testing.assert_allclose(motion.joints, joints, atol=1e-6)
     lengths = np.linalg.norm(joints - joints[:, HUMANML3D.parents], axis=-1)[:, 1:]
     np.testing.assert_allclose(np.ptp(lengths[:, [3, 4, 6, 7]], axis=0), 0, atol=1e-9)
     # Thighs and shins come within a few centimeters of HumanML3D's own.

@@ -50,7 +50,8 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         paths.append(path)
         return formats.load(path)
 
-    monkeypatch.setattr(search, "formats", SimpleNamespace(load=load, READABLE=formats.READABLE))
+    stand_in = SimpleNamespace(load=load, readable=formats.readable)
+    monkeypatch.setattr(search, "formats", stand_in)
     return paths
 
 

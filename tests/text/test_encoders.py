@@ -75,7 +75,7 @@ def test_words_of_several_pieces_are_unknown_unless_they_occurred() -> None:
 
 def test_no_warning_of_no_words() -> None:
     warn_of_unknown([])
-    with pytest.warns(UnknownWordsWarning, match=r"'a', 'b'; another word for it"):
+    with pytest.warns(UnknownWordsWarning, match=r"'a', 'b'; another English word"):
         warn_of_unknown(["a", "b", "a"])
 
 

@@ -246,7 +246,7 @@ class PrepareLabelled:
 
 @dataclass(frozen=True)
 class PrepareOwn:
-    """Take your own BVH, FBX, GLB, AMC or NPZ files, with captions beside them or in one CSV."""
+    """Take your own BVH, FBX, GLB, AMC, USD or NPZ files, with captions beside them or in a CSV."""
 
     folder: options.Folder
     """Folder of motion files, nested in any way."""

@@ -26,7 +26,7 @@ class FineTune:
     """
 
     folder: options.Folder
-    """Folder of BVH, FBX, GLB, AMC or NPZ files, nested in any way, with sentences in NAME.txt
+    """Folder of BVH, FBX, GLB, AMC, USD or NPZ files, nested in any way, with sentences in NAME.txt
     beside NAME.bvh; without any, the names of the files and what is measured become captions."""
     output: options.Output
     """Model folder to write."""

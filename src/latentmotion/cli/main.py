@@ -102,9 +102,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: print(
-                f"warning: {message}", file=sys.stderr
-            )
+            told: set[str] = set()
+
+            def tell_once(message: Warning | str, *_: object, **__: object) -> None:
+                if str(message) not in told:
+                    told.add(str(message))
+                    print(f"warning: {message}", file=sys.stderr)
+
+            warnings.showwarning = tell_once
             _run(words)
             print(end="", flush=True)  # unlike sys.stdout.flush, also where there is no stdout
     except LatentMotionError as error:

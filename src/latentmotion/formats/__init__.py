@@ -46,12 +46,18 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".glb": "latentmotion.formats.gltf_reader:read_takes",
         ".gltf": "latentmotion.formats.gltf_reader:read_takes",
         ".fbx": "latentmotion.formats.fbx:read_takes",
+        ".amc": "latentmotion.formats.takes:read_amc_file",
         **dict.fromkeys(
             (".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd_reader:read_takes"
         ),
     }
 )
-"""Each ending that can be read, with the `module:function` that reads it."""
+"""Each ending of ours that can be read, with the `module:function` that reads it."""
+
+
+def readable() -> tuple[str, ...]:
+    """Returns every ending that can be read, those of plugins included."""
+    return (*READABLE, *(f".{name}" for name in plugin_names("latentmotion.formats")))
 
 
 def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) -> list[Path]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.errors import FileFormatError
+from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation
@@ -43,6 +44,18 @@ def read_bvh_file(path: str | Path) -> list[Motion]:
     """
     with blamed_on(path):
         motion = motion_of(read_bvh(path))
+    return [motion]
+
+
+def read_amc_file(path: str | Path) -> list[Motion]:
+    """Reads an AMC file, with the ASF beside it, as a motion of 120 frames per second.
+
+    Raises:
+        FileFormatError: A file is damaged, or there is no skeleton.
+        DataError: No joint map fits the skeleton.
+    """
+    with blamed_on(path):
+        motion = motion_of(read_asf_amc(path))
     return [motion]
 
 

@@ -115,14 +115,15 @@ class MotionIndex:
         """
         if not Path(folder).is_dir():
             raise InputError(f"{folder} is no folder; expected one of motion files")
-        found = files_below(Path(folder), list(formats.READABLE))
+        endings = formats.readable()
+        found = files_below(Path(folder), endings)
         paths = [
             path
             for path in found
             if not any(part.startswith(".") for part in path.relative_to(folder).parts)
         ]
         if not paths:
-            raise InputError(f"{folder} has no motion file: {' '.join(formats.READABLE)}")
+            raise InputError(f"{folder} has no motion file: {' '.join(endings)}")
         known = _read(cache, scorer) if cache else {}
         files: dict[Path, IndexedFile] = {}
         for path in counted(paths, "indexing"):

@@ -183,7 +183,7 @@ def warn_of_unknown(words: Iterable[str]) -> None:
     if named:
         warnings.warn(
             f"unknown to the text encoder, read by their pieces: {named}; "
-            "another word for it may work better",
+            "another English word may work better",
             UnknownWordsWarning,
             stacklevel=4,
         )

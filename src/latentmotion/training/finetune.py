@@ -6,6 +6,7 @@ distilled to few steps and packaged. The VAE stays as it is. Every stage is resu
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from latentmotion.progress import counted
 from latentmotion.representation.interface import representation_named
 from latentmotion.storage.files import sha256
 from latentmotion.text.cache import CachedTextEncoder
+from latentmotion.text.encoder import UnknownWordsWarning
 from latentmotion.training import stages
 from latentmotion.training.distillation.data import Distillation, TrajectoryRegression
 from latentmotion.training.distillation.stage import distill
@@ -201,7 +203,9 @@ def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
     for number, block in enumerate(counted(blocks, "rehearsing")):
         seeds = range(number * AT_ONCE, number * AT_ONCE + len(block))
         prompts = [one.prompt for one in block]
-        motions = pipeline.batch(prompts, seeds=seeds, steps=SOLVER_STEPS, sampler="dpm++")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnknownWordsWarning)  # nobody typed these prompts
+            motions = pipeline.batch(prompts, seeds=seeds, steps=SOLVER_STEPS, sampler="dpm++")
         kept += [
             (one, motion.joints)
             for one, motion in zip(block, motions, strict=True)

@@ -5,9 +5,9 @@
     LABEL/take.bvh          where folders are labels: each file is of that action
     test/LABEL/take.bvh     and of that split, if the first folder is train, val or test
 
-Files are BVH, FBX (through Blender), GLB, AMC or NPZ. Each animation becomes one clip; where it
-jumps, it is cut, and the longest part keeps the name. Mirrored copies get the same sentences with
-left and right swapped.
+Files are BVH, FBX (through Blender), GLB, AMC, USD, NPZ or of a plugin's format. Each animation
+becomes one clip; where it jumps, it is cut, and the longest part keeps the name. Mirrored copies
+get the same sentences with left and right swapped.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion import formats
 from latentmotion.data.clip import (
     SPLITS,
     Source,
@@ -53,7 +54,7 @@ from latentmotion.data.recording import (
     whole_step,
 )
 from latentmotion.errors import DataError, FileFormatError, InputError
-from latentmotion.formats import fbx, gltf_reader, npz
+from latentmotion.formats import fbx, gltf_reader, usd_reader
 from latentmotion.formats.asf_amc import find_asf, read_asf_amc
 from latentmotion.formats.bvh import read_bvh
 from latentmotion.formats.gltf_document import Document
@@ -63,7 +64,11 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_table, read_text
 
-ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".amc", ".npz")
+_NO_MOTION = (".csv", ".npy")
+"""Endings that `formats` reads, but that are captions and arrays of any kind in such a folder."""
+
+_ANIMATED = (".bvh", ".fbx", ".glb", ".gltf", ".amc", ".usda", ".usdc", ".usdz", ".usd")
+"""Endings of files that hold a skeleton with rotations; others hold joints."""
 
 _LEAST_MOVED = 6.0
 """Degrees that motions turn joints away from a T-pose; who begins in one turns them slowly."""
@@ -179,7 +184,7 @@ class OwnMotions:
             DataError: There is no such folder, or no motion file in it.
         """
         for path in counted(find_motions(self.folder).values(), "motion files"):
-            if path.suffix.lower() == ".npz":
+            if path.suffix.lower() not in _ANIMATED:
                 continue
             try:
                 animations, declared = self._animations(path)
@@ -207,17 +212,18 @@ class OwnMotions:
 
     def _takes(self, path: Path) -> list[Float[np.ndarray, "frames joints 3"]]:
         """Reads HumanML3D's joints of each animation, without a T-pose that was put before it."""
-        if path.suffix.lower() == ".npz":
-            motions = npz.read(path)
-            count = len(HUMANML3D)
-            if len(motions) != 1 or motions[0].skeleton.names[:count] != HUMANML3D.names:
-                found = f"{len(motions)} takes of {motions[0].skeleton.name!r}"
-                raise FileFormatError(path, f"{found}, expected one of HumanML3D's {count} joints")
-            joints, rate = motions[0].joints[:, :count], self.fps or motions[0].fps
-            step = whole_step(FPS, rate)
-            return [joints[::step] if step else interpolate(joints, rate / FPS)]
-        animations, declared = self._animations(path)
         takes = []
+        if path.suffix.lower() not in _ANIMATED:
+            for motion in formats.load(path):
+                count = len(HUMANML3D)
+                if motion.skeleton.names[:count] != HUMANML3D.names:
+                    found = f"found the joints of {motion.skeleton.name!r}"
+                    raise FileFormatError(path, f"{found}, expected HumanML3D's {count}")
+                joints, rate = motion.joints[:, :count], self.fps or motion.fps
+                step = whole_step(FPS, rate)
+                takes.append(joints[::step] if step else interpolate(joints, rate / FPS))
+            return takes
+        animations, declared = self._animations(path)
         for animation in animations:
             rate = self.fps or animation.fps
             if begins_with_t_pose(animation, _LEAST_MOVED):
@@ -240,7 +246,9 @@ class OwnMotions:
             case ".fbx":
                 with fbx.as_glb(path) as glb:
                     return gltf_reader.animations_of(Document.read(glb))
-        return gltf_reader.animations_of(Document.read(path))
+            case ".glb" | ".gltf":
+                return gltf_reader.animations_of(Document.read(path))
+        return usd_reader.read_animations(path), {}
 
 
 def _without_glitches(recording: Recording) -> Iterator[Recording | Dropped]:
@@ -307,10 +315,15 @@ def find_motions(folder: Path) -> dict[str, Path]:
     """
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; it should hold your motion files")
-    paths = files_below(folder, ENDINGS)
+    endings = _endings()
+    paths = files_below(folder, endings)
     if not paths:
-        raise DataError(f"{folder}: expected motion files ({', '.join(ENDINGS)}), found none")
+        raise DataError(f"{folder}: expected motion files ({', '.join(endings)}), found none")
     return {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
+
+
+def _endings() -> tuple[str, ...]:
+    return tuple(ending for ending in formats.readable() if ending not in _NO_MOTION)
 
 
 def _read_csv(path: Path) -> dict[str, _Annotations]:
@@ -323,11 +336,12 @@ def _read_csv(path: Path) -> dict[str, _Annotations]:
     except FileFormatError as error:
         columns = f"{', '.join(_NEEDED)} and, if you like, {', '.join(_OPTIONAL)}"
         raise DataError(f"{error}; expected a CSV with the columns {columns}") from error
+    endings = _endings()
     for line, row in table:
         where = f"{path}:{line}"
         cells = {name: row.get(name, "").strip() for name in (*_NEEDED, *_OPTIONAL)}
         motion = Path(cells["file"])
-        is_motion = motion.suffix.lower() in ENDINGS
+        is_motion = motion.suffix.lower() in endings
         known = by_file[(motion.with_suffix("") if is_motion else motion).as_posix()]
         if cells["caption"]:
             start, end = (_seconds(cells[name], where) for name in ("from", "to"))
