@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from latentmotion.instructions.ground_truth import patterns
 from latentmotion.instructions.motions import read_joints_folder
 from latentmotion.instructions.prompts import GROUPS, instructions, parse, refused_captions
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.model.card import CARD_FILE, find_model, read_card
 
 FRAMES = 80
 JOINT = {name: index for index, name in enumerate(HUMANML3D.names)}
@@ -293,13 +295,19 @@ def test_prompts_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "252 prompts" in capsys.readouterr().out
 
 
-def test_a_model_is_asked_without_pytorch(tmp_path: Path) -> None:
+def test_a_model_is_asked_without_pytorch_and_its_card_tells(tmp_path: Path) -> None:
+    model, shipped = tmp_path / "m", find_model("fast")
+    model.mkdir()
+    for path in shipped.iterdir():
+        (model / path.name).symlink_to(path)
+    (model / CARD_FILE).unlink()
+    replace(read_card(shipped), figures={"fid": 0.5}).write(model)
     code = (
         "import sys; from latentmotion.cli.main import main;"
         "from latentmotion.instructions import prompts as p, motions as a;"
         "few = tuple(o for o in p.instructions() if o.id in ('side-01', 'pace-18', 'pace-19'));"
         "import latentmotion.cli.evaluate as c; c.instructions = lambda: few;"
-        "main(['evaluate', 'fast', '--takes', '2', '--instructions',"
+        f"main(['evaluate', {str(model)!r}, '--takes', '2', '--instructions', '--card',"
         f" '-o', {str(tmp_path / 'r')!r}]);"
         "print('torch' in sys.modules)"
     )
@@ -309,3 +317,7 @@ def test_a_model_is_asked_without_pytorch(tmp_path: Path) -> None:
     lengths = {one["id"]: one["seconds"] for one in report["outcomes"]}
     assert lengths["pace-18"] == [2.0, 2.0] and lengths["pace-19"] == [8.0, 8.0]
     assert report["about"]["motions"] == "cleaned"
+    shares = {group: one["share"] for group, one in report["model"].items()}
+    assert {"side", "pace"} <= set(shares)
+    assert read_card(model).figures == {"fid": 0.5, "instructions": pytest.approx(shares, abs=1e-4)}
+    assert "instructions" not in read_card(shipped).figures
