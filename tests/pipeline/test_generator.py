@@ -213,3 +213,21 @@ def test_command_without_output_writes_a_page_and_overwrites_none(
         main(["generate", CAPTION, "--seconds", "1", "--steps", "1", "--threads", "1"])
         assert name in capsys.readouterr().out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["motion-2.html", "motion.html"]
+
+
+def test_what_is_neither_sentence_nor_goal_is_named() -> None:
+    code = (
+        "from latentmotion import MotionPipeline\n"
+        "from latentmotion.errors import InputError\n"
+        "generate = MotionPipeline.from_pretrained()\n"
+        "for given in ({'prompt': None}, {'prompt': 'a person walks', 'goals': ['left']}):\n"
+        "    try:\n"
+        "        generate(**given)\n"
+        "    except InputError as error:\n"
+        "        print(error)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines() == [
+        "a prompt is None; expected words",
+        "a goal is 'left'; expected Path, Reach, Heading or Pose of latentmotion",
+    ]

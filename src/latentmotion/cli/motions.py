@@ -19,7 +19,7 @@ from latentmotion.storage.files import check_writable
 
 @dataclass(frozen=True)
 class Retarget:
-    """Retarget motions to your own character: any skeleton in .glb, .gltf, .fbx, .bvh or .asf.
+    """Retarget motions to your own character: any skeleton in .glb, .gltf, .vrm, .fbx, .bvh, .asf.
 
     The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,
     OptiTrack, Rokoko, ARKit, CMU and SMPL are known; draft a joint map for others. FBX goes
@@ -29,7 +29,7 @@ class Retarget:
     """
 
     to: Path
-    """The character: .glb, .gltf, .fbx, .bvh or .asf."""
+    """The character: .glb, .gltf, .vrm, .fbx, .bvh or .asf."""
     files: options.Files = ()
     """Motion files; each motion in them becomes an animation."""
     output: options.OptionalOutput = None

@@ -172,6 +172,10 @@ def direction_of(goals: Sequence[Goal], frames: int, fps: float, skeleton: Skele
     Raises:
         InputError: No person could meet a goal, or goals contradict each other.
     """
+    for goal in goals:
+        if not isinstance(goal, Goal):
+            known = "Path, Reach, Heading or Pose of latentmotion"
+            raise InputError(f"a goal is {goal!r}; expected {known}")
     paths = [goal for goal in goals if isinstance(goal, Path)]
     if len(paths) > 1:
         raise InputError(f"{len(paths)} paths for one motion: join their points to one")

@@ -178,6 +178,8 @@ def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:
         InputError: A prompt is of another kind.
     """
     for prompt in prompts:
+        if not isinstance(prompt, str):
+            raise InputError(f"a prompt is {prompt!r}; expected words")
         card.condition.check_prompt(prompt, card.name)
 
 

@@ -105,7 +105,7 @@ def open_rig(path: str | Path) -> RigFile:
     if not source.is_file():
         raise InputError(f"there is no file {source}")
     match source.suffix.lower():
-        case ".glb" | ".gltf":
+        case ".glb" | ".gltf" | ".vrm":  # VRM is GLB with an extension
             return GltfFile(source)
         case ".bvh":
             return BvhFile(source)
@@ -113,7 +113,7 @@ def open_rig(path: str | Path) -> RigFile:
             return AsfFile(source)
         case ".fbx":
             return FbxFile(source)
-    known = ".glb, .gltf, .fbx, .bvh or .asf"
+    known = ".glb, .gltf, .vrm, .fbx, .bvh or .asf"
     raise InputError(f"{source} is no rig that can be read; expected {known}")
 
 
