@@ -126,7 +126,15 @@ def check_command(words: list[str]) -> None:
     elif program == "pip":
         _check_extras(rest)
     else:
-        others = ("export", "python", ".venv/bin/pre-commit", "curl", "docker", "openssl")
+        others = (
+            "export",
+            "python",
+            ".venv/bin/pre-commit",
+            "curl",
+            "docker",
+            "openssl",
+            "blender",
+        )
         assert program in others, words
 
 

@@ -438,3 +438,10 @@ def test_real_skeletons_of_cmu(motion: Motion, shared: Path, tmp_path: Path):
         animation = retarget(motion, rig)
         assert angles(motion, animation, rig, ARMS).max() < 0.1
         assert write(tmp_path / "out.bvh", rig, [motion])
+
+
+def test_a_vrm_is_a_character(motion: Motion, tmp_path: Path):
+    rig = read_rig(write_rig(tmp_path / "a.glb", CHILD).rename(tmp_path / "a.vrm"))
+    (written,) = write(tmp_path / "moving.glb", rig, [motion])
+    (animation,) = read_animations(written)
+    assert len(animation) == len(motion)
