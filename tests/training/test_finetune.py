@@ -111,6 +111,15 @@ def test_models_that_cannot_be_taught_are_told(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_missing_table_is_told(
+    clips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["finetune", str(clips), "-o", str(tmp_path / "m"), "--captions", "none.csv"])
+    assert capsys.readouterr().err.startswith("error: no file none.csv; expected a CSV")
+    assert not list(tmp_path.iterdir())
+
+
 def test_defaults_hold_for_the_model_that_ships() -> None:
     assert finetune.student_of(find_model("starter")) == find_model("fast")
     fast, starter = (read_card(find_model(name)) for name in ("fast", "starter"))

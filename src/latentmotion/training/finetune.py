@@ -120,6 +120,8 @@ def finetune(
         InputError: The run's folder holds another run.
         ModelError: The model reads no sentences, or was distilled.
     """
+    if clips.captions and not clips.captions.is_file():
+        raise DataError(f"no file {clips.captions}; expected a CSV with the columns file, caption")
     card = read_card(model)
     if not card.condition.reads_text:
         raise ModelError(f"model {card.name!r} reads no sentences, so none can be taught")
