@@ -8,6 +8,7 @@ writes three pictures of eight rows, and a moving one.
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
@@ -44,7 +45,7 @@ PROMPTS = (
 )
 MOVING = (3, 7, 19, 10)
 SEED = 0
-WIDTH, COLORS, FPS = 760, 24, 10
+WIDTH, COLORS, FPS = 760, 22, 10
 """Of the pictures and of the moving one, which stay small so that the repository does."""
 
 
@@ -58,8 +59,11 @@ def main(folder: Path, model: str = DEFAULT) -> None:
         picture = Image.open(path).convert("RGB")
         picture.thumbnail((WIDTH, picture.height))
         picture.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
-    moving = [motions[number].cleaned().resampled(FPS) for number in MOVING]
-    video.write(folder / f"{generate.card.name}.gif", moving, size=180)
+    moving = [
+        replace(motion, caption=motion.caption.removeprefix("a person "))
+        for motion in (motions[number].cleaned().resampled(FPS) for number in MOVING)
+    ]
+    video.write(folder / f"{generate.card.name}.gif", moving, size=180, view="still")
 
 
 if __name__ == "__main__":
