@@ -19,6 +19,13 @@ from latentmotion.evaluation.protocol import CLEAN, Repeats
 from latentmotion.model.config import TransformerVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.reproduce.budget import BUDGETS, PAPER, SMALL, Budget, budget_named
+from latentmotion.reproduce.curves import (
+    CurveRunner,
+    Curves,
+    Point,
+    last_fall,
+    mean_and_interval,
+)
 from latentmotion.reproduce.markdown import (
     RowResult,
     TableResult,
@@ -278,3 +285,38 @@ def test_the_command_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) ->
     with pytest.raises(SystemExit):
         main(["experiment", "run", "vea", "--data", str(tmp_path), "-o", str(tmp_path)])
     assert "did you mean 'vae'" in capsys.readouterr().err
+
+
+def test_vaes_are_trained_in_turn_and_drawn(dataset: Dataset, tmp_path: Path) -> None:
+    told: list[str] = []
+    work = workspace_of(dataset, tmp_path, told)
+    rows = rows_named(TABLES["vae"], ["real", "mld_1", "mld_2"])
+    runner = CurveRunner(TABLES["vae"], rows, work)
+    page = runner.run(hours=1e-9)
+    assert [line.split(": ")[1] for line in told] == ["steps 0 to 2"] * 2
+    curves = read_json(Curves, tmp_path / "vae_curves.json")
+    assert [curve.row for curve in curves.rows] == ["mld_1", "mld_2"]
+    assert all(len(curve.errors_mm) == 6 and curve.hours > 0 for curve in curves.rows)
+    assert [point.step for point in curves.rows[0].points] == [2]
+    spent = max(curve.hours for curve in curves.rows)
+    CurveRunner(TABLES["vae"], rows, work).run(hours=spent * 1.01)
+    curves = read_json(Curves, tmp_path / "vae_curves.json")
+    assert all(curve.hours > spent and curve.step % 2 == 0 for curve in curves.rows)
+    assert all(curve.points[-1].step == curve.step for curve in curves.rows)
+    text = page.read_text(encoding="utf-8")
+    assert "| MLD-1 |" in text and " ± " in text and "(vae_curves.svg)" in text
+    assert (tmp_path / "vae_curves.svg").read_text(encoding="utf-8").count("MLD-2") == 1
+
+
+def test_curves_need_a_vae(dataset: Dataset, tmp_path: Path) -> None:
+    rows = rows_named(TABLES["guidance"], ["scale_1"])
+    runner = CurveRunner(TABLES["guidance"], rows, workspace_of(dataset, tmp_path, []))
+    with pytest.raises(InputError, match="rebuilds motions"):
+        runner.run(hours=1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_fall_of_a_curve_is_that_of_its_last_quarter() -> None:
+    points = [Point(n, n / 100, error, 1.0) for n, error in ((25, 90), (75, 80), (100, 60))]
+    assert last_fall(points) == "25.0%" and last_fall(points[:1]) == "–"
+    assert mean_and_interval([1.0, 3.0])[0] == 2 and mean_and_interval([]) == (None, None)

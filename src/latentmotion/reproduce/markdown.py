@@ -162,6 +162,9 @@ def _notes(table: Table, result: TableResult) -> list[str]:
     return notes + [f"Warning for {', '.join(rows)}: {text}" for text, rows in warned.items()]
 
 
+CURVES = "_curves"
+"""What the page of a table's curves is called after the table."""
+
 _PART = re.compile(r"<!-- table (\w+) -->\n(.*?)<!-- end of table \1 -->", re.DOTALL)
 
 
@@ -170,7 +173,7 @@ def fill(document: Path, results: Path) -> list[str]:
 
     Args:
         document: Markdown with marked parts.
-        results: Output folder of `latentmotion experiment run`.
+        results: Output folder of `latentmotion experiment run` or `curves`.
 
     Returns:
         The names of the inserted tables.
@@ -183,7 +186,7 @@ def fill(document: Path, results: Path) -> list[str]:
     except OSError as error:
         raise InputError(f"cannot read {document}: {error.strerror}") from error
     names = [match.group(1) for match in _PART.finditer(text)]
-    unknown = [name for name in names if name not in TABLES]
+    unknown = [name for name in names if name.removesuffix(CURVES) not in TABLES]
     if unknown or not names:
         problem = f"names the unknown table {unknown[0]!r}" if unknown else "has no marked part"
         raise InputError(f"{document} {problem}; a part is <!-- table vae --> … <!-- end of … -->")
@@ -195,12 +198,12 @@ def fill(document: Path, results: Path) -> list[str]:
         name = part.group(1)
         if name not in finished:
             return part.group(0)
-        for ending in (".json", ".png"):
+        for ending in (".json", ".png", ".svg"):
             source = results / f"{name}{ending}"
             if source.is_file():
                 shutil.copyfile(source, beside / source.name)
         page = (results / f"{name}.md").read_text(encoding="utf-8")
-        page = page.replace(f"]({name}.png)", f"]({beside.name}/{name}.png)")
+        page = re.sub(rf"\]\(({name}\.(?:png|svg))\)", rf"]({beside.name}/\1)", page)
         return f"<!-- table {name} -->\n{page}<!-- end of table {name} -->"
 
     filled = _PART.sub(page_of, text)

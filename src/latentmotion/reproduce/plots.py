@@ -107,6 +107,27 @@ def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> b
     return _save(figure, path)
 
 
+def error_curves(path: Path, curves: Mapping[str, Sequence[tuple[int, float, float]]]) -> None:
+    """Draws the joint error of held-out clips by optimizer step and by processor time.
+
+    Args:
+        path: SVG to write.
+        curves: For each run its (step, hours, mm).
+    """
+    figure, panels = _figure(columns=2)
+    for panel, column, label in (
+        (panels[0], 0, "Optimizer step"),
+        (panels[1], 1, "Core hours"),
+    ):
+        for name, points in curves.items():
+            panel.plot([p[column] for p in points], [p[2] for p in points], ".-", label=name)
+        panel.set(xlabel=label, ylabel="MPJPE of held-out clips, mm")
+        panel.grid(alpha=0.3)
+    if curves:
+        panels[0].legend(fontsize=8)
+    _save(figure, path)
+
+
 def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float, float]]]) -> bool:
     """Draws FID by seconds per motion.
 
@@ -200,8 +221,14 @@ def _finish(panel: Any) -> None:
 
 
 def _save(figure: Any, path: Path) -> bool:
-    with atomic_file(path) as temporary:
-        figure.savefig(temporary, dpi=DOTS, format="png")
+    import matplotlib as mpl
+
+    vector = path.suffix == ".svg"
+    # Text stays text, and the same figure is the same file.
+    style: Any = {"svg.fonttype": "none", "svg.hashsalt": path.stem}
+    with atomic_file(path) as temporary, mpl.rc_context(style):
+        metadata = {"Date": None} if vector else None
+        figure.savefig(temporary, dpi=DOTS, format=path.suffix[1:], metadata=metadata)
     return True
 
 

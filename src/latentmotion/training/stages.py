@@ -95,7 +95,18 @@ def train_vae(
         start_from(network, before, network.latent_width, before.latent_width)
     skin = smpl.body if smpl else None
     stage = VAEStage(network, dataset, experiment, context, skin)
-    vae, seconds = train(stage, training, folder, context)
+    return train_first_stage(stage, experiment, dataset, folder, context)
+
+
+def train_first_stage(
+    stage: VAEStage,
+    experiment: Experiment,
+    dataset: Dataset,
+    folder: Path,
+    context: DistributedContext,
+) -> Path:
+    """Trains a VAE in an open run folder, or resumes it; returns the model folder."""
+    vae, seconds = train(stage, experiment.vae_training, folder, context)
     if context.is_main:
         card = first_stage_card(experiment, dataset, seconds, stage.validate(vae))
         checkpoint.save_model(folder / MODEL, checkpoint.FirstStageModel(card, vae))

@@ -118,6 +118,7 @@ class VAEStage(Stage[MotionVAE]):
         experiment: Which crops, which objective.
         context: The device and rank.
         body: Whose vertices are compared, where the objective does.
+        memory: Features of the data's clips, where another stage has read them.
     """
 
     def __init__(
@@ -127,6 +128,7 @@ class VAEStage(Stage[MotionVAE]):
         experiment: Experiment,
         context: DistributedContext,
         body: SkinnedBody | None = None,
+        memory: FeatureCache | None = None,
     ) -> None:
         super().__init__()
         self.network = vae
@@ -139,7 +141,9 @@ class VAEStage(Stage[MotionVAE]):
             "train": spread(dataset.clips("train")),
             "val": spread(dataset.clips("val")),
         }
-        self._memory = FeatureCache(dataset, [*train, *self._looked_at["val"]], dataset.normalizer)
+        self.memory = memory or FeatureCache(
+            dataset, [*train, *self._looked_at["val"]], dataset.normalizer
+        )
         cropping = experiment.vae_cropping
         items = items_by_length(train, cropping.max_frames)
         self._batches = BatchSampler(
@@ -150,7 +154,7 @@ class VAEStage(Stage[MotionVAE]):
         """Losses of step number `step`."""
         crops, context = self._batches(step), self._context
         own = crops[context.ranks.shard(len(crops))]
-        features, mask = self._memory.batch(own, max(crop.frames for crop in crops))
+        features, mask = self.memory.batch(own, max(crop.frames for crop in crops))
         seed, device = self._settings.seed, context.device
         return vae_losses(
             vae=self.network,
@@ -197,7 +201,7 @@ class VAEStage(Stage[MotionVAE]):
     ) -> tuple[Float[torch.Tensor, "frames joints 3"], Float[torch.Tensor, "frames joints 3"]]:
         crop = Crop(clip, 0, min(clip.frames, self._longest), "")
         features, mask = (
-            x.to(self._context.device) for x in self._memory.batch([crop], crop.frames)
+            x.to(self._context.device) for x in self.memory.batch([crop], crop.frames)
         )
         rebuilt = network.decode(network.encode(features, mask).mean, mask)
         return self._joints(rebuilt)[0], self._joints(features)[0]
