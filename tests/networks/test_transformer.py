@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import torch
+import torch.nn.functional as functional
 from torch import Tensor, nn
 
 from latentmotion.errors import InputError
@@ -55,6 +57,33 @@ def test_self_attention_is_pytorchs(mask: Tensor) -> None:
     assert isinstance(ours, SelfAttention)
     expected, _ = theirs(ours)(x, x, x, key_padding_mask=~mask)
     torch.testing.assert_close(ours(x, mask), expected, atol=1e-5, rtol=1e-5)
+
+
+def test_gradients_in_bfloat16_are_those_in_float32(monkeypatch: pytest.MonkeyPatch) -> None:
+    kinds: list[torch.dtype] = []
+    attend = functional.scaled_dot_product_attention
+
+    def watched(q: Tensor, *others: Tensor, **settings: Any) -> Tensor:
+        kinds.append(q.dtype)
+        return attend(q, *others, **settings)
+
+    monkeypatch.setattr(functional, "scaled_dot_product_attention", watched)
+    attention = shaken(SelfAttention(WIDTH, HEADS, 0.0))
+    gradients: list[Tensor] = []
+    for halved in (False, True):
+        x = tokens().requires_grad_()
+        with torch.autocast("cpu", torch.bfloat16, enabled=halved):
+            found = attention(x, MASK)
+        assert found.dtype == (torch.bfloat16 if halved else torch.float32)
+        found.float().square().sum().backward()
+        assert x.grad is not None
+        gradients.append(x.grad)
+    assert kinds == [torch.float32] * 2  # the slow kernel is not met
+    whole, half = gradients
+    assert (whole - half).norm() < 0.03 * whole.norm()
+    with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+        attention(tokens(), MASK)
+    assert kinds[-1] == torch.bfloat16
 
 
 @pytest.mark.parametrize("words", [1, 4])

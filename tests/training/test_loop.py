@@ -12,7 +12,13 @@ from latentmotion.motion import Motion
 from latentmotion.training.distributed import Ranks, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.journal import Journal, read_journal, readable_time
-from latentmotion.training.loop import ExponentialMovingAverage, Stage, train
+from latentmotion.training.loop import (
+    ExponentialMovingAverage,
+    Progress,
+    Stage,
+    read_progress,
+    train,
+)
 from tests.support.small_training import CONTEXT
 
 SETTINGS = TrainingSettings(
@@ -68,9 +74,12 @@ def test_an_interrupted_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
 
 
 def test_a_finished_run_trains_no_more(tmp_path: Path) -> None:
-    first, _ = train(Line(), SETTINGS, tmp_path, CONTEXT)
+    first, seconds = train(Line(), SETTINGS, tmp_path, CONTEXT)
     again, _ = train(Line(stop_before=0), SETTINGS, tmp_path, CONTEXT)
     assert torch.equal(weights(first), weights(again))
+    progress = read_progress(tmp_path)
+    assert progress.step == SETTINGS.steps and 0 < progress.seconds <= seconds
+    assert progress.processor_seconds > 0 and read_progress(tmp_path / "none") == Progress()
 
 
 def test_an_infinite_loss_ends_the_run(tmp_path: Path) -> None:

@@ -50,8 +50,11 @@ def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_
     assert model.card.condition.text_encoder == "letter-count"
     assert model.card.condition.condition_width == 6
     assert len(model.card.provenance.commands) == 2
-    steps = [line["step"] for line in read_journal(tmp_path / "run") if line["kind"] == "train"]
-    assert steps == list(range(1, 9))
+    lines = read_journal(tmp_path / "run")
+    assert [line["step"] for line in lines if line["kind"] == "train"] == list(range(1, 9))
+    measured = {"step", "kind", "loss", "loss_of_seen", "loss_unprompted"}
+    assert all(set(line) == measured for line in lines if line["kind"] == "validation")
+    assert lines[-1]["loss_unprompted"] != lines[-1]["loss"]
     assert (tmp_path / "run" / "samples-0000008.png").stat().st_size > 1000
 
 

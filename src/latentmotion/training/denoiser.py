@@ -253,14 +253,23 @@ class DenoiserStage(Stage[Denoiser]):
 
     @torch.no_grad()
     def validate(self, network: Denoiser) -> dict[str, float]:
-        """Mean loss of held-out motions and of as many seen ones, at the same times and noises."""
+        """Mean loss of held-out motions and of as many seen ones, at the same times and noises.
+
+        Held-out motions are measured without their prompts too: a denoiser that has learned to read
+        them loses by it.
+        """
         held_out = self._data.held_out
+        if not held_out:
+            return {}
         seen = self._data.batches(0)[: len(held_out)]
-        parts = {"loss": held_out, "loss_of_seen": seen} if held_out else {}
         device, losses = self._context.device, {}
-        for name, crops in parts.items():
+        for name, crops, dropped in (
+            ("loss", held_out, 0.0),
+            ("loss_of_seen", seen, 0.0),
+            ("loss_unprompted", held_out, 1.0),
+        ):
             draws = (StepRandomness(n, 0, len(crops), Ranks(), device) for n in range(DRAWS))
-            every = [self._loss(network, crops, crops, draw, dropped=0.0) for draw in draws]
+            every = [self._loss(network, crops, crops, draw, dropped) for draw in draws]
             losses[name] = float(torch.stack(every).mean())
         return losses
 
