@@ -30,7 +30,7 @@ def step_of(
     stage: nn.Module, settings: TrainingSettings, context: DistributedContext = CONTEXT
 ) -> Callable[[], object]:
     """Returns what makes the next step of a stage's optimization whenever it is called."""
-    optimizer = torch.optim.AdamW(stage.parameters(), settings.learning_rate)
+    optimizer = torch.optim.AdamW(stage.parameters(), settings.learning_rate, fused=True)
     numbers = itertools.count()
     return lambda: optimize(stage, optimizer, settings, next(numbers), context)
 

@@ -195,8 +195,8 @@ def test_a_guidance_sweep_and_training_curves_are_drawn(dataset: Dataset, tmp_pa
         "steps": ["mld_ddim_5"],
     }.items():
         TableRunner(TABLES[name], work, once, Means()).run(rows_named(TABLES[name], rows))
-        assert (tmp_path / f"{name}.png").stat().st_size > 5000
-        assert f"({name}.png)" in (tmp_path / f"{name}.md").read_text(encoding="utf-8")
+        assert (tmp_path / f"{name}.svg").stat().st_size > 5000
+        assert f"({name}.svg)" in (tmp_path / f"{name}.md").read_text(encoding="utf-8")
     assert sum("training a denoiser" in line for line in told) == 1
     assert "AITS s ↓" in (tmp_path / "steps.md").read_text(encoding="utf-8")
 
@@ -208,7 +208,7 @@ def test_actions_and_their_latents(dataset: Dataset, tmp_path: Path) -> None:
         evaluator = Guesses(tuple(dataset.actions()))
         TableRunner(TABLES[name], work, once, evaluator).run(rows_named(TABLES[name], rows))
     assert "Accuracy" in (tmp_path / "action.md").read_text(encoding="utf-8")
-    assert (tmp_path / "latents.png").stat().st_size > 5000
+    assert (tmp_path / "latents.svg").stat().st_size > 5000
 
 
 def test_settings_that_differ_are_an_error(dataset: Dataset, tmp_path: Path) -> None:
@@ -263,15 +263,15 @@ def test_the_list_tells_rows_and_minutes() -> None:
 def test_a_document_is_filled_with_what_was_run(tmp_path: Path) -> None:
     results, document = tmp_path / "out", tmp_path / "results.md"
     results.mkdir()
-    (results / "steps.md").write_text("| new |\n\n![Steps](steps.png)\n")
-    (results / "steps.png").write_bytes(b"plot")
+    (results / "steps.md").write_text("| new |\n\n![Steps](steps.svg)\n")
+    (results / "steps.svg").write_bytes(b"plot")
     parts = [f"<!-- table {n} -->\nold {n}\n<!-- end of table {n} -->" for n in ("steps", "vae")]
     document.write_text("\n\n".join(["# Results", *parts]))
     assert fill(document, results) == ["steps"]
     assert fill(document, results) == ["steps"]
     text = document.read_text()
-    assert "![Steps](results/steps.png)" in text and "old vae" in text and "old steps" not in text
-    assert (tmp_path / "results" / "steps.png").read_bytes() == b"plot"
+    assert "![Steps](results/steps.svg)" in text and "old vae" in text and "old steps" not in text
+    assert (tmp_path / "results" / "steps.svg").read_bytes() == b"plot"
     document.write_text("<!-- table vea -->\n<!-- end of table vea -->")
     with pytest.raises(InputError, match="unknown table 'vea'"):
         fill(document, results)

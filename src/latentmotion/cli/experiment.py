@@ -122,7 +122,7 @@ class DrawCurves:
 class RunExperiment:
     """Train and measure the rows of a table; the same command again resumes a stopped run.
 
-    Tables that share a folder share models. Writes OUTPUT/NAME.md, .json and, for a figure, .png.
+    Tables that share a folder share models. Writes OUTPUT/NAME.md, .json and, for a figure, .svg.
     Experiments of directing train nothing: they measure --model.
 
     Examples:

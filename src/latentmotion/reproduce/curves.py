@@ -72,6 +72,8 @@ class Curve:
     """Processor time until then."""
     points: tuple[Point, ...]
     """Validations in order."""
+    kl: float | None = None
+    """Kullback-Leibler divergence of the last training batch reported, nats a latent number."""
     paper_mm: float | None = None
     """The paper's figure on its own data."""
     errors_mm: tuple[float, ...] = ()
@@ -208,10 +210,11 @@ class CurveRunner:
     def _curve(self, row: Row, measured: bool) -> Curve:
         progress, folder = self.progress(row), self._folder(row)
         pace = progress.processor_seconds / 3600 / progress.step
+        lines = [line for line in read_journal(folder) if line["step"] <= progress.step]
         points = [
             Point(line["step"], line["step"] * pace, line["val_mm"], line["train_mm"])
-            for line in read_journal(folder)
-            if line["kind"] == "validation" and line["step"] <= progress.step
+            for line in lines
+            if line["kind"] == "validation"
         ]
         return Curve(
             row=row.name,
@@ -220,6 +223,7 @@ class CurveRunner:
             step=progress.step,
             hours=progress.step * pace,
             points=tuple(points),
+            kl=[None, *(line["kl"] for line in lines if "kl" in line)][-1],
             paper_mm=row.paper.get("MPJPE"),
             errors_mm=self.errors(folder / MODEL) if measured else (),
         )
@@ -249,6 +253,7 @@ def markdown(table: Table, curves: Curves) -> str:
         "s a step",
         "MPJPE mm, 64 clips",
         "fall in the last quarter",
+        "KL, nats a number",
         "all held-out clips",
         "against the first row",
         "paper",
@@ -270,6 +275,7 @@ def markdown(table: Table, curves: Curves) -> str:
                     number(3600 * curve.hours / curve.step),
                     number(curve.points[-1].held_out_mm) if curve.points else "–",
                     last_fall(curve.points),
+                    number(curve.kl) if curve.kl else "–",
                     cell(mean_and_interval(curve.errors_mm)),
                     cell(mean_and_interval(differences)),
                     f"{curve.paper_mm:g}" if curve.paper_mm else "",

@@ -198,12 +198,12 @@ def fill(document: Path, results: Path) -> list[str]:
         name = part.group(1)
         if name not in finished:
             return part.group(0)
-        for ending in (".json", ".png", ".svg"):
+        for ending in (".json", ".svg"):
             source = results / f"{name}{ending}"
             if source.is_file():
                 shutil.copyfile(source, beside / source.name)
         page = (results / f"{name}.md").read_text(encoding="utf-8")
-        page = re.sub(rf"\]\(({name}\.(?:png|svg))\)", rf"]({beside.name}/\1)", page)
+        page = page.replace(f"]({name}.svg)", f"]({beside.name}/{name}.svg)")
         return f"<!-- table {name} -->\n{page}<!-- end of table {name} -->"
 
     filled = _PART.sub(page_of, text)

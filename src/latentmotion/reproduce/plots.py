@@ -28,9 +28,6 @@ from latentmotion.training.journal import read_journal
 SIZE = (7.0, 4.5)
 """Inches of a plot of one panel."""
 
-DOTS = 130
-"""Dots per inch."""
-
 GUIDANCE_METRICS = ("FID", "R@3", "MM-Dist")
 """Metrics that are drawn by guidance scale."""
 
@@ -44,7 +41,7 @@ def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> 
         table: The table.
         folder: Workspace with the training runs.
         result: Measured rows.
-        path: PNG to write.
+        path: SVG to write.
 
     Returns:
         Whether there is a figure.
@@ -89,7 +86,7 @@ def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> b
     """Draws the loss and the joint error of held-out clips by optimizer step.
 
     Args:
-        path: PNG to write.
+        path: SVG to write.
         curves: For each run its `loss` and `error`, as (step, value).
 
     Returns:
@@ -132,7 +129,7 @@ def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float,
     """Draws FID by seconds per motion.
 
     Args:
-        path: PNG to write.
+        path: SVG to write.
         series: For each method its (label, seconds, FID).
 
     Returns:
@@ -158,7 +155,7 @@ def by_guidance(
     """Draws metrics by guidance scale, one panel each.
 
     Args:
-        path: PNG to write.
+        path: SVG to write.
         scales: The scales.
         figures: For each metric its value at each scale.
 
@@ -183,7 +180,7 @@ def latent_maps(
     """Draws t-SNE maps side by side, colored by action.
 
     Args:
-        path: PNG to write.
+        path: SVG to write.
         maps: Maps by title, e.g. `t = 981`.
         labels: The action of each item.
     """
@@ -223,12 +220,10 @@ def _finish(panel: Any) -> None:
 def _save(figure: Any, path: Path) -> bool:
     import matplotlib as mpl
 
-    vector = path.suffix == ".svg"
     # Text stays text, and the same figure is the same file.
     style: Any = {"svg.fonttype": "none", "svg.hashsalt": path.stem}
     with atomic_file(path) as temporary, mpl.rc_context(style):
-        metadata = {"Date": None} if vector else None
-        figure.savefig(temporary, dpi=DOTS, format=path.suffix[1:], metadata=metadata)
+        figure.savefig(temporary, format="svg", metadata={"Date": None})
     return True
 
 

@@ -1,7 +1,7 @@
 """Table runner: trains and measures rows, and writes the page of a table.
 
 For each row a model is trained or taken as it is, and its figures are kept until something that
-determines them changes. After every row NAME.json, NAME.md and NAME.png are written anew.
+determines them changes. After every row NAME.json, NAME.md and NAME.svg are written anew.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class TableRunner:
                 return kept
         self.work.tell(f"{self.table.name}/{row.name}: measuring {folder}")
         if row.kind == "latents":  # drawn along the reverse process, which needs no replications
-            figures = draw_latents(self.pipeline(row), self.work.folder / f"{self.table.name}.png")
+            figures = draw_latents(self.pipeline(row), self.work.folder / f"{self.table.name}.svg")
             about = {"made": self.made, **_weights_and_hours(folder)}
             result = RowResult(row.name, key, _plain(figures), replications=1, **about)
         else:
@@ -111,7 +111,7 @@ class TableRunner:
         result = self.measured_rows()
         write_json(page.with_suffix(".json"), result)
         text = markdown(self.table, result, self.work.budget.says)
-        plot = page.with_suffix(".png")
+        plot = page.with_suffix(".svg")
         if draw_figure(self.table, self.work.folder, result, plot):
             text += f"\n![{self.table.title}]({plot.name})\n"
         with atomic_file(page) as temporary:
