@@ -304,7 +304,12 @@ def test_vaes_are_trained_in_turn_and_drawn(dataset: Dataset, tmp_path: Path) ->
     assert all(curve.hours > spent and curve.step % 2 == 0 for curve in curves.rows)
     assert all(curve.points[-1].step == curve.step for curve in curves.rows)
     text = page.read_text(encoding="utf-8")
-    assert "| MLD-1 |" in text and " ± " in text and "(vae_curves.svg)" in text
+    assert (
+        "| MLD-1 |" in text
+        and " ± " in text
+        and "| against MLD-1 |" in text
+        and "(vae_curves.svg)" in text
+    )
     assert (tmp_path / "vae_curves.svg").read_text(encoding="utf-8").count("MLD-2") == 1
 
 

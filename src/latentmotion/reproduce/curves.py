@@ -41,6 +41,9 @@ from latentmotion.training.run_folder import MODEL, Run, open_run
 from latentmotion.training.stages import train_first_stage
 from latentmotion.training.vae import FeatureCache, VAEStage
 
+REFERENCE = "mld_1"
+"""Row that the others are compared with, clip by clip."""
+
 
 @dataclass(frozen=True)
 class Point:
@@ -243,8 +246,9 @@ class CurveRunner:
 
 
 def markdown(table: Table, curves: Curves) -> str:
-    """Returns the page of curves: a line per row, with its difference from the first row."""
-    first = next(iter(curves.rows), None)
+    """Returns the page of curves: a line per row, with its difference from the paper's own VAE."""
+    named = {curve.row: curve for curve in curves.rows}
+    reference = named.get(REFERENCE, next(iter(curves.rows), None))
     headings = (
         "",
         "weights 10⁶",
@@ -255,15 +259,15 @@ def markdown(table: Table, curves: Curves) -> str:
         "fall in the last quarter",
         "KL, nats a number",
         "all held-out clips",
-        "against the first row",
+        f"against {reference.title if reference else REFERENCE}",
         "paper",
     )
     lines = [table_line(list(headings)), table_line(["---"] * len(headings))]
     for curve in curves.rows:
-        assert first is not None
+        assert reference is not None
         differences: list[float] = []
-        if curve is not first and len(curve.errors_mm) == len(first.errors_mm):
-            pairs = zip(curve.errors_mm, first.errors_mm, strict=True)
+        if curve is not reference and len(curve.errors_mm) == len(reference.errors_mm):
+            pairs = zip(curve.errors_mm, reference.errors_mm, strict=True)
             differences = [one - other for one, other in pairs]
         lines.append(
             table_line(
@@ -291,9 +295,10 @@ def markdown(table: Table, curves: Curves) -> str:
             "",
             f"<details><summary>Trained on {curves.data}.</summary>",
             "",
-            f"* Budget: {curves.budget}; the rate is constant after its warm-up.",
+            f"* Budget: {curves.budget}; but as many steps as above, at a constant rate after "
+            "warm-up.",
             "* Intervals are 95 %, over clips; differences are paired by clip. One run a row.",
-            f"* `{curves.command}`, commit {curves.commit}.",
+            f"* `{curves.command}`" + (f", commit {curves.commit}." if curves.commit else "."),
             "",
             "</details>",
             "",
