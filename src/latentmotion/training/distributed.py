@@ -135,6 +135,7 @@ def distributed_context(device: str = "auto") -> Iterator[DistributedContext]:
         # abort the ending process. The default group's live on: DistributedDataParallel refers
         # to it for good.
         last = torch.distributed.new_group()
+        assert isinstance(last, torch.distributed.ProcessGroup)  # every rank is a member
         torch.distributed.barrier(last)
         torch.distributed.destroy_process_group(last)
     finally:
