@@ -184,7 +184,9 @@ def edited(
         is_known[:before] = True
     if after:
         known[tokens - after :] = fit_latents(motion(_STRIDE * after), own[gap.resumes : last])
-        is_known[tokens - after :] = True
+        # The first is free where others follow: fitted as the start of a motion, it would draw
+        # limbs too long beside what is generated before it.
+        is_known[tokens - max(after - 1, 1) :] = True
     residual = _seam_goals(own, gap, decoded, known, is_known, skeleton)
     correction = Correction(decoded, residual, known, is_known, ReachSettings(updates=1))
     z = correction.updates(0)(sample(frames, correction)[None])[0]
