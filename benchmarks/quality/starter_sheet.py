@@ -43,7 +43,9 @@ PROMPTS = (
     "a person hops on both legs",
     "a person jogs in a circle to the left",
 )
-MOVING = (3, 7, 19, 10)
+MOVING = {3: "jumps forward", 7: "kicks", 19: "sits down", 10: "lies down"}
+"""Prompts of the moving picture, and what is written below."""
+
 SEED = 0
 WIDTH, COLORS, FPS = 760, 22, 10
 """Of the pictures and of the moving one, which stay small so that the repository does."""
@@ -60,8 +62,8 @@ def main(folder: Path, model: str = DEFAULT) -> None:
         picture.thumbnail((WIDTH, picture.height))
         picture.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
     moving = [
-        replace(motion, caption=motion.caption.removeprefix("a person "))
-        for motion in (motions[number].cleaned().resampled(FPS) for number in MOVING)
+        replace(motions[number].cleaned().resampled(FPS), caption=caption)
+        for number, caption in MOVING.items()
     ]
     video.write(folder / f"{generate.card.name}.gif", moving, size=180, view="still")
 
