@@ -24,7 +24,7 @@ from latentmotion.reproduce.curves import (
     Curves,
     Point,
     last_fall,
-    mean_and_interval,
+    over_clips,
 )
 from latentmotion.reproduce.markdown import (
     RowResult,
@@ -324,4 +324,4 @@ def test_curves_need_a_vae(dataset: Dataset, tmp_path: Path) -> None:
 def test_the_fall_of_a_curve_is_that_of_its_last_quarter() -> None:
     points = [Point(n, n / 100, error, 1.0) for n, error in ((25, 90), (75, 80), (100, 60))]
     assert last_fall(points) == "25.0%" and last_fall(points[:1]) == "–"
-    assert mean_and_interval([1.0, 3.0])[0] == 2 and mean_and_interval([]) == (None, None)
+    assert over_clips([1.0, 3.0]).split(" ± ") == ["2.00", "1.96"] and over_clips([]) == "–"

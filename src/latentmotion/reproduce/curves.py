@@ -14,9 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import sqrt
 from pathlib import Path
-from statistics import mean, stdev
 
 import torch
 
@@ -24,7 +22,7 @@ from latentmotion.errors import InputError
 from latentmotion.evaluation.candidates import MAX_BATCH_SIZE, Reconstructed
 from latentmotion.evaluation.cost import parameters
 from latentmotion.evaluation.metrics.joints import mpjpe
-from latentmotion.evaluation.report import table_line
+from latentmotion.evaluation.report import Figure, table_line
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_stages
 from latentmotion.reproduce.markdown import CURVES, cell, number
@@ -280,8 +278,8 @@ def markdown(table: Table, curves: Curves) -> str:
                     number(curve.points[-1].held_out_mm) if curve.points else "–",
                     last_fall(curve.points),
                     number(curve.kl) if curve.kl else "–",
-                    cell(mean_and_interval(curve.errors_mm)),
-                    cell(mean_and_interval(differences)),
+                    over_clips(curve.errors_mm),
+                    over_clips(differences),
                     f"{curve.paper_mm:g}" if curve.paper_mm else "",
                 ]
             )
@@ -308,11 +306,10 @@ def markdown(table: Table, curves: Curves) -> str:
     )
 
 
-def mean_and_interval(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Returns the mean and half of its 95 % interval, by the normal distribution; None of none."""
-    if len(values) < 2:
-        return (values[0] if values else None), None
-    return mean(values), 1.96 * stdev(values) / sqrt(len(values))
+def over_clips(values: Sequence[float]) -> str:
+    """Returns the mean and half of its 95 % interval as a cell; – of none."""
+    figure = Figure.of(values) if values else None
+    return cell((figure.mean, figure.interval) if figure else (None, None))
 
 
 def last_fall(points: Sequence[Point]) -> str:
