@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
@@ -26,7 +27,14 @@ from latentmotion.model.config import (
     TransformerVAEConfig,
 )
 from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import FirstStageModel, LatentModel, load_model, save_model
+from latentmotion.networks.checkpoint import (
+    SCALE,
+    WEIGHTS_FILE,
+    FirstStageModel,
+    LatentModel,
+    load_model,
+    save_model,
+)
 
 SMALL = TransformerConfig(width=16, layers=3, heads=2, hidden=24)
 VAES = {
@@ -63,6 +71,7 @@ def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
     starter, output = find_model("starter"), tmp_path / "model"
     precision = {"over time": "float32", "global": "int8"}[kind]
     options = ["--text-encoder", str(starter), "-o", str(output), "--license", "CC0"]
+    options += {"over time": ["--weights", "int8"], "global": []}[kind]
     main(["export", str(tmp_path / "run"), *options, "--precision", precision])
     card = read_card(output)
     assert (card.provenance.license, card.precision) == ("CC0", precision)
@@ -81,6 +90,29 @@ def test_weights_are_kept_in_half_the_bits(tmp_path: Path, monkeypatch: pytest.M
     again = load_model(tmp_path / "model")
     for old, new in zip(model.vae.parameters(), again.vae.parameters(), strict=True):
         np.testing.assert_array_equal(old.detach().half().float(), new.detach())
+
+
+def test_matrices_of_the_denoiser_are_kept_in_8_bits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("latentmotion.export.package._write_graphs", lambda *_: None)
+    model, encoder = untrained("over time"), copied(find_model("starter"))
+    save_model(tmp_path / "run", model)
+    package_model(tmp_path / "run", model.card, encoder, tmp_path / "model", weights="int8")
+    again, matrices = load_model(tmp_path / "model"), 0
+    for old, new in zip(model.vae.parameters(), again.vae.parameters(), strict=True):
+        np.testing.assert_array_equal(old.detach().half().float(), new.detach())
+    for old, new in zip(model.denoiser.parameters(), again.denoiser.parameters(), strict=True):
+        step = old.detach().abs().amax(dim=-1, keepdim=True) / 127 if old.ndim == 2 else 0 * old
+        assert ((old - new).abs() <= 0.51 * step + 1e-3 * old.abs()).all()
+        matrices += old.ndim == 2 and len(new.unique()) > 1
+    assert matrices > 10
+    weights = load_file(tmp_path / "model" / WEIGHTS_FILE)
+    scale = next(key for key in weights if key.endswith(SCALE))
+    assert weights[scale.removesuffix(SCALE)].dtype == torch.int8
+    save_file(weights | {scale: weights[scale][1:]}, tmp_path / "model" / WEIGHTS_FILE)
+    with pytest.raises(ModelError, match=rf"{scale} has shape \(\d+, 1\), expected"):
+        load_model(tmp_path / "model")
 
 
 def test_nothing_is_written_of_half_a_model(tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ from latentmotion.export.graph_weights import FEWEST, share_weights
 from latentmotion.export.onnx import export_denoiser
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import SCALE, load_weights, read_weights
+from latentmotion.networks.text_encoder import pack
 
 WEIGHTS = "weights.safetensors"
 REAL = torch.ones(2, 5, dtype=torch.bool)
@@ -29,16 +31,18 @@ INPUTS = {
 }
 
 
-@pytest.fixture
-def small(tmp_path: Path) -> tuple[Path, np.ndarray]:
+@pytest.fixture(params=["float16", "int8"])
+def small(tmp_path: Path, request: pytest.FixtureRequest) -> tuple[Path, np.ndarray]:
     """The graph of a denoiser with its weights file beside it, and the network's answer."""
     torch.manual_seed(0)
     config = TransformerConfig(width=32, hidden=64, heads=2, layers=3)
     network = build(DenoiserConfig(latent_width=8, condition_width=12, transformer=config))
-    network = network.half().float().eval()
+    stored = {name: value.half() for name, value in network.state_dict().items()}
+    for name in [name for name in stored if request.param == "int8" and stored[name].ndim == 2]:
+        stored[name], stored[name + SCALE] = pack(stored[name].float())
+    save_file(stored, tmp_path / WEIGHTS)
+    load_weights(network, read_weights(tmp_path / WEIGHTS), WEIGHTS)
     export_denoiser(network, 8, 12, tmp_path / "small.onnx")
-    halves = {name: value.half() for name, value in network.state_dict().items()}
-    save_file(halves, tmp_path / WEIGHTS)
     z, t, words, real, mask = INPUTS.values()
     with torch.no_grad():
         expected = network(z, t, Conditioning(words, real), mask)

@@ -16,9 +16,10 @@ from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.scorer_export import export_scorer
 from latentmotion.evaluation.evaluators.text_motion import load_text_motion
 from latentmotion.export import package
+from latentmotion.export.graph_weights import Weights
 from latentmotion.export.swap_decoder import with_decoder
 from latentmotion.export.text_encoder import export_pretrained
-from latentmotion.export.web import WebWeights, export_web
+from latentmotion.export.web import export_web
 from latentmotion.gpu.backend import find_encoder, text_encoder_named
 from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard, find_model
@@ -54,9 +55,9 @@ class Export:
 
     web: bool = False
     """Write a folder for web pages, of a few-step model of sentences (docs/guide/web.md)."""
-    web_weights: WebWeights = "int8"
-    """Large matrices of the web folder: int8 has a scale for each row and is 6 MB smaller, float16
-    is as exact as the model."""
+    weights: Weights | None = None
+    """Large matrices: int8 has a scale for each row, float16 is as exact as training. By default
+    int8 for web pages (6 MB smaller), float16 otherwise; int8 there keeps the VAE in 16 bits."""
 
     def run(self) -> None:
         """Writes the folder and prints its size.
@@ -68,12 +69,12 @@ class Export:
         if not self.web:
             self._package(source, self.output)
         elif any(source.glob("fused_*.onnx")):
-            export_web(source, self.output, self.web_weights)
+            export_web(source, self.output, self.weights or "int8")
         else:
             with tempfile.TemporaryDirectory() as temporary:
                 packaged = Path(temporary) / self.output.resolve().name
                 self._package(source, packaged)
-                export_web(packaged, self.output, self.web_weights)
+                export_web(packaged, self.output, self.weights or "int8")
         size = sum(file.stat().st_size for file in self.output.iterdir()) / 1e6
         print(f"wrote {self.output} ({size:.1f} MB)")
 
@@ -83,7 +84,9 @@ class Export:
         if self.license:
             card = replace(card, provenance=replace(card.provenance, license=self.license))
         text_files = self._text_files(card, source)
-        package.package_model(source, card, text_files, output, self.share_encoder)
+        package.package_model(
+            source, card, text_files, output, self.share_encoder, self.weights or "float16"
+        )
 
     def _text_files(self, card: ModelCard, source: Path) -> package.WriteTextEncoder | None:
         """Returns a function that writes text encoder and length model, if the model reads text."""

@@ -254,9 +254,10 @@ def _on_openvino(path: Path, threads: int) -> Session:
     sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
     import openvino
 
-    # Left alone, OpenVINO may compute in bfloat16 and change the result.
+    # Left alone, OpenVINO may compute in bfloat16, or round what meets weights of 8 bits.
     settings: dict[str, Any] = {
         "INFERENCE_PRECISION_HINT": "f32",
+        "DYNAMIC_QUANTIZATION_GROUP_SIZE": 0,
         "INFERENCE_NUM_THREADS": threads,
         "PERFORMANCE_HINT": "LATENCY",
     }

@@ -1,13 +1,14 @@
 """Weights of graphs: read from the model's `weights.safetensors`, or kept in 8 bits.
 
 An initializer that equals a tensor of that file, as it is or transposed, becomes external data of
-ONNX (file, offset, length): 16 bits, which the engine casts to 32 while it loads. The network was
-rounded to 16 bits before, so nothing is lost. Tensors that are not in the file stay in the graph.
+ONNX (file, offset, length): 16 bits, or 8 with a scale for each row, which the engine makes 32
+while it loads. The network was rounded before, so nothing is lost. Tensors that are not in the file
+stay in the graph.
 
-In 8 bits 64 weights share a scale, and so do 64 inputs. This is ONNX Runtime's MatMulNBits, which
-OpenVINO reads, too. Dynamic quantization has one scale for all inputs, so that a motion would
-depend on its batch. Convolutions stay in float32: in 8 bits they took three times as long
-(docs/measurements/runtime.md).
+In graphs of 8 bits 64 weights share a scale, and so do 64 inputs. This is ONNX Runtime's
+MatMulNBits, which OpenVINO reads, too. Dynamic quantization has one scale for all inputs, so that a
+motion would depend on its batch. Convolutions stay in float32: in 8 bits they took three times as
+long (docs/measurements/runtime.md).
 """
 
 from __future__ import annotations
@@ -16,16 +17,20 @@ import json
 import logging
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import onnx
 from onnx import NodeProto, TensorProto, helper, numpy_helper
 
 from latentmotion.engine.session import onnxruntime_session
+from latentmotion.networks.checkpoint import SCALE
 from latentmotion.storage.files import atomic_file
+
+Weights = Literal["int8", "float16"]
+"""How large matrices are stored: in 8 bits with a scale for each row, or in 16 bits."""
 
 FEWEST = 256
 """Minimum size of a tensor that is worth a reference."""
@@ -36,21 +41,41 @@ BLOCK = 64
 _EIGHT_BIT_INPUTS = 4
 """MatMulNBits' name for products of integers."""
 
+_TYPES = {
+    "F16": (np.float16, TensorProto.FLOAT16),
+    "F32": (np.float32, TensorProto.FLOAT),
+    "I8": (np.int8, TensorProto.INT8),
+}
+"""Types of numbers as safetensors files name them, in NumPy and in ONNX."""
+
 _HEADER_LENGTH = 8  # a safetensors file begins with the length of its JSON header
 
 
 @dataclass(frozen=True)
 class StoredTensor:
-    """A tensor of 16-bit numbers in a file."""
+    """A tensor in a file, whole or a matrix in 8 bits with a scale for each row."""
 
+    kind: int
+    """ONNX's type of its numbers."""
     shape: tuple[int, ...]
     """Its shape in the file."""
     offset: int
     """Position of its first byte."""
     length: int
     """Number of bytes."""
-    transposed: bool
+    scale: StoredTensor | None = None
+    """Scales of the rows of a matrix in 8 bits."""
+    transposed: bool = False
     """Whether the graph has the transpose."""
+
+    def external(self, name: str, file: str) -> TensorProto:
+        """Returns the initializer that a graph reads from that file."""
+        tensor = TensorProto(name=name, data_type=self.kind, dims=self.shape)
+        tensor.data_location = TensorProto.EXTERNAL
+        where = {"location": file, "offset": self.offset, "length": self.length}
+        for field, value in where.items():
+            tensor.external_data.add(key=field, value=str(value))
+        return tensor
 
 
 def share_weights(graph: Path, weights: Path) -> None:
@@ -63,46 +88,63 @@ def share_weights(graph: Path, weights: Path) -> None:
     model = onnx.load(graph, load_external_data=False)
     stored = stored_tensors(weights)
     kept: list[TensorProto] = []
-    casts: list[NodeProto] = []
+    nodes: list[NodeProto] = []
     for tensor in model.graph.initializer:
-        float32 = tensor.data_type == TensorProto.FLOAT
+        inside = tensor.data_location != TensorProto.EXTERNAL
+        float32 = inside and tensor.data_type == TensorProto.FLOAT
         found = stored.get(_key(numpy_helper.to_array(tensor))) if float32 else None
         if found is None:
             kept.append(tensor)
             continue
-        name = tensor.name
-        half = TensorProto(name=f"{name}.half", data_type=TensorProto.FLOAT16, dims=found.shape)
-        half.data_location = TensorProto.EXTERNAL
-        half.external_data.add(key="location", value=weights.name)
-        half.external_data.add(key="offset", value=str(found.offset))
-        half.external_data.add(key="length", value=str(found.length))
-        kept.append(half)
+        name, stored_as, file = tensor.name, f"{tensor.name}.stored", weights.name
+        kept.append(found.external(stored_as, file))
         # Nodes that restore the graph's tensor; engines run them once, while loading.
         whole = f"{name}.whole" if found.transposed else name
-        casts.append(helper.make_node("Cast", [f"{name}.half"], [whole], to=TensorProto.FLOAT))
+        if found.scale is None:
+            nodes.append(helper.make_node("Cast", [stored_as], [whole], to=TensorProto.FLOAT))
+        else:
+            kept.append(found.scale.external(f"{name}.scale", file))
+            nodes += scaled_rows(stored_as, f"{name}.scale", whole)
         if found.transposed:
-            casts.append(helper.make_node("Transpose", [whole], [name]))
+            nodes.append(helper.make_node("Transpose", [whole], [name]))
     _replace(model.graph.initializer, kept)
-    _replace(model.graph.node, [*casts, *model.graph.node])
+    _replace(model.graph.node, [*nodes, *model.graph.node])
     with atomic_file(graph) as temporary:
         temporary.write_bytes(model.SerializeToString())
 
 
+def scaled_rows(packed: str, scale: str, matrix: str) -> list[NodeProto]:
+    """Returns nodes that make a matrix of its numbers in 8 bits and a scale for each row."""
+    return [
+        helper.make_node("Cast", [packed], [f"{packed}.float"], to=TensorProto.FLOAT),
+        helper.make_node("Mul", [f"{packed}.float", scale], [matrix]),
+    ]
+
+
 def stored_tensors(weights: Path) -> dict[tuple[tuple[int, ...], bytes], StoredTensor]:
-    """Returns every 16-bit tensor of a file, and its transpose, by shape and numbers."""
+    """Returns every tensor of a file in 16 or 8 bits, and its transpose, by shape and numbers."""
     content = weights.read_bytes()
     start = _HEADER_LENGTH + int.from_bytes(content[:_HEADER_LENGTH], "little")
+    entries = json.loads(content[_HEADER_LENGTH:start])
+
+    def read(name: str) -> tuple[StoredTensor, np.ndarray]:
+        first, last = (start + offset for offset in entries[name]["data_offsets"])
+        dtype, kind = _TYPES[entries[name]["dtype"]]
+        array = np.frombuffer(content[first:last], dtype).reshape(entries[name]["shape"])
+        return StoredTensor(kind, array.shape, first, last - first), array
+
     stored = {}
-    for name, entry in json.loads(content[_HEADER_LENGTH:start]).items():
-        if name == "__metadata__" or entry["dtype"] != "F16":
+    for name, entry in entries.items():
+        if name == "__metadata__" or entry["dtype"] not in ("F16", "I8"):
             continue
-        first, last = (start + offset for offset in entry["data_offsets"])
-        array = np.frombuffer(content[first:last], np.float16).reshape(entry["shape"])
+        tensor, array = read(name)
         if array.size < FEWEST:
             continue
+        if name + SCALE in entries:
+            scale, factors = read(name + SCALE)
+            tensor, array = replace(tensor, scale=scale), array * factors
         for values, transposed in ((array.T, True), (array, False)):
-            key = _key(values)
-            stored[key] = StoredTensor(array.shape, first, last - first, transposed)
+            stored[_key(values)] = replace(tensor, transposed=transposed)
     return stored
 
 

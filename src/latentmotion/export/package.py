@@ -1,7 +1,8 @@
 """Packaging: a trained model as a folder that runs without PyTorch.
 
-The folder has card, weights, graphs and text encoder. Weights are stored in 16 bits and the graphs
-are made from the rounded weights, so that both give the same motions.
+The folder has card, weights, graphs and text encoder. Weights are stored in 16 bits, or the
+denoiser's matrices in 8, and the graphs are made from the rounded weights, so that both give the
+same motions.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
 from latentmotion.errors import ModelError
 from latentmotion.export import onnx as graphs
-from latentmotion.export.graph_weights import quantize, share_weights
+from latentmotion.export.graph_weights import Weights, quantize, share_weights
 from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard
 from latentmotion.model.readme import readme
 from latentmotion.networks import checkpoint
+from latentmotion.networks.text_encoder import pack
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.encoder import load_text_encoder
@@ -46,6 +48,7 @@ def package_model(
     text_encoder: WriteTextEncoder | None,
     output: Path,
     share_encoder: bool = False,
+    weights: Weights = "float16",
 ) -> None:
     """Writes a folder from which `MotionPipeline.from_pretrained` generates.
 
@@ -55,6 +58,8 @@ def package_model(
         text_encoder: Writes the text encoder; None for models of actions and unconditional ones.
         output: Folder to write, replaced as a whole.
         share_encoder: Whether to leave out the VAE's encoder if a shipped model has the same.
+        weights: How the denoiser's matrices are kept. The VAE stays in 16 bits: other models may
+            have the same one.
 
     Raises:
         ModelError: A file or network is missing, a graph does not repeat its network, or no
@@ -66,18 +71,21 @@ def package_model(
     with atomic_folder(output, cards.CARD_FILE) as folder:
         card.write(folder)
         (folder / cards.README_FILE).write_text(readme(card), encoding="utf-8")
-        weights = {
+        rounded = {
             key: value.half() if value.is_floating_point() else value
             for key, value in checkpoint.model_weights(source).items()
         }
-        left_out = checkpoint.encoder_weights(weights) if share_encoder else {}
+        left_out = checkpoint.encoder_weights(rounded) if share_encoder else {}
         shared = checkpoint.encoder_hash(left_out) if left_out else ""
         if share_encoder and not (shared and checkpoint.encoder_holder(shared, besides=output)):
             raise ModelError(
                 "no shipped model has this VAE's encoder, so it cannot be left out; export without "
                 "--share-encoder"
             )
-        kept = {key: value for key, value in weights.items() if key not in left_out}
+        kept = {key: value for key, value in rounded.items() if key not in left_out}
+        for key in [key for key in kept if key.startswith("denoiser.")]:
+            if weights == "int8" and kept[key].is_floating_point() and kept[key].ndim == 2:
+                kept[key], kept[key + checkpoint.SCALE] = pack(kept[key].float())
         metadata = {checkpoint.ENCODER_HASH: shared} if left_out else None
         save_file(kept, folder / checkpoint.WEIGHTS_FILE, metadata)
         if text_encoder is not None:

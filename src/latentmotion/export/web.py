@@ -14,7 +14,7 @@ import json
 import shutil
 import tempfile
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import onnx
@@ -29,6 +29,7 @@ from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session
 from latentmotion.errors import ModelError
+from latentmotion.export.graph_weights import Weights, scaled_rows
 from latentmotion.export.onnx import anonymous, trace
 from latentmotion.export.unused import without_unused
 from latentmotion.model import card as cards
@@ -37,7 +38,6 @@ from latentmotion.representation.interface import Representation
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthModel
 
-WebWeights = Literal["int8", "float16"]
 """How large matrices are kept: 8 bits with a scale for each row, or exactly as in the model."""
 
 MANIFEST_FILE = "web.json"
@@ -45,7 +45,7 @@ WEIGHTS_FILE = "weights.bin"
 SECONDS_FILE = "seconds.onnx"
 FORMAT = "latentmotion web 1"
 
-TOLERANCE: dict[WebWeights, float] = {"int8": 0.15, "float16": 1e-4}
+TOLERANCE: dict[Weights, float] = {"int8": 0.15, "float16": 1e-4}
 """Largest distance allowed between joints of the graph and of the model, meters."""
 
 _LEAST_BYTES = 1024
@@ -82,7 +82,7 @@ lengths (float[1,w] pooled) => (float[1,1] seconds)
 """`LengthModel.usual` for one sentence."""
 
 
-def export_web(source: Path, output: Path, weights: WebWeights = "int8") -> None:
+def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
     """Writes a folder from which the npm package `latentmotion` generates.
 
     Args:
@@ -282,7 +282,7 @@ def _add(graph: onnx.GraphProto, part: ModelProto, prefix: str, names: dict[str,
 class _WeightStore:
     """The file of weights: every tensor once, whichever graphs read it."""
 
-    def __init__(self, weights: WebWeights) -> None:
+    def __init__(self, weights: Weights) -> None:
         self.weights = weights
         self._content = bytearray()
         self._offsets: dict[bytes, int] = {}
@@ -297,13 +297,9 @@ class _WeightStore:
                 most = np.abs(rows).max(tuple(range(1, rows.ndim)), keepdims=True)
                 scale = np.maximum(most / 127, 1e-12).astype(np.float32)  # of each row
                 packed = np.round(rows / scale).astype(np.int8)
-                names = f"{tensor.name}.packed", f"{tensor.name}.scale", f"{tensor.name}.whole"
+                names = f"{tensor.name}.packed", f"{tensor.name}.scale"
                 kept += [self._stored(packed, names[0]), self._stored(scale, names[1])]
-                # Engines compute constants once, as they load a graph.
-                casts += [
-                    helper.make_node("Cast", [names[0]], [names[2]], to=TensorProto.FLOAT),
-                    helper.make_node("Mul", [names[2], names[1]], [tensor.name]),
-                ]
+                casts += scaled_rows(*names, tensor.name)  # engines run them once, while loading
             else:
                 kept.append(self._stored(array, tensor.name))
         nodes = list(model.graph.node)
@@ -333,7 +329,7 @@ class _WeightStore:
         return tensor
 
 
-def _manifest(pipeline: MotionPipeline, folder: Path, weights: WebWeights) -> dict[str, Any]:
+def _manifest(pipeline: MotionPipeline, folder: Path, weights: Weights) -> dict[str, Any]:
     """Returns what a page has to know of the model."""
     card, features = pipeline.card, pipeline.representation
     assert card.few_step is not None  # as there are fused samplers

@@ -26,6 +26,9 @@ from latentmotion.storage.files import atomic_folder
 
 WEIGHTS_FILE = "weights.safetensors"
 
+SCALE = ".scale"
+"""Ends the name of the scales of a matrix in 8 bits, one for each row."""
+
 ENCODER_HASH = "vae_encoder"
 """Where a file of weights says which encoder it leaves to a shipped model."""
 
@@ -225,14 +228,22 @@ def encoder_hash(weights: Mapping[str, Tensor]) -> str:
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:
-    """Reads a file of tensors.
+    """Reads a file of tensors; matrices in 8 bits come back in 32.
 
     Raises:
         ModelError: It is missing or damaged.
     """
     try:
-        return upgraded_weights(load_file(path))
+        weights = upgraded_weights(load_file(path))
     except (OSError, SafetensorError) as error:
         raise ModelError(
             f"{path} cannot be read, it is missing or damaged: {error}; copy the folder again"
         ) from error
+    packed = [key for key in weights if key + SCALE in weights]
+    for key in packed:
+        matrix, scale = weights[key], weights.pop(key + SCALE)
+        if scale.shape != (len(matrix), 1):
+            found, wanted = tuple(scale.shape), (len(matrix), 1)
+            raise ModelError(f"{path}: {key}{SCALE} has shape {found}, expected {wanted}")
+        weights[key] = matrix * scale
+    return weights
