@@ -1,11 +1,14 @@
 """The service for a long time, with all that goes wrong: what it answers, and what it keeps.
 
-    python -m benchmarks.generation.soak --minutes 30 --rate 60
+    python -m benchmarks.generation.soak --minutes 60 --replicas 2 --output soak.md
 
-Raw motions, GLB files and `/livez` come at a fixed rate; a stream runs all the time; clients hang
-in the middle of a request, or go before the answer. A third through, a file worker is killed by
-SIGKILL. With `--small-disk`, a folder on a disk of a few megabytes, jobs fill it. In the end comes
-SIGTERM, under load.
+Replicas behind the balancer of `packaging/Caddyfile` (`apt install caddy`); with one, none. Raw
+motions, GLB files and `/livez` come at twice the rate that was managed at the beginning, or at
+`--rate`; streams run all the time; clients hang in the middle of a request, or go before the
+answer. A sixth through, a file worker of the first replica is killed by SIGKILL; a third through,
+the last replica, which is started again; at two thirds it is stopped by SIGTERM and started again.
+With `--small-disk`, a folder on a disk of a few megabytes, jobs fill it. In the end comes SIGTERM
+for all, under load. What was found is written every minute.
 """
 
 from __future__ import annotations
@@ -14,11 +17,12 @@ import argparse
 import asyncio
 import json
 import os
-import signal
+import subprocess
 import time
 from collections import Counter
 from collections.abc import Coroutine, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -28,80 +32,179 @@ import httpx
 import psutil
 import websockets
 
-from benchmarks.generation.service import GLB, RAW, body, served
+from benchmarks.generation.service import GLB, RAW, body
+from benchmarks.harness import replicas
 from benchmarks.harness.contest import figure, table
-from benchmarks.harness.load import NICE, Request, Times, load, request
+from benchmarks.harness.load import NICE, Request, Times, load, request, saturate
+from benchmarks.harness.replicas import Replica
+from latentmotion.storage.files import atomic_file
 
-LAST = 10.0
+LAST = 20.0
 """Seconds of the load in whose middle SIGTERM comes."""
+
+WARM = 30.0
+"""Seconds for which the rate that is managed is measured."""
+
+TOGETHER = 32
+"""Requests that are open meanwhile."""
+
+GONE = 3.0
+"""Seconds from the kill of a replica to its next start."""
+
+STREAMS = 3
+"""Streams that are open at the same time."""
+
+NOTICE = 5
+"""Seconds between saying so at `/readyz` and stopping, as in `packaging/Containerfile`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Prints what happened."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=30.0)
-    parser.add_argument("--rate", type=float, default=60.0, help="requests a second")
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--rate", type=float, help="requests a second; else twice what is managed")
+    parser.add_argument("--replicas", type=int, default=2)
     parser.add_argument("--small-disk", type=Path, help="folder of jobs, on a disk that fills")
+    parser.add_argument("--output", type=Path, help="file of what was found, written every minute")
     options = parser.parse_args(arguments)
-    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     disk = ("--jobs", str(options.small_disk)) if options.small_disk else ()
-    with served(*disk) as (address, number):
+    notice = ("--notice", str(NOTICE)) if options.replicas > 1 else ()
+    with replicas.replicas(options.replicas, *notice, *disk) as (address, found):
         os.nice(NICE)
-        soak = _Soak(address, psutil.Process(number), 60 * options.minutes, options.rate)
-        asyncio.run(soak.run(fill=bool(disk)))
-    print(f"load {os.getloadavg()[0]:.1f}")
+        soak = _Soak(address, found, 60 * options.minutes, options.output)
+        asyncio.run(soak.run(options.rate, fill=bool(disk)))
+    print(soak.report())
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """What the replicas hold at one moment."""
+
+    at: float
+    """Seconds since the beginning."""
+    memory: list[float]
+    """MB of each server."""
+    whole: list[float]
+    """MB of each server and its workers."""
+    files: int
+    """Open files of all."""
 
 
 class _Soak:
-    def __init__(self, address: str, server: psutil.Process, seconds: float, rate: float) -> None:
-        self.address, self.server, self.seconds, self.rate = address, server, seconds, rate
+    def __init__(
+        self, address: str, servers: Sequence[Replica], seconds: float, output: Path | None
+    ) -> None:
+        self.address, self.servers, self.seconds, self.output = address, servers, seconds, output
         self.events: Counter[str] = Counter()
-        self.samples: list[tuple[float, float, list[float], int]] = []
+        self.samples: list[_Sample] = []
+        self.times: Times = {}
+        self.last: Times = {}
+        self.told = [f"{os.cpu_count()} cores, {len(servers)} replicas; {_load()} at the beginning"]
         self.began = time.monotonic()
 
-    async def run(self, fill: bool) -> None:
-        """Prints the tables."""
-        beside: list[Coroutine[Any, Any, None]] = [
-            *(self._sampled(), self._streamed(), self._rude(), self._killing()),
-        ]
-        tasks = [asyncio.create_task(one) for one in beside + ([self._filling()] if fill else [])]
-        times = await load(self.address, _requests(), self.rate, self.seconds)
-        print(f"{self.rate:g} requests a second for {self.seconds:g} s\n\n{_table(times)}\n")
-        last = asyncio.create_task(load(self.address, _requests(), self.rate, LAST))
+    async def run(self, rate: float | None, fill: bool) -> None:
+        """Runs to the end."""
+        beside: list[Coroutine[Any, Any, None]] = [self._sampled(), self._rude(), self._killing()]
+        beside += [self._streamed() for _ in range(STREAMS)]
+        beside += [self._filling()] if fill else []
+        if rate is None:
+            rate = 2 * await self._managed()
+        self.began = time.monotonic()
+        self._tell(f"{rate:.1f} requests a second for {self.seconds:g} s")
+        tasks = [asyncio.create_task(one) for one in beside]
+        await load(self.address, _requests(), rate, self.seconds, times=self.times)
+        self._tell(f"SIGTERM for all in {LAST / 2:g} s; {_load()}")
+        last = load(self.address, _requests(), rate, LAST, times=self.last)
+        asked = asyncio.create_task(last)
         await asyncio.sleep(LAST / 2)
-        self.server.send_signal(signal.SIGTERM)
-        told = time.monotonic()
-        with suppress(psutil.TimeoutExpired):
-            await asyncio.to_thread(self.server.wait, 60)
-        ended = "ended" if not self.server.is_running() else "still ran"
-        print(f"SIGTERM under load: {ended} {time.monotonic() - told:.1f} s later\n")
-        print(f"{_table(await last)}\n")
+        await asyncio.gather(*(self._stopped(one) for one in self.servers))
+        await asked
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        print(table(["what happened", "times"], [[n, str(c)] for n, c in self.events.items()]))
-        print(f"\n{self._kept()}")
+        self._tell(f"end; {_load()}")
+
+    async def _managed(self) -> float:
+        """Returns the motions that are answered in a second where none waits in vain."""
+        times = await saturate(self.address, _requests(), TOGETHER, WARM)
+        made = sum(len(found) for name, found in times.items() if name in ("raw 200", "GLB 200"))
+        self._tell(f"{made / WARM:.1f} motions a second with {TOGETHER} requests open; {_load()}")
+        return made / WARM
+
+    def _tell(self, what: str) -> None:
+        """Notes what happened, and writes all."""
+        self.told.append(f"{time.monotonic() - self.began:.0f} s: {what}")
+        if self.output:
+            with atomic_file(self.output) as temporary:
+                temporary.write_text(self.report(), encoding="utf-8")
+
+    def report(self) -> str:
+        """Returns all that was found so far."""
+        happened = [[name, str(times)] for name, times in sorted(self.events.items())]
+        parts = ["\n".join(f"* {one}" for one in self.told)]
+        parts += ["Before SIGTERM for all:", _table(self.times)] if self.times else []
+        parts += ["Around SIGTERM for all:", _table(self.last)] if self.last else []
+        parts += [table(["what happened", "times"], happened)] if happened else []
+        return "\n\n".join([*parts, self._kept()]) + "\n"
 
     def _kept(self) -> str:
-        """Returns memory and open files as they were six times, and the most that there was."""
-        rows = []
-        every = max(1, len(self.samples) // 6)
-        for at, server, workers, files in self.samples[every - 1 :: every]:
-            told = " + ".join(map(figure, workers))
-            rows.append([f"{at:.0f} s", *map(figure, (server, server + sum(workers))), told])
-            rows[-1].append(str(files))
-        most = max(server + sum(workers) for _, server, workers, _ in self.samples)
-        rows.append(["most", "", figure(most), "", str(max(one[3] for one in self.samples))])
-        return table(["after", "server, MB", "with workers, MB", "workers", "open files"], rows)
+        """Returns memory and open files as they were twelve times, and the most that there was."""
+        every = max(1, len(self.samples) // 12)
+        rows = [
+            [f"{one.at:.0f} s", _joined(one.memory), _joined(one.whole), str(one.files)]
+            for one in self.samples[every - 1 :: every]
+        ]
+        most = max((one.files for one in self.samples), default=0)
+        largest = max((sum(one.whole) for one in self.samples), default=0.0)
+        rows.append(["most", "", figure(largest), str(most)])
+        return table(["after", "servers, MB", "with workers, MB", "open files"], rows)
 
     async def _sampled(self) -> None:
-        while self.server.is_running():
+        """Notes memory and open files, and once a minute writes what was found."""
+        for number in count():
             with suppress(psutil.Error):
-                family = [self.server, *self.server.children()]
-                server, *workers = (one.memory_info().rss / 1e6 for one in family)
-                files = sum(one.num_fds() for one in family)
-                self.samples.append((time.monotonic() - self.began, server, workers, files))
+                families = [family for one in self.servers if (family := one.family())]
+                sizes = [[one.memory_info().rss / 1e6 for one in family] for family in families]
+                files = sum(one.num_fds() for family in families for one in family)
+                at, own = time.monotonic() - self.began, [size[0] for size in sizes]
+                self.samples.append(_Sample(at, own, [sum(size) for size in sizes], files))
+            if number % 12 == 11 and self.output:
+                with atomic_file(self.output) as temporary:
+                    temporary.write_text(self.report(), encoding="utf-8")
             await asyncio.sleep(5.0)
+
+    async def _killing(self) -> None:
+        """Kills a worker and a replica, and stops the replica later; each is started again."""
+        first, last = self.servers[0], self.servers[-1]
+        await asyncio.sleep(self.seconds / 6)
+        workers = [one for one in first.family() if "service.worker" in str(one.cmdline())]
+        for worker in workers[:1]:
+            worker.kill()
+            self._tell("a file worker of the first replica is killed")
+        if len(self.servers) == 1:
+            return
+        await asyncio.sleep(self.seconds / 6)
+        last.kill()
+        self._tell("the last replica is killed")
+        await asyncio.sleep(GONE)
+        await self._started(last)
+        await asyncio.sleep(self.seconds / 3)
+        await self._stopped(last)
+        await self._started(last)
+
+    async def _started(self, server: Replica) -> None:
+        server.start()
+        await asyncio.to_thread(server.wait_until_ready)
+        self._tell("it is ready again")
+
+    async def _stopped(self, server: Replica) -> None:
+        number = self.servers.index(server) + 1
+        self._tell(f"SIGTERM for replica {number}")
+        try:
+            took = await asyncio.to_thread(server.terminate, 60.0)
+            self._tell(f"replica {number} ended {took:.1f} s after SIGTERM")
+        except subprocess.TimeoutExpired:
+            self._tell(f"replica {number} still runs a minute after SIGTERM")
 
     async def _streamed(self) -> None:
         """Takes a stream as it comes, and begins another where it ends."""
@@ -144,13 +247,6 @@ class _Soak:
             for writer in hanging:
                 writer.close()
 
-    async def _killing(self) -> None:
-        await asyncio.sleep(self.seconds / 3)
-        workers = [one for one in self.server.children() if "service.worker" in str(one.cmdline())]
-        for worker in workers[:1]:
-            worker.kill()
-            self.events["workers killed"] += 1
-
     async def _filling(self) -> None:
         """Asks for jobs, one after the other, on a disk that is too small for them."""
         async with httpx.AsyncClient(base_url=self.address, timeout=60) as client:
@@ -160,6 +256,14 @@ class _Soak:
                     answer = await client.post("/v1/jobs", json={"prompts": prompts})
                     self.events[f"jobs: {answer.status_code}"] += 1
                 await asyncio.sleep(self.seconds / 100)
+
+
+def _load() -> str:
+    return f"load {os.getloadavg()[0]:.1f}"
+
+
+def _joined(sizes: Sequence[float]) -> str:
+    return " + ".join(map(figure, sizes))
 
 
 def _requests() -> Iterator[Request]:

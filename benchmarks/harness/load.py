@@ -11,8 +11,8 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import nullcontext, suppress
 from urllib.parse import urlsplit
 
 Request = tuple[str, bytes]
@@ -20,6 +20,12 @@ Request = tuple[str, bytes]
 
 Times = dict[str, list[float]]
 """Seconds that each answer took, by name and status, or by name and how it failed."""
+
+LOST = (502, 504)
+"""What a balancer answers where the server behind it was lost."""
+
+PAUSES = (0.1, 0.2, 0.4)
+"""Seconds before such a request is sent again, as the client of the package waits."""
 
 NICE = 10
 
@@ -37,7 +43,12 @@ def request(method: str, path: str, body: bytes = b"", host: str = "localhost") 
 
 
 async def load(
-    address: str, requests: Iterator[Request], rate: float, seconds: float, patience: float = 60.0
+    address: str,
+    requests: Iterator[Request],
+    rate: float,
+    seconds: float,
+    patience: float = 60.0,
+    times: Times | None = None,
 ) -> Times:
     """Sends requests at a rate and returns what came back.
 
@@ -47,50 +58,91 @@ async def load(
         rate: Requests a second.
         seconds: How long to send.
         patience: Seconds after which an answer counts as lost.
+        times: Where what comes back is noted as it comes.
     """
-    place, times = urlsplit(address), defaultdict(list)
-    idle: list[_Link] = []
+    clients = _Clients(address, patience, {} if times is None else times)
+    tasks, began = set(), time.perf_counter()
+    for number in range(round(rate * seconds)):
+        await asyncio.sleep(max(0.0, began + number / rate - time.perf_counter()))
+        task = asyncio.ensure_future(clients.ask(*next(requests)))
+        tasks.add(task)
+        task.add_done_callback(tasks.discard)
+    await asyncio.gather(*tasks)
+    clients.close()
+    return clients.times
 
-    async def sent(content: bytes, link: _Link) -> int:
+
+async def saturate(
+    address: str, requests: Iterator[Request], together: int, seconds: float
+) -> Times:
+    """Sends as many requests as are answered, some at a time, and returns what came back."""
+    clients, end = _Clients(address, 60.0, {}), time.perf_counter() + seconds
+
+    async def one() -> None:
+        while time.perf_counter() < end:
+            await clients.ask(*next(requests))
+
+    await asyncio.gather(*(one() for _ in range(together)))
+    clients.close()
+    return clients.times
+
+
+class _Clients:
+    """Connections that are kept, and what came back over them.
+
+    Args:
+        address: URL of the server.
+        patience: Seconds after which an answer counts as lost.
+        times: Where what comes back is noted.
+    """
+
+    def __init__(self, address: str, patience: float, times: Times) -> None:
+        self._place, self._patience, self.times = urlsplit(address), patience, times
+        self._idle: list[_Link] = []
+
+    async def ask(self, name: str, content: bytes) -> None:
+        """Sends a request, and again where a balancer says that it lost the server."""
+        began = time.perf_counter()
+        try:
+            async with asyncio.timeout(self._patience):
+                for pause in (*PAUSES, None):
+                    again, status = await self._once(content)
+                    name = f"{name}{' again' * again} {status}"
+                    if status not in LOST or pause is None:
+                        break
+                    await asyncio.sleep(pause)
+        except (OSError, TimeoutError, asyncio.IncompleteReadError) as error:
+            name = f"{name} {type(error).__name__}"
+        self.times.setdefault(name, []).append(time.perf_counter() - began)
+
+    def close(self) -> None:
+        """Closes what is open."""
+        for _, writer in self._idle:
+            writer.close()
+
+    async def _once(self, content: bytes) -> tuple[bool, int]:
+        """Returns whether a kept connection was lost before its answer, and the status."""
+        idle = self._idle
+        while idle and idle[-1][0].at_eof():
+            idle.pop()[1].close()
+        kept = bool(idle)
+        with suppress(UnansweredError) if kept else nullcontext():
+            link = idle.pop() if kept else await self._opened()
+            return False, await self._sent(content, link)
+        return True, await self._sent(content, await self._opened())
+
+    async def _opened(self) -> _Link:
+        return await asyncio.open_connection(self._place.hostname, self._place.port)
+
+    async def _sent(self, content: bytes, link: _Link) -> int:
         """Returns the status of an answer; keeps the connection where it stays open."""
         kept = False
         try:
             link[1].write(content)
             status, kept = await _answer(link[0])
         finally:
-            (idle.append(link) if kept else link[1].close())
+            (self._idle.append(link) if kept else link[1].close())
         return status
-
-    async def one(name: str, content: bytes) -> None:
-        began = time.perf_counter()
-        try:
-            async with asyncio.timeout(patience):
-                while idle and idle[-1][0].at_eof():
-                    idle.pop()[1].close()
-                status = None
-                if idle:
-                    try:
-                        status = await sent(content, idle.pop())
-                    except UnansweredError:
-                        name = f"{name} again"
-                if status is None:
-                    link = await asyncio.open_connection(place.hostname, place.port)
-                    status = await sent(content, link)
-            name = f"{name} {status}"
-        except (OSError, TimeoutError, asyncio.IncompleteReadError) as error:
-            name = f"{name} {type(error).__name__}"
-        times[name].append(time.perf_counter() - began)
-
-    tasks, began = set(), time.perf_counter()
-    for number in range(round(rate * seconds)):
-        await asyncio.sleep(max(0.0, began + number / rate - time.perf_counter()))
-        task = asyncio.ensure_future(one(*next(requests)))
-        tasks.add(task)
-        task.add_done_callback(tasks.discard)
-    await asyncio.gather(*tasks)
-    for _, writer in idle:
-        writer.close()
-    return dict(times)
 
 
 async def _answer(reader: asyncio.StreamReader) -> tuple[int, bool]:
