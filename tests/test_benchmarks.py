@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+import shutil
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
 from importlib.util import find_spec
@@ -31,7 +33,7 @@ from benchmarks.generation import (
 )
 from benchmarks.generation.authors import AuthorsGeneration
 from benchmarks.generation.ours import Generation, Model, sentences
-from benchmarks.harness import authors_networks, contest, load, process
+from benchmarks.harness import authors_networks, contest, load, process, replicas
 from benchmarks.training import device as device_training
 from benchmarks.training import kills
 from benchmarks.training import speed as training
@@ -180,7 +182,7 @@ def test_training_on_a_device_has_a_line_for_each_stage_and_precision(monkeypatc
 
 @pytest.mark.parametrize("differs", [False, True])
 def test_killed_trainings_are_counted(monkeypatch, capsys, tmp_path, differs):
-    def train(data: Path, folder: Path) -> None:
+    def train(words: Sequence[str], folder: Path) -> None:
         """Ends when it is killed if it starts for the first time, else at once."""
         sum(range(300_000))  # so that the whole run takes some time
         (folder / "model").mkdir(parents=True, exist_ok=True)
@@ -296,19 +298,87 @@ def test_a_request_on_a_connection_that_was_kept_in_vain_is_sent_again():
     assert len(seen) == 3
 
 
-def test_the_soak_counts_what_happens(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(soak, "served", stub_service.served)
-    monkeypatch.setattr(soak, "LAST", 1.0)
+def soaked(monkeypatch, capsys, tmp_path, *options):
+    """Returns what a soak of a stub tells, and its rows before SIGTERM for all."""
+    for name, value in {"LAST": 1.0, "WARM": 0.5, "GONE": 0.1, "NOTICE": 0}.items():
+        monkeypatch.setattr(soak, name, value)
+    monkeypatch.setattr(replicas, "SERVE", stub_service.COMMAND)
     monkeypatch.setattr(soak.os, "nice", lambda more: more)
-    soak.main(["--minutes", "0.03", "--rate", "20", "--small-disk", str(tmp_path)])
-    printed = capsys.readouterr().out
-    assert "SIGTERM under load: ended" in printed
-    before = rows(printed.partition("SIGTERM")[0])
-    found = {name: int(cells[0]) for name, cells in before.items() if name[-3:].isdecimal()}
+    file = tmp_path / "soak.md"
+    soak.main(["--rate", "20", "--minutes", "0.03", "--output", str(file), *options])
+    told = capsys.readouterr().out
+    assert file.read_text() == told.removesuffix("\n")
+    before = told.partition("Before SIGTERM")[2].partition("Around SIGTERM")[0]
+    assert told.partition("Around SIGTERM")[2] and "s after SIGTERM" in told
+    return told, {
+        name: int(cells[0]) for name, cells in rows(before).items() if cells[0].isdecimal()
+    }
+
+
+def test_the_soak_counts_what_happens(monkeypatch, capsys, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    options = ["--replicas", "1", "--small-disk", str(disk)]
+    told, before = soaked(monkeypatch, capsys, tmp_path, *options)
+    found = {name: times for name, times in before.items() if name[-3:].isdecimal()}
     assert found == {"raw 200": 29, "GLB 429": 4, "livez 200": 3}
-    happened = rows(printed)
+    happened = rows(told)
     for event in ("stream: 1001 going", "pieces of a stream", "hung", "jobs: 202"):
         assert int(happened[event][0]) >= 1
+
+
+@pytest.mark.skipif(shutil.which("caddy") is None, reason="needs caddy, the balancer")
+def test_a_killed_replica_behind_the_balancer_loses_nothing(monkeypatch, capsys, tmp_path):
+    told, before = soaked(monkeypatch, capsys, tmp_path)
+    assert told.index("the last replica is killed") < told.index("it is ready again")
+    assert told.count("it is ready again") == 2
+    assert sum(before.values()) == 36
+    assert {name.split()[-1] for name in before} <= {"200", "429", "503"}
+
+
+def test_lost_requests_are_sent_again_as_they_are_told_by_a_balancer(monkeypatch):
+    async def run():
+        answers = iter(("502 Bad Gateway", "504 Gateway Timeout", "200 OK", *["502 Bad"] * 4))
+
+        async def answer(reader, writer):
+            with suppress(asyncio.IncompleteReadError), closing(writer):
+                while await reader.readuntil(b"\r\n\r\n"):
+                    writer.write(f"HTTP/1.1 {next(answers)}\r\nContent-Length: 0\r\n\r\n".encode())
+
+        server = await asyncio.start_server(answer, "127.0.0.1", 0)
+        place = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        asked = cycle([("a", load.request("GET", "/"))])
+        found = [await load.load(place, asked, 1, 1.0) for _ in range(2)]
+        server.close()
+        return [list(times) for times in found]
+
+    monkeypatch.setattr(load, "PAUSES", (0.0, 0.0, 0.0))
+    assert asyncio.run(run()) == [["a 502 504 200"], ["a 502 502 502 502"]]
+
+
+def test_a_service_is_kept_busy(monkeypatch):
+    async def run():
+        together, most = 0, 0
+
+        async def answer(reader, writer):
+            nonlocal together, most
+            with suppress(asyncio.IncompleteReadError), closing(writer):
+                while await reader.readuntil(b"\r\n\r\n"):
+                    together += 1
+                    most = max(most, together)
+                    await asyncio.sleep(0.01)
+                    together -= 1
+                    writer.write(b"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n\r\n")
+
+        server = await asyncio.start_server(answer, "127.0.0.1", 0)
+        place = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        asked = cycle([("a", load.request("GET", "/"))])
+        found = await load.saturate(place, asked, 3, 0.2)
+        server.close()
+        return most, found
+
+    most, found = asyncio.run(run())
+    assert most == 3 and list(found) == ["a 200"] and len(found["a 200"]) >= 3
 
 
 def test_load_counts_answers_and_lost_connections():

@@ -104,7 +104,7 @@ class _Soak:
 
     async def run(self, rate: float | None, fill: bool) -> None:
         """Runs to the end."""
-        beside: list[Coroutine[Any, Any, None]] = [self._sampled(), self._rude(), self._killing()]
+        beside: list[Coroutine[Any, Any, None]] = [self._sampled(), self._rude()]
         beside += [self._streamed() for _ in range(STREAMS)]
         beside += [self._filling()] if fill else []
         if rate is None:
@@ -112,7 +112,9 @@ class _Soak:
         self.began = time.monotonic()
         self._tell(f"{rate:.1f} requests a second for {self.seconds:g} s")
         tasks = [asyncio.create_task(one) for one in beside]
+        killing = asyncio.create_task(self._killing())
         await load(self.address, _requests(), rate, self.seconds, times=self.times)
+        await killing
         self._tell(f"SIGTERM for all in {LAST / 2:g} s; {_load()}")
         last = load(self.address, _requests(), rate, LAST, times=self.last)
         asked = asyncio.create_task(last)

@@ -37,6 +37,9 @@ except ModuleNotFoundError as error:
 BUSY = (429, 503)
 """Statuses of a service that asks to be called again."""
 
+LOST = (502, 503, 504)
+"""What a balancer answers, without Retry-After, where it has no service or lost it."""
+
 UNDONE = ("queued", "running")
 """States of a job that has not ended."""
 
@@ -47,7 +50,7 @@ LONGEST_WAIT = 10.0
 """Seconds between two calls at most."""
 
 RECONNECTS = 3
-"""How often a call is sent again whose connection was refused or lost."""
+"""How often a call is sent again whose connection, or the balancer's, was refused or lost."""
 
 PAUSE = 0.1
 """Seconds before the first of these; each later pause is twice as long."""
@@ -141,20 +144,23 @@ class _Patience:
 
     def wait(self, outcome: httpx.Response | httpx.HTTPError) -> float | None:
         """Returns the seconds to wait; None if the outcome stands."""
-        if isinstance(outcome, httpx.Response):
-            after = outcome.headers.get("Retry-After", "")
-            if outcome.status_code not in BUSY or not after.isdecimal():
-                return None
+        answer = outcome if isinstance(outcome, httpx.Response) else None
+        after = "" if answer is None else answer.headers.get("Retry-After", "")
+        if answer is not None and answer.status_code in BUSY and after.isdecimal():
             seconds = min(float(after), LONGEST_WAIT)
+        elif self._lost == RECONNECTS or not self._may_repeat(outcome):
+            return None
         else:
-            # A connection that was refused has carried nothing.
-            lost = httpx.NetworkError | httpx.RemoteProtocolError
-            again = lost if self._repeatable else httpx.ConnectError
-            if self._lost == RECONNECTS or not isinstance(outcome, again):
-                return None
             seconds = PAUSE * 2**self._lost
             self._lost += 1
         return seconds if time.monotonic() + seconds < self._end else None
+
+    def _may_repeat(self, outcome: httpx.Response | httpx.HTTPError) -> bool:
+        if isinstance(outcome, httpx.Response):
+            return self._repeatable and outcome.status_code in LOST
+        # A connection that was refused has carried nothing.
+        lost = httpx.NetworkError | httpx.RemoteProtocolError
+        return isinstance(outcome, lost if self._repeatable else httpx.ConnectError)
 
 
 def _checked(outcome: httpx.Response | httpx.HTTPError, url: object) -> httpx.Response:

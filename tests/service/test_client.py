@@ -90,6 +90,8 @@ def test_no_service_is_told() -> None:
 OK = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n[]"
 BUSY = b"HTTP/1.1 429 Busy\r\nRetry-After: 0\r\nContent-Length: 0\r\n\r\n"
 HALF = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n["
+BROKEN = b"HTTP/1.1 502 Bad Gateway\r\nContent-Length: 0\r\n\r\n"
+NOBODY = b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\n\r\n"
 NOTHING = b""
 
 
@@ -128,7 +130,7 @@ def models_by_async_client(address: str, patience: float = 60.0) -> object:
 
 
 @pytest.mark.parametrize("models", [models_by_client, models_by_async_client])
-@pytest.mark.parametrize("first", [[NOTHING], [HALF], [BUSY], [NOTHING, BUSY, HALF, BUSY]])
+@pytest.mark.parametrize("first", [[NOTHING], [HALF], [BUSY], [NOTHING, BUSY, BROKEN, NOBODY]])
 def test_what_was_lost_or_refused_is_asked_again(
     models: Callable[..., object], first: list[bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,10 +162,11 @@ def test_lost_answers_are_given_up_after_some(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_job_is_not_asked_for_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    stub = Stub(NOTHING)
-    with Client(stub.address) as client, pytest.raises(LatentMotionError, match="no service at"):
-        client.job(["a person walks"])
-    assert stub.asked == 1
+    for answer, told in ((NOTHING, "no service at"), (BROKEN, "answers 502")):
+        stub = Stub(answer)
+        with Client(stub.address) as client, pytest.raises(LatentMotionError, match=told):
+            client.job(["a person walks"])
+        assert stub.asked == 1
     tries: list[str] = []
 
     def refuse(request: httpx.Request) -> httpx.Response:

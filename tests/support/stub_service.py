@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import json
-import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import uvicorn
-
-
-@contextmanager
-def served(*options: str) -> Iterator[tuple[str, int]]:
-    """Yields the address and the process of a stub, like `benchmarks.generation.service`."""
-    command = [sys.executable, "-m", __name__, *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            yield process.stdout.readline().strip(), process.pid
-        finally:
-            process.terminate()
 
 
 async def app(scope: Any, receive: Any, send: Any) -> None:
@@ -46,14 +32,21 @@ async def app(scope: Any, receive: Any, send: Any) -> None:
 
 
 def main() -> None:
-    """Serves at any port, which is printed."""
-    config = uvicorn.Config(
-        app, port=0, lifespan="off", log_level="error", timeout_graceful_shutdown=1
+    """Serves at a port; other options of the service mean nothing here."""
+    parser = argparse.ArgumentParser(allow_abbrev=False)
+    parser.add_argument("--port", type=int, required=True)
+    options, _ = parser.parse_known_args()
+    uvicorn.run(
+        app,
+        port=options.port,
+        lifespan="off",
+        log_level="critical",
+        timeout_graceful_shutdown=1,
     )
-    place = config.bind_socket()
-    print("http://{}:{}".format(*place.getsockname()), flush=True)
-    uvicorn.Server(config).run([place])
 
+
+COMMAND = (sys.executable, "-m", "tests.support.stub_service")
+"""Starts it, as `benchmarks.harness.replicas` starts the service."""
 
 if __name__ == "__main__":
     main()
