@@ -24,6 +24,9 @@ from latentmotion.training.denoiser_loss import DenoiserObjective
 Precision = Literal["float32", "bfloat16", "auto"]
 """Of a network's arithmetic; `auto` is bfloat16 on devices that multiply it, else float32."""
 
+Parallel = Literal["auto", "replicated", "sharded"]
+"""Whether each rank holds all weights or a part of them; `auto` decides by size."""
+
 
 @dataclass(frozen=True)
 class TrainingSettings:
@@ -47,6 +50,8 @@ class TrainingSettings:
     """Decay of the moving average of the weights; 0 for none."""
     precision: Precision = "float32"
     """Precision of the networks' arithmetic; weights and losses stay in float32."""
+    parallel: Parallel = "auto"
+    """Under torchrun: each rank holds all weights, or a part; by default as many as fit."""
     seed: int = 0
     """Seed of weights, batches and noise."""
     report_every: int = 50

@@ -31,6 +31,7 @@ from latentmotion.storage.files import atomic_file
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.journal import Journal, write_strip
+from latentmotion.training.sharding import is_sharded, shard, shared_like, whole
 
 Network = TypeVar("Network", bound=nn.Module)
 
@@ -49,6 +50,20 @@ class ExponentialMovingAverage(Generic[Network]):
     def __init__(self, network: Network, decay: float) -> None:
         self.network = copy.deepcopy(network).eval().requires_grad_(False)
         self.decay = decay
+        self._unshared: Network | None = None
+
+    def shard(self, context: DistributedContext) -> None:
+        """Leaves each rank its part of the weights."""
+        self._unshared = copy.deepcopy(self.network)
+        shard(self.network, self.network, context)
+
+    def whole(self, context: DistributedContext) -> Network:
+        """Returns the network with all weights; every rank must call it."""
+        if self._unshared is None:
+            return self.network
+        network = copy.deepcopy(self._unshared)
+        network.load_state_dict(whole(self.network.state_dict()))
+        return network.to(context.device)
 
     @torch.no_grad()
     def update(self, network: Network, step: int) -> None:
@@ -93,16 +108,18 @@ def save_snapshot(
     network: nn.Module,
     average: ExponentialMovingAverage,
     optimizer: torch.optim.Optimizer,
+    context: DistributedContext,
 ) -> None:
-    """Writes the snapshot of `folder`."""
+    """Writes the snapshot of `folder`; every rank must call it, and the leading one writes."""
     state = {
         **progress._asdict(),
-        "network": network.state_dict(),
-        "average": average.network.state_dict(),
-        "optimizer": optimizer.state_dict(),
+        "network": whole(network.state_dict()),
+        "average": whole(average.network.state_dict()),
+        "optimizer": whole(optimizer.state_dict()),
     }
-    with atomic_file(folder / NAME) as temporary:
-        torch.save(state, temporary)
+    if context.is_main:
+        with atomic_file(folder / NAME) as temporary:
+            torch.save(state, temporary)
 
 
 def load_snapshot(
@@ -121,10 +138,16 @@ def load_snapshot(
         return Progress()
     state = _read_snapshot(path)
     try:
-        network.load_state_dict(upgraded_weights(state["network"]))
-        average.network.load_state_dict(upgraded_weights(state["average"]))
+        for part, key in ((network, "network"), (average.network, "average")):
+            found, own = upgraded_weights(state[key]), part.state_dict()
+            placed = {k: shared_like(v, own[k]) if k in own else v for k, v in found.items()}
+            part.load_state_dict(placed)
+        parameters = [p for group in optimizer.param_groups for p in group["params"]]
+        for number, moments in state["optimizer"]["state"].items():
+            for key in ("exp_avg", "exp_avg_sq"):
+                moments[key] = shared_like(moments[key], parameters[number])
         optimizer.load_state_dict(state["optimizer"])
-    except (KeyError, RuntimeError, ValueError) as error:
+    except (KeyError, IndexError, RuntimeError, ValueError) as error:
         raise ModelError(
             f"{path} does not fit this network: {error}; use another folder"
         ) from error
@@ -176,8 +199,14 @@ def train(
     Raises:
         LatentMotionError: The loss is no longer finite.
     """
-    stage.to(context.device)
+    sharded = is_sharded(stage.network, settings, context)
+    if not sharded:
+        stage.to(context.device)
     average = ExponentialMovingAverage(stage.network, settings.ema_decay)
+    if sharded:  # parts go to the device one after the other
+        average.shard(context)
+        shard(stage, stage.network, context)
+        stage.to(context.device)
     stage.follow(average.network)
     optimizer = torch.optim.AdamW(
         stage.network.parameters(),
@@ -187,21 +216,22 @@ def train(
     )
     done, seconds, processor = load_snapshot(folder, stage.network, average, optimizer)
     context.check_same(done, "snapshot's step")
-    losses_of = DistributedDataParallel(stage) if context.ranks.world > 1 else stage
+    replicated = context.ranks.world > 1 and not sharded
+    losses_of = DistributedDataParallel(stage) if replicated else stage
     start, processor_start = time.perf_counter() - seconds, time.process_time() - processor
     with Reporter(stage, average, settings, folder, context, done) as reporter:
         for step in range(done, settings.steps):
             losses = optimize(losses_of, optimizer, settings, step, context)
             average.update(stage.network, step)
             reporter.report(step + 1, losses)
-            if context.is_main and is_due(step + 1, settings.snapshot_every, settings.steps):
+            if is_due(step + 1, settings.snapshot_every, settings.steps):
                 seconds, processor = (
                     time.perf_counter() - start,
                     time.process_time() - processor_start,
                 )
                 progress = Progress(step + 1, seconds, processor)
-                save_snapshot(folder, progress, stage.network, average, optimizer)
-    return average.network, time.perf_counter() - start
+                save_snapshot(folder, progress, stage.network, average, optimizer, context)
+    return average.whole(context), time.perf_counter() - start
 
 
 def optimize(
@@ -218,7 +248,7 @@ def optimize(
     optimizer.zero_grad(set_to_none=True)
     losses["total"].backward()
     parameters = [p for group in optimizer.param_groups for p in group["params"]]
-    norm = nn.utils.clip_grad_norm_(parameters, settings.gradient_clip or math.inf)
+    norm = whole(nn.utils.clip_grad_norm_(parameters, settings.gradient_clip or math.inf))
     for group in optimizer.param_groups:
         group["lr"] = settings.rate(step)
     optimizer.step()
@@ -247,7 +277,7 @@ class Reporter(Generic[Network]):
         context: DistributedContext,
         done: int,
     ) -> None:
-        self._stage, self._network, self._settings = stage, average.network, settings
+        self._stage, self._average, self._settings = stage, average, settings
         self._folder, self._context, self._done = folder, context, done
         self._start = time.perf_counter()
         self._journal = Journal(folder, settings.steps, done) if context.is_main else None
@@ -264,10 +294,17 @@ class Reporter(Generic[Network]):
         settings = self._settings
         if is_due(step, settings.report_every, settings.steps):
             self._write(step, "train", self._context.mean(losses))
-        if self._journal and is_due(step, settings.validate_every, settings.steps):
-            self._write(step, "validation", self._stage.validate(self._network))
-        if self._journal and is_due(step, settings.sample_every, settings.steps):
-            write_strip(self._folder / f"samples-{step:07d}.png", self._stage.sample(self._network))
+        validates, samples = (
+            is_due(step, every, settings.steps)
+            for every in (settings.validate_every, settings.sample_every)
+        )
+        network = self._average.whole(self._context) if validates or samples else None
+        if self._journal is None or network is None:
+            return
+        if validates:
+            self._write(step, "validation", self._stage.validate(network))
+        if samples:
+            write_strip(self._folder / f"samples-{step:07d}.png", self._stage.sample(network))
 
     def _write(self, step: int, kind: str, figures: Mapping[str, float]) -> None:
         if not math.isfinite(figures.get("total", 0.0)):

@@ -55,7 +55,7 @@ _OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json", "state.p
 """What other folders of this package have; `state.pt` is of text encoders trained earlier."""
 
 _STEPS = re.compile(r"(?:\w+\.)*\w*training\.steps \((\d+) → (\d+)\)")
-_PRECISION = re.compile(r"(?:\w+\.)*\w*training\.precision \(.*\)")
+_MACHINE = re.compile(r"(?:\w+\.)*\w*training\.(?:precision|parallel) \(.*\)")
 """Settings that may differ when a run is resumed."""
 
 MODEL = "model"
@@ -79,7 +79,8 @@ class Run:
 def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     """Makes the folder, or checks that it was made with the same.
 
-    With more steps than before a finished run goes on; the precision may be another, too.
+    With more steps than before a finished run goes on; the precision and the way in which ranks
+    share the work may be others, too.
 
     Args:
         folder: The run folder.
@@ -100,7 +101,7 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
         for key in differing:  # more steps and another precision may be asked for
             steps = _STEPS.fullmatch(key)
             more = steps and int(steps[2]) > int(steps[1])
-            if not more and not _PRECISION.fullmatch(key):
+            if not more and not _MACHINE.fullmatch(key):
                 fixed.append(key)
         if fixed:
             raise InputError(

@@ -58,7 +58,7 @@ class DistillStage(Stage[Denoiser]):
 
     def follow(self, average: Denoiser) -> None:
         """Remembers the averaged student, but not as a part of this module, which it is not."""
-        self._average = average.forward
+        self._average = average.__call__
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""
