@@ -74,6 +74,8 @@ def test_seconds_are_of_the_warm_ones_on_average(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(time, "perf_counter", lambda: now)
     assert aits([action] * 4, warm_up=2) == 3.0
     assert next(durations, None) is None
+    durations = iter([5.0, 7.0])
+    assert aits([action] * 2, warm_up=0, clock=lambda: 2 * now) == 12.0
 
 
 def test_bytes_of_a_linear_layer_of_attention_and_of_a_convolution() -> None:

@@ -11,6 +11,8 @@ import torch
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import ModelError
+from latentmotion.evaluation.embedding_scores import reads_text
+from latentmotion.evaluation.evaluators.interface import load_evaluator
 from latentmotion.evaluation.evaluators.scorer_export import export_scorer
 from latentmotion.evaluation.evaluators.text_motion import (
     T2MEvaluator,
@@ -73,10 +75,22 @@ def test_the_exported_scorer_repeats_the_networks(
     texts = ["a person walks", "kick twice with the left foot"]
     found = evaluator.texts([Caption(text, 0, 1) for text in texts])
     assert np.abs(scorer.texts(texts) - found).max() < 2e-3
+    judge = load_evaluator(tmp_path / "scorer")
+    assert reads_text(judge) and judge.fingerprint == evaluator.fingerprint
+    assert np.array_equal(judge.motions(features), scorer.embed(features))
+    assert np.array_equal(judge.texts([Caption(text, 0, 1) for text in texts]), scorer.texts(texts))
     assert len(read_training_vectors(scorer).clips) == len(data.clips("train"))
     graph = onnx.load(tmp_path / "scorer" / "motion.onnx")
     halves = [t for t in graph.graph.initializer if t.data_type == onnx.TensorProto.FLOAT16]
     assert len(halves) > 4
+
+
+def test_the_shipped_scorer_is_an_evaluator_by_name(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    judge = load_evaluator(Path("scorer"))
+    assert reads_text(judge) and judge.width == 128 and len(judge.fingerprint) == 64
 
 
 def test_other_evaluators_are_refused(evaluator: T2MEvaluator, tmp_path: Path) -> None:

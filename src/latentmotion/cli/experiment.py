@@ -72,6 +72,35 @@ class FillDocument:
 
 
 @dataclass(frozen=True)
+class JoinRuns:
+    """Join runs of a table that differ in seed or evaluator: means of trainings, with intervals.
+
+    Writes OUTPUT/TABLE.md, .json and .svg; for a second evaluator OUTPUT/TABLE_2.md and so on.
+
+    Example: latentmotion experiment join quality --results seed_0 seed_1 seed_2 -o joined
+    """
+
+    name: Annotated[Positional[str], arg(metavar="TABLE")]
+    """Table; `latentmotion experiment list` names them."""
+    results: tuple[Path, ...]
+    """Output folders of `latentmotion experiment run`, with another denoiser_training.seed or
+    --evaluator each."""
+    output: options.Output
+    """Folder to write."""
+
+    def run(self) -> None:
+        """Joins; prints the page of the first evaluator.
+
+        Raises:
+            InputError: The table is unknown, a folder has none, or the runs do not fit together.
+        """
+        from latentmotion.reproduce.joined import join_runs
+
+        page = join_runs(table_named(self.name), self.results, self.output)
+        print(page.read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
 class DrawCurves:
     """Train the VAEs of a table in turn, and draw their error by steps and processor time.
 
@@ -144,8 +173,14 @@ class RunExperiment:
     evaluator: options.Evaluator = None
     text_encoder: options.TextEncoderName = options.TEXT_ENCODER
     protocol: options.ProtocolChoice = "clean"
+    vaes: Path | None = None
+    """Folder of trained VAEs, such as the output of `latentmotion experiment curves`; by default
+    they are trained, too."""
     replications: int | None = None
     """Repetitions of each measurement; by default those of the budget."""
+    strips: int | None = None
+    """Draw the motions of so many test prompts by the rows named, beside the real ones, instead of
+    measuring: OUTPUT/TABLE_strips.svg."""
     device: options.Device = options.AUTO
     model: str = DEFAULT
     """Name or folder of the model of an experiment of directing."""
@@ -166,7 +201,7 @@ class RunExperiment:
         from latentmotion.evaluation.evaluators.interface import load_evaluator
         from latentmotion.evaluation.protocol import PROTOCOLS
         from latentmotion.gpu.backend import text_encoder_named
-        from latentmotion.reproduce import budget, runner, workspace
+        from latentmotion.reproduce import budget, runner, strips, workspace
         from latentmotion.text.cache import CachedTextEncoder
         from latentmotion.training.distributed import distributed_context
 
@@ -182,13 +217,17 @@ class RunExperiment:
         rows = rows_named(table, self.rows)
         with distributed_context(self.device) as context:
             sizes = budget.budget_named(self.budget).of_table(self.name).changed(self.set)
+            data = Dataset.load(self.data)
             work = workspace.Workspace(
-                Dataset.load(self.data), self.output, sizes, context, encoder, self.text_encoder
+                data, self.output, sizes, context, encoder, self.text_encoder, vaes=self.vaes
             )
             evaluator = load_evaluator(self.evaluator) if self.evaluator else None
             count = self.replications or sizes.replications
             protocol = sizes.protocol(replace(PROTOCOLS[self.protocol], replications=count))
             tables = runner.TableRunner(table, work, protocol, evaluator)
+            if self.strips is not None:
+                print(strips.draw_strips(tables, rows, self.strips))
+                return
             print(tables.run(rows).read_text(encoding="utf-8"))
 
     def _directing(self, data: Dataset) -> None:

@@ -84,6 +84,9 @@ VERBS = {
         "experiment:DrawCurves", "Train the VAEs of a table in turn; draw error by steps and hours."
     ),
     "experiment run": Verb("experiment:RunExperiment", "Train and measure the rows of a table."),
+    "experiment join": Verb(
+        "experiment:JoinRuns", "Join runs of a table with other seeds or evaluators."
+    ),
     "experiment document": Verb(
         "experiment:FillDocument", "Insert finished tables into a document."
     ),

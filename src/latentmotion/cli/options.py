@@ -47,7 +47,8 @@ Evaluator = Annotated[
     Path | None,
     arg(
         aliases=["-e"],
-        help="Folder of an evaluator, for FID, R-precision, accuracy and the like; without one, "
+        help="Folder of an evaluator, for FID, R-precision, accuracy and the like, or scorer for "
+        "the scorer that ships; without one, "
         "only joints are compared.",
     ),
 ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from latentmotion.data.dataset import Cropping
 from latentmotion.errors import InputError, hint
@@ -139,6 +140,14 @@ def short_raw_training(experiment: Experiment) -> Experiment:
     return replace(experiment, denoiser_training=training)
 
 
+def denoiser_training(says: str, **settings: Any) -> Adjustment:
+    """Returns the change of settings of the denoiser's training."""
+    return Adjustment(
+        says,
+        lambda e: replace(e, denoiser_training=replace(e.denoiser_training, **settings)),
+    )
+
+
 def short_flow_training(experiment: Experiment) -> Experiment:
     """Trains the denoiser for 700 steps of 32."""
     training = replace(
@@ -173,10 +182,16 @@ SMALL = Budget(
             short_flow_training,
         ),
     ),
-    of_models=dict.fromkeys(
-        ("narrow_16x16", "narrow_16x32"),
-        Adjustment("vae_training.steps=1000", short_vae_training),
-    ),
+    of_models={
+        **dict.fromkeys(
+            ("narrow_16x16", "narrow_16x32"),
+            Adjustment("vae_training.steps=1000", short_vae_training),
+        ),
+        "mld_1_longer": denoiser_training("16,000 steps of the denoiser", steps=16_000),
+        # MLD-1's stages take 2,500 steps of 16 and 4,000 of 64, 29.5e12 FLOPs and 296,000 crops.
+        "mdm_50_flops": denoiser_training("3,000 steps, as many FLOPs as MLD-1", steps=3_000),
+        "mdm_50_longer": denoiser_training("9,250 steps, as many crops as MLD-1", steps=9_250),
+    },
     max_frames=64,
     replications=5,
     slow=1,

@@ -26,8 +26,11 @@ from latentmotion.storage.files import atomic_file
 UNITS = {
     **REPORT_UNITS,
     "AITS": "s ↓",
+    "Processor time": "s ↓",
     "GFLOPs": "↓",
     "Parameters": "10⁶ ↓",
+    "Training": "10¹² FLOPs",
+    "Crops": "10³",
     "Latent numbers": "of 4 s ↓",
     "Training step": "CPU s ↓",
     "Decoding": "of 4 s, CPU ms ↓",
@@ -165,6 +168,9 @@ def _notes(table: Table, result: TableResult) -> list[str]:
 CURVES = "_curves"
 """What the page of a table's curves is called after the table."""
 
+_SUFFIX = re.compile(rf"{CURVES}$|_\d+$")
+"""What pages of curves and of further evaluators have after the table's name."""
+
 _PART = re.compile(r"<!-- table (\w+) -->\n(.*?)<!-- end of table \1 -->", re.DOTALL)
 
 
@@ -186,7 +192,7 @@ def fill(document: Path, results: Path) -> list[str]:
     except OSError as error:
         raise InputError(f"cannot read {document}: {error.strerror}") from error
     names = [match.group(1) for match in _PART.finditer(text)]
-    unknown = [name for name in names if name.removesuffix(CURVES) not in TABLES]
+    unknown = [name for name in names if _SUFFIX.sub("", name) not in TABLES]
     if unknown or not names:
         problem = f"names the unknown table {unknown[0]!r}" if unknown else "has no marked part"
         raise InputError(f"{document} {problem}; a part is <!-- table vae --> … <!-- end of … -->")

@@ -37,16 +37,13 @@ class Model:
     """Model whose first stage it uses; empty for its own."""
     encoder: str = ""
     """Name of its text encoder; empty for the one that the command names."""
+    shipped: str = ""
+    """Model that ships, which is taken as it is; empty for one that is trained."""
 
     @property
     def raw(self) -> bool:
         """Whether it diffuses raw frames, without a first stage."""
         return self.preset in (mdm, mdm_50)
-
-    @property
-    def shipped(self) -> bool:
-        """Whether it is the model that ships, which is not trained again."""
-        return self.preset is starter
 
     def experiment(self) -> Experiment:
         """Returns the changed preset, in the paper's sizes."""
@@ -122,6 +119,16 @@ def with_objective(**settings: Any) -> Change:
 def with_denoiser_training(**settings: Any) -> Change:
     """Returns a change of how the denoiser is trained."""
     return lambda e: replace(e, denoiser_training=replace(e.denoiser_training, **settings))
+
+
+def with_longer_training(times: int) -> Change:
+    """Returns the change to a denoiser trained for so many times the steps."""
+
+    def change(experiment: Experiment) -> Experiment:
+        training = experiment.denoiser_training
+        return with_denoiser_training(steps=times * training.steps)(experiment)
+
+    return change
 
 
 def with_latents(**settings: Any) -> Change:
@@ -206,6 +213,8 @@ DENOISERS = (
         for n in (5, 7, 11)
     ),
     _mld("z0", with_objective(parametrization=Sample())),
+    Model("mld_7_z0", changes=(with_objective(parametrization=Sample()),), first="mld_7"),
+    _mld("mld_1_longer", with_longer_training(4)),
     *(_mld(f"dropped_{p}", with_objective(dropped=p / 100)) for p in (5, 15, 25)),
     *(_mld(f"batch_{n}", with_denoiser_training(batch_size=n)) for n in (128, 256, 500)),
 )
@@ -222,7 +231,10 @@ TEXT_ENCODERS = (
 BASELINES_AND_TASKS = (
     Model("mdm", mdm),
     Model("mdm_50", mdm_50),
-    Model("starter", starter),
+    Model("mdm_50_flops", mdm_50),
+    Model("mdm_50_longer", mdm_50, (with_longer_training(3),)),
+    Model("starter", starter, shipped="starter"),
+    Model("fast_shipped", fast, shipped="fast"),
     Model(
         "action_mld",
         changes=(without_mirrored, with_denoiser(condition_projection="table")),

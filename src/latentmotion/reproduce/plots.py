@@ -39,7 +39,7 @@ def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> 
 
     Args:
         table: The table.
-        folder: Workspace with the training runs.
+        folder: Folder with the runs of the VAEs.
         result: Measured rows.
         path: SVG to write.
 
@@ -68,10 +68,15 @@ def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> 
         series: dict[str, list[tuple[str, float, float]]] = {}
         for row in rows:
             measured = figures[row.name]
-            if "AITS" in measured and "FID" in measured:
+            seconds = measured.get("AITS", measured.get("Processor time"))
+            if seconds is not None and "FID" in measured:
+                # One line for the steps of a sampler, such as `MLD, DDIM 50`; else a point.
                 method, _, label = row.title.partition(", ")
-                point = (label, measured["AITS"], measured["FID"])
-                series.setdefault(f"{method} ({label.split()[0]})", []).append(point)
+                sampler, _, steps = label.rpartition(" ")
+                label, name = (
+                    (label, f"{method} ({sampler})") if steps.isdigit() else ("", row.title)
+                )
+                series.setdefault(name, []).append((label, seconds, measured["FID"]))
         return time_against_fid(path, series)
     if table.figure == "guidance":
         rows = [row for row in rows if row.guidance]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -30,12 +31,17 @@ from latentmotion.progress import counted
 from latentmotion.reproduce.markdown import RowResult, TableResult, markdown
 from latentmotion.reproduce.plots import draw_figure, draw_latents
 from latentmotion.reproduce.table import Row, Table
+from latentmotion.reproduce.training_cost import training_cost
 from latentmotion.reproduce.workspace import Workspace, vae_cost
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_file, sha256
 
 SLOW = 1000
 """Sampling steps from which a row has fewer replications."""
+
+TIMES = {"AITS": time.perf_counter, "Processor time": time.process_time}
+"""Clock of each metric of a motion's time. Processor time is that of all threads: with one it is
+the time on a quiet machine."""
 
 TIMED = 3
 """Motions of a row that are timed."""
@@ -112,7 +118,7 @@ class TableRunner:
         write_json(page.with_suffix(".json"), result)
         text = markdown(self.table, result, self.work.budget.says)
         plot = page.with_suffix(".svg")
-        if draw_figure(self.table, self.work.folder, result, plot):
+        if draw_figure(self.table, self.work.vaes or self.work.folder, result, plot):
             text += f"\n![{self.table.title}]({plot.name})\n"
         with atomic_file(page) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -171,14 +177,17 @@ class TableRunner:
         candidate = self._candidate(row, folder)
         report = evaluate(candidate, self.work.dataset, self.evaluator, protocol)
         figures = dict(report[candidate.row])
-        if isinstance(candidate, Generated) and {"AITS", "GFLOPs"} & set(self.table.metrics):
+        if isinstance(candidate, Generated) and {*TIMES, "GFLOPs"} & set(self.table.metrics):
             figures |= self._cost(row, candidate, folder, protocol)
+        model = self.work.models[row.model]
+        if isinstance(candidate, Generated) and "Training" in self.table.metrics:
+            figures |= {} if model.shipped else training_cost(*self.work.run_folders(row.model))
         if isinstance(candidate, Reconstructed) and "Decoding" in self.table.metrics:
             data = self.work.dataset.representation
             figures |= vae_cost(candidate.vae, data.width, data.fps)
         planned, measured = self.protocol.replications, report.protocol.replications
-        of_models, first = self.work.budget.of_models, self.work.models[row.model].first
-        changes = [of_models[name].says for name in (row.model, first) if name in of_models]
+        of_models = self.work.budget.of_models
+        changes = [of_models[name].says for name in (row.model, model.first) if name in of_models]
         warnings = list(report.warnings)
         if measured < planned:
             warnings.append(f"measured {measured} times instead of {planned}")
@@ -216,10 +225,11 @@ class TableRunner:
         """Times few motions of one length, so that rows of 1000 steps can be timed too."""
         test_set = build_test_set([candidate], self.work.dataset, self.evaluator, protocol)
         prompts = [longest_of(test_set.replication(0).prompts)] * TIMED
-        cost = cost_of(folder, candidate, prompts, self._encoder(row))
+        name = next((name for name in TIMES if name in self.table.metrics), "AITS")
+        cost = cost_of(folder, candidate, prompts, self._encoder(row), TIMES[name])
         assert cost.aits is not None and cost.gflops is not None
         return {
-            "AITS": Figure(cost.aits),
+            name: Figure(cost.aits),
             "GFLOPs": Figure(cost.gflops),
             "Parameters": Figure(cost.parameters["together"] / 1e6),
         }

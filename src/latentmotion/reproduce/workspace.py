@@ -2,6 +2,7 @@
 
     FOLDER/MODEL/vae       first stage, a run folder of `latentmotion train vae`
     FOLDER/MODEL/denoiser  second stage, a run folder of `latentmotion train denoiser`
+    VAES/MODEL/vae         first stage that was trained already, by `latentmotion experiment curves`
 
 A finished stage is used as it is if it was trained with the same data and settings; an interrupted
 one resumes.
@@ -67,6 +68,8 @@ class Workspace:
     """Text encoder of models that name none."""
     models: Mapping[str, Model] = field(default_factory=lambda: MODELS)
     """Models by name."""
+    vaes: Path | None = None
+    """Folder of trained VAEs, which are taken as they are; by default they are trained here."""
     tell: Callable[[str], None] = print
     """Receives lines of progress."""
 
@@ -80,9 +83,11 @@ class Workspace:
         """Trains the VAE of a model if there is none yet; returns its model folder.
 
         Raises:
-            InputError: The folder holds another run.
+            InputError: The folder holds another run, or that of trained VAEs has none of this name.
         """
         experiment = self._first_stage(name)
+        if self.vaes:
+            return self.vaes / name / "vae" / MODEL
         folder = self.folder / name / "vae"
         if not self._is_trained(folder, experiment, FIRST_STAGE):
             self.tell(f"{folder}: training a VAE, {experiment.vae_training.steps} steps")
@@ -97,7 +102,7 @@ class Workspace:
         """
         model = self.models[name]
         if model.shipped:
-            return find_model(name)
+            return find_model(model.shipped)
         vae = None if model.raw else self.first_stage(model.first or name)
         encoder = self.encoder_of(model)
         experiment = model.second_stage(
@@ -115,8 +120,28 @@ class Workspace:
             train_denoiser(experiment, self.dataset.folder, vae, encoder, folder, self.context)
         return folder / MODEL
 
+    def run_folders(self, name: str) -> tuple[Path | None, Path]:
+        """Returns the run folders of a model's stages; no first one if it diffuses raw frames."""
+        model = self.models[name]
+        vae = None if model.raw else (self.vaes or self.folder) / (model.first or name) / "vae"
+        return vae, self.folder / name / "denoiser"
+
     def _first_stage(self, name: str) -> Experiment:
-        return self.models[name].first_stage(self.budget, self.dataset.representation.width)
+        model = self.models[name]
+        if self.vaes is None or model.raw:
+            return model.first_stage(self.budget, self.dataset.representation.width)
+        folder = self.vaes / name / "vae"
+        if not (folder / MODEL / CARD_FILE).is_file():
+            raise InputError(
+                f"{folder} holds no trained VAE; train it by latentmotion experiment curves vae "
+                f"--rows {name} -o {self.vaes}, or leave out --vaes"
+            )
+        run = read_run(Run, folder)
+        if run.data != self.dataset.fingerprint:
+            raise InputError(
+                f"{folder} was trained on other data than {self.dataset.folder}; leave out --vaes"
+            )
+        return run.experiment
 
     def _is_trained(self, folder: Path, wanted: Experiment, parts: Sequence[str]) -> bool:
         if not (folder / MODEL / CARD_FILE).is_file():

@@ -1,7 +1,7 @@
 """Interfaces of evaluators: embeddings of motions and captions, or recognized actions.
 
 An evaluator is a folder: `evaluator.json`, whose "kind" names its loader, and
-`weights.safetensors`.
+`weights.safetensors`. A scorer's folder is one, too, and `scorer` the one that ships.
 """
 
 from __future__ import annotations
@@ -17,12 +17,17 @@ from jaxtyping import Float
 
 from latentmotion.data.clip import Caption
 from latentmotion.errors import FileFormatError, ModelError
+from latentmotion.model.card import SHIPPED
+from latentmotion.ranking.scorer import CARD_FILE as SCORER_FILE
 from latentmotion.storage.reading import read_json_file
 
 EVALUATOR_FILE = "evaluator.json"
 """File that makes a folder an evaluator."""
 
 WEIGHTS_FILE = "weights.safetensors"
+
+SCORER = Path("scorer")
+"""Name of the scorer that ships, among the models."""
 
 _ROOM = "latentmotion.evaluation.evaluators"
 
@@ -92,11 +97,17 @@ Evaluator = TextMotionEvaluator | ActionEvaluator
 
 
 def load_evaluator(folder: Path) -> Evaluator:
-    """Reads an evaluator folder.
+    """Reads an evaluator folder, or a scorer's.
+
+    Args:
+        folder: The folder, or `scorer` for the one that ships.
 
     Raises:
         ModelError: There is none, it is of an unknown kind, or it is damaged.
     """
+    folder = SHIPPED / folder if folder == SCORER and not folder.exists() else folder
+    if (folder / SCORER_FILE).is_file():
+        return import_module(f"{_ROOM}.scorer").load_scorer(folder)
     kind = evaluator_kind(folder)
     if kind not in LOADERS:
         raise ModelError(

@@ -13,6 +13,7 @@ TABLES: dict[str, Table] = {
     table.name: table
     for table in (
         tasks.HUMANML3D,
+        tasks.QUALITY,
         tasks.KIT,
         tasks.HUMANACT12,
         tasks.UESTC,

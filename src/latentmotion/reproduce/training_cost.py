@@ -1,0 +1,67 @@
+"""Cost of training: floating-point operations and crops of both stages of a row.
+
+FLOPs are those of one step, forward and backward, times the steps. Every crop counts as the longest
+one; the loss, the optimizer and the latents that stage 2 reads are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+
+from latentmotion.condition.interface import Conditioning
+from latentmotion.evaluation.cost import flops
+from latentmotion.evaluation.report import Figure
+from latentmotion.networks.build import build
+from latentmotion.training.experiment import Experiment
+from latentmotion.training.loop import read_progress
+from latentmotion.training.run_folder import Run, read_run
+
+
+def training_cost(vae: Path | None, denoiser: Path) -> dict[str, Figure]:
+    """Returns the FLOPs of training, 10¹², and the crops that were seen, 10³.
+
+    Args:
+        vae: Run folder of the first stage; None for diffusion on raw frames.
+        denoiser: Run folder of the second stage.
+
+    Raises:
+        InputError: A folder holds no run.
+    """
+    stages = [(denoiser, denoiser_step)] + ([(vae, vae_step)] if vae else [])
+    operations = crops = 0
+    for folder, step in stages:
+        experiment = read_run(Run, folder).experiment
+        size, planned, action = step(experiment)
+        done = read_progress(folder).step or planned
+        operations += done * flops(action)
+        crops += done * size
+    return {"Training": Figure(operations / 1e12), "Crops": Figure(crops / 1e3)}
+
+
+def vae_step(experiment: Experiment) -> tuple[int, int, Callable[[], object]]:
+    """Returns the crops of a step of stage 1, its steps, and a step's forward and backward."""
+    vae, training = build(experiment.vae), experiment.vae_training
+    size, steps = training.batch_size, training.steps
+    features = torch.zeros(size, experiment.vae_cropping.max_frames, experiment.vae.features)
+    mask = torch.ones(features.shape[:2], dtype=torch.bool)
+    return size, steps, lambda: vae.decode(vae.encode(features, mask).mean, mask).sum().backward()
+
+
+def denoiser_step(experiment: Experiment) -> tuple[int, int, Callable[[], object]]:
+    """Returns the crops of a step of stage 2, its steps, and a step's forward and backward."""
+    denoiser, training = build(experiment.denoiser), experiment.denoiser_training
+    size, steps = training.batch_size, training.steps
+    frames = torch.ones(size, experiment.latents.cropping.max_frames, dtype=torch.bool)
+    mask = build(experiment.vae).latent_mask(frames)
+    latents = torch.zeros(*mask.shape, experiment.denoiser.latent_width)
+    tokens = max(1, experiment.conditioning.pooled + experiment.conditioning.words)
+    words = torch.zeros(size, tokens, experiment.denoiser.condition_width)
+    condition = Conditioning(words, torch.ones(words.shape[:2], dtype=torch.bool))
+    return (
+        size,
+        steps,
+        lambda: denoiser(latents, torch.ones(size), condition, mask).sum().backward(),
+    )
