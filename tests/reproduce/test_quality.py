@@ -103,11 +103,20 @@ def test_trainings_are_joined_by_evaluator(tmp_path: Path) -> None:
 
 def test_runs_of_other_sizes_are_not_joined(tmp_path: Path) -> None:
     folders = written(tmp_path, [result(0, 4.0), result(1, 6.0, budget="another")])
-    with pytest.raises(InputError, match="differ in data, protocol or budget"):
+    with pytest.raises(InputError, match="mld_1 was trained in 2 ways"):
         join_runs(QUALITY, folders, tmp_path / "joined")
     assert not (tmp_path / "joined").exists()
     with pytest.raises(InputError, match=r"quality\.json"):
         join_runs(QUALITY, [tmp_path / "nothing"], tmp_path / "joined")
+
+
+def test_a_row_of_another_length_says_so(tmp_path: Path) -> None:
+    longer = result(0, 2.0, budget="denoiser_training.steps=9; changed: denoiser_training.steps=9")
+    row = replace(longer.rows[1], row="mld_1_longer")
+    folders = written(tmp_path, [result(0, 4.0), replace(longer, rows=(longer.rows[0], row))])
+    page = join_runs(QUALITY, folders, tmp_path / "joined").read_text(encoding="utf-8")
+    assert "| MLD-1 of ε, trained longer | 0.500 | 2.00 ± 0.50 |" in page
+    assert "Warning for mld_1_longer: trained with denoiser_training.steps=9" in page
 
 
 def test_a_mean_of_few_has_students_interval() -> None:

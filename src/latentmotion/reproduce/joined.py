@@ -36,23 +36,26 @@ def join_runs(table: Table, folders: Sequence[Path], output: Path) -> Path:
         The page of the first evaluator.
 
     Raises:
-        InputError: A folder has no such table, or they differ in data, protocol or budget.
+        InputError: A folder has no such table, they differ in data or protocol, or a row in more
+            than the seed.
     """
     results = [read_json(TableResult, folder / f"{table.name}.json") for folder in folders]
     made = [row.made for result in results for row in result.rows]
-    alike = {(one["data"], one["protocol"], _without_seed(one["budget"])) for one in made}
-    if len(alike) != 1:
+    if len({(one["data"], one["protocol"]) for one in made}) != 1:
         raise InputError(
-            f"{table.name}: the runs in {', '.join(map(str, folders))} differ in data, protocol or "
-            "budget; join runs that differ in denoiser_training.seed or evaluator alone"
+            f"{table.name}: the runs in {', '.join(map(str, folders))} differ in data or protocol; "
+            "join runs that differ in seed, evaluator or lengths of training"
         )
-    says = next(iter(alike))[2]
+    says = _without_seed(made[0]["budget"])
     evaluators = dict.fromkeys(result.rows[0].made["evaluator"] for result in results)
-    output.mkdir(parents=True, exist_ok=True)
+    pages = []
     for number, evaluator in enumerate(evaluators, start=1):
         theirs = [one for one in results if one.rows[0].made["evaluator"] == evaluator]
         name = table.name if number == 1 else f"{table.name}_{number}"
-        joined = replace(theirs[0], table=name, rows=_joined_rows(table, theirs))
+        pages.append(replace(theirs[0], table=name, rows=_joined_rows(table, theirs, says)))
+    output.mkdir(parents=True, exist_ok=True)
+    for number, joined in enumerate(pages, start=1):
+        name = joined.table
         path = output / f"{name}.md"
         write_json(path.with_suffix(".json"), joined)
         titled = replace(table, title=f"{table.title}, by evaluator {number}", expects="")
@@ -95,10 +98,24 @@ def interval(values: Sequence[float]) -> float | None:
     return float(t.ppf(0.975, len(values) - 1)) * stdev(values) / sqrt(len(values))
 
 
-def _joined_rows(table: Table, results: Sequence[TableResult]) -> tuple[RowResult, ...]:
+def _joined_rows(table: Table, results: Sequence[TableResult], says: str) -> tuple[RowResult, ...]:
     measured = [row for result in results for row in result.rows]
-    named = [[one for one in measured if one.row == row.name] for row in table.rows]
-    return tuple(joined_row(rows) for rows in named if rows)
+    kinds = {row.name: row.kind for row in table.rows}
+    named = [[one for one in measured if one.row == name] for name in kinds]
+    joined = []
+    for rows in filter(None, named):
+        row = joined_row(rows)
+        budgets = {_without_seed(one.made["budget"]) for one in rows}
+        if len(budgets) > 1 and len({one.weights for one in rows}) > 1:
+            raise InputError(
+                f"{table.name}/{row.row} was trained in {len(budgets)} ways: "
+                f"{' / '.join(sorted(budgets))}; join runs of one"
+            )
+        if says not in budgets and kinds[row.row] != "real":
+            changed = max(budgets).partition("changed: ")[2]
+            row = replace(row, warnings=(*row.warnings, f"trained with {changed}"))
+        joined.append(row)
+    return tuple(joined)
 
 
 def _without_seed(says: str) -> str:
