@@ -104,6 +104,22 @@ def motion_request(prompt: str, form: str, **options: Any) -> Request:
     return Request("POST", "/v1/motions", {"prompt": prompt, "format": form, **_given(options)})
 
 
+def timeline_request(
+    spans: Sequence[str | tuple[str, float | None]],
+    parts: Sequence[tuple[str, str, float, float]],
+    **options: Any,
+) -> Request:
+    """Returns the call for one motion of several prompts."""
+    pairs = [(span, None) if isinstance(span, str) else span for span in spans]
+    timeline = [{"prompt": prompt, "seconds": seconds} for prompt, seconds in pairs]
+    keys = "part", "prompt", "start", "end"
+    tracks = {
+        "timeline": timeline,
+        "timeline_parts": [dict(zip(keys, part, strict=True)) for part in parts],
+    }
+    return Request("POST", "/v1/motions", {"format": "npz", **tracks, **_given(options)})
+
+
 def batch_request(prompts: Sequence[str], form: str, path: str, **options: Any) -> Request:
     """Returns the call for several motions, at once or as a job."""
     return Request("POST", path, {"prompts": list(prompts), "format": form, **_given(options)})
@@ -250,6 +266,21 @@ class Client:
         """Returns a motion as a file: glb, bvh, npz, csv, usdz, html, json or raw."""
         return self.call(motion_request(prompt, form, **options)).content
 
+    def timeline(
+        self,
+        spans: Sequence[str | tuple[str, float | None]],
+        parts: Sequence[tuple[str, str, float, float]] = (),
+        **options: Any,
+    ) -> Motion:
+        """Returns one motion of several prompts.
+
+        Args:
+            spans: Prompts one after the other, or `(prompt, seconds)`.
+            parts: What parts of the body do meanwhile: `(part, prompt, start, end)`.
+            options: seed, steps, guidance, clean, fps.
+        """
+        return read_motions(self.call(timeline_request(spans, parts, **options)).content)[0]
+
     def batch(self, prompts: Sequence[str], **options: Any) -> list[Motion]:
         """Returns several motions."""
         request = batch_request(prompts, "npz", "/v1/batches", **options)
@@ -385,6 +416,16 @@ class AsyncClient:
     async def file(self, prompt: str, form: str = "glb", **options: Any) -> bytes:
         """Returns a motion as a file."""
         return (await self.call(motion_request(prompt, form, **options))).content
+
+    async def timeline(
+        self,
+        spans: Sequence[str | tuple[str, float | None]],
+        parts: Sequence[tuple[str, str, float, float]] = (),
+        **options: Any,
+    ) -> Motion:
+        """Returns one motion of several prompts; see `Client.timeline`."""
+        answer = await self.call(timeline_request(spans, parts, **options))
+        return read_motions(answer.content)[0]
 
     async def batch(self, prompts: Sequence[str], **options: Any) -> list[Motion]:
         """Returns several motions."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -55,6 +56,34 @@ def test_motions_come_back_as_motions(called: Called, tmp_path: Path) -> None:
             await job.state()
 
     called.wait(asked(called, talk))
+
+
+def test_a_timeline_has_its_prompts_and_parts(called: Called) -> None:
+    wave = ("right_arm", "a person waves", 0.5, 1.5)
+
+    async def talk(client: AsyncClient) -> None:
+        motion = await client.timeline([("a person walks", 1), "a person jumps"], [wave], seed=4)
+        prompts = ["a person walks", "a person jumps", "a person waves"]
+        assert [span["prompt"] for span in motion.metadata["spans"]] == prompts
+        assert motion.metadata["seed"] == 4
+
+    called.wait(asked(called, talk))
+    sent: list[httpx.Request] = []
+    refused = httpx.Response(422, json={"detail": "no"})
+    client = answering(lambda request: sent.append(request) or refused)
+    with client, pytest.raises(ServiceError, match="no"):
+        client.timeline([("a person walks", 1), "a person jumps"], [wave], clean=False)
+    assert json.loads(sent[0].content) == {
+        "format": "npz",
+        "clean": False,
+        "timeline": [
+            {"prompt": "a person walks", "seconds": 1},
+            {"prompt": "a person jumps", "seconds": None},
+        ],
+        "timeline_parts": [
+            {"part": "right_arm", "prompt": "a person waves", "start": 0.5, "end": 1.5}
+        ],
+    }
 
 
 def test_the_services_words_are_told(called: Called) -> None:

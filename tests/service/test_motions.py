@@ -13,6 +13,7 @@ from latentmotion import Motion, MotionPipeline
 from tests.service.conftest import Called
 
 WALK = {"prompt": "a person walks", "seconds": 1.0, "seed": 3}
+ARM = {"part": "right_arm", "prompt": "a person waves", "start": 0.2, "end": 0.8}
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +64,23 @@ def test_a_timeline_has_its_prompts(called: Called) -> None:
     assert [span["prompt"] for span in found["metadata"]["spans"]] == [s["prompt"] for s in spans]
 
 
+def test_a_part_of_the_body_follows_the_second_track(called: Called) -> None:
+    body = {"timeline": [{"prompt": "a person walks", "seconds": 2}], "seed": 3, "clean": False}
+    wave = {"part": "right_arm", "prompt": "a person waves", "start": 0.5, "end": 1.5}
+    plain, found = (
+        called.post("/v1/motions", body | {"timeline_parts": parts}).json()
+        for parts in ([], [wave])
+    )
+    library = MotionPipeline.from_pretrained(threads=1).timeline(
+        [("a person walks", 2.0)], 3, parts=[("right_arm", "a person waves", 0.5, 1.5)]
+    )
+    np.testing.assert_allclose(found["positions"], library.joints, atol=1e-4)
+    arm = [found["joints"].index(f"right_{joint}") for joint in ("elbow", "wrist")]
+    moved = np.abs(np.subtract(found["positions"], plain["positions"])).max(axis=(0, 2))
+    assert np.flatnonzero(moved > 1e-6).tolist() == arm and moved[arm].min() > 0.05
+    assert found["metadata"]["spans"][1] == wave
+
+
 def test_a_batch_has_a_take_for_each_prompt_and_seed(called: Called, walk: Motion) -> None:
     asked = {"prompts": ["a person walks", "a person jumps"], "seconds": 1.0, "seed": 3, "count": 2}
     answer = called.post("/v1/batches", asked | {"clean": False})
@@ -89,6 +107,7 @@ def test_a_batch_has_a_take_for_each_prompt_and_seed(called: Called, walk: Motio
         ({"format": "exe"}, 422, "body.format"),
         ({"fps": 0}, 422, "body.fps"),
         ({"timeline": [{"prompt": "a person walks"}]}, 422, "a timeline has no prompt"),
+        ({"timeline_parts": [ARM]}, 422, "timeline_parts needs a timeline"),
         ({"goals": [{"joint": "wing", "at": 0.5, "to": [0, 1, 0]}]}, 422, "unknown joint 'wing'"),
     ],
 )
@@ -96,6 +115,23 @@ def test_wrong_input_is_told(called: Called, change: Any, status: int, told: str
     answer = called.post("/v1/motions", WALK | change)
     assert answer.status_code == status
     assert answer.headers["content-type"] == "application/problem+json"
+    assert told in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        (ARM | {"part": "rigth_arm"}, "did you mean 'right_arm'"),
+        (ARM | {"start": 0.9}, "two ascending times"),
+        (ARM | {"end": 9}, "ends at 9 s, the timeline at 1 s"),
+        (ARM | {"prompt": ""}, "the sentence is empty"),
+        ({"part": "head"}, "body.timeline_parts.0.prompt"),
+    ],
+)
+def test_wrong_parts_are_told(called: Called, part: Any, told: str) -> None:
+    spans = [{"prompt": "a person walks", "seconds": 1}]
+    answer = called.post("/v1/motions", {"timeline": spans, "timeline_parts": [part]})
+    assert answer.status_code == 422
     assert told in answer.json()["detail"]
 
 
@@ -129,6 +165,10 @@ def test_the_model_is_described(called: Called) -> None:
 
 def test_openapi_has_examples_and_problems(called: Called) -> None:
     found = called.get("/openapi.json").json()
-    assert found["components"]["schemas"]["MotionRequest"]["examples"][0]["seed"] == 7
+    examples = found["components"]["schemas"]["MotionRequest"]["examples"]
+    assert examples[0]["seed"] == 7
+    for example in examples:
+        assert called.post("/v1/motions", example).status_code == 200
+    assert any("timeline_parts" in example for example in examples)
     answers = found["paths"]["/v1/motions"]["post"]["responses"]
     assert {"200", "401", "413", "422", "429", "503"} <= set(answers)

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::latentmotion.cleanup.pipeline.C
 
 WALK = {"prompt": "a person walks forward", "seconds": 2.0, "steps": 1}
 SPANS = [{"prompt": "a person walks", "seconds": 1.6}, {"prompt": "a person jumps", "seconds": 1.2}]
+PART = {"part": "right_arm", "prompt": "a person waves", "start": 1.0, "end": 2.0}
 KINDS: dict[str, dict[str, Any]] = {
     "prompt": WALK,
     "unclean": {**WALK, "clean": False, "guidance": 3.0},
@@ -23,6 +24,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "goals": {**WALK, "goals": [{"joint": "right_wrist", "at": 1.5, "to": [None, 1.4, None]}]},
     "path": {**WALK, "path": {"points": [[0, 0], [0, 1], [0.5, 2]]}},
     "timeline": {"timeline": SPANS, "steps": 2},
+    "timeline with a part": {"timeline": SPANS, "timeline_parts": [PART], "steps": 2},
     "loop": {**WALK, "loop": True, "steps": 2},
     "start": {**WALK, "start": "A"},
     "poses": {**WALK, "poses": [{"at": 1.0, "take": "A", "frame": -1}]},
@@ -115,6 +117,7 @@ def test_a_recipe_of_a_take_may_be_sent_again(studio: Called) -> None:
         ({**WALK, "steps": 3}, "takes 1, 2, 4"),
         ({**WALK, "timeline": SPANS}, "leave prompt and seconds out"),
         ({"timeline": SPANS, "loop": True}, "a timeline and a loop; expected one of them"),
+        ({**WALK, "timeline_parts": [PART]}, "timeline_parts needs a timeline"),
         ({"timeline": SPANS, "best_of": 2}, "a timeline takes no goals"),
         ({"prompt": "a walk", "loop": True}, "give seconds"),
         ({**KINDS["edit"], "seconds": 2}, "as long as the part"),

@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from latentmotion.control.goals import Goal, Heading, Path, Reach
-from latentmotion.control.timeline import Span
+from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.errors import InputError
 from latentmotion.service.model import BatchSettings, Prompt
 
 MOST_CHARACTERS = 500
@@ -106,6 +107,19 @@ class SpanOfTimeline(_Strict):
     """How long; by default as predicted from the prompt."""
 
 
+class PartOfTimeline(_Strict):
+    """A prompt that one part of the body follows during a timeline."""
+
+    part: str = Field(max_length=100, examples=["right_arm"])
+    """Name of the part: an arm, arms, a leg, legs, head or upper_body."""
+    prompt: Text
+    """What the person does, of which the part is taken."""
+    start: Number
+    """Seconds."""
+    end: Number
+    """Seconds."""
+
+
 class _Sampled(_Strict):
     """Settings of sampling, and what becomes of the motion."""
 
@@ -129,6 +143,7 @@ class SceneRequest(_Sampled):
     headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     path: PathGoal | None = None
     timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=16)
+    timeline_parts: list[PartOfTimeline] = Field(default_factory=list, max_length=16)
 
     def prompts(self) -> list[Prompt]:
         """Returns the prompt for the queue."""
@@ -137,6 +152,16 @@ class SceneRequest(_Sampled):
     def spans(self) -> list[Span]:
         """Returns the timeline for `MotionPipeline`."""
         return [Span(span.prompt, span.seconds) for span in self.timeline]
+
+    def part_spans(self) -> list[PartSpan]:
+        """Returns what parts of the body do during the timeline, for `MotionPipeline`.
+
+        Raises:
+            InputError: Times are not ascending, or there is no timeline.
+        """
+        if self.timeline_parts and not self.timeline:
+            raise InputError("timeline_parts needs a timeline that the whole body follows; add one")
+        return [PartSpan(**span.model_dump()) for span in self.timeline_parts]
 
     def all_goals(self) -> list[Goal]:
         """Returns the goals for `MotionPipeline`."""
@@ -162,6 +187,17 @@ class MotionRequest(SceneRequest):
                     "goals": [{"joint": "right_wrist", "at": 3.5, "to": [None, 1.4, None]}],
                 },
                 {"timeline": [{"prompt": "a person walks", "seconds": 3}, {"prompt": "a jump"}]},
+                {
+                    "timeline": [{"prompt": "a person walks forward", "seconds": 5}],
+                    "timeline_parts": [
+                        {
+                            "part": "right_arm",
+                            "prompt": "a person waves the right hand",
+                            "start": 1,
+                            "end": 4,
+                        }
+                    ],
+                },
             ]
         }
     )

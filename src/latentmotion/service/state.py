@@ -168,11 +168,11 @@ class Service:
         """
         pipeline, seconds = self.pipeline, self.settings.deadline
         goals, sampled = request.all_goals(), (request.steps, request.guidance)
-        settings = request.settings(request.seconds is None)
+        settings, parts = request.settings(request.seconds is None), request.part_spans()
         if request.timeline:
             if goals or request.prompt or request.seconds is not None or request.sampler:
                 raise Problem(422, "a timeline has no prompt, seconds, sampler or goals")
-            make = partial(pipeline.timeline, request.spans(), request.seed, *sampled)
+            make = partial(pipeline.timeline, request.spans(), request.seed, *sampled, parts)
         elif goals:
             self.check(settings, request.prompts())
             about = request.prompt, request.seconds, request.seed, *sampled, request.sampler

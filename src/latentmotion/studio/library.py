@@ -114,7 +114,8 @@ class Take:
 
     def words(self) -> str:
         """Returns the text in which the search looks."""
-        spans = [span.get("prompt", "") for span in self.recipe.get("timeline") or ()]
+        tracks = (self.recipe.get(name) or () for name in ("timeline", "timeline_parts"))
+        spans = [span.get("prompt", "") for track in tracks for span in track]
         texts = (self.title, self.recipe.get("prompt", ""), self.recipe.get("imported") or "")
         return "\n".join([*texts, *spans, *self.tags]).casefold()
 

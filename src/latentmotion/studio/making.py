@@ -157,6 +157,7 @@ def check(recipe: Recipe) -> None:
         raise InputError(
             "a timeline has prompts and lengths of its own; leave prompt and seconds out"
         )
+    recipe.part_spans()
     if recipe.loop and recipe.seconds is None:
         raise InputError("a loop needs its length; give seconds")
     if recipe.edit is not None and recipe.seconds is not None:
@@ -168,8 +169,8 @@ def _generated(
 ) -> list[Motion]:
     prompt, seconds, sampled = recipe.prompt, recipe.seconds, (recipe.steps, recipe.guidance)
     if recipe.timeline:
-        spans = recipe.spans()
-        return [pipeline.timeline(spans, seed, *sampled) for seed in seeds]
+        spans, parts = recipe.spans(), recipe.part_spans()
+        return [pipeline.timeline(spans, seed, *sampled, parts) for seed in seeds]
     if recipe.loop:
         assert seconds is not None  # `check` has looked
         return [pipeline.loop(prompt, seconds, seed, *sampled) for seed in seeds]
