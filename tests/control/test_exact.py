@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.control.exact import distances, hold_targets, inertialized, quintic, spread
+from latentmotion.control.exact import (
+    distances,
+    held_in_contacts,
+    hold_targets,
+    inertialized,
+    quintic,
+    spread,
+)
 from latentmotion.control.goals import Path, Pose, Reach, targets_of
 from latentmotion.control.path import Curve, bent, straightened
 from latentmotion.kinematics.skeleton import HUMANML3D
@@ -68,6 +75,29 @@ def test_offsets_come_and_go_smoothly() -> None:
     assert np.allclose(curve[[20, 25]], [[1, 0, 0], [0, 2, 0]])
     assert np.allclose(curve[[9, 36]], 0)
     assert (quintic(np.array([0.0, 0.5, 1.0])) == [0, 0.5, 1]).all()
+
+
+def test_a_foot_that_stands_is_moved_as_a_whole() -> None:
+    standing = np.zeros(100, bool)
+    standing[10:55] = standing[60:64] = standing[90:] = True
+    goal, other = np.array([0.05, 0.02, -0.1]), np.array([0.06, 0.0, -0.1])
+    curve = held_in_contacts({30: goal}, standing, 10)
+    np.testing.assert_allclose(curve[10:55], np.broadcast_to(goal, (45, 3)))
+    assert np.ptp(curve[60:64, [0, 2]], axis=0).max() == 0 and 0.01 < abs(curve[60, 2]) < 0.1
+    assert curve[60, 1] > curve[63, 1] > 0  # the floor is where it was
+    np.testing.assert_array_equal(curve[75:], 0)
+    both = held_in_contacts({20: goal, 50: other}, standing, 10)
+    np.testing.assert_allclose(both[[20, 50]], [goal, other])
+    assert np.linalg.norm(np.diff(both[10:55], axis=0), axis=1).max() < 0.003
+
+
+def test_a_goal_of_a_standing_foot_makes_it_slide_nowhere() -> None:
+    joints = np.repeat(walker(1).joints(), 60, axis=0)
+    joints[..., 1] -= joints[..., 1].min()
+    targets = targets_of([near(joints, "left_foot", 30, (0.05, 0, 0.04))], 60, 20.0, HUMANML3D)
+    held = hold_targets(joints, targets, 20.0, HUMANML3D)
+    assert distances(held, targets).max() < 1e-6
+    assert np.ptp(held[:, [8, 10, 11]], axis=0).max() < 1e-6
 
 
 def test_a_pasted_piece_leaves_and_meets_what_is_around_it() -> None:

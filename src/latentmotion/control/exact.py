@@ -30,6 +30,9 @@ Offsets = Float[np.ndarray, "frames 3"]
 _BLEND = 0.5
 """Seconds in which an offset comes and goes."""
 
+_STILL = 1e-4
+"""Meters that a standing foot may be moved by an offset that comes and goes."""
+
 _ROUNDS = 6
 """How often body and limbs share what an arm or a leg is too short for."""
 
@@ -89,6 +92,45 @@ def spread(offsets: dict[int, np.ndarray], frames: int, blend: float) -> Offsets
         inside = (time >= start) & (time <= end)
         u = quintic((time[inside] - start) / max(end - start, 1e-9))[:, None]
         curve[inside] = (1 - u) * a + u * b
+    return curve
+
+
+def held_in_contacts(
+    offsets: dict[int, np.ndarray], standing: Bool[np.ndarray, " frames"], blend: float
+) -> Offsets:
+    """Returns a curve through offsets at some frames by which no foot slides while it stands.
+
+    A contact with a goal is moved as a whole. One without that the curve reaches is moved along the
+    floor as a whole, by what the curve has where it is nearest to a goal.
+
+    Args:
+        offsets: By frame.
+        standing: Whether the foot stands, for each frame of the curve.
+        blend: Frames in which an offset comes and goes while the foot swings.
+    """
+    known, others = dict(offsets), list[tuple[int, int]]()
+    step = max(1, int(blend))  # offsets that are farther apart go to zero in between
+    for start, end in contact_intervals(standing):
+        goals = sorted(frame for frame in offsets if start <= frame < end)
+        if not goals:
+            others.append((start, end))
+            continue
+        values = np.array([offsets[frame] for frame in goals])
+        for frame in (*range(start, end, step), end - 1):
+            held = [float(np.interp(frame, goals, axis)) for axis in values.T]
+            known.setdefault(frame, np.array(held))
+    curve = spread(known, len(standing), blend)
+    height = curve[:, 1].copy()
+    while others:
+        size = np.linalg.norm(curve, axis=-1)
+        start, end = max(others, key=lambda contact: size[slice(*contact)].max())
+        nearest = start + int(size[start:end].argmax())
+        if size[nearest] < _STILL:
+            break
+        others.remove((start, end))
+        known |= dict.fromkeys((*range(start, end, step), end - 1), curve[nearest])
+        curve = spread(known, len(standing), blend)
+    curve[:, 1] = height
     return curve
 
 
@@ -254,12 +296,10 @@ class _Limbs:
                 offsets[frame] = np.where(np.isfinite(gap), gap, 0.0)
         if not offsets:
             return None
-        if standing is not None:
-            for start, end in contact_intervals(standing):
-                for frame in [f for f in offsets if start <= f < end]:
-                    for other in (start, end - 1):
-                        offsets.setdefault(other, offsets[frame])
-        return spread(offsets, len(carried), _BLEND * self.fps)
+        blend = _BLEND * self.fps
+        if standing is None:
+            return spread(offsets, len(carried), blend)
+        return held_in_contacts(offsets, standing, blend)
 
     def _bend(
         self,
