@@ -2,12 +2,14 @@
 
     python -m benchmarks.quality.best_of takes runs/takes --model fast --takes 8
     python -m benchmarks.quality.best_of obedience runs/takes
+    python -m benchmarks.quality.best_of takes runs/drawn --drawn 800
     python -m benchmarks.quality.best_of retrieval --data data/starter
     python -m benchmarks.quality.best_of speed --model fast
 
-Takes are generated for the instruction benchmark's prompts, with its seeds, cleaned and judged by
-its detectors, which share no network with the scorer, but signals with its claims; a
-killed run is resumed. Of 8 takes, "best of 4" is the best of the first four and of the last four.
+Takes are generated for the instruction benchmark's prompts, or for others that are drawn by its
+grammar, with their seeds, cleaned and judged by its detectors, which share no network with the
+scorer, but signals with its claims; a killed run is resumed. Of 8 takes, "best of
+4" is the best of the first four and of the last four.
 Beside the scorer stand its parts alone and any take that obeys (an oracle).
 """
 
@@ -29,10 +31,14 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.describe.reading import scene_of
 from latentmotion.instructions.benchmark import OVERALL, Share
 from latentmotion.instructions.checking import fulfills
+from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.prompts import GROUPS, Instruction, instructions
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
 from latentmotion.ranking.best import Take, ranked
 from latentmotion.ranking.scorer import Scorer
+
+SEED = 77
+"""What draws prompts."""
 
 Choose = Callable[[Sequence[Take]], Take]
 """Which of some takes is kept."""
@@ -61,18 +67,20 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="prepared data, for retrieval")
     parser.add_argument("--scorer", type=Path)
     parser.add_argument("--turns", type=int, default=15)
+    parser.add_argument("--drawn", type=int, default=0, help="prompts drawn, not the benchmark's")
     options = parser.parse_args()
     if options.table in ("takes", "obedience") and options.folder is None:
         parser.error("name a folder of takes")
     if options.table == "retrieval" and options.data is None:
         parser.error("name prepared data by --data")
     warnings.simplefilter("ignore")
+    prompts = drawn_instructions(options.drawn, SEED) if options.drawn else instructions()
     if options.table == "takes":
-        write_takes(options.folder, options.model, options.takes)
+        write_takes(options.folder, options.model, options.takes, prompts)
         return
     scorer = Scorer.load(options.scorer)
     if options.table == "obedience":
-        lines = obedience_table(read_takes(options.folder, scorer))
+        lines = obedience_table(read_takes(options.folder, scorer, prompts))
     elif options.table == "retrieval":
         lines = retrieval_table(Dataset.load(options.data), scorer)
     else:
@@ -80,12 +88,12 @@ def main() -> None:
     print("\n".join(lines))
 
 
-def write_takes(folder: Path, name: str, takes: int) -> None:
+def write_takes(folder: Path, name: str, takes: int, prompts: Sequence[Instruction]) -> None:
     """Generates, cleans and judges the takes of every prompt that the folder lacks."""
     folder.mkdir(parents=True, exist_ok=True)
     model = MotionPipeline.from_pretrained(name, threads=1)
     shortest, longest = (frames / model.representation.fps for frames in model.card.frames)
-    for one in instructions():
+    for one in prompts:
         path = folder / f"{one.id}.npz"
         if path.exists():
             continue
@@ -105,10 +113,10 @@ def write_takes(folder: Path, name: str, takes: int) -> None:
         temporary.rename(path)
 
 
-def read_takes(folder: Path, scorer: Scorer) -> list[Judged]:
+def read_takes(folder: Path, scorer: Scorer, prompts: Sequence[Instruction]) -> list[Judged]:
     """Reads the takes of every prompt and scores them."""
     every = []
-    for one in instructions():
+    for one in prompts:
         arrays = np.load(folder / f"{one.id}.npz")
         motions = [Motion(joints, metadata={"seed": n}) for n, joints in enumerate(arrays["raw"])]
         takes = sorted(
@@ -120,10 +128,10 @@ def read_takes(folder: Path, scorer: Scorer) -> list[Judged]:
 
 CHOICES: dict[str, Choose | None] = {
     "score": lambda takes: max(takes, key=lambda take: take.score),
-    "without claims": lambda takes: max(takes, key=lambda take: take.score - take.claims),
+    "without claims": lambda takes: max(takes, key=lambda take: take.score - 2 * take.claims),
     "text alone": lambda takes: max(takes, key=lambda take: take.text),
     "feet and floor alone": lambda takes: max(
-        takes, key=lambda take: take.score - take.text - take.claims
+        takes, key=lambda take: take.score - take.text - 2 * take.claims
     ),
     "any (oracle)": None,
 }

@@ -13,6 +13,7 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.skeleton import KIT
 from latentmotion.ranking.best import best_of, ranked
 from latentmotion.ranking.scorer import Scorer, shipped_scorer
+from tests.support import acted
 from tests.support.walker import walker
 
 
@@ -54,13 +55,24 @@ def test_the_score_is_the_match_less_feet_and_floor(walk: Motion) -> None:
 
 @pytest.mark.parametrize(
     ("prompt", "claims"),
-    [("a person walks to the left", 1), ("a person runs backward", -1), ("a person juggles", 0)],
+    [
+        ("turn a full circle to the left", 1),
+        ("turn left by 180 degrees", 0.1),
+        ("turn right", 0),
+        ("a person juggles", 0),
+    ],
 )
-def test_claims_are_shown_contradicted_or_not_made(walk: Motion, prompt: str, claims: int) -> None:
+def test_claims_are_graded(walk: Motion, prompt: str, claims: float) -> None:
     (take,) = ranked([walk], prompt, shipped_scorer())
-    assert np.sign(take.claims) == claims
+    assert take.claims == pytest.approx(claims, abs=0.11)
     costs = take.sliding + 2 * take.penetration + max(0, take.jerk - 150) / 1000
-    assert take.score == pytest.approx(take.claims + take.text - costs)
+    assert take.score == pytest.approx(2 * take.claims + take.text - costs)
+
+
+def test_the_take_with_the_degrees_asked_is_preferred() -> None:
+    turns = [Motion(acted.turn_in_place(n).astype(np.float32)) for n in (130.0, 60.0, 92.0)]
+    best = ranked(turns, "turn left by ninety degrees", shipped_scorer())[0]
+    assert best.motion is turns[2]
 
 
 def test_the_best_tells_of_all_takes(fast: MotionPipeline) -> None:

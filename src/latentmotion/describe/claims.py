@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from functools import cache
 
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT
 
@@ -40,7 +41,10 @@ _NOT_MEANT = (
 )
 """Words with a verb in them that mean something else."""
 
-_VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
+Verbs = tuple[tuple[str, tuple[str, ...]], ...]
+"""Kinds of claims and the words for them; the first wins where two begin at the same word."""
+
+_VERBS: Verbs = (
     ("", _NOT_MEANT),
     ("place", (r"(?:in|on) (?:place|the spot|one place|one spot|the same (?:place|spot))",)),
     (
@@ -135,11 +139,8 @@ _VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
         ),
     ),
 )
-"""Kinds of claims and the words for them; the first wins where two begin at the same word."""
+"""The verbs of captions."""
 
-_PATTERN = re.compile(
-    "|".join(rf"(?P<v{n}>\b(?:{'|'.join(words)})\b)" for n, (_, words) in enumerate(_VERBS))
-)
 _NUMBERS = {
     **{"once": 1, "one": 1, "single": 1, "twice": 2, "two": 2, "three": 3, "thrice": 3},
     **{"four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8, "nine": 9, "ten": 10},
@@ -198,14 +199,17 @@ _DEGREE_WORDS = (
 _CLOCK = {"clock": RIGHT, "count": LEFT, "anti-": LEFT, "anti ": LEFT, "antic": LEFT}
 
 
-def claims_of(sentence: str) -> tuple[Claim, ...]:
+def claims_of(sentence: str, more: Verbs = ()) -> tuple[Claim, ...]:
     """Reads the claims of a sentence, in the order of its words.
 
     A circle or `in place` that follows a gait belongs to the gait, which keeps its own claim.
+
+    Args:
+        sentence: A caption.
+        more: Further verbs to read; they win over those of captions.
     """
     text = " ".join(sentence.lower().split())
-    kinds = [(match, _VERBS[int(str(match.lastgroup)[1:])][0]) for match in _PATTERN.finditer(text)]
-    verbs = [(match, kind) for match, kind in kinds if kind]
+    verbs = _verbs_in(text, more)
     claims: list[Claim] = []
     for index, (match, kind) in enumerate(verbs):
         begin = verbs[index - 1][0].end() if index else 0
@@ -226,6 +230,28 @@ def claims_of(sentence: str) -> tuple[Claim, ...]:
             continue
         claims.append(replace(claim, then=index > 0 and bool(_THEN.search(gap))))
     return tuple(claims)
+
+
+def verb_before(text: str, more: Verbs = ()) -> str:
+    """Returns the last verb of a text as it is written, or nothing."""
+    verbs = _verbs_in(text, more)
+    return verbs[-1][0].group() if verbs else ""
+
+
+def _verbs_in(text: str, more: Verbs) -> list[tuple[re.Match[str], str]]:
+    """Returns the verbs of a text and the kinds of their claims."""
+    known = (*more, *_VERBS)
+    found = [
+        (match, known[int(str(match.lastgroup)[1:])][0]) for match in _pattern(known).finditer(text)
+    ]
+    return [(match, kind) for match, kind in found if kind]
+
+
+@cache
+def _pattern(verbs: Verbs) -> re.Pattern[str]:
+    return re.compile(
+        "|".join(rf"(?P<v{n}>\b(?:{'|'.join(words)})\b)" for n, (_, words) in enumerate(verbs))
+    )
 
 
 def _claim(kind: str, before: str, verb: str, after: str) -> Claim:

@@ -1,12 +1,13 @@
 """Best of several takes: claims and match of sentence and motion, less what feet and jerk cost.
 
-    score = claims + cosine(sentence, motion) − sliding − 2 · penetration − max(0, jerk − 150)/1000
+    score = 2 · claims + cosine(sentence, motion) − sliding − 2 · penetration
+            − max(0, jerk − 150)/1000
 
-`claims` is the share of the sentence's claims (side, turn, count, order, …) that the motion shows,
-less the share that it contradicts (`describe/agreement.py`). Sliding is in m/s, penetration in m,
-jerk in m/s³ (`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such
-that claims decide first, and ordinary differences of feet and floor only between takes that match
-about as well (docs/measurements/best_of.md).
+`claims` is how closely the motion does what the sentence asks: degrees, counts, sides, ways, paces
+and order (`describe/closeness.py`). Sliding is in m/s, penetration in m, jerk in m/s³
+(`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such that claims
+decide first, and ordinary differences of feet and floor only between takes that match about as
+well (docs/measurements/best_of.md).
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ import numpy as np
 
 from latentmotion.condition.interface import Condition
 from latentmotion.condition.task import SentenceCondition
-from latentmotion.describe.agreement import check
-from latentmotion.describe.claims import claims_of
-from latentmotion.describe.reading import describe
+from latentmotion.describe.asked import asked_of
+from latentmotion.describe.closeness import closeness
+from latentmotion.describe.reading import scene_of
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
 from latentmotion.model.card import ModelCard
@@ -30,6 +31,9 @@ from latentmotion.ranking.scorer import Scorer, shipped_scorer
 
 MOST_TAKES = 256
 """Most takes of one prompt."""
+
+_CLAIMS = 2.0
+"""Weight of the claims beside the cosine."""
 
 _PENETRATION, _JERK, _USUAL_JERK = 2.0, 1e-3, 150.0
 """Costs of a meter below the floor and of one m/s³ of jerk above the usual."""
@@ -42,9 +46,9 @@ class Take:
     motion: Motion
     """The motion."""
     score: float
-    """Claims and match less the costs; the highest is the best."""
+    """Twice the claims, and the match, less the costs; the highest is the best."""
     claims: float
-    """Share of the sentence's claims that are shown less that of those contradicted, -1 to 1."""
+    """How closely the motion does what the sentence asks, 0 to 1; 0 where nothing is measurable."""
     text: float
     """Cosine of the vectors of sentence and motion, -1 to 1."""
     sliding: float
@@ -99,17 +103,15 @@ def ranked(motions: Sequence[Motion], prompt: str, scorer: Scorer) -> list[Take]
         InputError: A motion has another skeleton or is too short.
     """
     matches = scorer.motions(motions) @ scorer.texts([prompt])[0]
-    takes, claims = [], claims_of(prompt)
+    takes, asked = [], asked_of(prompt)
     for motion, match in zip(motions, matches.tolist(), strict=True):
         joints, fps = motion.joints, motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
         jerk = jitter(joints, fps)
-        verdicts = check(claims, describe(joints.astype(np.float64))).verdicts
-        shown = verdicts.count("agrees") - verdicts.count("contradicts")
-        agreement = shown / max(len(verdicts), 1)
+        claims = closeness(asked, scene_of(joints.astype(np.float64)))
         costs = sliding + _PENETRATION * depth + _JERK * max(0.0, jerk - _USUAL_JERK)
-        score = agreement + match - costs
-        takes.append(Take(motion, score, agreement, match, sliding, depth, jerk))
+        score = _CLAIMS * claims + match - costs
+        takes.append(Take(motion, score, claims, match, sliding, depth, jerk))
     return sorted(takes, key=lambda take: -take.score)
 
 
