@@ -3,7 +3,8 @@
     python -m benchmarks.quality.blind_sheet fast benchmarks/quality/sheet_60.txt OUT --seeds 1 2 3
 
 writes OUT/sheet_NN.png (six motions each, numbered) and OUT/key.csv, which says what was asked.
-Name each movement before the key is opened; then judge it good, half or bad.
+`--best-of 4` draws the best of four takes, `--way` prints how far and where each goes. Name each
+movement before the key is opened; then judge it good, half or bad.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 import tyro
 
 from latentmotion import MotionPipeline, formats
+from latentmotion.describe.reading import describe
 from latentmotion.motion import Motion
 
 PER_SHEET = 6
@@ -37,6 +39,10 @@ class BlindSheet:
     """Each prompt is drawn with each."""
     order: int = 0
     """Seed of the order."""
+    best_of: int = 1
+    """Takes of each motion, of which the best is drawn."""
+    way: bool = False
+    """Print distance, side and turn of each motion, which strips do not show."""
 
 
 def main(sheet: BlindSheet) -> None:
@@ -44,10 +50,11 @@ def main(sheet: BlindSheet) -> None:
     generate = MotionPipeline.from_pretrained(sheet.model)
     prompts = [line for line in sheet.prompts.read_text("utf-8").splitlines() if line.strip()]
     asked = [(prompt, seed) for prompt in prompts for seed in sheet.seeds]
-    motions = [
-        motion.cleaned()
-        for motion in generate.batch([p for p, _ in asked], seeds=[s for _, s in asked])
-    ]
+    if sheet.best_of > 1:
+        raw = [generate.best(p, sheet.best_of, seed=s * sheet.best_of) for p, s in asked]
+    else:
+        raw = generate.batch([p for p, _ in asked], seeds=[s for _, s in asked])
+    motions = [motion.cleaned() for motion in raw]
     sheet.out.mkdir(parents=True, exist_ok=True)
     order = np.random.default_rng(sheet.order).permutation(len(asked)).tolist()
     with (sheet.out / "key.csv").open("w", newline="", encoding="utf-8") as file:
@@ -57,10 +64,16 @@ def main(sheet: BlindSheet) -> None:
             table.writerow((number, *asked[index], f"{len(motions[index].joints) / 20:.1f}"))
     for start in range(0, len(order), PER_SHEET):
         numbered = [
-            _numbered(motions[index], str(start + place))
+            _numbered(motions[index], f"{start + place}{_way(motions[index]) if sheet.way else ''}")
             for place, index in enumerate(order[start : start + PER_SHEET])
         ]
         formats.save(sheet.out / f"sheet_{start // PER_SHEET:02d}.png", numbered)
+
+
+def _way(motion: Motion) -> str:
+    path = describe(motion.joints.astype(np.float64)).path
+    went = f"{path.ahead:+.1f} m ahead, {path.sideways:+.1f} m left"
+    return f": {motion.seconds:.1f} s, {went}, turned {path.turned:+.0f} degrees left"
 
 
 def _numbered(motion: Motion, caption: str) -> Motion:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from latentmotion.control.goals import Reach
 
 
-_OF_FRAMES = ("goals", "spans", "foot_sliding")
+_OF_FRAMES = ("goals", "spans", "foot_sliding", "turn")
 """Metadata that hold for a motion's frames as they were generated."""
 
 

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
 from latentmotion.condition.task import SentenceCondition
+from latentmotion.describe.asked import asked_turn
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import Estimator, Noise, ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, SamplerName, sample, sampler_named
@@ -223,7 +224,7 @@ class MotionPipeline:
                 features.fps,
                 features.skeleton,
                 prompt,
-                {"model": self.card.name, "seed": seed, **metadata},
+                {"model": self.card.name, "seed": seed, **metadata, **self._asked(prompt)},
             )
             for positions, prompt, seed in zip(
                 requests.unpadded(joints, rows, frames), prompts, seeds, strict=True
@@ -572,6 +573,11 @@ class MotionPipeline:
     def decoder(self) -> FeatureDecoder:
         """The VAE's decoder with the scales of latents and features."""
         return FeatureDecoder.of(self.card, self.backend.decoder, self.backend.to_device)
+
+    def _asked(self, prompt: str) -> dict[str, Any]:
+        """Returns the turn that a sentence asks for, which clean-up makes exact."""
+        turn = asked_turn(prompt) if self.card.condition.reads_text else None
+        return {"turn": {"degrees": turn.degrees, "side": turn.side}} if turn else {}
 
     def _batches(self, request: GenerationRequest) -> list[list[int]]:
         """Checks a request; returns the motions of each batch."""

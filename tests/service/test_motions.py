@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from latentmotion import Motion, MotionPipeline
+from latentmotion.cleanup import CleanUp
 from tests.service.conftest import Called
 
 WALK = {"prompt": "a person walks", "seconds": 1.0, "seed": 3}
@@ -38,6 +39,16 @@ def test_a_motion_is_cleaned_unless_told_otherwise(called: Called, walk: Motion)
     at_30 = called.post("/v1/motions", WALK | {"fps": 30}).json()
     assert at_30["fps"] == 30
     assert len(at_30["positions"]) in (29, 30)
+
+
+def test_turns_are_exact_unless_told_otherwise(called: Called) -> None:
+    turn = {"prompt": "turn left by 90 degrees", "seed": 1}
+    motion = MotionPipeline.from_pretrained(threads=1)(turn["prompt"], seed=1)
+    for exact in (True, False):
+        expected = motion.cleaned(CleanUp(exact_turn=exact))
+        found = called.post("/v1/motions", turn | {"exact_turn": exact}).json()
+        np.testing.assert_allclose(found["positions"], expected.joints, atol=1e-4)
+    assert "made" in motion.cleaned().metadata["turn"]
 
 
 @pytest.mark.parametrize(

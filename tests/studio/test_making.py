@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
+from latentmotion.studio.making import Maker
 from tests.service.conftest import Called
 from tests.studio.conftest import made
 
@@ -21,6 +22,8 @@ KINDS: dict[str, dict[str, Any]] = {
     "unclean": {**WALK, "clean": False, "guidance": 3.0},
     "predicted length": {"prompt": "a person waves", "steps": 1},
     "best of several": {**WALK, "best_of": 2},
+    "exact turn": {"prompt": "turn around to the left", "steps": 4},
+    "inexact turn": {"prompt": "turn around to the left", "steps": 4, "exact_turn": False},
     "goals": {**WALK, "goals": [{"joint": "right_wrist", "at": 1.5, "to": [None, 1.4, None]}]},
     "path": {**WALK, "path": {"points": [[0, 0], [0, 1], [0.5, 2]]}},
     "timeline": {"timeline": SPANS, "steps": 2},
@@ -66,6 +69,16 @@ def test_takes_are_made_again_to_the_bit(
     assert answer == {"equal": True, "restored": False}
     assert take["recipe"]["model"] == "fast"
     assert len(take["recipe"]["weights"]) == 64
+
+
+def test_takes_that_do_not_tell_of_exact_turns_have_none(studio: Called) -> None:
+    turn = {"prompt": "turn around to the left", "steps": 4, "seed": 3}
+    (exact,), (plain,) = made(studio, 1, **turn), made(studio, 1, **turn, exact_turn=False)
+    assert not np.allclose(joints_of(studio, exact["id"]), joints_of(studio, plain["id"]))
+    old = {name: it for name, it in plain["recipe"].items() if name != "exact_turn"}
+    library = studio.library  # type: ignore[attr-defined]
+    maker = Maker(studio.service.pipeline, plain["recipe"]["weights"], library)
+    np.testing.assert_array_equal(maker.again(old).joints, joints_of(studio, plain["id"]))
 
 
 def test_takes_of_a_prompt_are_one_batch_and_each_is_as_alone(

@@ -15,6 +15,7 @@ from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian, smooth
+from latentmotion.cleanup.turning import Turn, exact_turns
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
@@ -43,6 +44,8 @@ class CleanUp:
         InputError: The cutoff is not a positive number.
     """
 
+    exact_turn: bool = True
+    """Make a generated motion turn by the degrees that its sentence names."""
     smooth: bool = True
     """Remove jitter."""
     bones: bool = True
@@ -93,10 +96,18 @@ def clean_batch(motions: Sequence[Motion], steps: CleanUp = CleanUp()) -> list[M
         for first in range(0, len(every), _TOGETHER)
     ]
     for numbers in counted(batches, "cleaning up"):
-        joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
-        joints = _cleaned(joints, [motions[n] for n in numbers], steps).astype(np.float32)
+        batch = [motions[n] for n in numbers]
+        joints = np.stack([motion.joints for motion in batch], axis=1).astype(np.float64)
+        made: list[float | None] = [None] * len(batch)
+        if steps.exact_turn:
+            turns = [Turn.of(motion.metadata) for motion in batch]
+            joints, made = exact_turns(joints, batch[0].fps, batch[0].skeleton, turns)
+        joints = _cleaned(joints, batch, steps).astype(np.float32)
         for place, number in enumerate(numbers):
-            cleaned[number] = replace(motions[number], joints=joints[:, place])
+            about, before = dict(batch[place].metadata), made[place]
+            if before is not None:
+                about["turn"] = {**about["turn"], "made": round(before, 1)}
+            cleaned[number] = replace(batch[place], joints=joints[:, place], metadata=about)
     return cleaned
 
 

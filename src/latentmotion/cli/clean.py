@@ -26,6 +26,8 @@ class Clean:
     file: Annotated[options.File, arg(help=_INPUT)]
     output: options.Outputs
     """Files to write; the extension selects the format."""
+    exact_turn: bool = True
+    """Make a motion that was written raw turn by the degrees that its sentence names."""
     smooth: bool = True
     """Remove jitter."""
     bones: bool = True
@@ -46,6 +48,7 @@ class Clean:
             InputError: The file cannot be read, or an ending or a folder cannot be used.
         """
         steps = CleanUp(
+            exact_turn=self.exact_turn,
             smooth=self.smooth,
             bones=self.bones,
             floor=self.floor,

@@ -100,6 +100,9 @@ class Generate:
     clean: bool = True
     """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
     (docs/guide/cleanup.md)."""
+    exact_turn: bool = True
+    """As part of the clean-up, make a motion turn by the degrees that its sentence names, such as
+    "turns around"."""
     in_place: bool = False
     """Remove the root's path along the floor, as game engines expect."""
     preset: EngineName | None = None
@@ -136,7 +139,7 @@ class Generate:
                 raise InputError(f"--preset {self.preset} cannot be written as {path}; {expected}")
         motions = self._generated(prompts, scene, goals)
         if self.clean:
-            motions = cleaned(motions, CleanUp(in_place=self.in_place))
+            motions = cleaned(motions, CleanUp(exact_turn=self.exact_turn, in_place=self.in_place))
         fps = self.fps if self.fps or not self.preset else ENGINES[self.preset].fps
         if fps is not None:
             motions = [motion.resampled(fps) for motion in counted(motions, "resampling")]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from latentmotion.describe.claims import Claim, claims_of, verb_before
+from latentmotion.describe.claims import SLIGHT, Claim, claims_of, verb_before
 
 MORE_VERBS = (
     ("jack", (r"(?:jumping|star)[- ]?(?:jacks?|jumps?)",)),
@@ -98,8 +98,7 @@ _TURNS = (
     (r"\b(?:walk|jog|run)(\w*) (?:one |a )(?:lap|round)\b", r"walk\1 in a circle"),
     (r"\b(?:take|takes|taking|took|along) a (?:bend |curve |corner )?(?:to \w+ )?(left|right)\b"
      r"(?! (?:step|side))", r"turn \1"),
-    (r"\bsharp (left|right)?( ?turn)", r"90 degrees \1\2"),
-    (r"\b(?:veer|bear|drift)(s|ing)?\b", r"turn\1 45 degrees"),
+    (r"\b(?:veer|bear|drift)(s|ing)?\b", r"turn\1 slightly"),
     (r"\bswivel(?:s|ing|ed)?\b", "turn"),
     (r"(^|then |and |someone |person )(?:face|faces|facing) (left|right)", r"\1turn \2"),
     (r"\bhalf ?way (?:a?round)\b", "180 degrees"),
@@ -181,3 +180,15 @@ def asked_of(prompt: str) -> Asked:
         elif claim != Claim("move", then=claim.then) or last.kind not in _GAITS:
             claims.append(claim)
     return Asked(tuple(claims), not _TOGETHER.search(text))
+
+
+def asked_turn(prompt: str) -> Claim | None:
+    """Returns the one turn whose degrees a prompt names; none where it names no or several.
+
+    Args:
+        prompt: A sentence as users write it.
+    """
+    turns = [claim for claim in asked_of(prompt).claims if claim.kind in ("turn", "circle")]
+    if len(turns) != 1 or turns[0].degrees in (0, SLIGHT):
+        return None
+    return replace(turns[0], degrees=turns[0].degrees * max(turns[0].count, 1))

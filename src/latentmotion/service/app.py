@@ -180,6 +180,7 @@ def _motions(service: Service) -> APIRouter:
         async def made() -> Response:
             asked, seconds = wanted.settings(wanted.seconds is None), service.settings.deadline
             found = await service.generated(asked, wanted.all_prompts(), seconds)
+            found = wanted.to_clean(found)
             return await _file(service, found, wanted.format, wanted.clean, wanted.fps)
 
         return await unless_gone(request, made())

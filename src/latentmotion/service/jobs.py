@@ -189,6 +189,7 @@ class Jobs:
                     continue
                 some = prompts[start : start + TOGETHER]
                 made = await service.generated(settings, some, PATIENCE, background=True)
+                made = request.to_clean(made)
                 content, _ = await service.file(made, "npz", request.clean, request.fps)
                 with atomic_file(part) as temporary:
                     temporary.write_bytes(content)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -10,6 +12,7 @@ from latentmotion.control.goals import Goal, Heading, Path, Reach
 from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError
+from latentmotion.motion import Motion
 from latentmotion.service.model import BatchSettings, Prompt
 
 MOST_CHARACTERS = 500
@@ -58,6 +61,10 @@ Guidance = Annotated[
 Sampler = Annotated[SamplerName | None, Field(description="Sampler; by default the model's own.")]
 Clean = Annotated[
     bool, Field(strict=True, description="Hold standing feet, put the figure on the floor, smooth.")
+]
+ExactTurn = Annotated[
+    bool,
+    Field(strict=True, description="Clean-up makes it turn by the degrees that the prompt names."),
 ]
 Fps = Annotated[
     float | None,
@@ -127,6 +134,16 @@ class _Sampled(_Strict):
     guidance: Guidance = None
     sampler: Sampler = None
     clean: Clean = True
+    exact_turn: ExactTurn = True
+
+    def to_clean(self, motions: Sequence[Motion]) -> list[Motion]:
+        """Returns motions that clean-up turns by what their prompts ask only if that is wanted."""
+        if self.exact_turn:
+            return list(motions)
+        return [
+            replace(m, metadata={name: it for name, it in m.metadata.items() if name != "turn"})
+            for m in motions
+        ]
 
     def settings(self, predicted: bool) -> BatchSettings:
         """Returns what motions need in common to be generated together."""

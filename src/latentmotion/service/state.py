@@ -179,7 +179,7 @@ class Service:
             make = partial(pipeline, *about, goals)
         else:
             found = await self.generated(settings, request.prompts(), seconds)
-            return found[0], request.clean
+            return request.to_clean(found)[0], request.clean
         # Clean-up yields to goals, which a worker would not know.
         clean = request.clean and bool(goals)
         motion = await self.called(lambda: make().cleaned() if clean else make(), seconds)

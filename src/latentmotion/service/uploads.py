@@ -45,6 +45,7 @@ def routes(service: Service) -> APIRouter:
         request: Request,
         source: Source,
         target: Target = "glb",
+        exact_turn: bool = True,
         smooth: bool = True,
         bones: bool = True,
         floor: bool = True,
@@ -55,7 +56,8 @@ def routes(service: Service) -> APIRouter:
     ) -> Response:
         """Clean up the motions of a file: hold standing feet, put the figure on the floor."""
         steps = {"smooth": smooth, "bones": bones, "floor": floor, "feet": feet}
-        task = {"clean": {**steps, "in_place": in_place, "cutoff": cutoff}}
+        more = {"exact_turn": exact_turn, "in_place": in_place, "cutoff": cutoff}
+        task = {"clean": {**steps, **more}}
         return await _converted(service, request, source, target, {**task, "fps": fps})
 
     @router.post("/convert", openapi_extra=BINARY_BODY, response_class=Response)

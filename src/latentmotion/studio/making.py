@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion import __version__
+from latentmotion.cleanup import CleanUp
 from latentmotion.control.goals import Goal, Pose
 from latentmotion.errors import InputError
 from latentmotion.model import card as cards
@@ -92,7 +93,8 @@ class Maker:
             found = sources[name]
             return from_json(Edits, found["edits"]).applied(self.library.stored(found["motion"]))
 
-        asked = Recipe.model_validate(recipe)
+        # Takes of versions that made no exact turns do not say so.
+        asked = Recipe.model_validate({"exact_turn": False, **recipe})
         return motions_of(self.pipeline, asked, [asked.seed], source)[0]
 
 
@@ -131,7 +133,7 @@ def motions_of(
         seconds, prompt = recipe.seconds or 1.0, recipe.prompt or ON_THE_WAY
         return [pipeline.between(start, end, seconds, prompt, seed, *sampled) for seed in seeds]
     found = _generated(pipeline, recipe, seeds, source)
-    return cleaned(found) if recipe.clean else found
+    return cleaned(found, CleanUp(exact_turn=recipe.exact_turn)) if recipe.clean else found
 
 
 def check(recipe: Recipe) -> None:

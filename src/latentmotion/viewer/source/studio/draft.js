@@ -10,7 +10,7 @@ const KEPT = {
   sampler: (name) => `sampler ${name}`,
   in_place: () => "in place",
 };
-const SETTINGS = ["takes", "seed", "steps", "guidance", "clean", "loop", "best_of"];
+const SETTINGS = ["takes", "seed", "steps", "guidance", "clean", "exact_turn", "loop", "best_of"];
 
 export function emptyDraft({ steps, guidance }) {
   return {
@@ -20,7 +20,7 @@ export function emptyDraft({ steps, guidance }) {
     kept: {}, // of a recipe, what has no field
     settings: {
       ...{ takes: 4, seed: 0, steps: steps.at(-1), guidance: guidance.usual },
-      ...{ clean: true, loop: false, best_of: 1 },
+      ...{ clean: true, exact_turn: true, loop: false, best_of: 1 },
     },
   };
 }
@@ -39,8 +39,8 @@ export function recipeOf({ segments, path, goals, kept, settings }) {
 }
 
 /** How motions are generated, whatever is asked for. */
-export function samplingOf({ settings: { seed, steps, guidance, clean } }) {
-  return { format: 1, seed, steps, guidance, clean };
+export function samplingOf({ settings: { seed, steps, guidance, clean, exact_turn } }) {
+  return { format: 1, seed, steps, guidance, clean, exact_turn };
 }
 
 /** What a take was made from, as a draft. */

@@ -1,0 +1,115 @@
+"""Exact turns: a motion that turns as asked, but too far or too little, turns by what was asked.
+
+The rotation that is missing is spread over the frames in which the pelvis turns the asked way, in
+proportion to how fast it does, and the path bends with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.representation.canonical import gaussian_smooth, turn
+
+_WITHIN = (0.5, 2.0)
+"""Degrees asked over degrees made, outside of which a motion is not of the kind that was asked."""
+
+_EXACT = 1.0
+"""Degrees off that are left as they are."""
+
+_SMOOTH = 0.1
+"""Seconds by which the heading is smoothed."""
+
+_LEVEL = 0.7
+"""Share of the line between the hips that is along the floor at least; else the body lies."""
+
+_MOST = 1080.0
+"""Degrees of the largest turn."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn that a sentence asks for."""
+
+    degrees: float
+    """By how much, 10 and more."""
+    side: str = ""
+    """`left`, `right`, or nothing for either."""
+
+    @classmethod
+    def of(cls, metadata: Mapping[str, Any]) -> Turn | None:
+        """Returns the turn that metadata ask for; none where they do not, or it was made."""
+        found = metadata.get("turn")
+        if not isinstance(found, Mapping) or "made" in found:
+            return None
+        degrees, side = found.get("degrees"), found.get("side", "")
+        if not isinstance(degrees, int | float) or side not in ("", "left", "right"):
+            return None
+        return cls(float(degrees), side) if 10 <= degrees <= _MOST else None
+
+
+def exact_turns(
+    joints: Float[np.ndarray, "frames motions joints 3"],
+    fps: float,
+    skeleton: Skeleton,
+    turns: Sequence[Turn | None],
+) -> tuple[Float[np.ndarray, "frames motions joints 3"], list[float | None]]:
+    """Makes motions turn by what is asked, where they turn that way by half to twice as much.
+
+    Args:
+        joints: Positions, meters, y up; joint 0 is the root.
+        fps: Frames per second.
+        skeleton: Names the hips.
+        turns: What is asked of each motion.
+
+    Returns:
+        The joints, and the degrees that each motion turned before, left is positive; none where
+        it was left as it is.
+    """
+    made: list[float | None] = [None] * len(turns)
+    hips = [skeleton.names.index(n) for n in ("right_hip", "left_hip") if n in skeleton.names]
+    if len(hips) < 2 or len(joints) < 3 or not any(turns):
+        return joints, made
+    joints = joints.copy()
+    for number, asked in enumerate(turns):
+        if asked is not None:
+            one = joints[:, number]
+            heading = _heading(one[:, hips[0]] - one[:, hips[1]], fps)
+            total = 0.0 if heading is None else float(np.degrees(heading[-1] - heading[0]))
+            wrong = (total > 0) != (asked.side == "left") if asked.side else False
+            ratio = asked.degrees / max(abs(total), 1e-6)
+            near = abs(asked.degrees - abs(total)) < _EXACT
+            if heading is None or wrong or near or not _WITHIN[0] <= ratio <= _WITHIN[1]:
+                continue
+            rates = np.maximum(np.sign(total) * np.diff(heading), 0)
+            missing = np.sign(total) * np.radians(asked.degrees - abs(total))
+            added = missing * np.concatenate([[0], np.cumsum(rates / rates.sum())])
+            joints[:, number] = _turned(one, added)
+            made[number] = total
+    return joints, made
+
+
+def _heading(
+    across: Float[np.ndarray, "frames 3"], fps: float
+) -> Float[np.ndarray, " frames"] | None:
+    """Returns the heading of the line between the hips, radians; none if the body lies."""
+    flat = np.hypot(across[:, 0], across[:, 2])
+    if (flat < _LEVEL * np.linalg.norm(across, axis=1)).any():
+        return None
+    heading = np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))
+    return gaussian_smooth(heading[:, None], _SMOOTH * fps)[:, 0]
+
+
+def _turned(
+    joints: Float[np.ndarray, "frames joints 3"], angles: Float[np.ndarray, " frames"]
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Turns each frame about its root, radians, and the steps of the root with it."""
+    root = joints[:, :1] * np.array([1.0, 0.0, 1.0])
+    steps = turn(np.diff(root, axis=0), angles[:-1, None])
+    path = np.concatenate([root[:1], root[:1] + np.cumsum(steps, axis=0)])
+    return turn(joints - root, angles[:, None]) + path
