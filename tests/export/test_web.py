@@ -17,9 +17,8 @@ from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.session import open_session
 from latentmotion.errors import ModelError
 from latentmotion.export.unused import without_unused
-from latentmotion.export.web import export_web
+from latentmotion.export.web import export_web, motion_file
 from latentmotion.model.card import find_model
-from latentmotion.viewer.site import RUNTIME_FILE
 
 SENTENCES = ("a person walks in a circle", "he jumps", "a man waves " + "and waves " * 80)
 
@@ -118,11 +117,21 @@ def test_models_of_many_steps_are_refused(tmp_path: Path):
     assert not list(tmp_path.iterdir())
 
 
-def test_models_that_read_no_sentences_are_refused(student: Path, tmp_path: Path, capsys):
-    runtime = tmp_path / "dist"
-    runtime.mkdir()
-    (runtime / RUNTIME_FILE).touch()
-    with pytest.raises(SystemExit):
-        main(["web", str(student), "--runtime", str(runtime), "-o", str(tmp_path / "site")])
-    assert "takes labels; a web page needs a few-step model" in capsys.readouterr().err
-    assert not (tmp_path / "site").exists()
+def test_a_model_of_labels_takes_their_numbers(student: Path, tmp_path: Path):
+    folder = tmp_path / "web"
+    export_web(student, folder, "float16")
+    manifest = json.loads((folder / "web.json").read_text("utf-8"))
+    assert (manifest["prompts"], manifest["labels"]) == ("labels", list("012345"))
+    assert not {"tokenizer.json", "seconds.onnx"} & set(manifest["files"])
+    pipeline = MotionPipeline.from_pretrained(student, threads=1)
+    session = open_session(folder / motion_file(2), "onnxruntime", 1)
+    for number, label in enumerate("012"):
+        expected = pipeline(label, 2.0, number, 2, 3.0).joints
+        noise = SeededNoise([number])((1, pipeline.card.latents.tokens_of(40), 8))
+        found = session(
+            tokens=np.array([[number]]),
+            noise=noise,
+            frames=np.array([40]),
+            guidance=np.array([3.0], np.float32),
+        )
+        np.testing.assert_allclose(found[0], expected, atol=1e-4)

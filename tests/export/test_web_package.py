@@ -18,6 +18,7 @@ import pytest
 from tokenizers import Tokenizer
 
 from latentmotion import MotionPipeline
+from latentmotion.export.web import export_web
 
 PACKAGE = Path(__file__).parents[2] / "packages" / "web"
 COUNT = int(os.environ.get("LATENTMOTION_WEB", "6"))
@@ -121,3 +122,25 @@ def test_errors_say_what_was_expected(answered: dict[str, Any]):
     )
     for message, words in zip(answered["errors"], expected, strict=True):
         assert words in message
+
+
+def test_a_model_of_labels_takes_them_in_node(student: Path, tmp_path: Path):
+    if shutil.which("node") is None or not (PACKAGE / "node_modules").is_dir():
+        pytest.skip("needs Node, and the package's dependencies: cd packages/web && npm ci")
+    export_web(student, tmp_path / "web", "float16")
+    program = f"""
+    import {{ load }} from "{PACKAGE}/src/node.js";
+    const lm = await load("{tmp_path / "web"}");
+    const {{ joints }} = await lm.generate("4", {{ seconds: 1, seed: 3, steps: 2, guidance: 2 }});
+    const told = await lm.generate("9").catch(({{ name, message }}) => `${{name}}: ${{message}}`);
+    console.log(JSON.stringify({{ joints: [...joints], told }}));
+    await lm.close();
+    """
+    command = ["node", "--input-type=module", "-e", program]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    answer = json.loads(run.stdout)
+    expected = MotionPipeline.from_pretrained(student, threads=1)("4", 1.0, 3, 2, 2.0).joints
+    found = np.reshape(answer["joints"], expected.shape)
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    assert answer["told"] == 'InputError: unknown action "9"; known are 0, 1, 2, 3, 4, 5'

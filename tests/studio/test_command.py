@@ -65,6 +65,7 @@ def test_a_second_studio_on_the_same_port_says_so(
         (["--port", "99999"], "expected 0 to 65535"),
         (["--deadline", "0"], "expected 0.1 to 3600 seconds"),
         (["--model", "nobody"], "no model 'nobody'"),
+        (["--model", "fast", "--model", "nobody"], "no model 'nobody'"),
     ],
 )
 def test_what_cannot_be_served_is_told_at_once(

@@ -149,7 +149,9 @@ def test_a_recipe_that_cannot_be_met_says_why(
     assert told in answer.json()["detail"]
 
 
-def test_other_weights_make_no_take_again(studio: Called, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_take_whose_model_is_absent_says_so(
+    studio: Called, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (take,) = made(studio, **WALK)
     library: Any = studio.library  # type: ignore[attr-defined]
     own = library.take(take["id"])
@@ -157,7 +159,8 @@ def test_other_weights_make_no_take_again(studio: Called, monkeypatch: pytest.Mo
     monkeypatch.setattr(library, "take", lambda name: other)
     answer = studio.post(f"/studio/v1/takes/{take['id']}/again")
     assert answer.status_code == 422
-    assert "other weights" in answer.json()["detail"]
+    assert "made by model 'fast', whose weights (SHA-256 000000000000…)" in answer.json()["detail"]
+    assert "latentmotion studio --model FOLDER" in answer.json()["detail"]
 
 
 def joints_of(studio: Called, name: str) -> np.ndarray:

@@ -437,6 +437,37 @@ def test_an_empty_prompt_is_asked_for(page):
     page.press("#prompt", "Tab")
 
 
+def test_settings_choose_the_model_of_the_next_takes(page):
+    page.click("#open-settings")
+    assert page.locator("#model option").all_inner_texts() == ["fast", "starter"]
+    page.select_option("#model", "starter")
+    said(page, "The model starter makes the next takes.")
+    page.keyboard.press("Escape")
+    page.select_option("[name=steps]", "10")
+    until(page, "studio.draft.settings.steps === 10")
+    generated(page, "a person walks", 1)
+    assert asked(page, "studio.take.recipe.model") == "starter"
+    assert page.inner_text("#facts").endswith("starter")
+    page.click("#again")
+    said(page, "Made again: equal to the bit.")
+    page.keyboard.press("Control+z")
+    until(page, "studio.take.recipe.model === 'fast'")
+    assert page.inner_text("#facts").endswith("fast")
+    page.click("#open-settings")
+    page.select_option("#model", "fast")
+    until(page, "studio.draft.settings.model === 'fast' && studio.draft.settings.steps === 4")
+    assert page.locator("[name=steps] option").all_inner_texts() == ["1", "2", "4"]
+    page.keyboard.press("Escape")
+
+
+def test_a_take_whose_model_is_not_here_says_so(page):
+    page.evaluate(
+        "() => { const { studio } = latentmotion; studio.take.recipe = { ...studio.take.recipe,"
+        " weights: 'f'.repeat(64), model: 'gone' }; studio.tell('pick'); }"
+    )
+    assert page.inner_text("#facts").endswith("gone, which is not here")
+
+
 def test_question_mark_shows_the_keys(page):
     page.focus("#view canvas")
     page.keyboard.press("?")

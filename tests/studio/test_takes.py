@@ -45,6 +45,22 @@ def loaded(tmp_path: Path, data: bytes, ending: str) -> Motion:
     return formats.load(path)[0]
 
 
+def test_joints_of_several_takes_come_at_once(studio: Called, take: str) -> None:
+    other = kept(studio.library, WALK).id  # type: ignore[attr-defined]
+    one, two, both = (
+        studio.get(f"/studio/v1/{path}")
+        for path in (
+            f"takes/{take}/joints",
+            f"takes/{other}/joints",
+            f"joints?take={take}&take={other}",
+        )
+    )
+    assert both.content == one.content + two.content != two.content
+    for header in ("x-frames", "x-fps"):
+        assert both.headers[header] == f"{one.headers[header]},{two.headers[header]}"
+    assert studio.get("/studio/v1/joints").status_code == 422
+
+
 def test_what_the_screen_shows_is_what_is_written(
     studio: Called, take: str, tmp_path: Path
 ) -> None:

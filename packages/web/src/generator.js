@@ -41,9 +41,10 @@ export class Generator {
     };
     const generator = new Generator(model, sized);
     const weights = sized(WEIGHTS);
-    const tokenizer = sized("tokenizer.json");
+    const { prompts = "sentences" } = model;
+    const tokenizer = prompts === "sentences" ? sized("tokenizer.json") : null;
     generator.weights = await weights;
-    generator.sentences = new Sentences(parsed(await tokenizer, "tokenizer.json"), model);
+    if (tokenizer) generator.sentences = new Sentences(parsed(await tokenizer, "tokenizer.json"), model);
     await generator.session(`motion_${model.usual.steps}.onnx`);
     return generator;
   }
@@ -68,12 +69,18 @@ export class Generator {
     });
   }
 
+  /** Token ids of a sentence; the number of a label; none where the model takes no prompt. */
+  #ids(prompt) {
+    if (this.sentences) return this.sentences.ids(prompt);
+    return this.model.prompts === "labels" ? [this.model.labels.indexOf(prompt)] : [];
+  }
+
   /** Returns the motion of a prompt: the recipe that made it, and its joints. */
-  async generate(prompt, asked = {}) {
+  async generate(prompt = "", asked = {}) {
     const { model } = this;
     const recipe = this.#recipe(prompt, asked);
     const { steps, seed, guidance } = recipe;
-    const ids = this.sentences.ids(prompt);
+    const ids = this.#ids(prompt);
     const tokens = new ort.Tensor("int64", BigInt64Array.from(ids, BigInt), [1, ids.length]);
     const frames = await this.#frames(asked.seconds, tokens);
     const count = latentTokens(model.latents, frames);
@@ -105,9 +112,7 @@ export class Generator {
       steps: steps ?? model.usual.steps,
       guidance: guidance ?? model.usual.guidance,
     };
-    if (typeof prompt !== "string" || !prompt.trim()) {
-      throw new InputError("no prompt; say what the person does, e.g. a person walks and sits down");
-    }
+    checkPrompt(prompt, model);
     const whole = typeof seed === "bigint" || Number.isSafeInteger(seed);
     if (!whole || seed < 0) throw new InputError(`seed ${seed}: expected a whole number from 0 up`);
     if (!model.steps.includes(recipe.steps)) {
@@ -149,6 +154,20 @@ export class Generator {
   async close() {
     for (const session of this.sessions.values()) await (await session).release();
     this.sessions.clear();
+  }
+}
+
+function checkPrompt(prompt, { name, prompts = "sentences", labels = [] }) {
+  if (prompts === "nothing") {
+    if (!prompt) return;
+    throw new InputError(`model "${name}" makes motions of its own choice and takes no prompt; pass ""`);
+  }
+  if (prompts === "labels") {
+    if (labels.includes(prompt)) return;
+    throw new InputError(`unknown action ${JSON.stringify(prompt)}; known are ${labels.join(", ")}`);
+  }
+  if (typeof prompt !== "string" || !prompt.trim()) {
+    throw new InputError("no prompt; say what the person does, e.g. a person walks and sits down");
   }
 }
 

@@ -46,6 +46,10 @@ export interface Model {
   /** Hash of all files. */
   hash: string;
   license: string;
+  /** What it takes; a folder that does not say so takes sentences. */
+  prompts?: "sentences" | "labels" | "nothing";
+  /** The actions that it knows, where it takes labels. */
+  labels?: string[];
   fps: number;
   /** Shortest and longest motion, frames. */
   frames: [number, number];
@@ -75,8 +79,9 @@ export interface LoadOptions {
 export interface MotionGenerator {
   readonly model: Model;
   /**
-   * Turns a sentence into a motion.
-   * @throws InputError The prompt is empty or a number is out of the model's range.
+   * Turns a sentence into a motion; for models of actions the prompt is one of `model.labels`, for
+   * those without prompts "".
+   * @throws InputError The prompt is not of the model's kind, or a number is out of its range.
    */
   generate(prompt: string, request?: Request): Promise<Motion>;
   /** Gives back the memory; the model can't be used again. */

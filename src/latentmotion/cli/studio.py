@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
 
+from tyro.conf import UseAppendAction
+
 from latentmotion.cli.serve import ExportedRuntime
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.model.card import DEFAULT
@@ -21,8 +23,9 @@ class Studio:
     Example: latentmotion studio --library my_motions
     """
 
-    model: str = DEFAULT
-    """Name or folder of an exported model."""
+    model: UseAppendAction[tuple[str, ...]] = ()
+    """Name or folder of an exported model, fast by default; given several times, the page offers
+    them all, and those that ship, and starts with the first."""
     host: str = "127.0.0.1"
     """Address to listen at; by default only this machine is let in."""
     port: int = 8765
@@ -51,7 +54,7 @@ class Studio:
             raise InputError("--runtime pytorch cannot be served; export the model first")
         token = secrets.token_urlsafe(32)
         settings = Settings(
-            model=self.model,
+            model=(self.model or (DEFAULT,))[0],
             runtime=self.runtime,
             deadline=self.deadline,
             file_workers=1,
@@ -69,7 +72,7 @@ class Studio:
             raise MissingExtraError("latentmotion studio", error.name, "studio") from error
         with bound(self.host, self.port) as place:
             library = Library(self.library or default_folder())
-            app = create_studio(settings, library)
+            app = create_studio(settings, library, self.model[1:])
             # Behind #, so that neither a log nor another page ever sees it.
             page = f"{address(place)}/studio#token={token}"
             print(page, flush=True)

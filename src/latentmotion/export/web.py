@@ -24,7 +24,7 @@ from tokenizers import Tokenizer
 from torch import Tensor, nn
 
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.condition.task import ActionCondition, SentenceCondition, TextConditioning
+from latentmotion.condition.task import SentenceCondition, TextConditioning
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session
@@ -67,6 +67,16 @@ masks (int64[1,n] tokens, float[1,t,w] noise, int64[1] frames)
 }"""
 """One sentence and one motion have no padding, so all masks are true."""
 
+_LABELS = """<ir_version: 10, opset_import: ["" : 20]>
+labels (int64[1,n] tokens) => (float[1,n,w] seen)
+{
+  seen = OneHot (tokens, depth, values)
+}"""
+"""The number of a label becomes its unit vector; no number, no vector."""
+
+SeenPrompt = tuple[list[tuple[ModelProto, str, dict[str, str]]], str]
+"""Parts from tokens to `seen`, each with its prefix and names, and the name of the words' mask."""
+
 _PERCEPTRON = """<ir_version: 10, opset_import: ["" : 20]>
 lengths (float[1,w] pooled) => (float[1,1] seconds)
 {
@@ -86,33 +96,27 @@ def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
     """Writes a folder from which the npm package `latentmotion` generates.
 
     Args:
-        source: Model folder that `latentmotion export` wrote, of a few-step model of sentences.
+        source: Model folder that `latentmotion export` wrote, of a few-step model.
         output: Folder to write, replaced as a whole.
         weights: How large matrices are kept.
 
     Raises:
         InputError: There is something else at `output`.
-        ModelError: The model reads no sentences, is not distilled or lacks a file; or a graph does
-            not repeat it.
+        ModelError: The model is not distilled or lacks a file; or a graph does not repeat it.
     """
     card = cards.read_card(source)
     pipeline = MotionPipeline.from_pretrained(source, "onnxruntime", 1)
-    if not isinstance(pipeline.condition, SentenceCondition):
-        taken = "labels" if isinstance(pipeline.condition, ActionCondition) else "no prompts"
-        raise ModelError(
-            f"model {card.name!r} takes {taken}; a web page needs a few-step model of sentences, "
-            "such as fast. latentmotion studio shows any model in the browser"
-        )
     if not pipeline.backend.fused:
         raise ModelError(
             f"model {card.name!r} has no fused sampler, as few-step models do (fused_4.onnx); "
             "distill it: latentmotion train distill, then latentmotion export"
         )
-    text_graph, tokenizer = cards.find_text_encoder(card, source)
     with atomic_folder(output, MANIFEST_FILE) as folder, tempfile.TemporaryDirectory() as temporary:
         store = _WeightStore(weights)
-        text = onnx.load(text_graph)
-        reading = _traced_reading(pipeline.condition.conditioning, text, Path(temporary))
+        reads = isinstance(pipeline.condition, SentenceCondition)
+        text_graph, tokenizer = cards.find_text_encoder(card, source) if reads else (None, None)
+        text = onnx.load(text_graph) if text_graph else None
+        seen = _seen_prompt(pipeline, text, Path(temporary))
         representation = representation_of(card)
         example = {"features": torch.randn(1, 9, representation.width)}
         joints_graph = Path(temporary) / "joints.onnx"
@@ -120,14 +124,15 @@ def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
         joints = onnx.load(joints_graph)
         for steps in pipeline.backend.fused:
             fused = without_unused(onnx.load(source / fused_sampler_file(steps)), joints)
-            graph = store.taken(_joined(text, reading, fused, joints))
+            graph = store.taken(_joined(seen, fused, joints))
             onnx.save(anonymous(graph), folder / motion_file(steps))
         lengths = cards.lengths_file(card, source)
-        if lengths:
+        if lengths and text:
             model = LengthModel.read(lengths, card.condition.text_encoder)
             onnx.save(anonymous(store.taken(_seconds(text, model))), folder / SECONDS_FILE)
         store.write(folder / WEIGHTS_FILE)
-        shutil.copyfile(tokenizer, folder / cards.TOKENIZER_FILE)
+        if tokenizer:
+            shutil.copyfile(tokenizer, folder / cards.TOKENIZER_FILE)
         for steps in pipeline.backend.fused:
             error = joints_error(pipeline, folder, steps)
             if not error < TOLERANCE[weights]:
@@ -145,23 +150,24 @@ def motion_file(steps: int) -> str:
 
 def joints_error(pipeline: MotionPipeline, folder: Path, steps: int) -> float:
     """Returns the largest distance between joints of a graph and of its model, meters."""
-    sentence, seed, guidance = (
-        "a person walks forward and waves",
-        7,
-        pipeline.card.sampling.guidance,
-    )
-    frames = pipeline.card.frames[1]
-    tokenizer = Tokenizer.from_file(str(folder / cards.TOKENIZER_FILE))
+    seed, guidance, frames = 7, pipeline.card.sampling.guidance, pipeline.card.frames[1]
+    sentence = "a person walks forward and waves"
+    if isinstance(pipeline.condition, SentenceCondition):
+        tokenizer = Tokenizer.from_file(str(folder / cards.TOKENIZER_FILE))
+        prompt, ids = sentence, tokenizer.encode(sentence).ids
+    else:  # the first label, or nothing
+        prompt = next(iter(pipeline.card.condition.known_prompts), "")
+        ids = [0] if prompt else []
     space = pipeline.card.latents
     session = open_session(folder / motion_file(steps), "onnxruntime", 1)
     found = session(
-        tokens=np.array([tokenizer.encode(sentence).ids], np.int64),
+        tokens=np.array([ids], np.int64),
         noise=SeededNoise([seed])((1, space.tokens_of(frames), space.width)),
         frames=np.array([frames]),
         guidance=np.array([guidance], np.float32),
     )
     seconds = frames / pipeline.representation.fps
-    expected = pipeline(sentence, seconds, seed, steps, guidance).joints
+    expected = pipeline(prompt, seconds, seed, steps, guidance).joints
     return float(np.linalg.norm(found[0] - expected, axis=-1).max())
 
 
@@ -188,6 +194,22 @@ class _Joints(nn.Module):
         return self.representation.decode(features)
 
 
+def _seen_prompt(pipeline: MotionPipeline, text: ModelProto | None, folder: Path) -> SeenPrompt:
+    """Returns the parts of a graph that lead from tokens to what the denoiser sees of a prompt."""
+    condition = pipeline.condition
+    if isinstance(condition, SentenceCondition):
+        assert text is not None
+        reading = _traced_reading(condition.conditioning, text, folder)
+        first = {"tokens": "tokens", "mask": "mask"} | _same("pooled", "words")
+        then = _same("pooled", "words", "mask", "seen", "seen_mask")
+        return [(text, "text", first), (reading, "reading", then)], "seen_mask"
+    labels = parser.parse_model(_LABELS)
+    depth = np.array(pipeline.card.condition.condition_width)
+    arrays = {"depth": depth, "values": np.array([0, 1], np.float32)}
+    labels.graph.initializer.extend(numpy_helper.from_array(a, name) for name, a in arrays.items())
+    return [(labels, "labels", _same("tokens", "seen"))], "mask"
+
+
 def _traced_reading(conditioning: TextConditioning, text: ModelProto, folder: Path) -> ModelProto:
     width, words_width = (
         output.type.tensor_type.shape.dim[-1].dim_value for output in text.graph.output[:2]
@@ -203,10 +225,9 @@ def _traced_reading(conditioning: TextConditioning, text: ModelProto, folder: Pa
     return onnx.load(folder / "r.onnx")
 
 
-def _joined(
-    text: ModelProto, reading: ModelProto, fused: ModelProto, joints: ModelProto
-) -> ModelProto:
+def _joined(prompt: SeenPrompt, fused: ModelProto, joints: ModelProto) -> ModelProto:
     """Returns one graph of all parts."""
+    parts, words_mask = prompt
     latents = fused.graph.input[0].type.tensor_type.shape.dim[2].dim_value
     skeleton = joints.graph.output[0].type.tensor_type.shape.dim[2].dim_value
     inputs = [
@@ -220,11 +241,11 @@ def _joined(
     graph = helper.make_graph([], "motion", inputs, [output])
     masks = parser.parse_model(_MASKS)
     features = fused.graph.output[0].name
-    seen = {"words": "seen", "words_mask": "seen_mask"}
+    seen = {"words": "seen", "words_mask": words_mask}
     given = {"mask": "latents_mask", "frames": "frames_mask", "noise": "noise"}
     _add(graph, masks, "masks", {name: name for name in ("tokens", "noise", "frames", *_MADE)})
-    _add(graph, text, "text", {"tokens": "tokens", "mask": "mask"} | _same("pooled", "words"))
-    _add(graph, reading, "reading", _same("pooled", "words", "mask", "seen", "seen_mask"))
+    for part, prefix, names in parts:
+        _add(graph, part, prefix, names)
     _add(graph, fused, "fused", seen | given | {"guidance": "guidance", features: "features"})
     _add(graph, joints, "joints", _same("features", "joints"))
     return helper.make_model(graph, opset_imports=fused.opset_import, ir_version=fused.ir_version)
@@ -337,12 +358,16 @@ def _manifest(pipeline: MotionPipeline, folder: Path, weights: Weights) -> dict[
     digest = hashlib.sha256()
     for file in files:
         digest.update(file.read_bytes())
-    text = json.loads((folder / cards.TOKENIZER_FILE).read_text("utf-8"))
+    tokenizer = folder / cards.TOKENIZER_FILE
+    text = json.loads(tokenizer.read_text("utf-8")) if tokenizer.is_file() else {}
+    labels = card.condition.known_prompts
     return {
         "format": FORMAT,
         "name": card.name,
         "hash": digest.hexdigest(),
         "license": card.provenance.license,
+        "prompts": "sentences" if text else "labels" if labels else "nothing",
+        "labels": labels,
         "weights": weights,
         "files": {file.name: file.stat().st_size for file in files},
         "skeleton": {

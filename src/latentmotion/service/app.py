@@ -35,7 +35,7 @@ from latentmotion.service.schemas import (
     MotionRequest,
 )
 from latentmotion.service.settings import Settings
-from latentmotion.service.state import DRAINING, ClientGoneError, Service, unless_gone
+from latentmotion.service.state import DRAINING, ClientGoneError, Service, about, unless_gone
 
 _PROBLEMS: dict[int | str, dict[str, Any]] = {
     status: {"description": about, "content": {problems.MEDIA_TYPE: {}}}
@@ -188,7 +188,7 @@ def _motions(service: Service) -> APIRouter:
     @router.get("/models", responses={200: {"model": list[ModelAnswer]}})
     async def models() -> list[ModelAnswer]:
         """Describe the model that the service runs."""
-        return [service.about()]
+        return [about(service.pipeline)]
 
     return router
 

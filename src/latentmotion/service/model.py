@@ -57,6 +57,13 @@ def with_recent_prompts(pipeline: MotionPipeline) -> MotionPipeline:
     )
 
 
+def first_prompt(pipeline: MotionPipeline) -> Prompt:
+    """Returns what a model is asked for first, so that its networks are loaded."""
+    condition = pipeline.card.condition
+    prompt = (getattr(condition, "labels", None) or ["a person walks"])[0]
+    return Prompt(prompt if condition.prompted else "", None, 0)
+
+
 def check(pipeline: MotionPipeline, settings: BatchSettings, prompts: Sequence[Prompt]) -> None:
     """Checks prompts without running a network.
 

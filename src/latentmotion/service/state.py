@@ -58,9 +58,7 @@ class Service:
     async def start(self) -> None:
         """Starts the threads and makes a first motion, so that the networks are loaded."""
         self.batcher.start(self.settings.threads)
-        condition = self.pipeline.card.condition
-        prompt = (getattr(condition, "labels", None) or ["a person walks"])[0]
-        first = model.Prompt(prompt if condition.prompted else "", None, 0)
+        first = model.first_prompt(self.pipeline)
         try:
             await self.generated(model.BatchSettings(None, None, None, True), [first], 600.0)
         except Exception as error:
@@ -103,25 +101,6 @@ class Service:
         """Raises Problem 503 while no work is taken."""
         if self.obstacle is not None:
             raise Problem(503, f"{self.obstacle}; try again", 2.0)
-
-    def about(self) -> ModelAnswer:
-        """Returns what the model is and what may be asked for."""
-        card, space = self.pipeline.card, self.pipeline.representation
-        condition, (shortest, longest) = card.condition, card.frames
-        labels: list[str] = list(getattr(condition, "labels", ()))
-        return ModelAnswer(
-            name=card.name,
-            license=card.provenance.license,
-            prompts="labels" if labels else "sentences" if condition.prompted else "nothing",
-            labels=labels,
-            seconds=(shortest / space.fps, longest / space.fps),
-            fps=space.fps,
-            joints=list(space.skeleton.names),
-            parents=list(space.skeleton.parents),
-            formats=list(get_args(Format)),
-            sampling=asdict(card.sampling),
-            directed=self.pipeline.backend.pullback is not None,
-        )
 
     def check(self, settings: model.BatchSettings, prompts: Sequence[model.Prompt]) -> None:
         """Checks prompts without running a network.
@@ -230,6 +209,26 @@ class Service:
                 "send a smaller one",
             ) from error
         return head
+
+
+def about(pipeline: MotionPipeline) -> ModelAnswer:
+    """Returns what a model is and what may be asked for."""
+    card, space = pipeline.card, pipeline.representation
+    condition, (shortest, longest) = card.condition, card.frames
+    labels: list[str] = list(getattr(condition, "labels", ()))
+    return ModelAnswer(
+        name=card.name,
+        license=card.provenance.license,
+        prompts="labels" if labels else "sentences" if condition.prompted else "nothing",
+        labels=labels,
+        seconds=(shortest / space.fps, longest / space.fps),
+        fps=space.fps,
+        joints=list(space.skeleton.names),
+        parents=list(space.skeleton.parents),
+        formats=list(get_args(Format)),
+        sampling=asdict(card.sampling),
+        directed=pipeline.backend.pullback is not None,
+    )
 
 
 async def unless_gone(request: Request, work: Awaitable[T]) -> T:

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from functools import partial
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, get_args
+from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import Response
 
-from latentmotion import __version__, formats
-from latentmotion.control.parts import PARTS
-from latentmotion.errors import LatentMotionError
-from latentmotion.model.card import shipped_models
 from latentmotion.service.app import Extension, create_app
 from latentmotion.service.problems import Problem, problem_response
-from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
-from latentmotion.studio import characters, projects, takes
-from latentmotion.studio.files import CHARACTER_FORMATS
+from latentmotion.studio import capabilities, characters, projects, takes
 from latentmotion.studio.library import Library, MissingMotionError, UnknownError
-from latentmotion.studio.schemas import MOST_BEST_OF, Capabilities
+from latentmotion.studio.models import Models
 
 POLICY = (
     "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob:; "
@@ -49,24 +43,23 @@ MEDIA_TYPES = MappingProxyType(
 )
 """Kinds of assets that are served."""
 
-_USUAL_STEPS = (10, 25, 50, 100)
-"""Numbers of steps to offer for models that take any."""
 
-
-def create_studio(settings: Settings, library: Library) -> FastAPI:
+def create_studio(settings: Settings, library: Library, others: Sequence[str] = ()) -> FastAPI:
     """Returns the application.
 
     Args:
         settings: How the service runs, and who is let in.
         library: Where takes are kept; closed with the application.
+        others: Names, folders or hub ids of models that the page offers as well.
 
     Raises:
+        InputError: A model moves another skeleton than the first.
         ModelError: There is no such model.
     """
     files = _assets()
     named = {f"/studio/assets/{name}" for name in files}
     extension = Extension(
-        partial(_routes, library, files),
+        partial(_routes, library, files, others),
         frozenset({"/studio", "/studio/"} | named),
         frozenset({"/studio/v1/import", "/studio/v1/characters"}),
     )
@@ -80,7 +73,11 @@ async def _on_error(status: int, request: Request, error: Exception) -> Response
     return problem_response(status, str(error))
 
 
-def _routes(library: Library, files: dict[str, bytes], service: Service) -> APIRouter:
+def _routes(
+    library: Library, files: dict[str, bytes], others: Sequence[str], service: Service
+) -> APIRouter:
+    models = Models(service, library, others)
+
     @asynccontextmanager
     async def lifespan(app: Any) -> AsyncIterator[None]:
         yield
@@ -89,8 +86,8 @@ def _routes(library: Library, files: dict[str, bytes], service: Service) -> APIR
     router = APIRouter(lifespan=lifespan)
     router.include_router(_page(files))
     for routes in (
-        _capabilities(service, library),
-        takes.routes(service, library),
+        capabilities.routes(models),
+        takes.routes(service, library, models),
         takes.file_routes(service, library),
         takes.transfer_routes(service, library),
         characters.routes(service, library),
@@ -120,50 +117,6 @@ def _page(files: dict[str, bytes]) -> APIRouter:
         return Response(files[name], headers=headers, media_type=kind)
 
     return router
-
-
-def _capabilities(service: Service, library: Library) -> APIRouter:
-    router = APIRouter()
-
-    @router.get("/capabilities")
-    def capabilities() -> Capabilities:
-        """Describe what the model can do."""
-        about, card = service.about(), service.pipeline.card
-        few, usual = card.few_step, card.sampling
-        least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
-        directed, best_of = about.directed, card.condition.reads_text and MOST_BEST_OF
-        kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
-        return Capabilities(
-            **about.model_dump(
-                include={"license", "prompts", "labels", "fps", "joints", "parents"}
-            ),
-            model=about.name,
-            steps=sorted(few.steps if few else {*_USUAL_STEPS, usual.steps}),
-            usual_steps=usual.steps,
-            guidance={"least": least, "most": most, "usual": usual.guidance},
-            seconds=dict(zip(("least", "most"), about.seconds, strict=True)),
-            parts=list(PARTS),
-            directions=service.pipeline.representation.skeleton.offsets.round(4).tolist(),
-            formats=[name for name in get_args(FileFormat) if _is_written(name)],
-            character_formats=CHARACTER_FORMATS,
-            readable=list(get_args(Readable)),
-            can=dict.fromkeys(kinds, directed) | {"best_of": best_of},
-            least_steps={"timeline": 2, "loop": 2},
-            models=list(shipped_models()),
-            library=str(library.folder.absolute()),
-            version=__version__,
-        )
-
-    return router
-
-
-def _is_written(form: str) -> bool:
-    """Returns whether a format's packages are installed."""
-    try:
-        formats.check_ending(f"take.{form}") if form != "json" else None
-    except LatentMotionError:
-        return False
-    return True
 
 
 def _assets() -> dict[str, bytes]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +12,6 @@ from latentmotion import __version__
 from latentmotion.cleanup import CleanUp
 from latentmotion.control.goals import Goal, Pose
 from latentmotion.errors import InputError
-from latentmotion.model import card as cards
 from latentmotion.motion import Motion, cleaned
 from latentmotion.pipeline import ON_THE_WAY, MotionPipeline
 from latentmotion.representation.canonical import heading, turn
@@ -77,16 +75,8 @@ class Maker:
         """Returns the motion of a take's recipe, made again.
 
         Raises:
-            LatentMotionError: It was not made here, or by other weights, or a take that it uses is
-                gone.
+            LatentMotionError: A take that it uses is gone.
         """
-        if "imported" in recipe:
-            raise InputError("this take was imported, not generated; import its file again")
-        if recipe["weights"] != self.weights:
-            raise InputError(
-                f"this take was made by model {recipe['model']!r} with other weights than those of "
-                f"{self.pipeline.card.name!r}, which runs now; start the studio with that model"
-            )
         sources = recipe["sources"] or {}
 
         def source(name: str) -> Motion:
@@ -196,16 +186,3 @@ def _poses(recipe: Recipe, source: Source) -> list[Goal]:
         turned = turn(pose, -heading(pose[0], own.skeleton))
         found.append(Pose(0.0, replace(own, joints=turned.astype(np.float32))))
     return found
-
-
-def digest_of_model(model: str) -> str:
-    """Returns the SHA-256 of a model's graphs and weights, and of those that read its prompts."""
-    folder = cards.download(model) if cards.is_hub_id(model) else cards.find_model(model)
-    card, digest = cards.read_card(folder), hashlib.sha256()
-    files = [file for file in folder.iterdir() if file.suffix in (".onnx", ".safetensors")]
-    if card.condition.reads_text:
-        lengths = cards.lengths_file(card, folder)
-        files += [*cards.find_text_encoder(card, folder), *([lengths] if lengths else [])]
-    for file in sorted(set(files), key=lambda file: (file.name, file)):
-        digest.update(file.name.encode() + b"\0" + file.read_bytes())
-    return digest.hexdigest()

@@ -78,6 +78,8 @@ Tag = Annotated[
     _matched(TAG, "1 to 50 letters in a line, no spaces around them"),
     Field(json_schema_extra={"pattern": f"^{TAG}$"}),
 ]
+ModelName = Annotated[str, Field(min_length=1, max_length=500)]
+"""Name of a model in the list of models; no folder is opened by it."""
 Span = tuple[Annotated[Number, Field(ge=0)], Annotated[Number, Field(gt=0)]]
 
 
@@ -152,6 +154,15 @@ class TakesRequest(_Strict):
     """What to make."""
     takes: int = Field(4, ge=1, le=MOST_TAKES, strict=True)
     """How many."""
+    model: ModelName | None = None
+    """Model that makes them; by default the one that the studio was started with."""
+
+
+class ModelChoice(_Strict):
+    """A model to load."""
+
+    model: ModelName
+    """Its name in the list of models."""
 
 
 class TakeChanges(_Strict):
@@ -335,7 +346,24 @@ class Capabilities(_Answer):
     least_steps: dict[str, int]
     """Fewest steps of what needs more than one."""
     models: list[str]
-    """Models that ship; the studio is started with one."""
+    """Models that takes can be made with."""
     library: str
     """Folder of the library."""
     version: str
+
+
+class OfferedModel(_Answer):
+    """A model that takes can be made with."""
+
+    name: str
+    weights: str
+    """SHA-256 of its graphs and weights, as recipes have it."""
+    loaded: bool
+    """It is in memory; another is loaded before its first take."""
+    capabilities: Capabilities
+
+
+class ModelsAnswer(_Answer):
+    """Models that takes can be made with, that of the studio's start first."""
+
+    models: list[OfferedModel]

@@ -22,8 +22,9 @@ from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
 from latentmotion.studio.edits import Edits
 from latentmotion.studio.files import Written, archived, content_of, file_name
 from latentmotion.studio.library import MOST_LISTED, Library, Take
-from latentmotion.studio.making import Maker, digest_of_model
+from latentmotion.studio.models import Models
 from latentmotion.studio.schemas import (
+    MOST_TAKES,
     AgainAnswer,
     ExportRequest,
     FileName,
@@ -42,15 +43,15 @@ MOST_IMPORTED = 100
 _EDITS = ("trim", "speed", "in_place", "mirrored")
 
 
-def routes(service: Service, library: Library) -> APIRouter:
+def routes(service: Service, library: Library, models: Models) -> APIRouter:
     """Returns the routes of takes in the library: made, listed, changed, made again."""
     router = APIRouter()
-    maker = Maker(service.pipeline, digest_of_model(service.settings.model), library)
 
     @router.post("/takes", response_model=TakesAnswer)
     async def make(request: Request, wanted: TakesRequest) -> Any:
         """Make takes of a recipe and keep them."""
         service.check_ready()
+        maker = await run_in_threadpool(models.maker, wanted.model)
         work = partial(maker.made, wanted.recipe, wanted.takes)
         made = await unless_gone(request, service.called(work, service.settings.deadline))
         found = await run_in_threadpool(library.add, made)
@@ -104,6 +105,7 @@ def routes(service: Service, library: Library) -> APIRouter:
         """Make a take again from its recipe, and compare; a missing file is written again."""
         service.check_ready()
         take = await run_in_threadpool(library.take, name)
+        maker = await run_in_threadpool(models.maker_again, take.recipe)
         work = partial(maker.again, take.recipe)
         motion = await unless_gone(request, service.called(work, service.settings.deadline))
         equal, back = await run_in_threadpool(library.compare, take, motion)
@@ -119,9 +121,19 @@ def file_routes(service: Service, library: Library) -> APIRouter:
     @router.get("/takes/{name}/joints", response_class=Response)
     def joints(name: Id) -> Response:
         """Send the joints of a take as float32, little-endian: frames × joints × 3, meters."""
-        motion = library.motion(library.take(name))
-        headers = {"X-Frames": str(len(motion)), "X-Fps": f"{motion.fps:.17g}"}
-        content = motion.joints.astype("<f4").tobytes()
+        return several([name])
+
+    @router.get("/joints", response_class=Response)
+    def several(
+        take: Annotated[list[Id], Query(min_length=1, max_length=MOST_TAKES)],
+    ) -> Response:
+        """Send the joints of several takes one behind the other, X-Frames and X-Fps of each."""
+        motions = [library.motion(library.take(name)) for name in take]
+        headers = {
+            "X-Frames": ",".join(str(len(motion)) for motion in motions),
+            "X-Fps": ",".join(f"{motion.fps:.17g}" for motion in motions),
+        }
+        content = b"".join(motion.joints.astype("<f4").tobytes() for motion in motions)
         return Response(content, headers=headers, media_type="application/octet-stream")
 
     @router.get("/takes/{name}/thumbnail.svg", response_class=Response)

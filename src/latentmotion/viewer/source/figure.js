@@ -3,27 +3,30 @@
 import * as THREE from "three";
 import { body, paint, restPose, sole } from "./anatomy.js";
 import { Rig } from "./pose.js";
-import { bindings, skin } from "./surface.js";
+import { bindings, mapped, skin } from "./surface.js";
 
 const LIFT = 0.02; // meters; in the data the toes' joint lies on the floor, not the sole
 const BARE = new THREE.Color("#f1dfd0");
 const HAIR = new THREE.Color("#3d342f");
 const SHOE = new THREE.Color("#30343f");
 
-/** The resting skin of a skeleton as a geometry; figures of one skeleton share it. */
-export function bodyGeometry(skeleton) {
+/** Steps to the resting skin of a skeleton as a geometry; figures of one skeleton share it. */
+export function* bodyGeometry(skeleton) {
   const rest = restPose(skeleton);
   const parts = body(skeleton, rest);
-  const surface = skin(parts, sole(rest), rest.scale);
-  const bound = bindings(surface, parts, skeleton.names, rest.scale);
+  const surface = yield* skin(parts, sole(rest), rest.scale);
+  const bound = yield* bindings(surface, parts, skeleton.names, rest.scale);
   const painted = paint(rest);
   const geometry = new THREE.BufferGeometry();
   const set = (name, rows, Type, size) =>
     geometry.setAttribute(name, new THREE.BufferAttribute(Type.from(rows.flat()), size));
+  const paints = yield* mapped(surface.positions, (point) => painted(...point));
   set("position", surface.positions, Float32Array, 3);
   set("normal", surface.normals, Float32Array, 3);
-  set("paint", surface.positions.map((point) => painted(...point)), Float32Array, 3);
+  yield;
+  set("paint", paints, Float32Array, 3);
   set("skinIndex", bound.map(({ bones }) => bones), Uint8Array, 4);
+  yield;
   set("skinWeight", bound.map(({ weights }) => [...weights]), Float32Array, 4);
   geometry.setIndex(surface.triangles);
   return geometry;

@@ -6,6 +6,7 @@ import { bodyGeometry, Figure } from "./figure.js";
 import { Floor } from "./floor.js";
 import { Marks } from "./marks.js";
 import { alongPath, lineUp, smoothPath } from "./motion.js";
+import { atOnce, inSlices } from "./slices.js";
 
 const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the camera first looks
 const HEIGHT = 0.96; // of what it looks at, meters
@@ -233,8 +234,17 @@ function mannequin(motion, skinOf, color, at) {
 
 // Figures of one skeleton share the resting skin.
 function geometryOf({ skeleton }) {
-  if (!geometries.has(skeleton)) geometries.set(skeleton, bodyGeometry(skeleton));
+  if (!geometries.has(skeleton)) geometries.set(skeleton, atOnce(bodyGeometry(skeleton)));
   return geometries.get(skeleton);
+}
+
+export const hasSkin = (skeleton) => geometries.has(skeleton);
+
+/** Makes the skin of a skeleton, some half a second, while the page lives on. */
+export async function prepareSkin(skeleton) {
+  if (hasSkin(skeleton)) return;
+  const made = await inSlices(bodyGeometry(skeleton));
+  if (!hasSkin(skeleton)) geometries.set(skeleton, made);
 }
 
 /** Frees what an object holds on the graphics card, but for skins, which are shared. */

@@ -9,6 +9,7 @@ const BLOCK = 4; // cells along the side of a block that is skipped when the ski
 const BLEND = 0.011; // meters, k above
 const NEGLIGIBLE = 8; // e^-8 of a shape's pull is not seen
 const SMOOTHING = 8; // rounds in which each point's weights become the mean of its neighbors'
+const AT_A_TIME = 64; // points, or blocks, of a step
 const SOFTNESS = 0.01; // meters over which the skin passes from one bone to the next
 
 const CORNERS = [0, 1, 2, 3, 4, 5, 6, 7].map((c) => [c & 1, (c >> 1) & 1, c >> 2]);
@@ -16,24 +17,34 @@ const EDGES = CORNERS.flatMap((_, a) =>
   [1, 2, 4].filter((bit) => !(a & bit)).map((bit) => [a, a | bit]),
 );
 
-/** Returns {positions, normals, triangles}: the skin of a body, cut flat at height `floor`. */
-export function skin({ groups, carriers }, floor, scale) {
+/** Steps to {positions, normals, triangles}: the skin of a body, cut flat at height `floor`. */
+export function* skin({ groups, carriers }, floor, scale) {
   const blended = blend(groups, BLEND * scale, BLOCK * CELL * scale);
   const field = (x, y, z) => Math.max(blended(x, y, z), floor - y);
-  const grid = sampled(field, bounds(carriers, 0.04 * scale), CELL * scale);
-  const { positions, triangles } = surfaceNets(grid);
-  const normals = positions.map((point) => settle(field, point, grid.cell));
+  const grid = yield* sampled(field, bounds(carriers, 0.04 * scale), CELL * scale);
+  const { positions, triangles } = yield* surfaceNets(grid);
+  const normals = yield* mapped(positions, (point) => settle(field, point, grid.cell));
   return { positions, normals, triangles };
 }
 
-/** For each point the four strongest bones and their weights, smoothed along the skin. */
-export function bindings({ positions, triangles }, { carriers }, bones, scale) {
+/** Steps to the four strongest bones of each point and their weights, smoothed along the skin. */
+export function* bindings({ positions, triangles }, { carriers }, bones, scale) {
   const owned = carriers.map((shape) => ({ shape, index: bones.indexOf(shape.bone) }));
   const softness = SOFTNESS * scale;
-  let rows = positions.map((point) => boneWeights(owned, bones, point, softness));
+  let rows = yield* mapped(positions, (point) => boneWeights(owned, bones, point, softness));
   const neighbors = adjacency(positions.length, triangles);
-  for (let round = 0; round < SMOOTHING; round++) rows = smoothed(rows, neighbors);
-  return rows.map(strongestFour);
+  for (let round = 0; round < SMOOTHING; round++) rows = yield* smoothed(rows, neighbors);
+  return yield* mapped(rows, strongestFour);
+}
+
+/** Steps to what a function makes of each of many values. */
+export function* mapped(values, make) {
+  const found = [];
+  for (let i = 0; i < values.length; i++) {
+    found.push(make(values[i], i));
+    if (i % AT_A_TIME === 0) yield;
+  }
+  return found;
 }
 
 // Within a group the nearest shape counts; the groups flow into each other. Each block of space
@@ -82,11 +93,14 @@ function bounds(shapes, margin) {
   return { low: [0, 1, 2].map(reach(-1)), high: [0, 1, 2].map(reach(1)) };
 }
 
-function sampled(field, { low, high }, cell) {
+function* sampled(field, { low, high }, cell) {
   const size = low.map((value, i) => Math.ceil((high[i] - value) / cell / BLOCK) * BLOCK);
   const grid = { low, cell, size, values: new Float32Array(size[0] * size[1] * size[2]) };
   const reach = (BLOCK / 2 + 1) * Math.sqrt(3) * 1.3 * cell;
+  let done = 0;
   for (const [i, j, k] of steps(size, BLOCK)) {
+    done += 1;
+    if (done % AT_A_TIME === 0) yield;
     const middle = [i, j, k].map((at, axis) => low[axis] + (at + BLOCK / 2) * cell);
     const distance = field(...middle);
     const near = Math.abs(distance) < reach;
@@ -109,12 +123,13 @@ function index({ size }, x, y, z) {
   return (z * size[1] + y) * size[0] + x;
 }
 
-function surfaceNets(grid) {
+function* surfaceNets(grid) {
   const positions = [];
   const vertexOf = new Map();
   const triangles = [];
   const [nx, ny, nz] = grid.size.map((count) => count - 1);
   for (const [x, y, z] of steps([nx, ny, nz], 1)) {
+    if (x === 0) yield;
     if (Math.abs(grid.values[index(grid, x, y, z)]) > 3 * grid.cell) continue;
     const corners = CORNERS.map(([a, b, c]) => grid.values[index(grid, x + a, y + b, z + c)]);
     const crossings = EDGES.filter(([a, b]) => corners[a] < 0 !== corners[b] < 0);
@@ -192,7 +207,7 @@ function adjacency(count, triangles) {
 }
 
 function smoothed(rows, neighbors) {
-  return rows.map((row, v) => {
+  return mapped(rows, (row, v) => {
     const among = neighbors[v];
     const sum = new Float32Array(row.length);
     for (const n of among) {

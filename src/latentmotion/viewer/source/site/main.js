@@ -1,6 +1,6 @@
 // The site: a sentence → takes side by side, made in this page by the model in its worker.
 
-import { boneLengths, Motion } from "../motion.js";
+import { Motion } from "../motion.js";
 import { colorsOf } from "../colors.js";
 import { Player } from "../player.js";
 import { bvh, fileName, npz, save } from "./files.js";
@@ -10,11 +10,23 @@ import { fromAddress, fromForm, intoForm, toAddress } from "./recipe.js";
 const find = (id) => document.getElementById(id);
 const form = find("make");
 const player = new Player(find("view"), margins, showTime);
+const READY = {
+  sentences: "Ready. Write what a person does.",
+  labels: "Ready. Choose what the person does.",
+  nothing: "Ready. This model moves as it likes: press Generate.",
+};
 let generator = null;
-let skeleton = null; // the drawn body: one for all takes, so that its skin is made once
+let body = null; // the drawn skeleton: one for all takes, so that its skin is made once
 let made = []; // motions as the model made them
 let shown = []; // the same as they are shown and saved: cleaned up or not
 let asked = 0; // number of the last request
+
+/** The skeleton of a model, once its skin is made. */
+async function bodyOf(own) {
+  const skeleton = { ...own, lengths: own.directions.map((offset) => Math.hypot(...offset)) };
+  await player.prepare(skeleton);
+  return skeleton;
+}
 
 function margins() {
   return { above: find("top").offsetHeight, below: find("panel").offsetHeight };
@@ -40,22 +52,36 @@ async function open() {
     },
   });
   const { model } = generator;
+  body = bodyOf(model.skeleton);
   const { steps, guidance, seconds } = form.elements;
   steps.replaceChildren(...model.steps.map((count) => new Option(count, count)));
   [guidance.min, guidance.max] = model.guidance;
   [seconds.min, seconds.max] = model.frames.map((count) => count / model.fps);
+  askFor(model);
   intoForm(form, { ...model.usual, ...fromAddress(location.hash, model) });
   find("license").textContent = `Model ${model.name}, ${model.license}.`;
   find("generate").disabled = false;
   find("loaded").hidden = true;
   document.body.dataset.state = "ready";
-  say("Ready. Write what a person does.");
-  if (form.elements.prompt.value) await generate();
+  const { prompts = "sentences" } = model;
+  say(READY[prompts]);
+  const isAsked = prompts === "sentences" ? form.elements.prompt.value : location.hash.length > 1;
+  if (isAsked) await generate();
+}
+
+/** Makes the field of the prompt what the model takes: a sentence, one of its labels, or nothing. */
+function askFor({ prompts, labels }) {
+  if (prompts === "nothing") find("prompt").hidden = true;
+  if (prompts !== "labels") return;
+  const menu = document.createElement("select");
+  Object.assign(menu, { id: "prompt", name: "prompt" });
+  menu.replaceChildren(...labels.map((label) => new Option(label)));
+  find("prompt").replaceWith(menu);
 }
 
 async function generate() {
   const recipe = fromForm(form);
-  if (!recipe.prompt) {
+  if (!recipe.prompt && generator.model.prompts !== "nothing") {
     say("Write what a person does, e.g. a person walks and sits down.", "wrong");
     form.elements.prompt.focus();
     return;
@@ -98,10 +124,10 @@ async function showMade(isWanted, stay = false) {
     if (find("clean").checked) motions = await cleaned(made);
   } catch (error) {
     find("clean").checked = false;
-    if (isWanted()) show(made, stay);
+    if (isWanted()) await show(made, stay);
     throw error;
   }
-  if (isWanted()) show(motions, stay);
+  if (isWanted()) await show(motions, stay);
 }
 
 function waitFor(work) {
@@ -120,9 +146,10 @@ async function cleaned(motions) {
   });
 }
 
-function show(motions, stay = false) {
+async function show(motions, stay = false) {
   shown = motions;
-  skeleton ??= { ...motions[0].skeleton, lengths: boneLengths(motions[0]) };
+  const skeleton = await body;
+  if (motions !== shown) return; // others are shown by now
   const takes = motions.map(
     (motion) => new Motion({ caption: motion.prompt, fps: motion.fps }, skeleton, motion.joints),
   );

@@ -9,6 +9,7 @@ const CHOICE = 60; // latest takes of the library to choose from
 const FACTS = {
   prompt: ({ recipe }) => recipe.prompt || recipe.timeline?.map(({ prompt }) => prompt).join(", ") || "",
   seconds: ({ seconds }) => round(seconds),
+  model: ({ recipe }) => recipe.model ?? "",
   seed: ({ recipe }) => recipe.seed ?? "",
   steps: ({ recipe }) => recipe.steps ?? "",
   guidance: ({ recipe }) => recipe.guidance ?? "",
@@ -22,7 +23,9 @@ export class Compare {
     ["take-a", "take-b"].forEach((id, i) => onChange(id, ({ value }) => this.choose(i, value)));
     onClick("overlay", () => this.setOverlay(!this.overlay));
     onClick("swap", () => this.set([...this.pair].reverse()));
-    find("lead").hidden = !studio.capabilities.can.between;
+    const limit = () => (find("lead").hidden = !studio.capabilities.can.between);
+    studio.addEventListener("capabilities", limit);
+    limit();
     find("lead").addEventListener("submit", (event) => {
       event.preventDefault();
       trying(() => this.lead());

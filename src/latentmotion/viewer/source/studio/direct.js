@@ -14,16 +14,9 @@ export class Directions {
   /** `isShown` says if the stage shows the draft at present. */
   constructor(studio, isShown) {
     Object.assign(this, { studio, isShown });
-    const { can, joints, goal_joints: allowed = joints } = studio.capabilities;
-    const first = FIRST_JOINTS.filter((joint) => allowed.includes(joint));
-    const rest = allowed.filter((joint) => !first.includes(joint));
-    fill(find("goal-joint"), [...first, ...rest].map((joint) => [joint, words(joint)]));
-    find("direct").hidden = !can.goals && !can.path;
-    for (const id of ["draw-path", "add-waypoint"]) find(id).hidden = !can.path;
-    for (const id of ["place-goal", "keep-pose", "goal-kind"]) find(id).hidden = !can.goals;
     this.hand = studio.player.stage.scene && new FloorHand(studio, (place) => this.#showTool(place));
-    // Without WebGL there is no floor to point at; the tables remain.
-    if (!this.hand) for (const id of ["draw-path", "place-goal", "above"]) find(id).hidden = true;
+    this.#limit();
+    studio.addEventListener("capabilities", () => this.#limit());
     onClick("draw-path", () => this.choose("path"));
     onClick("place-goal", () => this.choose("goal"));
     onClick("keep-pose", () => this.keepPose());
@@ -31,6 +24,20 @@ export class Directions {
     onClick("clear-path", () => studio.change("Remove path", ({ path }) => path.splice(0)));
     for (const what of ["draft", "staged", "pick"]) studio.addEventListener(what, () => this.draw());
     this.draw();
+  }
+
+  #limit() {
+    const { can, joints, goal_joints: allowed = joints } = this.studio.capabilities;
+    const first = FIRST_JOINTS.filter((joint) => allowed.includes(joint));
+    const rest = allowed.filter((joint) => !first.includes(joint));
+    fill(find("goal-joint"), [...first, ...rest].map((joint) => [joint, words(joint)]));
+    find("direct").hidden = !can.goals && !can.path;
+    find("add-waypoint").hidden = !can.path;
+    for (const id of ["keep-pose", "goal-kind"]) find(id).hidden = !can.goals;
+    // Without WebGL there is no floor to point at; the tables remain.
+    find("draw-path").hidden = !can.path || !this.hand;
+    find("place-goal").hidden = !can.goals || !this.hand;
+    find("above").hidden = !this.hand;
   }
 
   choose(tool) {

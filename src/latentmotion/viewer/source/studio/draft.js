@@ -12,22 +12,22 @@ const KEPT = {
 };
 const SETTINGS = ["takes", "seed", "steps", "guidance", "clean", "exact_turn", "loop", "best_of"];
 
-export function emptyDraft({ steps, guidance }) {
+export function emptyDraft({ model, usual_steps: steps, guidance }) {
   return {
     segments: [{ prompt: "", seconds: null }],
     path: [], // {x, z, at}: meters, seconds or null
     goals: [], // {joint, at, to: [x, y, z]}
     kept: {}, // of a recipe, what has no field
     settings: {
-      ...{ takes: 4, seed: 0, steps: steps.at(-1), guidance: guidance.usual },
-      ...{ clean: true, exact_turn: true, loop: false, best_of: 1 },
+      ...{ takes: 4, seed: 0, steps, guidance: guidance.usual },
+      ...{ clean: true, exact_turn: true, loop: false, best_of: 1, model },
     },
   };
 }
 
 /** The recipe that the server makes motions from. */
 export function recipeOf({ segments, path, goals, kept, settings }) {
-  const { takes, loop, best_of: best, ...rest } = settings;
+  const { takes, loop, best_of: best, model, ...rest } = settings;
   const recipe = { format: 1, ...rest, ...kept };
   if (best > 1) recipe.best_of = best;
   if (segments.length > 1) return { ...recipe, timeline: segments };

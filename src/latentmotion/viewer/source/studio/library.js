@@ -4,6 +4,8 @@ import { download, get, query, request, send } from "./api.js";
 import { byUse, fill, find, make, onChange, onClick, round, say, trying } from "./dom.js";
 
 const PAGE = 60; // takes that are asked for at once
+const AHEAD = "600px"; // below what is seen, where the next are asked for
+const MOST_PICTURES = 600; // that are kept in memory
 const PATIENCE = 200; // milliseconds without a key before a search
 
 export class Library {
@@ -14,6 +16,8 @@ export class Library {
     this.seen = new IntersectionObserver((entries) => {
       for (const { isIntersecting, target } of entries) if (isIntersecting) this.#paint(target);
     });
+    const end = ([{ isIntersecting }]) => isIntersecting && trying(() => this.list(this.takes.length));
+    this.end = new IntersectionObserver(end, { rootMargin: AHEAD, scrollMargin: AHEAD });
     let waiting = 0;
     find("query").addEventListener("input", () => {
       clearTimeout(waiting);
@@ -58,6 +62,9 @@ export class Library {
     find("more").hidden = this.takes.length >= total;
     find("total").textContent = total === 1 ? "1 take" : `${total.toLocaleString("en")} takes`;
     find("grid").dataset.listed = String(this.takes.length);
+    // Observed anew, it tells at once where it is still in sight.
+    this.end.disconnect();
+    this.end.observe(find("more"));
   }
 
   refresh() {
@@ -104,9 +111,17 @@ export class Library {
     if (!this.pictures.has(key)) {
       const answer = request("GET", `takes/${id}/thumbnail.svg`);
       this.pictures.set(key, answer.then((one) => one.blob()).then((blob) => URL.createObjectURL(blob)));
+      if (this.pictures.size > MOST_PICTURES) this.#dropPicture();
     }
     const source = await this.pictures.get(key).catch(() => this.pictures.delete(key) && null);
     if (source) place.replaceChildren(make("img", { src: source, alt: "" }));
+  }
+
+  // The oldest; what shows it goes on showing it.
+  #dropPicture() {
+    const [[key, picture]] = this.pictures;
+    this.pictures.delete(key);
+    picture.then(URL.revokeObjectURL, () => {});
   }
 
   /** Makes a take whose file is missing again from its recipe. */

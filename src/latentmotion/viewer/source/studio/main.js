@@ -10,6 +10,7 @@ import { find, fill, make, onChange, onClick, press, say, trying } from "./dom.j
 import { listen } from "./keys.js";
 import { Library } from "./library.js";
 import { MakeScreen } from "./make.js";
+import { Models } from "./models.js";
 import { Projects } from "./projects.js";
 import { Studio } from "./studio.js";
 
@@ -23,11 +24,12 @@ trying(open).then((isOpen) => {
 });
 
 async function open() {
-  const capabilities = await get("capabilities");
+  const [capabilities, { models }] = await Promise.all([get("capabilities"), get("models")]);
   const studio = new Studio(capabilities, player);
   studio.stand("stick");
   const screens = {};
   const restage = (stay) => trying(() => stageOf(studio, screens, stay));
+  new Models(studio, models);
   screens.make = new MakeScreen(studio);
   const directions = new Directions(studio, () => document.body.dataset.screen === "make");
   screens.character = new CharacterScreen(studio, restage, () => document.body.dataset.screen === "character");
@@ -53,14 +55,15 @@ async function open() {
   wire(studio, directions, restage);
   listen(keysOf(studio, screens, directions, projects));
   fold();
-  about(capabilities);
+  about(studio.capabilities);
+  studio.addEventListener("capabilities", () => about(studio.capabilities));
   await screens.character.list();
   await enter();
   find("prompt").focus({ preventScroll: true });
   waitForModel();
   performance.measure("ready", { start: 0, end: performance.now() });
-  // The mannequin's skin takes a second: only now, and before the first takes come.
-  requestIdleCallback(() => studio.takes.length || studio.stand(studio.figure));
+  // Only now, and before the first takes come.
+  player.prepare(studio.skeleton).then(() => studio.takes.length || restage(true));
   window.latentmotion = { studio, player, directions };
   return true;
 }
@@ -101,7 +104,7 @@ async function stageOf(studio, screens, stay) {
   const actors = screens[screen].actors();
   press("alone", false);
   if (actors.length) await studio.stage(actors, { overlay: screen === "compare" && screens.compare.overlay, stay });
-  else studio.stand(isReady() ? studio.figure : "stick");
+  else studio.stand(player.isBare(studio.skeleton) ? "stick" : studio.figure);
   document.body.dataset.takes = String(actors.length);
 }
 
@@ -205,10 +208,6 @@ function keysOf(studio, screens, directions, projects) {
   ];
 }
 
-function isReady() {
-  return document.body.dataset.state !== "loading";
-}
-
 function isLibrary() {
   return document.body.dataset.screen === "library";
 }
@@ -224,10 +223,8 @@ function fold() {
   set();
 }
 
-function about({ model, models, version, library, fps, seconds, formats }) {
+function about({ version, library, fps, seconds, formats }) {
   const rows = {
-    Model: typeof model === "string" ? model : `${model.name} ${model.hash ?? ""}`,
-    "Other models": models.filter((name) => name !== model).map((name) => `latentmotion studio --model ${name}`).join("; "),
     Version: version ?? "",
     Library: library ?? "",
     "Frames a second": fps,

@@ -8,6 +8,11 @@ import { Strip } from "./strip.js";
 
 const WHOLE_NUMBERS = ["takes", "seed", "steps", "best_of"];
 const USUAL_LOOP = 3; // seconds
+const PLACEHOLDERS = {
+  sentences: "a person walks forward and sits down",
+  labels: "an action that the model knows",
+  nothing: "this model takes no prompt",
+};
 const PACES = [0.5, 0.75, 1, 1.25, 1.5, 2];
 
 export class MakeScreen {
@@ -17,6 +22,7 @@ export class MakeScreen {
     this.form = find("make");
     this.#limit(studio.capabilities);
     this.#listen();
+    studio.addEventListener("capabilities", () => this.#limit(studio.capabilities));
     studio.addEventListener("draft", () => this.#showDraft());
     studio.addEventListener("segment", () => this.#showDraft());
     studio.addEventListener("pick", () => this.#showTake());
@@ -33,9 +39,12 @@ export class MakeScreen {
     return takes.map((take) => ({ take, figure }));
   }
 
-  #limit({ steps, guidance, seconds, formats, can, parts = [], labels = [] }) {
+  #limit({ steps, guidance, seconds, formats, can, prompts, parts = [], labels = [] }) {
     const { elements } = this.form;
     if (labels.length) elements.prompt.setAttribute("list", "labels");
+    else elements.prompt.removeAttribute("list");
+    elements.prompt.disabled = prompts === "nothing";
+    elements.prompt.placeholder = PLACEHOLDERS[prompts];
     find("labels").replaceChildren(...labels.map((label) => new Option(label)));
     fill(elements.steps, steps);
     Object.assign(elements.guidance, { min: guidance.least, max: guidance.most });
@@ -49,7 +58,8 @@ export class MakeScreen {
     find("part-which").hidden = !can.parts;
     fill(find("part-name"), [["", "whole body"], ...parts.map((one) => [one, words(one)])]);
     fill(find("format"), byUse(formats));
-    fill(find("pace"), PACES.map((pace) => [pace, `${pace}×`]), 1);
+    fill(find("pace"), PACES.map((pace) => [pace, `${pace}×`]));
+    find("pace").value = this.studio.take?.edits.speed ?? 1;
   }
 
   #listen() {
@@ -254,7 +264,8 @@ export class MakeScreen {
     press("star", star);
     find("star").textContent = star ? "★ Starred" : "☆ Star";
     const seed = recipe.seed === undefined ? "imported" : `seed ${recipe.seed}`;
-    find("facts").textContent = `${round(seconds)} s · ${frames} frames · ${round(fps)} fps · ${seed}`;
+    const model = recipe.model ? ` · ${recipe.model}${this.studio.knows(take) ? "" : ", which is not here"}` : "";
+    find("facts").textContent = `${round(seconds)} s · ${frames} frames · ${round(fps)} fps · ${seed}${model}`;
     const whole = wholeOf(take);
     const [from, to] = edits.trim ?? [0, whole];
     find("trim-from").max = find("trim-to").max = whole;

@@ -71,7 +71,8 @@ export class Projects {
     const there = takes.filter((take) => take && !take.missing);
     const { studio } = this;
     const [draft, shown, picked] = [studio.draft, studio.takes, studio.picked];
-    const opened = draftOfProject(project, emptyDraft(studio.capabilities));
+    const drafted = draftOfProject(project, emptyDraft(studio.capabilities));
+    const opened = studio.withModel(drafted, ({ name }) => name === drafted.settings.model);
     const put = (next, list, at) => async () => {
       studio.draft = next;
       studio.tell("draft");

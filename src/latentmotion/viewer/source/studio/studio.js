@@ -4,12 +4,13 @@ import { restPose, sole } from "../anatomy.js";
 import { colorsOf } from "../colors.js";
 import { ghost } from "../figure.js";
 import { boneLengths, lineUp, Motion } from "../motion.js";
-import { download, request, send } from "./api.js";
+import { download, query, request, send } from "./api.js";
 import { draftOf, emptyDraft, recipeOf } from "./draft.js";
 import { characterMaker, StickFigure } from "./figures.js";
 import { History } from "./history.js";
 
 const MOST_MOTIONS = 64; // that are kept in memory
+const AT_A_TIME = 16; // motions of a request
 const UNUSUAL = 0.3; // part by which a bone differs from the mannequin's, so that it gets a skin of its own
 
 export class Studio extends EventTarget {
@@ -19,6 +20,7 @@ export class Studio extends EventTarget {
     const lengths = directions.map((offset) => Math.hypot(...offset));
     this.skeleton = { names, parents, directions, lengths };
     Object.assign(this, { capabilities, player, history: new History(), motions: new Map() });
+    this.models = new Map(); // by name, what the server offers
     Object.assign(this, { draft: emptyDraft(capabilities), takes: [], picked: 0, figure: "mannequin" });
     this.turn = 0;
   }
@@ -30,6 +32,20 @@ export class Studio extends EventTarget {
   /** The picked take, if there is any. */
   get take() {
     return this.takes[this.picked] ?? null;
+  }
+
+  /** Whether the model that made a take is here, to make it again. */
+  knows({ recipe: { weights } }) {
+    return !weights || [...this.models.values()].some((model) => model.weights === weights);
+  }
+
+  /** Names the model in a draft: the one asked for, or, where it is not here, the present one. */
+  withModel(draft, isTheOne) {
+    const { settings } = draft;
+    const found = [...this.models.values()].find(isTheOne);
+    const { model, steps, usual_steps: usual } = found?.capabilities ?? this.capabilities;
+    Object.assign(settings, { model, steps: steps.includes(settings.steps) ? settings.steps : usual });
+    return draft;
   }
 
   /** Changes the draft, or whatever of it `edit` touches. */
@@ -48,10 +64,11 @@ export class Studio extends EventTarget {
   /** Makes takes of the draft, or of `recipe`, and shows them. */
   generate(recipe = recipeOf(this.draft), count = this.draft.settings.takes) {
     const [before, picked] = [this.takes, this.picked];
+    const { model } = this.draft.settings;
     let made = null;
     const redo = async () => {
       if (made) await this.#mark(made, false);
-      else made = (await send("POST", "takes", { recipe, takes: count })).takes;
+      else made = (await send("POST", "takes", { recipe, takes: count, model })).takes;
       await this.show(made, 0);
     };
     const undo = async () => {
@@ -65,14 +82,16 @@ export class Studio extends EventTarget {
   async show(takes, picked = 0) {
     this.takes = takes;
     this.picked = Math.min(picked, Math.max(takes.length - 1, 0));
-    await Promise.all(takes.map((take) => this.motionOf(take)));
+    await this.motionsOf(takes);
     this.tell("takes");
   }
 
   /** Shows takes out of the library together with what the first was made from. */
   open(takes) {
     const [before, picked, draft] = [this.takes, this.picked, this.draft];
-    const mine = draftOf(takes[0].recipe, emptyDraft(this.capabilities));
+    const { recipe } = takes[0];
+    const made = ({ weights }) => weights === recipe.weights;
+    const mine = this.withModel(draftOf(recipe, emptyDraft(this.capabilities)), made);
     const put = (shown, at, drafted) => async () => {
       this.draft = drafted;
       this.tell("draft");
@@ -142,27 +161,42 @@ export class Studio extends EventTarget {
     this.takes = this.takes.map((one) => (one.id === take.id ? take : one));
   }
 
-  /** The motion of a take as an export would write it. */
-  async motionOf(take) {
-    const key = `${take.id} ${JSON.stringify(take.edits)}`;
-    if (!this.motions.has(key)) {
-      if (this.motions.size >= MOST_MOTIONS) this.motions.delete(this.motions.keys().next().value);
-      this.motions.set(key, this.#read(take));
-      this.motions.get(key).catch(() => this.motions.delete(key));
-    }
-    return this.motions.get(key);
+  /** The motions of takes as an export would write them, those not known yet by few requests. */
+  async motionsOf(takes) {
+    const unread = takes.filter((take) => !this.motions.has(keyOf(take)));
+    for (let at = 0; at < unread.length; at += AT_A_TIME) this.#keep(unread.slice(at, at + AT_A_TIME));
+    return Promise.all(takes.map((take) => this.motions.get(keyOf(take))));
   }
 
-  async #read(take) {
-    const answer = await request("GET", `takes/${take.id}/joints`);
+  #keep(takes) {
+    const read = this.#read(takes);
+    takes.forEach((take, i) => {
+      if (this.motions.size >= MOST_MOTIONS) this.motions.delete(this.motions.keys().next().value);
+      const motion = read.then((motions) => motions[i]);
+      this.motions.set(keyOf(take), motion);
+      motion.catch(() => this.motions.delete(keyOf(take)));
+    });
+  }
+
+  async #read(takes) {
+    const answer = await request("GET", `joints?${query(takes.map(({ id }) => ["take", id]))}`);
+    const [frames, fps] = ["X-Frames", "X-Fps"].map((name) => answer.headers.get(name).split(",").map(Number));
     const joints = new Float32Array(await answer.arrayBuffer());
+    let end = 0;
+    return takes.map((take, i) => {
+      const start = end;
+      end += frames[i] * this.skeleton.names.length * 3;
+      return this.#motion(take, fps[i], joints.subarray(start, end));
+    });
+  }
+
+  #motion(take, fps, joints) {
     const frames = joints.length / this.skeleton.names.length / 3;
     const lengths = boneLengths({ joints, skeleton: this.skeleton, frames });
     const isUsual = lengths.every((length, joint) => {
       return Math.abs(length - this.skeleton.lengths[joint]) <= UNUSUAL * this.skeleton.lengths[joint];
     });
     const skeleton = isUsual ? this.skeleton : { ...this.skeleton, lengths };
-    const fps = Number(answer.headers.get("X-Fps") ?? take.fps);
     return new Motion({ caption: take.title, fps }, skeleton, joints);
   }
 
@@ -170,13 +204,24 @@ export class Studio extends EventTarget {
   async stage(actors, { overlay = false, stay = false } = {}) {
     this.turn += 1;
     const mine = this.turn;
-    const motions = await Promise.all(actors.map(({ take }) => this.motionOf(take)));
+    const motions = await this.motionsOf(actors.map(({ take }) => take));
     const makers = await Promise.all(actors.map(({ take, figure }) => makerOf(take, figure)));
     if (mine !== this.turn) return; // something else is shown by now
+    // Sticks stand for a person until its skin is made.
+    const bare = [];
+    motions.forEach(({ skeleton }, i) => {
+      const isPerson = makers[i] === undefined || makers[i] === ghost;
+      if (!isPerson || !this.player.isBare(skeleton)) return;
+      makers[i] = stick;
+      bare.push(skeleton);
+    });
     const colors = colorsOf(actors).map((color, i) => actors[i].color ?? color);
     const starts = motions.map((motion) => motion.ground(0).map((value) => -value));
     this.player.show(motions, colors, { makers, offsets: overlay ? starts : lineUp(motions), stay });
     this.tell("staged");
+    for (const skeleton of new Set(bare)) {
+      this.player.prepare(skeleton).then(() => mine === this.turn && this.stage(actors, { overlay, stay: true }));
+    }
   }
 
   /** Puts a figure at rest on the stage, where there are no takes. */
@@ -193,6 +238,8 @@ export class Studio extends EventTarget {
     return download("GET", `takes/${take.id}/file?format=${format}${named}`, `take.${format}`);
   }
 }
+
+const keyOf = (take) => `${take.id} ${JSON.stringify(take.edits)}`;
 
 async function makerOf(take, figure) {
   if (figure === "stick") return stick;

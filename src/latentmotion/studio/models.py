@@ -1,0 +1,163 @@
+"""Models of the studio: those that takes can be made with, of which two are in memory at most."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from latentmotion.errors import InputError, hint
+from latentmotion.model import card as cards
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.service.model import first_prompt, with_recent_prompts
+from latentmotion.service.state import Service
+from latentmotion.studio.library import Library
+from latentmotion.studio.making import Maker
+
+
+@dataclass(frozen=True, eq=False)
+class StudioModel:
+    """A model that takes can be made with, known by its card; its networks are not in memory."""
+
+    name: str
+    """What the studio calls it."""
+    folder: Path
+    """Where it is."""
+    card: cards.ModelCard
+    """What it is."""
+
+    @cached_property
+    def weights(self) -> str:
+        """SHA-256 of its graphs and weights, and of those that read its prompts."""
+        files = [file for file in self.folder.iterdir() if file.suffix in (".onnx", ".safetensors")]
+        if self.card.condition.reads_text:
+            lengths = cards.lengths_file(self.card, self.folder)
+            files += cards.find_text_encoder(self.card, self.folder)
+            files += [lengths] if lengths else []
+        digest = hashlib.sha256()
+        for file in sorted(set(files), key=lambda file: (file.name, file)):
+            digest.update(file.name.encode() + b"\0" + file.read_bytes())
+        return digest.hexdigest()
+
+
+@dataclass(eq=False)
+class Models:
+    """The service's own model, which stays in memory, and others, of which one at a time does.
+
+    Args:
+        service: Runs its own model.
+        library: Has the takes that recipes use.
+        others: Names, folders or hub ids of further models; those that ship are always there.
+
+    Raises:
+        InputError: A model moves another skeleton than the service's.
+        ModelError: There is no such model, or it was not exported.
+    """
+
+    service: Service
+    library: Library
+    others: Sequence[str] = ()
+    all: dict[str, StudioModel] = field(init=False, default_factory=dict)
+    """Models by name, the service's first."""
+
+    def __post_init__(self) -> None:
+        self._lock = Lock()
+        self._loaded: tuple[StudioModel, Maker] | None = None
+        asked = [_folder(source) for source in (self.service.settings.model, *self.others)]
+        shipped = [_folder(source) for source in cards.shipped_models()]
+        joints = self.service.pipeline.representation.skeleton.names
+        for folder in dict.fromkeys(asked + shipped):
+            card = cards.read_card(folder)
+            name = card.name if card.name not in self.all else f"{card.name} ({folder})"
+            model = StudioModel(name, folder, card)
+            names = self.opened(model).representation.skeleton.names
+            if names == joints:
+                self.all[name] = model
+            elif folder in asked:
+                raise InputError(
+                    f"model {name!r} moves {len(names)} joints, others than the {len(joints)} of "
+                    f"{self.own.name!r}; give it a studio of its own: latentmotion studio --model "
+                    f"{folder}"
+                )
+
+    @property
+    def own(self) -> StudioModel:
+        """The service's."""
+        return next(iter(self.all.values()))
+
+    def named(self, name: str | None) -> StudioModel:
+        """Returns a model by name, the service's where it is None.
+
+        Raises:
+            InputError: There is none of this name.
+        """
+        if name is None:
+            return self.own
+        if name not in self.all:
+            raise InputError(
+                f"no model {name[:100]!r} in this studio; {hint(name[:100], list(self.all))}, or "
+                "start it with another: latentmotion studio --model FOLDER"
+            )
+        return self.all[name]
+
+    def is_loaded(self, model: StudioModel) -> bool:
+        """Returns whether a model's networks are in memory."""
+        loaded = self._loaded
+        return model is self.own or (loaded is not None and loaded[0] is model)
+
+    def opened(self, model: StudioModel) -> MotionPipeline:
+        """Returns a model; networks that are not in memory are loaded as they are first needed.
+
+        Raises:
+            ModelError: A file of it is missing.
+        """
+        if self.all and model is self.own:
+            return self.service.pipeline
+        return MotionPipeline.from_pretrained(model.folder, self.service.settings.runtime, 1)
+
+    def maker(self, name: str | None = None) -> Maker:
+        """Returns what makes takes with a model; it is loaded if need be, and another given up.
+
+        Raises:
+            InputError: There is none of this name.
+            ModelError: It cannot be loaded.
+        """
+        model = self.named(name)
+        if model is self.own:
+            return Maker(self.service.pipeline, model.weights, self.library)
+        with self._lock:
+            if self._loaded is None or self._loaded[0] is not model:
+                self._loaded = None  # before the next is read, so that two are there at most
+                pipeline = with_recent_prompts(self.opened(model))
+                shortest = pipeline.card.frames[0] / pipeline.representation.fps
+                pipeline.batch([first_prompt(pipeline).text], shortest)
+                self._loaded = model, Maker(pipeline, model.weights, self.library)
+            return self._loaded[1]
+
+    def maker_again(self, recipe: Mapping[str, Any]) -> Maker:
+        """Returns what makes the take of a recipe again: the model with the same weights.
+
+        Raises:
+            InputError: The take was not made here, or none of the models has these weights.
+            ModelError: The model cannot be loaded.
+        """
+        if "imported" in recipe:
+            raise InputError("this take was imported, not generated; import its file again")
+        known = sorted(self.all.values(), key=lambda model: model.name != recipe["model"])
+        for model in known:
+            if model.weights == recipe["weights"]:
+                return self.maker(model.name)
+        raise InputError(
+            f"this take was made by model {recipe['model']!r}, whose weights (SHA-256 "
+            f"{recipe['weights'][:12]}…) none of this studio's models has ({', '.join(self.all)}); "
+            "start the studio with that model: latentmotion studio --model FOLDER"
+        )
+
+
+def _folder(source: str) -> Path:
+    hub = cards.is_hub_id(source)
+    return (cards.download(source) if hub else cards.find_model(source)).resolve()
