@@ -218,13 +218,14 @@ class MotionPipeline:
             placed = self.joints_of(self.generate_batch(request.take(batch)))
             joints.append(self.backend.to_host(placed))
         metadata = {"steps": sampling.steps, "guidance": sampling.guidance, **self.card.terms()}
+        asked = asked_turn if self.card.condition.reads_text else lambda _: {}
         return [
             Motion(
                 positions.astype(np.float32, copy=False),
                 features.fps,
                 features.skeleton,
                 prompt,
-                {"model": self.card.name, "seed": seed, **metadata, **self._asked(prompt)},
+                {"model": self.card.name, "seed": seed, **metadata, **asked(prompt)},
             )
             for positions, prompt, seed in zip(
                 requests.unpadded(joints, rows, frames), prompts, seeds, strict=True
@@ -573,11 +574,6 @@ class MotionPipeline:
     def decoder(self) -> FeatureDecoder:
         """The VAE's decoder with the scales of latents and features."""
         return FeatureDecoder.of(self.card, self.backend.decoder, self.backend.to_device)
-
-    def _asked(self, prompt: str) -> dict[str, Any]:
-        """Returns the turn that a sentence asks for, which clean-up makes exact."""
-        turn = asked_turn(prompt) if self.card.condition.reads_text else None
-        return {"turn": {"degrees": turn.degrees, "side": turn.side}} if turn else {}
 
     def _batches(self, request: GenerationRequest) -> list[list[int]]:
         """Checks a request; returns the motions of each batch."""

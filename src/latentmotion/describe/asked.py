@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from typing import Any
 
 from latentmotion.describe.claims import SLIGHT, Claim, claims_of, verb_before
 
@@ -182,13 +183,16 @@ def asked_of(prompt: str) -> Asked:
     return Asked(tuple(claims), not _TOGETHER.search(text))
 
 
-def asked_turn(prompt: str) -> Claim | None:
-    """Returns the one turn whose degrees a prompt names; none where it names no or several.
+def asked_turn(prompt: str) -> dict[str, Any]:
+    """Returns metadata by which clean-up makes a generated motion turn as its prompt asks.
+
+    They have `turn` where the prompt names the degrees of exactly one turn, and are empty else.
 
     Args:
         prompt: A sentence as users write it.
     """
     turns = [claim for claim in asked_of(prompt).claims if claim.kind in ("turn", "circle")]
     if len(turns) != 1 or turns[0].degrees in (0, SLIGHT):
-        return None
-    return replace(turns[0], degrees=turns[0].degrees * max(turns[0].count, 1))
+        return {}
+    degrees = turns[0].degrees * max(turns[0].count, 1)
+    return {"turn": {"degrees": degrees, "side": turns[0].side}}

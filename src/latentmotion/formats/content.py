@@ -10,6 +10,7 @@ import json
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion import formats
+from latentmotion.describe.asked import asked_turn
 from latentmotion.errors import DiskFullError, InputError, LatentMotionError
 from latentmotion.motion import Motion, cleaned
 from latentmotion.viewer.page import payload
@@ -42,7 +44,7 @@ MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
 
 
 def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, str]:
-    """Returns the motions of an `.npz` file in another format, and the format that they have.
+    """Returns generated motions of an `.npz` file in another format, and the format they have.
 
     Args:
         content: The file's content.
@@ -57,7 +59,13 @@ def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, st
         file = Path(folder) / "motion.npz"
         file.write_bytes(content)
         motions = formats.load(file)
-    return encoded(cleaned(motions) if clean else motions, form)
+    if clean:
+        raw = [
+            replace(motion, metadata={**motion.metadata, **asked_turn(motion.caption)})
+            for motion in motions
+        ]
+        motions = cleaned(raw)
+    return encoded(motions, form)
 
 
 def encoded(motions: Sequence[Motion], form: str) -> tuple[bytes, str]:

@@ -33,6 +33,7 @@ _OLDEST_PYTHON = (3, 11)
 _PARTS = (
     *("__init__.py", "arrays.py", "errors.py", "motion.py", "plugins.py", "progress.py"),
     *("cleanup", "formats", "kinematics", "render", "representation", "storage"),
+    *("describe/__init__.py", "describe/asked.py", "describe/claims.py", "describe/facts.py"),
     *("viewer/__init__.py", "viewer/marks.py", "viewer/page.py", "viewer/template.html"),
 )
 """What of this package cleans up and writes motion; `viewer.js` lies beside the site's page."""
