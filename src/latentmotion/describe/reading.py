@@ -49,7 +49,10 @@ def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Description:
     Raises:
         InputError: The joints have another shape, fewer than 4 frames, or are not numbers.
     """
-    signals = measure(joints)
+    return _described(measure(joints))
+
+
+def _described(signals: Signals) -> Description:
     flights = legs.flights_of(signals)
     running = legs.running_of(flights, signals)
     turns = whole_body.turns_of(signals)
@@ -93,7 +96,7 @@ def scene_of(joints: Float[np.ndarray, "frames 22 3"]) -> Scene:
         InputError: The joints have another shape, too few frames, or are not numbers.
     """
     signals = measure(joints)
-    return Scene(describe(joints), signals, whole_body.poses_of(signals))
+    return Scene(_described(signals), signals, whole_body.poses_of(signals))
 
 
 def lasting(events: list[Event], seconds: float) -> list[Event]:
