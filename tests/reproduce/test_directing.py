@@ -22,6 +22,7 @@ from latentmotion.reproduce.directing.fits import fit_rows
 from latentmotion.reproduce.directing.goals import goal_rows
 from latentmotion.reproduce.directing.sentences import length_rows, search_rows
 from latentmotion.reproduce.directing.sequences import loop_rows, stream_rows, timeline_rows
+from latentmotion.reproduce.directing.smoothers import kalman, spline
 
 PROMPTS = ("a person walks forward", "a person jumps", "a person waves", "a person sits down")
 
@@ -64,7 +65,7 @@ def small(
 ) -> Bench:
     monkeypatch.setattr(bench, "DRAWS", 20)
     monkeypatch.setattr(bench, "fid", lambda one, other: float(np.abs(one).mean()))
-    return Bench(generate, Dataset.load(folder), shipped_scorer(), 2)
+    return Bench(generate, Dataset.load(folder), shipped_scorer(), 2, seeds=1)
 
 
 def figures(bench: Bench, measure: Any, folder: Path) -> dict[str, dict[str, list[float]]]:
@@ -72,7 +73,7 @@ def figures(bench: Bench, measure: Any, folder: Path) -> dict[str, dict[str, lis
     read = json.loads(page.with_suffix(".json").read_text())
     text = page.read_text()
     assert all(f"| {row} |" in text for row in read["figures"])
-    assert read["made"]["model"] == "fast" and "by bootstrap over motions" in text
+    assert read["made"]["model"] == "fast" and "by bootstrap over clips" in text
     return read["figures"]
 
 
@@ -82,13 +83,15 @@ def test_goals_are_met_beside_motions_without(
     course = "path: 1 m/s"
     monkeypatch.setattr(goals, "courses", lambda of=goals.courses: {course: of()[course]})
     found = figures(small, goal_rows, tmp_path)
-    assert set(found) >= {"real motion", "no goals", *goals.SETS, course}
+    free = {f"no path: {prompt}" for prompt in (goals.WALK, goals.BACK)}
+    assert set(found) >= {"real motion, cleaned", "no goals", *goals.SETS, *free, course}
     for row in (*goals.SETS, course):
         assert found[row]["Off, mm, worst"][0] < 1
     assert found["no goals"]["Off before exact, cm"][0] > 5
     assert found["wrist, 2 goals"]["Off in the sample, cm"][0] < 1
     assert found["pelvis, 5 goals"]["FID / no goals"][0] > 0
     assert found[course]["Facing off, °"][0] < 20
+    assert 0 < found[course]["Sliding by height, cm/s"][0] < found[course]["Sliding, cm/s"][0]
 
 
 # The clips are no motions of people, so gaps between them may get limbs of wrong length.
@@ -126,9 +129,27 @@ def test_loops_close(small: Bench, tmp_path: Path) -> None:
 def test_fits_are_nearer_than_what_was_recorded(
     small: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fits, "CASES", {"noise": fits.Spoiled(0.05)})
+    cases = {"noise": fits.Spoiled(0.05), "gap": fits.Spoiled(0.05, 1.0, ("left_ankle",))}
+    monkeypatch.setattr(fits, "CASES", cases)
     found = figures(small, fit_rows, tmp_path)
-    assert found["noise: fit"]["Off, cm"][0] < 0.7 * found["noise: recorded"]["Off, cm"][0]
+    off = {row: columns["Off, cm"][0] for row, columns in found.items() if "Off, cm" in columns}
+    for method in ("fit", "spline", "Kalman smoother"):
+        assert off[f"noise: {method}"] < 0.7 * off["noise: recorded"]
+        assert f"gap: {method}" in off
+
+
+def test_smoothers_keep_what_is_smooth_and_bridge_gaps() -> None:
+    time = np.arange(80) / 20
+    path = np.stack([np.sin(2 * time), np.cos(1.5 * time), time], axis=1)[:, None]
+    seen = np.ones((80, 1), bool)
+    seen[35:45] = False
+    noisy = path + np.random.default_rng(0).normal(0, 0.03, path.shape)
+    unread = np.where(seen[..., None], noisy, 1e3)
+    for smoother in (spline, lambda joints, seen, noise: kalman(joints, seen, noise, 20.0)):
+        off = np.linalg.norm(smoother(unread, seen, 0.03) - path, axis=-1)
+        assert off[seen].mean() < 0.6 * np.linalg.norm(noisy - path, axis=-1)[seen].mean()
+        assert off[~seen].max() < 0.12
+        np.testing.assert_allclose(smoother(path, seen, 1e-4), path, atol=0.01)
 
 
 def test_lengths_and_searches_stand_beside_guesses(small: Bench, tmp_path: Path) -> None:
@@ -148,6 +169,14 @@ def test_figures_have_intervals(small: Bench) -> None:
     assert small.figure("Seam, median", np.array([1.0, 9.0, 2.0]))[0] == 2
     assert small.figure("Correlation", np.array([[1, 2], [2, 4], [3, 6.0]]))[0] == pytest.approx(1)
     assert small.figure("Off, cm", np.array([1.0])) == [None, None]
+    clips = np.repeat(np.arange(20), 10)
+    alike = np.repeat(draw.normal(3, 1, 20), 10)  # ten motions of a clip tell nothing new
+    naive, once, repeated = (
+        np.array(small.figure("Off, cm", values, own), float)
+        for values, own in ((alike, None), (alike, clips), (np.repeat(alike, 2), clips))
+    )
+    assert naive[1] < 0.5 * once[1]
+    np.testing.assert_allclose(repeated, once)
     row, other = {"Sliding, cm/s": np.array([2.0, 4])}, {"Sliding, cm/s": np.array([1.0, 3])}
     both = beside(row, other, "no goals", ["Sliding, cm/s"])
     assert small.figure("Sliding / no goals", both["Sliding / no goals"])[0] == 1.5
@@ -179,6 +208,7 @@ def test_the_command_runs_one_and_tells_mistakes(
     assert (tmp_path / "length.md").is_file() and (tmp_path / "length.json").is_file()
     for more, error in (
         (["--count", "1"], "--count 1: expected 2 or more"),
+        (["--seeds", "0"], "--seeds 0: expected 1 or more"),
         (["--rows", "a"], "length is an experiment of directing: leave"),
     ):
         with pytest.raises(SystemExit):

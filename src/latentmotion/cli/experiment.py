@@ -185,7 +185,9 @@ class RunExperiment:
     model: str = DEFAULT
     """Name or folder of the model of an experiment of directing."""
     count: int | None = None
-    """Motions of a row of an experiment of directing; by default 40."""
+    """Clips of a row of an experiment of directing; by default 40."""
+    seeds: int | None = None
+    """Motions of each clip in an experiment of directing, of another seed each; by default 3."""
 
     def run(self) -> None:
         """Trains, measures and writes; prints the page.
@@ -237,8 +239,11 @@ class RunExperiment:
         from latentmotion.reproduce.directing.bench import Bench, write_results
 
         count = 40 if self.count is None else self.count
+        seeds = 3 if self.seeds is None else self.seeds
         if count < 2:
-            raise InputError(f"--count {count}: expected 2 or more motions")
+            raise InputError(f"--count {count}: expected 2 or more clips")
+        if seeds < 1:
+            raise InputError(f"--seeds {seeds}: expected 1 or more")
         if self.evaluator or self.rows or self.set:
             raise InputError(
                 f"{self.name} is an experiment of directing: leave --evaluator, --rows, --set out"
@@ -247,6 +252,6 @@ class RunExperiment:
         module, _, function = place.partition(":")
         measure = getattr(import_module(f"latentmotion.reproduce.directing.{module}"), function)
         generate = MotionPipeline.from_pretrained(self.model, threads=1)
-        bench = Bench(generate, data, shipped_scorer(), count)
+        bench = Bench(generate, data, shipped_scorer(), count, seeds)
         page = write_results(self.name, title, measure(bench), bench, self.output)
         print(page.read_text(encoding="utf-8"))

@@ -128,7 +128,8 @@ def held_in_contacts(
         if size[nearest] < _STILL:
             break
         others.remove((start, end))
-        known |= dict.fromkeys((*range(start, end, step), end - 1), curve[nearest])
+        for frame in (*range(start, end, step), end - 1):
+            known[frame] = curve[nearest]
         curve = spread(known, len(standing), blend)
     curve[:, 1] = height
     return curve

@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from latentmotion.control.direct import sliding_in_contact
 from latentmotion.data.dataset import Dataset, items_of
@@ -25,7 +26,12 @@ from latentmotion.storage.files import atomic_file
 
 Values = Mapping[str, np.ndarray]
 """Values of a row by column, one per motion: numbers; embeddings (width) for FID; and for ratios,
-`FID / …`, both rows' (2, width) or (2)."""
+`FID / …`, both rows' (2, width) or (2). `CLIP` says of which clip each motion is."""
+
+CLIP = "clip"
+"""Key of the clips of a row's motions, where several are of one: the bootstrap draws clips."""
+
+T = TypeVar("T")
 
 Rows = Mapping[str, Values]
 """What was measured, by row."""
@@ -61,7 +67,14 @@ class Bench:
     towers: Scorer
     """Embeds motions and sentences; nothing here is selected by it."""
     count: int = 40
-    """Motions of a row; fewer where motions are long."""
+    """Clips of a row; fewer where motions are long."""
+    seeds: int = 3
+    """Motions of each clip, of another seed each."""
+
+    def repeated(self, clips: Sequence[T]) -> tuple[list[T], Int[np.ndarray, " motions"]]:
+        """Returns each clip once for each seed, and which one it is."""
+        numbers = np.repeat(np.arange(len(clips)), self.seeds)
+        return [clip for clip in clips for _ in range(self.seeds)], numbers
 
     def recordings(self, shortest: float = 2.0, longest: float = 4.0) -> list[Recording]:
         """Returns test clips with sentences, each of another recording, in a fixed random order.
@@ -138,14 +151,28 @@ class Bench:
         clips = [clip for clip in self.data.clips("test") if clip.frames >= 12]
         return self.towers.embed([self.data.features(clip)[:80] for clip in clips])
 
-    def figure(self, column: str, values: np.ndarray) -> list[float | None]:
-        """Returns a figure and half of its 95 % interval, by bootstrap over motions."""
+    def figure(
+        self, column: str, values: np.ndarray, clips: Int[np.ndarray, " motions"] | None = None
+    ) -> list[float | None]:
+        """Returns a figure and half of its 95 % interval, by bootstrap over clips.
+
+        Args:
+            column: Name of the figure.
+            values: One for each motion, or so many for each.
+            clips: The clip of each motion; by default another one.
+        """
         statistic = self._statistic(column)
-        if len(values) < 2 or not np.isfinite(values.astype(float)).all():
+        every = np.arange(len(values)) if clips is None else clips
+        every = np.repeat(every, len(values) // len(every))
+        clip_of = np.unique(every, return_inverse=True)[1]
+        count = int(clip_of.max(initial=-1)) + 1
+        if count < 2 or not np.isfinite(values.astype(float)).all():
             return [None, None]
-        draw, count = np.random.default_rng(3), len(values)
-        draws = FID_DRAWS if column.startswith("FID") else DRAWS
-        drawn = [statistic(values[draw.integers(count, size=count)]) for _ in range(draws)]
+        draw, own = np.random.default_rng(3), [np.flatnonzero(clip_of == n) for n in range(count)]
+        drawn = []
+        for _ in range(FID_DRAWS if column.startswith("FID") else DRAWS):
+            chosen = np.concatenate([own[n] for n in draw.integers(count, size=count)])
+            drawn.append(statistic(values[chosen]))
         return [statistic(values), 1.96 * float(np.std(drawn))]
 
     def _statistic(self, column: str) -> Callable[[np.ndarray], float]:
@@ -153,7 +180,7 @@ class Bench:
             return lambda values: fid(values, self.real)
         if column.startswith("FID /"):
             return lambda values: fid(values[:, 0], self.real) / fid(values[:, 1], self.real)
-        if column.startswith(("Sliding /", "R@3 /")):
+        if column.startswith(("Sliding", "R@3")) and " / " in column:
             return lambda values: float(values[:, 0].mean() / max(values[:, 1].mean(), 1e-9))
         if column.endswith("worst"):
             return lambda values: float(values.max())
@@ -167,7 +194,11 @@ class Bench:
 def write_results(name: str, title: str, rows: Rows, bench: Bench, folder: Path) -> Path:
     """Writes NAME.json and NAME.md; returns the page."""
     figures = {
-        row: {column: bench.figure(column, found) for column, found in values.items()}
+        row: {
+            column: bench.figure(column, found, values.get(CLIP))
+            for column, found in values.items()
+            if column != CLIP
+        }
         for row, values in rows.items()
     }
     counts = {row: max(map(len, values.values())) for row, values in rows.items()}
@@ -176,6 +207,7 @@ def write_results(name: str, title: str, rows: Rows, bench: Bench, folder: Path)
         "model": bench.generate.card.name,
         "data": bench.data.fingerprint,
         "towers": bench.towers.card.fingerprint,
+        "seeds": f"{bench.seeds}",
         "load": f"{load:.0f}",
     }
     every = dict.fromkeys(column for values in figures.values() for column in values)
@@ -186,7 +218,7 @@ def write_results(name: str, title: str, rows: Rows, bench: Bench, folder: Path)
         for row, f in figures.items()
     ]
     about = ", ".join(f"{key} {value[:12]}" for key, value in made.items())
-    note = "± is half of a 95 % interval, by bootstrap over motions."
+    note = "± is half of a 95 % interval, by bootstrap over clips."
     folder.mkdir(parents=True, exist_ok=True)
     page = folder / f"{name}.md"
     write_json(page.with_suffix(".json"), {"made": made, "motions": counts, "figures": figures})

@@ -1,4 +1,4 @@
-"""Fits: recordings with noise or without some joints, beside linear interpolation."""
+"""Fits: recordings with noise or without some joints, beside lines and smoothers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from jaxtyping import Bool, Float
 
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
-from latentmotion.reproduce.directing.bench import Bench, Rows, jitter
+from latentmotion.reproduce.directing.bench import CLIP, Bench, Rows, jitter
+from latentmotion.reproduce.directing.smoothers import kalman, spline
 
 _LEGS = tuple(
     f"{side}_{joint}" for side in ("left", "right") for joint in ("knee", "ankle", "foot")
@@ -39,6 +40,7 @@ class Spoiled:
 
 CASES = {
     "noise 5 cm": Spoiled(0.05),
+    "noise 5 cm, legs unseen 1 s": Spoiled(0.05, 1.0, _LEGS),
     "legs unseen 1 s": Spoiled(0.01, 1.0, _LEGS),
     "legs never seen": Spoiled(0.01, 100.0, _LEGS),
     "one arm never seen": Spoiled(0.01, 100.0, ("left_elbow", "left_wrist")),
@@ -54,15 +56,17 @@ def fit_rows(bench: Bench) -> Rows:
     """Measures how far fitted and cleaned motions are from what was recorded."""
     motions = [each.motion for each in bench.recordings(4.0, 5.0)[: max(2, bench.count // 5)]]
     rows = {"real motion": {"Jitter, m/s³": np.array([jitter(motion) for motion in motions])}}
+    every, clip_of = bench.repeated(motions)
     for name, spoiled in CASES.items():
         found: dict[str, list[tuple[float, float]]] = {}
-        for number, motion in enumerate(motions):
+        for number, motion in enumerate(every):
             for method, values in _measured(bench, motion, spoiled, number).items():
                 found.setdefault(method, []).append(values)
         rows |= {
             f"{name}: {method}": {
                 "Off, cm": np.array([off for off, _ in values]),
                 "Jitter, m/s³": np.array([shaken for _, shaken in values]),
+                CLIP: clip_of,
             }
             for method, values in found.items()
         }
@@ -80,10 +84,13 @@ def _measured(
     cleaned = fitted.cleaned().joints.astype(np.float64)
     # Clean-up puts the figure on the floor, the recording's need not be there.
     cleaned[..., 1] += np.median(fitted.joints[:, 0, 1] - cleaned[:, 0, 1])
-    plain = noisy if seen.all() else _interpolated(noisy, seen)
-    methods = {"recorded" if seen.all() else "linear interpolation": plain}
-    if not seen.any(axis=0).all():
-        methods = {}
+    methods: dict[str, Float[np.ndarray, "frames joints 3"]] = {}
+    if seen.any(axis=0).all():
+        methods = {
+            "recorded" if seen.all() else "linear interpolation": _interpolated(noisy, seen),
+            "spline": spline(noisy, seen, spoiled.noise),
+            "Kalman smoother": kalman(noisy, seen, spoiled.noise, motion.fps),
+        }
     methods |= {"fit": fitted.joints.astype(np.float64), "fit, cleaned": cleaned}
     return {
         name: (

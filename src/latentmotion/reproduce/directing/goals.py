@@ -11,9 +11,10 @@ import numpy as np
 from latentmotion.control.exact import distances
 from latentmotion.control.goals import Goal, Heading, Path, Reach, targets_of
 from latentmotion.errors import InputError
-from latentmotion.motion import Motion
+from latentmotion.kinematics.plausibility import foot_sliding
+from latentmotion.motion import Motion, cleaned
 from latentmotion.representation.canonical import heading
-from latentmotion.reproduce.directing.bench import Bench, Recording, Rows, Values, beside
+from latentmotion.reproduce.directing.bench import CLIP, Bench, Recording, Rows, Values, beside
 
 SETS = {
     "pelvis, 5 goals": ("pelvis",) * 5,
@@ -23,40 +24,55 @@ SETS = {
 }
 """Joints that have a goal each; none: the pelvis all along."""
 
-_RATIOS = ("FID", "Sliding, cm/s")
+_BY_HEIGHT = "Sliding by height, cm/s"
+"""Of the evaluation, in which a joint counts the less the higher it is; nothing above 2.5 cm."""
+
+_RATIOS = ("FID", "Sliding, cm/s", _BY_HEIGHT)
 
 WALK, BACK = "a person walks forward", "a person walks backward"
 
 
 def goal_rows(bench: Bench) -> Rows:
     """Measures goals beside no goals, moved motions and real ones; then paths."""
-    recordings = bench.recordings()
+    clips = bench.recordings()
+    recordings, clip_of = bench.repeated(clips)
     texts = [each.text for each in recordings]
     free, spent = _timed(bench, recordings, [()] * len(recordings))
     first = next(iter(SETS))
     goals = {name: _goals_of(recordings, names) for name, names in SETS.items()}
-    without = bench.usual_columns(free, texts)
+    without = {**_measured(bench, free, texts), CLIP: clip_of}
+    real, told = [each.motion for each in clips], [each.text for each in clips]
     rows: dict[str, Values] = {
-        "real motion": bench.usual_columns([each.motion for each in recordings], texts),
+        "real motion": _measured(bench, real, told),
+        "real motion, cleaned": _measured(bench, cleaned(real), told),
         "no goals": {"Off before exact, cm": _off(free, goals[first]), **without, "CPU ms": spent},
     }
     moved = [_moved(motion, own) for motion, own in zip(free, goals[first], strict=True)]
     rows["no goals, moved linearly to pelvis, 5 goals"] = {
         "Off, mm, worst": 10 * _off(moved, goals[first]),
-        **beside(bench.usual_columns(moved, texts), without, "no goals", _RATIOS),
+        **beside(_measured(bench, moved, texts), without, "no goals", _RATIOS),
+        CLIP: clip_of,
     }
     for name, own in goals.items():
         made, spent = _timed(bench, recordings, own)
         kept = [number for number, motion in enumerate(made) if motion.goals]
         some = [made[number] for number in kept]
         same = {column: values[kept] for column, values in without.items()}
-        usual = bench.usual_columns(some, [texts[number] for number in kept])
+        usual = _measured(bench, some, [texts[number] for number in kept])
         rows[name] = {
             **_reported(some),
             **beside(usual, same, "no goals", _RATIOS),
             "CPU ms": spent[kept],
+            CLIP: clip_of[kept],
         }
+    rows |= {f"no path: {prompt}": _path_row(bench, prompt, (), 3.2) for prompt in (WALK, BACK)}
     return rows | {name: _path_row(bench, *course) for name, course in courses().items()}
+
+
+def _measured(bench: Bench, motions: Sequence[Motion], texts: Sequence[str]) -> Values:
+    """Returns the usual columns, and sliding by the evaluation's measure."""
+    speeds = [100 * foot_sliding(each.joints, each.fps, each.skeleton) for each in motions]
+    return {_BY_HEIGHT: np.array(speeds), **bench.usual_columns(motions, texts)}
 
 
 def courses() -> dict[str, tuple[str, tuple[Goal, ...], float]]:
@@ -88,10 +104,10 @@ def _path_row(
 ) -> dict[str, np.ndarray]:
     seeds = range(max(2, bench.count // 5))
     made = [bench.generate(prompt, seconds, seed, goals=list(goals)).cleaned() for seed in seeds]
-    usual = bench.usual_columns(made)
+    usual = _measured(bench, made, ())
     return {
-        **_reported(made),
-        **{name: usual[name] for name in ("Sliding, cm/s", "Jitter, m/s³")},
+        **(_reported(made) if goals else {}),
+        **{name: usual[name] for name in (_BY_HEIGHT, "Sliding, cm/s", "Jitter, m/s³")},
         "Facing off, °": np.array([_facing(motion, prompt == BACK) for motion in made]),
     }
 

@@ -10,7 +10,15 @@ import numpy as np
 from latentmotion.control.exact import inertialized
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
-from latentmotion.reproduce.directing.bench import Bench, Recording, Rows, Values, blended, jerk
+from latentmotion.reproduce.directing.bench import (
+    CLIP,
+    Bench,
+    Recording,
+    Rows,
+    Values,
+    blended,
+    jerk,
+)
 
 _NEAR = 5
 """Frames to either side of a seam in which its jerk is."""
@@ -32,16 +40,20 @@ def keep_rows(bench: Bench) -> Rows:
     rows: dict[str, Values] = {
         "real motion": _row(bench, [(r, r.motion, None) for r in recordings])
     }
+    every, clip_of = bench.repeated(recordings)
     for gap, span in GAPS.items():
         for name, fill in _FILLS.items():
-            made = []
-            for seed, each in enumerate(recordings):
+            made, kept = [], []
+            # Lines are the same for all seeds.
+            for seed in range(0, len(every), 1 if name == "edit" else bench.seeds):
+                each = every[seed]
                 start, end = span(len(each.motion))
                 try:
                     made.append((each, fill(bench, each, start, end, seed), (start, end)))
                 except InputError:
                     continue  # too far in so short a time
-            rows[f"{gap}: {name}"] = _row(bench, made)
+                kept.append(clip_of[seed])
+            rows[f"{gap}: {name}"] = {**_row(bench, made), CLIP: np.array(kept)}
     return rows
 
 

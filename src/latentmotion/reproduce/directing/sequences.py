@@ -14,7 +14,7 @@ from latentmotion.control.stream import decode_in_windows
 from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
-from latentmotion.reproduce.directing.bench import Bench, Rows, beside, blended, jerk
+from latentmotion.reproduce.directing.bench import CLIP, Bench, Rows, beside, blended, jerk
 
 SECONDS, CHAIN = 3.0, 3
 """Length of a prompt of a timeline, and their number."""
@@ -47,7 +47,8 @@ def timeline_rows(bench: Bench) -> Rows:
     """Measures timelines beside their prompts alone, cut together, and recordings."""
     texts = [each.text for each in bench.recordings()]
     draw, frames = np.random.default_rng(4), round(SECONDS * 20)
-    chains = [[texts[n] for n in draw.integers(len(texts), size=CHAIN)] for _ in texts]
+    drawn = [[texts[n] for n in draw.integers(len(texts), size=CHAIN)] for _ in texts]
+    chains, chain_of = bench.repeated(drawn)
     whole = [
         bench.generate.timeline([(text, SECONDS) for text in chain], seed).cleaned()
         for seed, chain in enumerate(chains)
@@ -70,9 +71,11 @@ def timeline_rows(bench: Bench) -> Rows:
             for n in range(1, CHAIN)
         ]
         found = bench.usual_columns(parts, flat)
-        return {**beside(found, alone, "alone", ["R@3", "FID"]), **_transitions(seams, usual)}
+        ratios = beside(found, alone, "alone", ["R@3", "FID"])
+        return {**ratios, **_transitions(seams, usual), CLIP: chain_of}
 
     alone = bench.usual_columns([motion for parts in singles for motion in parts], flat)
+    alone = {**alone, CLIP: chain_of}
     return {
         "real motion": {**bench.usual_columns(long), **_transitions(windows, usual)},
         "each prompt alone": alone,
@@ -107,8 +110,8 @@ def stream_rows(bench: Bench) -> Rows:
     minutes = min(10.0, bench.count / 4)
     pieces: dict[str, list[Motion]] = {"first 20 s": [], "middle 20 s": [], "last 20 s": []}
     spent, states, texts = [], [], []
-    for number in range(count):
-        prompt = STREAMED[number % len(STREAMED)]
+    for number in range(count * bench.seeds):
+        prompt = STREAMED[number // bench.seeds % len(STREAMED)]
         texts += [prompt] * 5
         stream = bench.generate.stream(prompt, number)
         motions, calls = [next(stream)], []
@@ -123,9 +126,12 @@ def stream_rows(bench: Bench) -> Rows:
         for name, start in zip(pieces, (0, half - 200, len(joints) - 400), strict=True):
             for first in range(start, start + 400, 80):
                 pieces[name].append(replace(motions[0], joints=joints[first : first + 80]))
-    rows = {name: dict(bench.usual_columns(motions, texts)) for name, motions in pieces.items()}
     alone = [bench.generate(text, 4.0, number) for number, text in enumerate(texts)]
-    rows = {"motions of 4 s": dict(bench.usual_columns(alone, texts)), **rows}
+    stream_of = np.arange(count * bench.seeds)
+    rows = {
+        name: {**bench.usual_columns(motions, texts), CLIP: stream_of}
+        for name, motions in [("motions of 4 s", alone), *pieces.items()]
+    }
     rows[f"all {minutes:g} min"] = {"CPU ms a call": np.array(spent), "State, kB": np.array(states)}
     motion, space, off = decoders_of(bench.generate), bench.generate.representation, []
     for seed in (0, 1):  # 60 s of latents; positions are compared before they are summed up
@@ -139,16 +145,21 @@ def stream_rows(bench: Bench) -> Rows:
 
 def loop_rows(bench: Bench) -> Rows:
     """Measures the seam of loops beside motions that are repeated, and interpolated ones."""
-    asked = [(CYCLES[n % len(CYCLES)], TURNS[n % len(TURNS)], n) for n in range(bench.count)]
+    turns = [(CYCLES[n % len(CYCLES)], TURNS[n % len(TURNS)]) for n in range(bench.count)]
+    every, loop_of = bench.repeated(turns)
+    asked = [(*turn, seed) for seed, turn in enumerate(every)]
     loops = [bench.generate.loop(*each) for each in asked]
     plain = [bench.generate(*each) for each in asked]
     poses = [_local(motion) for motion in plain]
     # The last third of a second goes straight to the first frame.
     closed = [blended(np.concatenate([own, own[:1]]), len(own) - 6, len(own))[:-1] for own in poses]
     return {
-        "motion, repeated": _seam(poses),
-        "motion, end interpolated": _seam(closed),
-        "loop": _seam([_local(motion) for motion in loops]),
+        name: {**_seam(made), CLIP: loop_of}
+        for name, made in (
+            ("motion, repeated", poses),
+            ("motion, end interpolated", closed),
+            ("loop", [_local(motion) for motion in loops]),
+        )
     }
 
 
