@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from latentmotion.cli.main import main
-from latentmotion.formats import save
+from latentmotion.formats import load, save
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
+from tests.support.pages import Elements
 from tests.support.walker import walker
 
 Image = pytest.importorskip("PIL.Image")
@@ -59,6 +61,26 @@ def test_all_three_at_once(files: Path, tmp_path: Path, capsys):
     assert len(gif_frames(outputs[1])[0]) == 12
     with Image.open(outputs[2]) as picture:
         assert picture.width == 240
+
+
+def test_every_figure_is_drawn_in_pictures_and_on_pages(files: Path, tmp_path: Path):
+    (motion,) = load(files / "walk.npz")
+    motion.save(tmp_path / "hero.glb")
+    masks, pages = {}, {}
+    for figure in ("mannequin", "stick", tmp_path / "hero.glb"):
+        outputs = [tmp_path / "a.png", tmp_path / "a.html"]
+        draw(
+            *(files / "walk.npz", "-o", *outputs, "--size", 400, "--figures", 3, "--figure", figure)
+        )
+        with Image.open(outputs[0]) as picture:
+            masks[Path(figure).stem] = seen(picture)
+        content = json.loads(Elements(outputs[1].read_text()).text["script"][0])
+        pages[Path(figure).stem] = content["figure"]
+    assert masks["stick"].sum() < 0.8 * masks["mannequin"].sum()
+    share = masks["hero"].sum() / masks["mannequin"].sum()
+    assert 0.9 < share < 1.1  # hero.glb is the mannequin
+    assert pages["stick"] == "stick"
+    assert pages["hero"]["skin"]["bones"] == 22 == pages["mannequin"]["skin"]["bones"]
 
 
 def test_several_files_are_takes_of_the_first_ones_rate(files: Path, tmp_path: Path):
@@ -121,8 +143,11 @@ def test_a_path_has_figures_that_fade(files: Path, tmp_path: Path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["walk.npz", "-o", "a.bvh"], "its ending is none of .mp4 .gif .png"),
+        (["walk.npz", "-o", "a.bvh"], "its ending is none of .mp4 .gif .png .html"),
         (["walk.npz", "-o", "nowhere/a.gif"], "does not exist"),
+        (["walk.npz", "-o", "a.gif", "--figure", "stik"], "expected mannequin, stick, person or"),
+        (["walk.npz", "-o", "a.gif", "--figure", "person"], "only pages (.html) have it"),
+        (["walk.npz", "-o", "a.gif", "--figure", "walk.npz"], "is no rig that can be read"),
         (["nothing.npz", "-o", "a.gif"], "there is no file"),
         (["-o", "a.gif"], "no motion file given"),
         (["broken.npz", "-o", "a.gif"], "not a motion file"),

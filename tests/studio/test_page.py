@@ -326,9 +326,9 @@ def test_motion_is_shown_on_an_own_character(page, tmp_path):
     head = page.locator("#bones tr[data-joint=head] select")
     bone = head.input_value()
     assert bone
-    first = asked(page, "player.stage.figures[1].actions[0].time")
+    first = asked(page, "player.stage.figures[1].action.time")
     page.evaluate("latentmotion.player.timeline.seek(1)")
-    assert asked(page, "player.stage.figures[1].actions[0].time") == 1 != first
+    assert asked(page, "player.stage.figures[1].action.time") == 1 != first
     head.select_option("")
     page.wait_for_selector("#bones tr[data-joint=head][data-state=missing]")
     page.keyboard.press("Control+z")
@@ -339,8 +339,10 @@ def test_motion_is_shown_on_an_own_character(page, tmp_path):
     go(page, "make")
     page.select_option("#figure", label="hero.glb")
     until(page, "player.stage.figures[0].mixer")
-    page.select_option("#figure", "mannequin")
+    page.select_option("#figure", "person")
     until(page, "player.stage.figures[0].rig")
+    page.select_option("#figure", "mannequin")
+    until(page, "player.stage.figures[0].mixer")
     page.select_option("#figure", "stick")
     until(page, "player.stage.figures[0].sticks")
 

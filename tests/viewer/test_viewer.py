@@ -11,11 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from latentmotion.arrays import unit
 from latentmotion.errors import InputError
+from latentmotion.kinematics.rotations import matrix_from_quaternion
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT
 from latentmotion.motion import Motion
+from latentmotion.render.mannequin import mannequin_of
 from latentmotion.viewer.marks import marks_of
-from latentmotion.viewer.page import notebook_html, page_html, write_page
+from latentmotion.viewer.page import Skinned, notebook_html, page_html, write_page
 from tests.support.pages import CHROMIUM, HOSTILE, Elements, chromium, walking
 
 
@@ -108,6 +111,47 @@ def test_a_missing_folder_is_an_error_and_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def skinned_page(motion: Motion) -> tuple[str, np.ndarray]:
+    """A page of the mannequin, and where its vertices are in all frames."""
+    skin, animation = mannequin_of(motion, 0.04)
+    rotations, shifts = skin.moves(animation)
+    triangles = skin.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    parts = skin.vertices, skin.normals, triangles, skin.joints, skin.weights
+    return page_html([motion], figure=Skinned(*parts, [rotations], [shifts])), skin.pose(animation)[
+        0
+    ]
+
+
+def test_a_page_carries_the_mannequin_of_files_within_a_millimeter():
+    motion = walking(caption=HOSTILE)
+    page, vertices = skinned_page(motion)
+    figure = payload(page)["figure"]
+
+    def array(part: dict, name: str, kind: str, width: int) -> np.ndarray:
+        return np.frombuffer(base64.b64decode(part[name]), kind).reshape(-1, width).astype(float)
+
+    skin, (move,) = figure["skin"], figure["moves"]
+    rest = array(skin, "positions", "<i2", 3) * skin["step"]
+    joints, weights = (
+        array(skin, "joints", "u1", 4).astype(int),
+        array(skin, "weights", "u1", 4) / 255,
+    )
+    turns = matrix_from_quaternion(unit(array(move, "rotations", "<i2", 4))[:, [3, 0, 1, 2]])
+    turns = turns.reshape(len(motion), 22, 3, 3)
+    shifts = array(move, "shifts", "<f4", 3).reshape(len(motion), 22, 3)
+    carried = np.einsum("tvkab,vb->tvka", turns[:, joints], rest) + shifts[:, joints]
+    shown = np.einsum("vk,tvka->tva", weights / weights.sum(-1, keepdims=True), carried)
+    assert np.abs(shown - vertices).max() < 4e-3
+    assert np.abs(shown - vertices).mean() < 1e-3
+    corners = array(skin, "triangles", "<u2", 3)
+    assert corners.max() == len(rest) - 1
+
+
+def test_a_stick_figure_costs_a_page_nothing():
+    plain, stick = (page_html([walking()], figure=figure) for figure in ("person", "stick"))
+    assert 0 < len(stick) - len(plain) < 30
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory) -> Path:
     if CHROMIUM is None:
@@ -154,10 +198,16 @@ def picture(page: Path, time: float, folder: Path, *flags: str) -> np.ndarray:
     return np.asarray(image.open(path).convert("RGB"), dtype=np.int16)[60:480]
 
 
-@pytest.mark.parametrize("flags", [(), ("--disable-3d-apis",)], ids=["webgl", "canvas"])
-def test_pixels_of_the_figure_move(page, tmp_path, flags):
-    standing = tmp_path / "page.html"
-    write_page(standing, [walking(speed=0.0)])
+@pytest.mark.parametrize(
+    ("figure", "flags"),
+    [("person", ()), ("person", ("--disable-3d-apis",)), ("mannequin", ()), ("stick", ())],
+)
+def test_pixels_of_the_figure_move(page, tmp_path, figure, flags):
+    standing, still = tmp_path / "page.html", walking(speed=0.0)
+    if figure == "mannequin":
+        standing.write_text(skinned_page(still)[0], encoding="utf-8")
+    else:
+        write_page(standing, [still], figure=figure)
     before, after = (picture(standing, time, tmp_path, *flags) for time in (0.25, 0.75))
     background = np.median(before, axis=(0, 1))
     figure = np.abs(before - background).max(axis=-1) > 60

@@ -1,8 +1,11 @@
-"""`latentmotion render`: motions as videos and picture strips, which needs Pillow."""
+"""`latentmotion render`: motions as videos, picture strips and pages, which needs Pillow."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 
 from tyro.conf import arg
@@ -10,11 +13,23 @@ from tyro.conf import arg
 from latentmotion import formats
 from latentmotion.cli import options
 from latentmotion.errors import InputError
+from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import check_fps
+from latentmotion.motion import Motion
 from latentmotion.render import strip, video
+from latentmotion.render.mannequin import Figure, mannequin_of, sticks_of
+from latentmotion.retarget.rig import read_rig
+from latentmotion.retarget.surface import CharacterFigure
 from latentmotion.storage.files import check_writable
+from latentmotion.viewer import page
 
-_VIDEOS, _PICTURES = (".mp4", ".gif"), (".png",)
+_VIDEOS, _PICTURES, _PAGES = (".mp4", ".gif"), (".png",), (".html",)
+
+_CELL = 0.022
+"""Size of the faces of a page's figure, meters, as in files."""
+
+_DRAWN: Mapping[str, Figure] = MappingProxyType({"mannequin": mannequin_of, "stick": sticks_of})
+"""Figures of pictures, by name."""
 
 _SMOOTH = 30.0
 """Maximum frames per second of a video by default."""
@@ -24,17 +39,23 @@ _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a 
 
 @dataclass(frozen=True)
 class Render:
-    """Draw motions as a video, a GIF or a picture strip.
+    """Draw motions as a video, a GIF, a picture strip or a page, with a figure of your choice.
 
     Examples:
         latentmotion render walk.npz -o walk.mp4 walk.gif
         latentmotion render walk.npz run.bvh -o strip.png --style path
+        latentmotion render walk.npz -o walk.html walk.mp4 --figure character.glb
     """
 
     files: Annotated[options.Files, arg(help=_INPUT)]
     output: options.Outputs
-    """Files to write; the extension selects the format: .mp4 .gif .png. Takes are drawn side by
-    side in videos and one below the other in strips."""
+    """Files to write; the extension selects the format: .mp4 .gif .png .html. Takes are drawn side
+    by side in videos and pages and one below the other in strips."""
+    figure: str | None = None
+    """Who is drawn: `mannequin`, the body of .glb and .usd files, which pictures have by default;
+    `stick`; `person`, drawn on pages alone, which have it by default; or a character of yours
+    (.glb, .gltf, .vrm, .fbx), as a surface of one color."""
+    map: options.JointMapFile = None
     style: strip.Style = "row"
     """Strips: figures in a row, or fading along the path."""
     figures: int = 9
@@ -59,19 +80,72 @@ class Render:
         if self.fps is not None:
             check_fps(self.fps)
         for path in self.output:
-            if path.suffix.lower() not in _VIDEOS + _PICTURES:
-                known = " ".join(_VIDEOS + _PICTURES)
+            if path.suffix.lower() not in _VIDEOS + _PICTURES + _PAGES:
+                known = " ".join(_VIDEOS + _PICTURES + _PAGES)
                 raise InputError(f"cannot draw {path}: its ending is none of {known}")
             if path.is_dir():
                 raise InputError(f"cannot write {path}: it is a folder; name a file in it")
             check_writable(path)
+        figure = self._figure()
         motions = [motion for path in self.files for motion in formats.load(path)]
         for path in self.output:
-            if path.suffix.lower() in _PICTURES:
-                width = strip.WIDTH if self.size is None else self.size
-                strip.write(path, motions, self.style, self.figures, width)
-            else:
-                fps = min(motions[0].fps, _SMOOTH) if self.fps is None else self.fps
-                takes = [motion.resampled(fps) for motion in motions]
-                video.write(path, takes, 512 if self.size is None else self.size, self.camera)
+            self._write(path, motions, figure)
             print(f"wrote {path}")
+
+    def _write(self, path: Path, motions: Sequence[Motion], figure: Figure) -> None:
+        if path.suffix.lower() in _PICTURES:
+            width = strip.WIDTH if self.size is None else self.size
+            strip.write(path, motions, self.style, self.figures, width, figure)
+        elif path.suffix.lower() in _VIDEOS:
+            fps = min(motions[0].fps, _SMOOTH) if self.fps is None else self.fps
+            takes = [motion.resampled(fps) for motion in motions]
+            video.write(path, takes, 512 if self.size is None else self.size, self.camera, figure)
+        elif self.figure in (None, "person"):
+            page.write_page(path, motions)
+        elif self.figure == "stick":
+            page.write_page(path, motions, figure="stick")
+        else:
+            page.write_page(path, motions, figure=skinned(motions, figure))
+
+    def _figure(self) -> Figure:
+        """Returns what pictures show, and pages of a mannequin or a character.
+
+        Raises:
+            InputError: There is no such figure, or no picture of it.
+        """
+        if self.figure is None or self.figure in _DRAWN:
+            return _DRAWN[self.figure or "mannequin"]
+        if self.figure == "person":
+            drawn = [path for path in self.output if path.suffix.lower() not in _PAGES]
+            if drawn:
+                raise InputError(
+                    f"--figure person cannot be drawn as {drawn[0]}: only pages (.html) have it; "
+                    "use mannequin, stick or a character's file"
+                )
+            return mannequin_of
+        character = Path(self.figure)
+        if not character.is_file():
+            raise InputError(
+                f"--figure {self.figure}: there is no such file; expected mannequin, stick, person "
+                "or the file of a character (.glb, .gltf, .vrm, .fbx)"
+            )
+        return CharacterFigure(read_rig(character, load_joint_map(self.map) if self.map else None))
+
+
+def skinned(motions: Sequence[Motion], figure: Figure) -> page.Skinned:
+    """Returns the figure of a page's takes, whose skin is that of the first.
+
+    Raises:
+        InputError: The takes have different skeletons.
+    """
+    names = [motion.skeleton.names for motion in motions]
+    if names != names[:1] * len(names):
+        raise InputError("the takes of a page with such a figure must share a skeleton")
+    animations = [figure(motion, _CELL) for motion in motions]
+    skin = animations[0][0]
+    moves = [skin.moves(animation) for _, animation in animations]
+    triangles = skin.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    rotations, shifts = zip(*moves, strict=True)
+    return page.Skinned(
+        skin.vertices, skin.normals, triangles, skin.joints, skin.weights, rotations, shifts
+    )

@@ -140,7 +140,7 @@ class Scene:
                     raise FileFormatError(path, f"node {child} has two parents, expected a tree")
                 self.parents[child] = number
         self.bones = self._bones(document, path)
-        needed = {node for bone in self.bones for node in self._line(bone)}
+        needed = {node for bone in self.bones for node in self.line(bone)}
         self.transforms = {node: _Transform.of(self.nodes[node]) for node in sorted(needed)}
         self._stated = len(document.binary) // 4
         self._frames_made = 0
@@ -194,15 +194,16 @@ class Scene:
 
     def rest_frame(self, node: int) -> Frame:
         """Returns the frame of a node in rest pose; -1 is the world itself."""
-        return self._frames(self.transforms, [node])[node]
+        line = {above: _Transform.of(self.nodes[above]) for above in self.line(node)}
+        return self._frames(line | self.transforms, [node])[node]
 
     def _frames(
         self, transforms: Mapping[int, _Transform], nodes: Sequence[int]
     ) -> dict[int, Frame]:
         """Returns the frames of nodes and of all their ancestors."""
         frames: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
-        needed = {ancestor for node in nodes for ancestor in self._line(node)}
-        for node in sorted(needed, key=lambda node: len(self._line(node))):
+        needed = {ancestor for node in nodes for ancestor in self.line(node)}
+        for node in sorted(needed, key=lambda node: len(self.line(node))):
             local = transforms[node]
             position, rotation, linear = frames[self.parents[node]]
             frames[node] = (
@@ -212,7 +213,7 @@ class Scene:
             )
         return frames
 
-    def _line(self, node: int) -> list[int]:
+    def line(self, node: int) -> list[int]:
         """Returns a node and its ancestors, upward."""
         line = []
         while node >= 0:
@@ -240,19 +241,19 @@ class Scene:
             raise FileFormatError(path, f"has more than {MOST_JOINTS:,} bones")
         if not main:
             raise FileFormatError(path, "has neither a skin nor an animation; expected a figure")
-        shared = set(self._line(main[0])).intersection(*(self._line(bone) for bone in main[1:]))
+        shared = set(self.line(main[0])).intersection(*(self.line(bone) for bone in main[1:]))
         if not shared:
             raise FileFormatError(path, "the joints of its skin hang on no common node")
-        root = max(shared, key=lambda node: len(self._line(node)))  # the lowest above all
+        root = max(shared, key=lambda node: len(self.line(node)))  # the lowest above all
         listed = dict.fromkeys(node for group in (main, *groups) for node in group)
-        below = {node: self._line(node) for node in listed if root in self._line(node)}
+        below = {node: self.line(node) for node in listed if root in self.line(node)}
         lines = [line[: line.index(root) + 1] for line in below.values()]
         needed = dict.fromkeys([*below, *(node for line in lines for node in line)])
         order = [root, *(node for node in needed if node != root)]
         rank = {node: number for number, node in enumerate(order)}
         if all(rank[self.parents[node]] < rank[node] for node in order[1:]):
             return order
-        return sorted(order, key=lambda node: len(self._line(node)))
+        return sorted(order, key=lambda node: len(self.line(node)))
 
 
 def _matrix(quaternions: Float[np.ndarray, "*frames 4"]) -> Float[np.ndarray, "*frames 3 3"]:

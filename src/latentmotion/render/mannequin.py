@@ -21,6 +21,7 @@ and from there along the gradient of the new f, by two steps of Newton's method.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import product
@@ -29,6 +30,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation, Skeleton
+from latentmotion.motion import Motion
 
 
 def surface_net(
@@ -161,18 +163,43 @@ class Mannequin:
     skeleton: Skeleton
     """The skeleton whose rest pose it has."""
 
+    def moves(
+        self, animation: Animation
+    ) -> tuple[Float[np.ndarray, "frames joints 3 3"], Float[np.ndarray, "frames joints 3"]]:
+        """Returns how each joint turns and then shifts what it carries, in the world."""
+        world = animation.skeleton.world_rotations(animation.rotations)
+        rest = self.skeleton.rest_joints()
+        return world, animation.joints() - np.einsum("tjab,jb->tja", world, rest)
+
     def pose(
         self, animation: Animation
     ) -> tuple[Float[np.ndarray, "frames vertices 3"], Float[np.ndarray, "frames vertices 3"]]:
         """Returns vertices and normals in every frame, by linear blend skinning."""
-        world = self.skeleton.world_rotations(animation.rotations)
-        shift = animation.joints() - np.einsum("tjab,jb->tja", world, self.skeleton.rest_joints())
+        world, shift = self.moves(animation)
         turn = np.einsum("vk,tvkab->tvab", self.weights, world[:, self.joints])
         moved = np.einsum("vk,tvka->tva", self.weights, shift[:, self.joints])
         return (
             np.einsum("tvab,vb->tva", turn, self.vertices) + moved,
             np.einsum("tvab,vb->tva", turn, self.normals),
         )
+
+
+Figure = Callable[[Motion, float], tuple[Mannequin, Animation]]
+"""Skin for a motion and how it moves, from the motion and the size of the skin's faces, meters."""
+
+
+def mannequin_of(motion: Motion, cell: float) -> tuple[Mannequin, Animation]:
+    """Returns the mannequin in a motion: the `Figure` that files have."""
+    animation = motion.animation()
+    return make_mannequin(animation.skeleton, cell), animation
+
+
+def sticks_of(motion: Motion, cell: float) -> tuple[Mannequin, Animation]:
+    """Returns a stick for each bone, in a motion."""
+    animation = motion.animation()
+    skeleton = animation.skeleton
+    names = tuple(f"stick {name}" for name in skeleton.names)  # no part of the mannequin's
+    return make_mannequin(replace(skeleton, names=names), cell), animation
 
 
 def make_mannequin(skeleton: Skeleton, cell: float = 0.022) -> Mannequin:

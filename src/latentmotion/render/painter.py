@@ -21,7 +21,7 @@ from jaxtyping import Float, Int
 from latentmotion.arrays import unit
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.motion import Motion
-from latentmotion.render.mannequin import make_mannequin
+from latentmotion.render.mannequin import Figure, mannequin_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
@@ -180,7 +180,12 @@ class Bodies:
         return float(np.percentile(self.joints[..., 1].min(-1), 10)) - _SOLE
 
 
-def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float = 0.022) -> Bodies:
+def make_bodies(
+    motion: Motion,
+    frames: Sequence[int] | None = None,
+    cell: float = 0.022,
+    figure: Figure = mannequin_of,
+) -> Bodies:
     """Returns the body of a motion, in some frames or in all, with faces of size `cell`, meters.
 
     Raises:
@@ -190,8 +195,7 @@ def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float
     if not {"left_hip", "right_hip"} <= {*names}:
         found = ", ".join(names[:4])
         raise InputError(f"cannot draw joints {found}, …; expected a body with left_hip, right_hip")
-    animation = motion.animation()
-    mannequin = make_mannequin(animation.skeleton, cell)
+    mannequin, animation = figure(motion, cell)
     chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
     translations = animation.translations
     picked = replace(
@@ -201,8 +205,9 @@ def make_bodies(motion: Motion, frames: Sequence[int] | None = None, cell: float
         translations=None if translations is None else translations[chosen],
     )
     vertices, normals = mannequin.pose(picked)
-    joints = motion.joints[chosen].astype(np.float64)
-    skeleton = motion.skeleton
+    skeleton, joints = animation.skeleton, picked.joints()
+    if skeleton.names == names:
+        joints = motion.joints[chosen].astype(np.float64)
     return Bodies(vertices, normals, mannequin.quads, joints, skeleton.parents, skeleton.names)
 
 

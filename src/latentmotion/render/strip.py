@@ -12,6 +12,7 @@ from jaxtyping import Float
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.render import painter
+from latentmotion.render.mannequin import Figure, mannequin_of
 from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
@@ -36,6 +37,7 @@ def write(
     style: Style = "row",
     figures: int = 9,
     width: int = WIDTH,
+    figure: Figure = mannequin_of,
 ) -> list[Path]:
     """Writes a PNG with one strip for each motion, under each other.
 
@@ -46,6 +48,7 @@ def write(
             `path`: figures at their positions, the earlier the paler.
         figures: Number of frames of each motion.
         width: Pixels from left to right.
+        figure: What is drawn.
 
     Raises:
         InputError: Unknown style, no figures, a width that makes no picture, or a folder that
@@ -59,7 +62,7 @@ def write(
         raise InputError(f"{figures} figures in a strip; expected at least 1")
     if not WIDTHS[0] <= width <= WIDTHS[1]:
         raise InputError(f"a strip {width} pixels wide; expected {WIDTHS[0]} to {WIDTHS[1]}")
-    strips = [painters[style](motion, figures, width) for motion in motions]
+    strips = [painters[style](motion, figures, width, figure) for motion in motions]
     band, letters = round(_BAND * width), _text(18, width)
     heights = [band + strip.height for strip in strips]
     sheet = painter.Image.new("RGB", (width, sum(heights)), painter.BACKGROUND)
@@ -73,9 +76,9 @@ def write(
     return [Path(path)]
 
 
-def _row(motion: Motion, figures: int, across: int) -> Picture:
+def _row(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     frames = np.unique(np.linspace(0, len(motion) - 1, figures).round().astype(int)).tolist()
-    bodies = painter.make_bodies(motion, frames)
+    bodies = painter.make_bodies(motion, frames, figure=figure)
     floor = bodies.floor
     height = max(1.7, float(bodies.vertices[..., 1].max()) - floor) + 0.36
     size = across, round(_ROW * across)
@@ -93,13 +96,13 @@ def _row(motion: Motion, figures: int, across: int) -> Picture:
     return picture
 
 
-def _path(motion: Motion, figures: int, across: int) -> Picture:
+def _path(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     # Frames at even distances along the path; where nobody walks, evenly in time.
     steps = np.linalg.norm(np.diff(motion.joints[:, 0, [0, 2]], axis=0), axis=-1)
     distance = np.concatenate([[0.0], np.cumsum(steps + 0.05 / motion.fps)])
     even = np.searchsorted(distance, np.linspace(0, distance[-1], figures))
     frames = np.unique(even.clip(0, len(motion) - 1)).tolist()
-    bodies = painter.make_bodies(motion, frames, cell=0.017)
+    bodies = painter.make_bodies(motion, frames, 0.017, figure)
     count = len(bodies.joints)
     size = across, round(_PATH * across)
     camera, height = camera_of_all(motion, bodies.vertices, painter.oversampled(size))

@@ -17,6 +17,7 @@ from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.render import painter
+from latentmotion.render.mannequin import Figure, mannequin_of
 from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
@@ -47,7 +48,11 @@ _X264 = {"crf": "18", "preset": "veryfast"}
 
 
 def write(
-    path: str | Path, motions: Sequence[Motion], size: int = 512, view: View = "follow"
+    path: str | Path,
+    motions: Sequence[Motion],
+    size: int = 512,
+    view: View = "follow",
+    figure: Figure = mannequin_of,
 ) -> list[Path]:
     """Writes a `.gif` or `.mp4` of one or more takes side by side.
 
@@ -56,6 +61,7 @@ def write(
         motions: Takes of one frame rate; the shorter ones wait at their last frame.
         size: Height of the picture, pixels; an even number.
         view: Whether each take's camera follows its person, or stays where it sees all.
+        figure: What is drawn.
 
     Raises:
         InputError: Too many takes, different frame rates, a size that makes no video, or a folder
@@ -72,10 +78,10 @@ def write(
         )
     if Path(path).suffix.lower() != ".gif":
         with atomic_file(path) as temporary:
-            _write_mp4(temporary, frames(motions, size, view), motions[0].fps)
+            _write_mp4(temporary, frames(motions, size, view, figure), motions[0].fps)
         return [Path(path)]
     fps = min(motions[0].fps, _GIF_FPS)
-    pictures = frames([motion.resampled(fps) for motion in motions], size, view)
+    pictures = frames([motion.resampled(fps) for motion in motions], size, view, figure)
     with atomic_file(path) as temporary:
         first = next(pictures).quantize(128)
         plain = painter.Image.Dither.NONE
@@ -88,11 +94,22 @@ def write(
     return [Path(path)]
 
 
-def frames(motions: Sequence[Motion], size: int = 512, view: View = "follow") -> Iterator[Picture]:
+def frames(
+    motions: Sequence[Motion],
+    size: int = 512,
+    view: View = "follow",
+    figure: Figure = mannequin_of,
+) -> Iterator[Picture]:
     """Yields the pictures of a video, drawn on demand."""
     width = size if len(motions) == 1 else size * 3 // 8 * 2
     panels = [
-        _Panel(motion, (width, size - _CAPTION), painter.COLORS[number % len(painter.COLORS)], view)
+        _Panel(
+            painter.make_bodies(motion, cell=_CELL, figure=figure),
+            motion,
+            (width, size - _CAPTION),
+            painter.COLORS[number % len(painter.COLORS)],
+            view,
+        )
         for number, motion in enumerate(motions)
     ]
     captions = [motion.caption for motion in motions]
@@ -112,10 +129,14 @@ class _Panel:
     """One take with its camera."""
 
     def __init__(
-        self, motion: Motion, size: tuple[int, int], color: tuple[int, int, int], view: View
+        self,
+        bodies: painter.Bodies,
+        motion: Motion,
+        size: tuple[int, int],
+        color: tuple[int, int, int],
+        view: View,
     ) -> None:
-        self.size, self.color = size, color
-        self.bodies = painter.make_bodies(motion, cell=_CELL)
+        self.bodies, self.size, self.color = bodies, size, color
         deviation = _FOLLOWING * motion.fps
         radius = int(3 * deviation)
         kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)

@@ -12,13 +12,16 @@ import html
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from latentmotion.errors import InputError
+from latentmotion.kinematics.rotations import quaternion_from_matrix
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file
 from latentmotion.viewer.marks import marks_of
@@ -27,12 +30,37 @@ FINEST_STEP = 1e-4
 """Step of the quantized joint positions, meters."""
 
 
-def page_html(motions: Sequence[Motion], title: str | None = None) -> str:
+@dataclass(frozen=True, eq=False)
+class Skinned:
+    """A skin that bones carry, at rest, and how they move it in each motion."""
+
+    vertices: Float[np.ndarray, "vertices 3"]
+    """Positions, meters."""
+    normals: Float[np.ndarray, "vertices 3"]
+    """Outward unit normals."""
+    triangles: Int[np.ndarray, "triangles 3"]
+    """Corners of each face, counterclockwise from outside."""
+    joints: Int[np.ndarray, "vertices 4"]
+    """The bones that carry each vertex."""
+    weights: Float[np.ndarray, "vertices 4"]
+    """Weight of each; the sum is 1."""
+    rotations: Sequence[Float[np.ndarray, "frames bones 3 3"]]
+    """For each motion, how far every bone is turned from rest, in the world."""
+    shifts: Sequence[Float[np.ndarray, "frames bones 3"]]
+    """For each motion, where every bone puts the origin, meters."""
+
+
+def page_html(
+    motions: Sequence[Motion],
+    title: str | None = None,
+    figure: Literal["person", "stick"] | Skinned = "person",
+) -> str:
     """Returns a page that shows the motions side by side.
 
     Args:
         motions: At least one; each stands beside the one before, in its own color.
         title: Title of the page; the first caption if not given.
+        figure: A drawn person, a stick figure, or a skin with its moves in these motions.
 
     Raises:
         InputError: There is no motion.
@@ -42,6 +70,8 @@ def page_html(motions: Sequence[Motion], title: str | None = None) -> str:
     content = payload(motions)
     for entry, motion in zip(content["motions"], motions, strict=True):
         entry["marks"] = marks_of(motion)
+    if figure != "person":
+        content["figure"] = figure if isinstance(figure, str) else _skinned(figure)
     fields = {
         "title": html.escape(title or motions[0].caption or "Latent Motion"),
         "motions": json_in_html(content),
@@ -72,9 +102,14 @@ def split_page(style: str, script: str) -> tuple[str, str]:
     return page.replace("{{title}}", "Latent Motion").replace("{{motions}}", ""), css
 
 
-def write_page(path: str | Path, motions: Sequence[Motion], title: str | None = None) -> None:
+def write_page(
+    path: str | Path,
+    motions: Sequence[Motion],
+    title: str | None = None,
+    figure: Literal["person", "stick"] | Skinned = "person",
+) -> None:
     """Writes `page_html` to a file, whole or not at all."""
-    page = page_html(motions, title)
+    page = page_html(motions, title, figure)
     with atomic_file(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
 
@@ -121,6 +156,27 @@ def payload(motions: Sequence[Motion]) -> dict[str, Any]:
             }
         )
     return {"skeletons": skeletons, "motions": entries}
+
+
+def _skinned(figure: Skinned) -> dict[str, Any]:
+    """Returns a skin and its moves as the page's script reads them."""
+    vertices, bones = figure.vertices, figure.rotations[0].shape[1]
+    step = max(FINEST_STEP, float(np.abs(vertices).max()) / np.iinfo(np.int16).max)
+    skin = {
+        "step": step,
+        "bones": bones,
+        "positions": _base64(np.round(vertices / step).astype("<i2")),
+        "normals": _base64(np.round(127 * figure.normals).astype("i1")),
+        "triangles": _base64(figure.triangles.astype("<u2" if len(vertices) <= 65_535 else "<u4")),
+        "joints": _base64(figure.joints.astype("u1" if bones <= 256 else "<u2")),
+        "weights": _base64(np.round(255 * figure.weights).astype("u1")),
+    }
+    moves = []
+    for rotations, shifts in zip(figure.rotations, figure.shifts, strict=True):
+        quaternions = quaternion_from_matrix(rotations)[..., [1, 2, 3, 0]]
+        turns = np.round(np.iinfo(np.int16).max * quaternions).astype("<i2")
+        moves.append({"rotations": _base64(turns), "shifts": _base64(shifts.astype("<f4"))})
+    return {"skin": skin, "moves": moves}
 
 
 def _base64(array: np.ndarray) -> str:

@@ -60,9 +60,11 @@ export function ghost(motion, skinOf, color, at) {
   return figure;
 }
 
-// The bones hold matrices of the motion's own space, and the mesh's position shifts the result:
-// three.js calls that detached.
-function skinnedMesh(geometry, material, bones) {
+/**
+ * A mesh whose bones hold matrices of the motion's own space, and whose position shifts the result:
+ * three.js calls that detached.
+ */
+export function skinnedMesh(geometry, material, bones) {
   const mesh = new THREE.SkinnedMesh(geometry, material);
   const identities = bones.map(() => new THREE.Matrix4());
   mesh.bindMode = THREE.DetachedBindMode;

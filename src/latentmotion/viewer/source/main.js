@@ -1,6 +1,7 @@
 // The page: motions → stage, timeline, panel, keys; and `window.latentmotion` for programs.
 
 import { colorsOf } from "./colors.js";
+import { skinned, stick } from "./figures.js";
 import { listenToKeys } from "./keyboard.js";
 import { readMotions } from "./motion.js";
 import { Pace } from "./pace.js";
@@ -9,7 +10,8 @@ import { Sketch } from "./sketch.js";
 import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 
-const motions = readMotions(document.getElementById("motions").textContent);
+const content = document.getElementById("motions").textContent;
+const motions = readMotions(content);
 const colors = colorsOf(motions);
 const timeline = new Timeline(Math.max(...motions.map(({ seconds }) => seconds)));
 const stage = makeStage();
@@ -18,7 +20,9 @@ const panel = new Panel(timeline, stage, motions, colors);
 function makeStage() {
   const canvas = document.getElementById("view");
   const hasWebGL = document.createElement("canvas").getContext("webgl2") !== null;
-  return new (hasWebGL ? Stage : Sketch)(canvas, motions, colors);
+  const { figure } = JSON.parse(content); // none: the drawn person
+  const makers = figure?.skin ? skinned(figure) : motions.map(() => figure && stick);
+  return new (hasWebGL ? Stage : Sketch)(canvas, motions, colors, { makers });
 }
 
 // A notebook may lay its frames out late, a window may change: the view is chosen anew for each size,

@@ -49,7 +49,8 @@ function absolutePositions({ root, relative, step }, size) {
   });
 }
 
-function bytes(base64) {
+/** What a base64 text stands for. */
+export function bytes(base64) {
   return Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0)).buffer;
 }
 

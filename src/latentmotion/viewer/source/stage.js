@@ -43,14 +43,14 @@ export class Stage {
 
   /**
    * Shows other motions, from their beginning; the view stays until `reset`. `makers` make figures
-   * other than the mannequin from a motion, what returns its skin, a color and a place; `offsets`
+   * other than the drawn person from a motion, what returns its skin, a color and a place; `offsets`
    * set them elsewhere than side by side.
    */
   show(motions, colors, { makers = [], offsets = lineUp(motions) } = {}) {
     this.past.push(...this.shown);
     this.offsets = offsets;
     const made = (make) => (motion, i) => make(motion, () => geometryOf(motion), colors[i], offsets[i]);
-    this.figures = motions.map((motion, i) => made(makers[i] ?? mannequin)(motion, i));
+    this.figures = motions.map((motion, i) => made(makers[i] ?? person)(motion, i));
     this.paths = motions.map(smoothPath);
     this.floor = new Floor(motions, offsets, colors);
     this.marks = motions.map(made((...of) => new Marks(...of)));
@@ -228,7 +228,7 @@ export class Stage {
   }
 }
 
-function mannequin(motion, skinOf, color, at) {
+function person(motion, skinOf, color, at) {
   return new Figure(motion, skinOf(), color, at);
 }
 

@@ -1,5 +1,6 @@
 // The screen Character: the user's figure, which bone moves with which joint, the motion on it.
 
+import { FIGURES } from "../figures.js";
 import { get, query, request, send } from "./api.js";
 import { fill, find, make, onChange, onClick, say, trying, words } from "./dom.js";
 
@@ -22,11 +23,11 @@ export class CharacterScreen {
     }
   }
 
-  /** The motion on the mannequin, and on the character beside it. */
+  /** The motion on the drawn person, and on the character beside it. */
   actors() {
     const { take } = this.studio;
     if (!take) return [];
-    const plain = { take, figure: "mannequin" };
+    const plain = { take, figure: "person" };
     return this.current ? [plain, { take, figure: this.current.id }] : [plain];
   }
 
@@ -34,8 +35,7 @@ export class CharacterScreen {
     this.characters = (await get("characters")).characters;
     const known = this.characters.map(({ id, name }) => [id, name]);
     fill(find("character-list"), known.length ? known : [["", "none yet"]], this.current?.id);
-    const figures = [["mannequin", "Mannequin"], ["stick", "Stick figure"], ...known];
-    fill(find("figure"), figures, this.studio.figure);
+    fill(find("figure"), [...Object.entries(FIGURES), ...known], this.studio.figure);
     const current = this.characters.find(({ id }) => id === find("character-list").value);
     this.current = current ?? null;
     this.#show();
@@ -73,7 +73,7 @@ export class CharacterScreen {
   }
 
   async #changed() {
-    if (!["mannequin", "stick"].includes(this.studio.figure)) this.studio.figure = "mannequin";
+    if (!(this.studio.figure in FIGURES)) this.studio.figure = "person";
     await this.list();
     await this.restage();
   }

@@ -1,6 +1,7 @@
 // The screen Make: a prompt and its options → takes side by side; the picked take's panel.
 
 import { colorsOf } from "../colors.js";
+import { FIGURES } from "../figures.js";
 import { send } from "./api.js";
 import { byUse, fill, find, make, onChange, onClick, press, round, say, trying, words } from "./dom.js";
 import { lengthsOf, recipeOf, samplingOf, wordsOfKept } from "./draft.js";
@@ -208,7 +209,7 @@ export class MakeScreen {
 
   async export() {
     const { figure } = this.studio;
-    const character = ["mannequin", "stick"].includes(figure) ? null : figure;
+    const character = figure in FIGURES ? null : figure;
     say(`Saved ${await this.studio.export(this.#picked(), find("format").value, character)}.`);
   }
 

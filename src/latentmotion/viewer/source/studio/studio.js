@@ -3,15 +3,16 @@
 import { restPose, sole } from "../anatomy.js";
 import { colorsOf } from "../colors.js";
 import { ghost } from "../figure.js";
+import { stick } from "../figures.js";
 import { boneLengths, lineUp, Motion } from "../motion.js";
 import { download, query, request, send } from "./api.js";
+import { characterMaker } from "./characters.js";
 import { draftOf, emptyDraft, recipeOf } from "./draft.js";
-import { characterMaker, StickFigure } from "./figures.js";
 import { History } from "./history.js";
 
 const MOST_MOTIONS = 64; // that are kept in memory
 const AT_A_TIME = 16; // motions of a request
-const UNUSUAL = 0.3; // part by which a bone differs from the mannequin's, so that it gets a skin of its own
+const UNUSUAL = 0.3; // part by which a bone differs from the person's, so that it gets a skin of its own
 
 export class Studio extends EventTarget {
   constructor(capabilities, player) {
@@ -21,7 +22,7 @@ export class Studio extends EventTarget {
     this.skeleton = { names, parents, directions, lengths };
     Object.assign(this, { capabilities, player, history: new History(), motions: new Map() });
     this.models = new Map(); // by name, what the server offers
-    Object.assign(this, { draft: emptyDraft(capabilities), takes: [], picked: 0, figure: "mannequin" });
+    Object.assign(this, { draft: emptyDraft(capabilities), takes: [], picked: 0, figure: "person" });
     this.turn = 0;
   }
 
@@ -244,13 +245,10 @@ const keyOf = (take) => `${take.id} ${JSON.stringify(take.edits)}`;
 async function makerOf(take, figure) {
   if (figure === "stick") return stick;
   if (figure === "ghost") return ghost;
-  if (!figure || figure === "mannequin") return undefined;
-  const answer = await request("GET", `takes/${take.id}/on/${encodeURIComponent(figure)}.glb`);
+  if (!figure || figure === "person") return undefined;
+  const file = figure === "mannequin" ? "file?format=glb" : `on/${encodeURIComponent(figure)}.glb`;
+  const answer = await request("GET", `takes/${take.id}/${file}`);
   return characterMaker(await answer.arrayBuffer());
-}
-
-function stick(...of) {
-  return new StickFigure(...of);
 }
 
 function standing(skeleton) {

@@ -1,0 +1,86 @@
+"""The surface of a character: all its meshes, in meters, each part with its bone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.quality.rigs import RIGS, write_rig
+from latentmotion.errors import FileFormatError, InputError
+from latentmotion.formats.bvh import write_bvh
+from latentmotion.formats.gltf_document import Document
+from latentmotion.motion import Motion
+from latentmotion.render.mannequin import make_mannequin
+from latentmotion.retarget import read_rig, retarget
+from latentmotion.retarget.surface import CharacterFigure, surface_of
+from tests.support.walker import walker
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    joints = walker(8).joints()
+    joints[..., 1] -= joints[..., 1].min() - 0.01
+    return Motion(joints.astype("f4"), caption="a person walks")
+
+
+@pytest.fixture(scope="module")
+def own(motion: Motion, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("own") / "own.glb"
+    motion.save(path)
+    return path
+
+
+def test_our_own_file_has_the_mannequin_in_it(motion: Motion, own: Path):
+    found = surface_of(read_rig(own))
+    made = make_mannequin(motion.animation().skeleton)
+    np.testing.assert_allclose(found.vertices, made.vertices, atol=1e-5)
+    assert (found.normals * made.normals).sum(-1).min() > 0.5
+    np.testing.assert_allclose(found.weights.sum(-1), 1, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", sorted(RIGS))
+def test_parts_keep_their_distance_from_their_bones(motion: Motion, tmp_path: Path, name: str):
+    rig = read_rig(write_rig(tmp_path / "a.glb", RIGS[name]))
+    skin, animation = CharacterFigure(rig)(motion, 0.02)
+    bone = skin.joints[np.arange(len(skin.joints)), skin.weights.argmax(-1)]
+    rest = np.linalg.norm(skin.vertices - rig.skeleton.rest_joints()[bone], axis=-1)
+    assert rest.max() < 1.0  # meters, whatever the file's unit
+    vertices, _ = skin.pose(animation)
+    rigid = skin.weights.max(-1) > 0.999
+    now = np.linalg.norm(vertices - animation.joints()[:, bone], axis=-1)
+    assert rigid.any()
+    np.testing.assert_allclose(now[:, rigid], np.tile(rest[rigid], (len(now), 1)), atol=1e-5)
+    assert -0.15 < vertices[..., 1].min() < 0.1  # it stands on the floor
+
+
+def test_a_mesh_without_skin_goes_with_the_bone_it_hangs_on(
+    motion: Motion, own: Path, tmp_path: Path
+):
+    document = Document.read(own)
+    nodes = document.json["nodes"]
+    head = next(n for n, node in enumerate(nodes) if node["name"] == "head")
+    hat = {"name": "hat", "mesh": 0, "translation": [0, 0.5, 0]}
+    nodes[head].setdefault("children", []).append(len(nodes))
+    nodes.append(hat)
+    document.write(tmp_path / "hat.glb")
+    rig = read_rig(tmp_path / "hat.glb")
+    skin, plain = surface_of(rig), surface_of(read_rig(own))
+    count = len(plain.vertices)
+    assert len(skin.vertices) == 2 * count
+    assert {rig.skeleton.names[j] for j in skin.joints[count:, 0]} == {"head"}
+    np.testing.assert_array_equal(skin.weights[count:, 0], 1)
+    assert len(retarget(motion, rig)) == len(motion)
+
+
+def test_bones_alone_and_damage_are_told(motion: Motion, own: Path, tmp_path: Path):
+    write_bvh(tmp_path / "bones.bvh", motion.animation())
+    with pytest.raises(InputError, match="bones but no surface that they carry"):
+        surface_of(read_rig(tmp_path / "bones.bvh"))
+    for number, change in enumerate([{"indices": 999}, {"attributes": {}}, {"mode": "lines"}]):
+        document = Document.read(own)
+        document.json["meshes"][0]["primitives"][0] |= change
+        document.write(tmp_path / f"{number}.glb")
+        with pytest.raises((FileFormatError, InputError)):
+            surface_of(read_rig(tmp_path / f"{number}.glb"))
