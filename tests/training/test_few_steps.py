@@ -13,6 +13,7 @@ from safetensors.torch import load_file
 
 from latentmotion.condition.interface import Conditioning, TextEmbedding
 from latentmotion.condition.task import ActionTask
+from latentmotion.data.dataset import Crop, Dataset
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, DistilledGuidance
 from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.samplers import DDIM
@@ -33,9 +34,10 @@ from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_m
 from latentmotion.training.denoiser_loss import StepBatch, between, step_loss
 from latentmotion.training.distillation.data import TrajectoryRegression
 from latentmotion.training.distillation.stage import distill, student_of
-from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE
+from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE, Teacher, check_stops
 from latentmotion.training.experiment import with_changes
 from latentmotion.training.stages import train_denoiser
+from latentmotion.training.task_conditions import ConditionTable
 from tests.support.small_training import CONTEXT, killed_at, short_distillation, small
 
 SCHEDULES = [ScaledLinear(), Cosine(), LinearPath()]
@@ -207,6 +209,40 @@ def test_ways_are_gone_by_the_solver_that_is_named(
     assert not torch.allclose(ways[0][:, -1], ways[1][:, -1])
     with pytest.raises(InputError, match="solver"):
         with_changes(SETTINGS, ["solver=heun"])
+
+
+def test_an_earlier_student_has_nothing_to_learn_from_its_own_steps(
+    student: Path, figures: Path
+) -> None:
+    model, device = load_model(student), torch.device("cpu")
+    model.denoiser.eval()
+    prompts = ConditionTable(model.card.prompt_condition(lambda: None), [], device)  # type: ignore[arg-type]
+    former = Teacher(model.denoiser, model.card, FEW_STEP, prompts, device, "dpm++")
+    clip = next(iter(Dataset.load(figures).clips("train")))
+    found = former.trajectories([Crop(clip, 0, frames, "") for frames in (24, 40)], 3)
+    assert found.points.shape[1] == 5
+    schedule = FewStepSchedule(model.card.schedule, FEW_STEP.solver_steps)
+    times = torch.from_numpy(schedule.timesteps(4)).float()
+    for step in range(4):
+        with torch.no_grad():
+            batch = StepBatch(
+                start=found.points[:, step],
+                end=found.points[:, step + 1],
+                times=(times[step].expand(2), times[step + 1].expand(2)),
+                condition=prompts(["", ""]),
+                mask=found.mask,
+                step_condition=StepCondition(found.guidance, torch.full((2,), 0.25)),
+            )
+            answers = model.card.schedule, model.card.parametrization, 1.0
+            assert float(step_loss(model.denoiser, batch, *answers)) < 1e-8
+
+
+def test_steps_that_end_elsewhere_are_refused(student: Path, teacher: Path) -> None:
+    own = load_model(student).card
+    for card in (own, load_model(teacher / "model").card):
+        check_stops(card, FEW_STEP)
+    with pytest.raises(InputError, match=r"makes 4 steps, which do not end where .* \[8\] do"):
+        check_stops(own, replace(FEW_STEP, steps=(8,)))
 
 
 def test_training_brings_leaps_nearer_to_the_teachers(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors.numpy import load_file
 
 from latentmotion.cli.main import main
 from latentmotion.data import prepare
@@ -21,6 +22,7 @@ from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.text.encoder import load_text_encoder
 from latentmotion.training import finetune
+from latentmotion.training.distillation import data as distillation_data
 from latentmotion.training.finetune import FineTuning
 from latentmotion.training.stages import train_denoiser
 from tests.support.moving_figures import joints_of
@@ -33,6 +35,7 @@ QUICK = [
         "distillation.few_step.steps": "[1,2]",
         "distillation.few_step.solver_steps": 2,
         "distillation.objective.trajectories": 8,
+        "distillation.objective.asked": 6,
         **{
             f"{part}training.{name}": number
             for part in ("", "distillation.")
@@ -75,6 +78,7 @@ def test_one_command_leads_from_clips_to_a_model_of_few_steps(
     clips: Path, base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(finetune, "fulfills", lambda scene, check: True)
+    monkeypatch.setattr(distillation_data, "judged", lambda joints, instruction: (True, 0.0))
     monkeypatch.setattr(prepare, "find_glitch", lambda joints, fps: None)
     monkeypatch.setattr(package, "package_model", quick_package)
     output, work = tmp_path / "mine", tmp_path / "mine.run"
@@ -96,6 +100,8 @@ def test_one_command_leads_from_clips_to_a_model_of_few_steps(
     assert "sneak along" in found
     motion = torch_pipeline(output)("a person sneaks along", seconds=1, steps=2)
     assert motion.joints.shape == (20, 22, 3)
+    kept = load_file(work / "student" / "asked.safetensors")
+    assert len(kept["guidance"]) == 6
     first, now = load_model(base), load_model(work / "denoiser" / "model")
     pairs = zip(first.denoiser.parameters(), now.denoiser.parameters(), strict=True)
     assert any((one != other).any() for one, other in pairs)
@@ -104,7 +110,8 @@ def test_one_command_leads_from_clips_to_a_model_of_few_steps(
 def test_models_that_cannot_be_taught_are_told(
     clips: Path, student: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for model, message in [(student, "reads no sentences"), ("fast", "distilled to few steps")]:
+    distilled = "--model fast: it is distilled to few steps; use the model that it is of, starter"
+    for model, message in [(student, "reads no sentences"), ("fast", distilled)]:
         with pytest.raises(SystemExit):
             main(["finetune", str(clips), "-o", str(tmp_path / "out"), "--model", str(model)])
         assert message in capsys.readouterr().err

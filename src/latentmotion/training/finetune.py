@@ -1,7 +1,9 @@
 """Fine-tuning: a trained model learns the movements of a few clips and keeps what it knew.
 
 It is trained on the clips and on motions of its own that obey their prompts (rehearsal), then
-distilled to few steps and packaged. The VAE stays as it is. Every stage is resumed where it was.
+distilled to few steps and packaged. The student learns the clips' prompts from the trained model,
+and all other prompts from itself as it was before, so that it keeps its answers to them (Li & Hoiem
+2016, learning without forgetting). The VAE stays as it is. Every stage is resumed where it was.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from latentmotion.gpu.backend import find_encoder, torch_pipeline
 from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.model import card as cards
-from latentmotion.model.card import find_model, read_card
+from latentmotion.model.card import find_model, lengths_file, read_card
 from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
 from latentmotion.progress import counted
@@ -70,13 +72,14 @@ class FineTuning:
     distillation: Distillation = field(
         default_factory=lambda: Distillation(
             few_step=FewStepConfig(guidance=(1.0, 9.0), solver_steps=12),  # as `fast` has
-            objective=TrajectoryRegression(1_024),
+            objective=TrajectoryRegression(256, asked=2_048),
             training=TrainingSettings(
-                steps=1_500,
+                steps=600,
                 batch_size=64,
-                learning_rate=5e-4,
+                learning_rate=2e-4,
+                warm_up=50,
                 weight_decay=0.0,
-                ema_decay=0.995,
+                ema_decay=0.99,
                 precision="auto",
             ),
         )
@@ -125,6 +128,11 @@ def finetune(
     card = read_card(model)
     if not card.condition.reads_text:
         raise ModelError(f"model {card.name!r} reads no sentences, so none can be taught")
+    if card.few_step:
+        raise ModelError(
+            f"--model {card.name}: it is distilled to few steps; use the model that it is of, "
+            f"{card.figures.get('teacher', 'starter')}, and it is distilled again"
+        )
     named = replace(preset_named("starter"), name=output.name, sampling=card.sampling)
     named = replace(named, denoiser_training=settings.training)
     experiment = stages.with_networks_of(model, named)
@@ -140,14 +148,20 @@ def finetune(
         experiment, data, model, encoder, work / "denoiser", context, model
     )
     if settings.few_steps:
+        student, distillation = student_of(model), settings.distillation
+        objective = distillation.objective
+        knows_lengths = lengths_file(read_card(trained), trained) is not None
+        if isinstance(objective, TrajectoryRegression) and not knows_lengths:
+            distillation = replace(distillation, objective=replace(objective, asked=0))
         trained = distill(
-            replace(settings.distillation, name=output.name),
-            data,
+            replace(distillation, name=output.name),
+            work / "own" if knows_lengths else data,
             trained,
             encoder,
             work / "student",
             context,
-            student_of(model),
+            student,
+            student or model,
         )
     if context.is_main:
         folder = cards.text_encoder_folder(card, model)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -23,6 +24,7 @@ from latentmotion.instructions.prompts import Instruction
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import LatentModel
+from latentmotion.text.encoder import UnknownWordsWarning
 from latentmotion.text.lengths import LengthFile
 from latentmotion.training.denoiser import (
     FrameCache,
@@ -40,6 +42,7 @@ from latentmotion.training.distillation.trajectories import (
     Trajectories,
     TrajectorySteps,
     cached_trajectories,
+    check_stops,
     joined_trajectories,
 )
 from latentmotion.training.distributed import DistributedContext
@@ -59,7 +62,8 @@ class TrajectoryRegression:
     asked: int = 0
     """Further trajectories, for prompts whose fulfillment can be measured, none of them of the
     instruction benchmark; those that fail are not learned from, so that a student may obey more
-    than its teacher."""
+    than its teacher. Fine-tuning has them from the model as it was, so that it keeps what it knew.
+    """
 
 
 @dataclass(frozen=True)
@@ -128,6 +132,8 @@ class DistillationData:
     """The teacher, both its stages."""
     teacher: Teacher
     """Its denoiser, guided."""
+    former: Teacher
+    """Who answers drawn prompts: the teacher, or a model whose answers are to be kept."""
     dataset: Dataset
     """Where motions are."""
     clips: tuple[Clip, ...]
@@ -191,7 +197,8 @@ class DistillationData:
         starts = [0, *accumulate(map(len, blocks))]
 
         def compute(number: int) -> Trajectories:
-            trajectories = self.teacher.trajectories(blocks[number], first + number)
+            teacher = self.teacher if asked is None else self.former
+            trajectories = teacher.trajectories(blocks[number], first + number)
             if asked is not None:
                 trajectories = self._obedient(trajectories, blocks[number], asked)
             return replace(trajectories, rows=trajectories.rows + starts[number])
@@ -247,6 +254,7 @@ def prepare_distillation(
     folder: Path,
     context: DistributedContext,
     lengths: LengthFile | None = None,
+    former: LatentModel | None = None,
 ) -> DistillationData:
     """Finds what a teacher may be asked.
 
@@ -258,9 +266,11 @@ def prepare_distillation(
         folder: Run folder.
         context: Device and rank.
         lengths: Usual lengths of drawn prompts, where any are asked.
+        former: Answers drawn prompts in place of the teacher; it may be an earlier student.
 
     Raises:
-        InputError: There is nothing, or there are no lengths for drawn prompts.
+        InputError: There is nothing, there are no lengths for drawn prompts, or the steps of
+            `former` are others.
     """
     card, network, training = model.card, model.denoiser, settings.training
     clips = tuple(dataset.clips("train", mirrored=settings.mirrored))
@@ -285,9 +295,15 @@ def prepare_distillation(
         settings.solver,
         training.precision,
     )
+    answering = teacher
+    if former is not None:
+        check_stops(former.card, settings.few_step)
+        kept = former.denoiser.eval().requires_grad_(False).to(context.device)
+        answering = replace(teacher, network=kept, card=former.card)
     return DistillationData(
         model,
         teacher,
+        answering,
         dataset,
         clips,
         tuple(seen),
@@ -321,7 +337,9 @@ def drawn_crops(
             "objective.asked: the teacher has no lengths of sentences; export it with --length"
         )
     asked = drawn_instructions(objective.asked, seed + 1)
-    usual = lengths.usual(required_encoder(encoder)([one.prompt for one in asked]).pooled)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnknownWordsWarning)  # nobody typed these prompts
+        usual = lengths.usual(required_encoder(encoder)([one.prompt for one in asked]).pooled)
     limits = settings.cropping.min_frames, settings.cropping.max_frames
     frames = drawn_frames(np.array(usual), SPREAD, limits, np.random.default_rng(seed))
     crops = [Crop(clip, 0, n, one.prompt) for n, one in zip(frames.tolist(), asked, strict=True)]

@@ -116,6 +116,8 @@ class DistillRun:
     """Which text encoder reads the prompts; null where conditions are no text."""
     settings: Distillation
     """Everything else."""
+    former: str | None = None
+    """Hash of the weights of the model that answers drawn prompts; null where the teacher does."""
 
 
 def distill(
@@ -126,10 +128,20 @@ def distill(
     folder: Path,
     context: DistributedContext,
     start: Path | None = None,
+    former: Path | None = None,
 ) -> Path:
     """Trains a few-step model, or resumes its training; returns its folder, with the same VAE.
 
-    `encoder` is the teacher's, where it reads sentences; `start` is an earlier student of it.
+    Args:
+        settings: How.
+        data: Prepared folder, whose captions the teacher is asked.
+        teacher: Run folder or model folder.
+        encoder: The teacher's, where it reads sentences.
+        folder: Run folder to write.
+        context: Device and rank.
+        start: An earlier student of the teacher.
+        former: A model whose answers to drawn prompts are learned in place of the teacher's, which
+            keeps them; it may be an earlier student.
 
     Raises:
         DataError: The data cannot be used.
@@ -144,12 +156,26 @@ def distill(
     torch.manual_seed(settings.training.seed)
     student = first_student(model, card, start)
     text = encoder.name if encoder else None
-    run = DistillRun(dataset.fingerprint, fingerprint(source), fingerprint(start), text, settings)
+    run = DistillRun(
+        dataset.fingerprint,
+        fingerprint(source),
+        fingerprint(start),
+        text,
+        settings,
+        fingerprint(former),
+    )
     open_run(folder, run, context)
     found = lengths_file(model.card, source)
     lengths = found and LengthFile(found, model.card.condition.text_encoder)
     distillation_data = prepare_distillation(
-        settings, dataset, model, encoder, folder, context, lengths
+        settings,
+        dataset,
+        model,
+        encoder,
+        folder,
+        context,
+        lengths,
+        checkpoint.load_model(former) if former else None,
     )
     previews = Previews(model.vae, card, settings.cropping.max_frames // 2)
     stage = DistillStage(student, card, distillation_data, previews)

@@ -32,15 +32,23 @@ from torch import Tensor
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import Conditioning
 from latentmotion.data.dataset import Crop
-from latentmotion.diffusion.guidance import guided
+from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import Estimates, ParametrizedDenoiser, add_noise
-from latentmotion.diffusion.samplers import SamplerName, SeededNoise, sample, sampler_named
+from latentmotion.diffusion.samplers import (
+    Sampler,
+    SamplerName,
+    SeededNoise,
+    sample,
+    sampler_named,
+)
 from latentmotion.diffusion.schedule import Schedule, StepCondition
+from latentmotion.errors import InputError
 from latentmotion.gpu.device import autocast
 from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard
-from latentmotion.model.config import FewStepConfig
+from latentmotion.model.config import FewStepConfig, Sampling
 from latentmotion.networks.denoiser import Denoiser
+from latentmotion.pipeline import sampler_of
 from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser import FrameCache, LatentCache
 from latentmotion.training.denoiser_loss import StepBatch
@@ -80,7 +88,7 @@ class Trajectories:
 
 @dataclass(frozen=True)
 class Teacher:
-    """A trained model that computes trajectories."""
+    """A trained model that computes trajectories; an earlier student makes its own few steps."""
 
     network: Denoiser
     """Its denoiser, frozen."""
@@ -109,6 +117,7 @@ class Teacher:
         scale = torch.from_numpy(guidance)
         condition = self.prompts([crop.caption for crop in crops])
         start, real = torch.from_numpy(z).to(self.device), mask.to(self.device)
+        sampler, steps = self._sampler()
         guided = self.guided(scale.to(self.device))
         states: list[torch.Tensor] = []
 
@@ -116,17 +125,42 @@ class Teacher:
             states.append(z)
             return guided(z, t, condition, mask)
 
-        sampler, steps = sampler_named(self.solver, self.card.schedule), self.few_step.solver_steps
         with autocast(self.device, self.precision):
             last = sample(watched, sampler, start, condition, real, steps, nothing)
-        points = torch.stack([[*states, last][stop] for stop in self.few_step.stops], dim=1)
+        stops = [stop * steps // self.few_step.solver_steps for stop in self.few_step.stops]
+        points = torch.stack([[*states, last][stop] for stop in stops], dim=1)
         rows = torch.arange(len(crops))
         return Trajectories(points, mask, scale, rows).to(torch.device("cpu"))
 
+    def _sampler(self) -> tuple[Sampler, int]:
+        """Returns the sampler and its number of steps."""
+        own = self.card.few_step
+        if own:
+            steps = max(own.steps)
+            return sampler_of(self.card, Sampling(steps, sampler="ddim")), steps
+        return sampler_named(self.solver, self.card.schedule), self.few_step.solver_steps
+
     def guided(self, scale: Float[torch.Tensor, " batch"]) -> ParametrizedDenoiser:
         """Returns the teacher's denoiser, guided by a scale for each item."""
+        if self.card.few_step:
+            own = DistilledGuidance(self.network, scale, self._sampler()[1])
+            return self.card.parametrized(own)
         card, null = self.card, self.prompts([""])
         return guided(card.sampling.guidance_rule, card.parametrized(self.network), null, scale)
+
+
+def check_stops(former: ModelCard, few_step: FewStepConfig) -> None:
+    """Checks that the few steps of an earlier student end where those to learn do.
+
+    Raises:
+        InputError: They do not.
+    """
+    own = former.few_step
+    if own and any(stop * max(own.steps) % few_step.solver_steps for stop in few_step.stops):
+        raise InputError(
+            f"model {former.name!r} makes {max(own.steps)} steps, which do not end where those of "
+            f"few_step.steps {list(few_step.steps)} do; use {list(own.steps)}"
+        )
 
 
 def cached_trajectories(
