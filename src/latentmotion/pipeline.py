@@ -105,7 +105,7 @@ class MotionPipeline:
             ModelError: There is no such model, or a file of it is missing: it was not exported.
             MissingExtraError: The model is on the hub and `huggingface_hub` is not installed.
         """
-        folder = cards.download(str(model)) if cards.is_hub_id(model) else cards.find_model(model)
+        folder = cards.find_or_download(model)
         card = cards.read_card(folder)
         backend = Backend(
             LazySession(folder / "denoiser.onnx", runtime, threads),

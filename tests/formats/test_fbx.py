@@ -17,7 +17,7 @@ from latentmotion.errors import FileFormatError, InputError, MissingProgramError
 from latentmotion.formats import fbx
 from latentmotion.motion import Motion
 from latentmotion.retarget import read_rig
-from latentmotion.retarget.transfer import write
+from latentmotion.retarget.transfer import check_output, write
 from tests.support.walker import walker
 
 REAL = os.environ.get(fbx.VARIABLE)
@@ -65,6 +65,18 @@ def test_blender_is_asked_in_the_background(motion: Motion, tmp_path: Path, monk
     assert said[:3] == ["--background", "--factory-startup", "--python-exit-code"]
     assert said[-1] == "60.0"
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.fbx"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script is no program there")
+def test_a_glb_character_moves_into_fbx(motion: Motion, tmp_path: Path, monkeypatch):
+    motion.save(tmp_path / "hero.glb")
+    rig = read_rig(tmp_path / "hero.glb")
+    monkeypatch.setenv(fbx.VARIABLE, str(tmp_path / "none"))
+    with pytest.raises(MissingProgramError, match="no program that can run"):
+        check_output(rig, tmp_path / "out.fbx")
+    monkeypatch.setenv(fbx.VARIABLE, str(program(tmp_path, WRITES)))
+    assert write(tmp_path / "out.fbx", rig, [motion]) == [tmp_path / "out.fbx"]
+    assert (tmp_path / "out.fbx").read_text().split()[-1] == "20.0"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a script is no program there")

@@ -6,6 +6,7 @@ import importlib
 import importlib.util
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,13 @@ def test_round_trips_within_a_millimeter(motion: Motion, tmp_path: Path, ending:
     read = Motion.load(tmp_path / f"a{ending}")
     assert (read.fps, read.skeleton) == (20, HUMANML3D)
     assert np.linalg.norm(read.joints - motion.joints, axis=-1).max() <= EXACT[ending]
+
+
+@pytest.mark.parametrize("ending", [".npz", ".bvh", ".html"])
+def test_text_with_nul_is_refused(motion: Motion, tmp_path: Path, ending: str):
+    with pytest.raises(InputError, match="the character NUL, which files lose"):
+        formats.save(tmp_path / f"a{ending}", [replace(motion, caption="walks\0")])
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_a_model_made_comes_back(tmp_path: Path):

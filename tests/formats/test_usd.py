@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,12 @@ def test_usd_itself_poses_the_joints_so(takes: list[Motion], tmp_path: Path):
     assert [str(skin.GetPrim().GetPath()) for skin in binding[0].GetSkinningTargets()] == [
         "/Figure/Mannequin"
     ]
+
+
+def test_one_frame_keeps_the_rate(takes: list[Motion], tmp_path: Path):
+    formats.save(tmp_path / "a.usda", [replace(takes[0], joints=takes[0].joints[:1], fps=24.0)])
+    (read,) = formats.load(tmp_path / "a.usda")
+    assert (read.fps, len(read)) == (24, 1)
 
 
 def test_one_frame_and_another_skeleton(tmp_path: Path):

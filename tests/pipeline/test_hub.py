@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
+from latentmotion.cli.main import main
 from latentmotion.errors import MissingExtraError, ModelError
 from latentmotion.model.card import download, find_model, is_hub_id
 
@@ -129,6 +130,20 @@ def test_a_folder_is_never_looked_for_on_the_hub(
     with pytest.raises(ModelError, match="neither by name nor as a folder"):
         MotionPipeline.from_pretrained(Path("someone/runs"))  # a path is never an id
     assert not hub.asked
+
+
+def test_the_command_line_takes_ids_too(
+    hub: Hub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    main(["generate", "a person walks", "--model", MODEL, "--seconds", "1", "-o", "a.npz"])
+    assert (tmp_path / "a.npz").is_file() and any("/resolve/" in path for path in hub.asked)
+    hub.asked.clear()
+    (tmp_path / "runs").mkdir()
+    with pytest.raises(SystemExit, match="2"):
+        main(["generate", "a person walks", "--model", "runs/denoisr"])
+    assert "neither by name nor as a folder" in capsys.readouterr().err
+    assert not hub.asked  # a mistyped folder is asked of nobody
 
 
 def test_ids_of_the_hub() -> None:

@@ -319,8 +319,8 @@ def test_bad_rigs_say_what_is_wrong(motion: Motion, tmp_path: Path):
         read_rig(
             whole, {**names, "left_hip": "mixamorig:LeftLeg", "left_knee": "mixamorig:LeftUpLeg"}
         )
-    with pytest.raises(InputError, match=r"cannot be written as \.fbx; expected \.glb or"):
-        write(tmp_path / "out.fbx", read_rig(whole), [motion])
+    with pytest.raises(InputError, match=r"cannot be written as \.obj; expected \.glb or"):
+        write(tmp_path / "out.obj", read_rig(whole), [motion])
     (tmp_path / "cut.glb").write_bytes(whole.read_bytes()[:5000])
     with pytest.raises(FileFormatError, match="truncated"):
         read_rig(tmp_path / "cut.glb")

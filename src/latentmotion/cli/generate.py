@@ -23,7 +23,7 @@ from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.formats.engines import ENDINGS, ENGINES, EngineName, for_engine
 from latentmotion.kinematics import smpl
 from latentmotion.kinematics.skeleton import check_fps
-from latentmotion.model.card import DEFAULT, find_model, read_card
+from latentmotion.model.card import DEFAULT, find_or_download, read_card
 from latentmotion.motion import Motion, cleaned
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
@@ -66,7 +66,7 @@ class Generate:
     motion."""
     output: Annotated[options.Outputs, arg(help=_OUTPUT)] = ()
     model: str = DEFAULT
-    """Name or folder of the model."""
+    """Name or folder of the model, or its id on the Hugging Face Hub, OWNER/NAME."""
     prior: bool = False
     """Decode random latents of the model's VAE, without prompt and diffusion."""
     steps: options.Steps = None
@@ -185,7 +185,7 @@ class Generate:
         if self.file is None:
             return []
         read_lines(self.file, "prompt")  # raises an error where there are none
-        card = read_card(find_model(self.model))
+        card = read_card(find_or_download(self.model))
         lines = []
         for number, line in enumerate(map(str.strip, read_text(self.file).splitlines()), 1):
             error = None
@@ -240,7 +240,7 @@ class Generate:
             return given
         if self.timeline:
             return [""]
-        card = read_card(find_model(self.model))
+        card = read_card(find_or_download(self.model))
         if card.condition.prompted:
             raise card.condition.no_prompt(card.name)
         return [""]
@@ -248,7 +248,7 @@ class Generate:
     def _warn_of_words(self, given: list[str]) -> None:
         """Warns where the words of one sentence seem to have become prompts of their own."""
         words = self.file is None and len(given) > 2 and not any(" " in word for word in given)
-        if words and read_card(find_model(self.model)).condition.reads_text:
+        if words and read_card(find_or_download(self.model)).condition.reads_text:
             sentence = " ".join(given)
             print(
                 f"warning: {len(given)} motions, one for each word; for one motion put the "
@@ -354,7 +354,7 @@ def load_generator(
     """Loads a model, exported or not.
 
     Args:
-        model: Name or folder.
+        model: Name, folder or hub id.
         runtime: Engine of the networks.
         threads: Maximum number of threads; PyTorch's are set for the whole process.
         text_encoder: Text encoder if the folder has none, as for `latentmotion train denoiser`.
@@ -365,7 +365,7 @@ def load_generator(
         InputError: The engine does not support the execution options or the text encoder.
         ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
     """
-    folder = find_model(model)
+    folder = find_or_download(model)
     card = read_card(folder)
     if not card.denoiser:
         raise ModelError(
@@ -392,7 +392,7 @@ def load_prior(
         InputError: The engine does not support the execution options.
         ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
     """
-    folder, runtime = find_model(model), _runtime_for(execution, runtime)
+    folder, runtime = find_or_download(model), _runtime_for(execution, runtime)
     if runtime != "pytorch" and (folder / "decoder.onnx").is_file():
         card = read_card(folder)
         return MotionPrior(card, open_decoder(card, folder, runtime, threads))

@@ -69,6 +69,12 @@ Sizes = Annotated[
 ]
 
 
+def text_cache(data: Path) -> Path:
+    """Returns the folder beside prepared data that keeps its sentences for all runs on it."""
+    folder = data.resolve()
+    return folder.with_name(f"{folder.name}.text")
+
+
 @dataclass(frozen=True)
 class TrainVAE:
     """Train a motion VAE (stage 1) and write it to OUTPUT/model."""
@@ -139,7 +145,7 @@ class TrainDenoiser:
         encoder = None
         if TASKS[experiment.task].reads_text:
             named = text_encoder_named(self.text_encoder)
-            encoder = CachedTextEncoder(named, self.output / "text")
+            encoder = CachedTextEncoder(named, text_cache(self.data))
         with distributed_context(self.device) as context:
             folder = stages.train_denoiser(
                 experiment, self.data, vae, encoder, self.output, context, start
@@ -173,7 +179,7 @@ class TrainReinforce:
         settings = with_changes(Reinforcement(training=self.training), self.set)
         encoder = text_encoder_named(self.text_encoder)
         usual = LengthFile(find_model(self.text_encoder) / LENGTHS_FILE, encoder.name)
-        cached = CachedTextEncoder(encoder, self.output / "text")
+        cached = CachedTextEncoder(encoder, text_cache(self.data))
         experiment, source = preset_named(self.preset), find_model(self.model)
         with distributed_context(self.device) as context:
             folder = reinforce(
@@ -254,7 +260,7 @@ class TrainDistill:
         card, encoder = read_card(teacher), None
         if card.condition.reads_text:
             named = text_encoder_named(self.text_encoder) if self.text_encoder else None
-            encoder = CachedTextEncoder(named or find_encoder(card, teacher), self.output / "text")
+            encoder = CachedTextEncoder(named or find_encoder(card, teacher), text_cache(self.data))
         start = distillation.model_folder(self.start) if self.start else None
         with distributed_context(self.device) as context:
             folder = distillation.distill(
@@ -390,7 +396,7 @@ class TrainEvaluator:
         else:
             name = self.text_encoder or options.TEXT_ENCODER
             encoder = text_encoder_named(name)
-            vectors = EncodedWords(CachedTextEncoder(encoder, self.output / "text"))
+            vectors = EncodedWords(CachedTextEncoder(encoder, text_cache(self.data)))
             # The small encoder is copied into the evaluator's folder.
             copied = find_model(name) if isinstance(encoder, StudentTextEncoder) else None
         with distributed_context(self.device) as context:

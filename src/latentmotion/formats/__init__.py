@@ -88,6 +88,11 @@ def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) 
     for motion in motions:
         about = json.dumps(dict(motion.metadata), ensure_ascii=False, default=str)
         for text in (motion.caption, *motion.skeleton.names, about):
+            if "\0" in text:
+                raise InputError(
+                    f"cannot write {target}: the text {ascii(text)[:100]} holds the character NUL, "
+                    "which files lose; take it out"
+                )
             try:
                 text.encode()
             except UnicodeEncodeError as error:

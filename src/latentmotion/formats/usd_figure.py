@@ -131,7 +131,9 @@ class _Figure:
         rate = self.stage.GetTimeCodesPerSecond()
         if not 1e-6 < rate < 1e6:
             raise FileFormatError(self.path, f"{rate:g} time codes per second")
-        fps, seconds = even_rate(self.path, np.array(codes, dtype=np.float64) / rate)
+        times = np.array(codes, dtype=np.float64) / rate
+        # A single frame has no rate of its own.
+        fps, seconds = even_rate(self.path, times, *([rate] if len(codes) == 1 else []))
         size = self.path.stat().st_size // 4
         check_filled(self.path, made + len(seconds), len(self.joints), size)
         # Translations, rotations and scales of all joints relative to their parents.

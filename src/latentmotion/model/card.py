@@ -247,8 +247,19 @@ def find_model(model: str | Path) -> Path:
 
 
 def is_hub_id(model: str | Path) -> bool:
-    """Returns whether a model's name looks like `owner/name` and there is no such folder here."""
-    return isinstance(model, str) and bool(_HUB_ID.fullmatch(model)) and not Path(model).exists()
+    """Returns whether a name looks like `owner/name`, and neither is a folder here."""
+    looks_so = isinstance(model, str) and bool(_HUB_ID.fullmatch(model))
+    return looks_so and not Path(model).exists() and not Path(model).parent.exists()
+
+
+def find_or_download(model: str | Path) -> Path:
+    """Returns the folder of a model, given what `find_model` takes, or a hub id.
+
+    Raises:
+        MissingExtraError: `huggingface_hub` is not installed.
+        ModelError: There is no such model.
+    """
+    return download(str(model)) if is_hub_id(model) else find_model(model)
 
 
 def download(model: str) -> Path:

@@ -128,7 +128,7 @@ class GltfFile:
     """
 
     unit = 1.0
-    endings = (".glb", ".gltf")
+    endings: tuple[str, ...] = (".glb", ".gltf", ".fbx")
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -141,7 +141,12 @@ class GltfFile:
         self.movable = frozenset(range(len(self.skeleton)))
 
     def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
-        """Writes the document with these animations, which replace others of the same name."""
+        """Writes the document with these animations, which replace others of the same name.
+
+        FBX is written by the user's Blender.
+        """
+        if path.suffix.lower() == ".fbx":
+            return fbx.convert(partial(self.write, takes=takes), path, takes[0].animation.fps)
         document = deepcopy(self.document)
         names = {take.name for take in takes}
         animations = document.json.get("animations", [])
@@ -204,13 +209,6 @@ class FbxFile(GltfFile):
         with fbx.as_glb(path) as glb:
             super().__init__(glb)
         self.path = path
-
-    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
-        """Writes the character with these animations added, as FBX or glTF."""
-        if path.suffix.lower() != ".fbx":
-            return super().write(path, takes)
-        write_glb = partial(super().write, takes=takes)
-        return fbx.convert(write_glb, path, takes[0].animation.fps)
 
 
 class BvhFile:

@@ -30,6 +30,7 @@ from jaxtyping import Float
 
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.errors import DataError, InputError
+from latentmotion.formats import fbx
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.formats.takes import numbered
 from latentmotion.kinematics.bone_names import SIDES
@@ -132,8 +133,8 @@ def write(
     """Retargets motions to a rig and writes it.
 
     Args:
-        path: `.glb` or `.gltf`: the rig's file with the animations added; those of the same name
-            are replaced. `.bvh`: its skeleton, one file for each motion.
+        path: `.glb`, `.gltf` or `.fbx`: the rig's file with the animations added; those of the same
+            name are replaced; FBX by the user's Blender. `.bvh`: its skeleton, one file for each.
         rig: The rig.
         motions: At least one.
         fps: Frames per second of the animations; by default each motion's own.
@@ -171,6 +172,7 @@ def check_output(rig: Rig, path: Path) -> None:
 
     Raises:
         InputError: It cannot.
+        MissingProgramError: FBX needs Blender, and there is none.
     """
     endings = dict.fromkeys((*rig.file.endings, ".bvh"))
     if path.suffix.lower() not in endings:
@@ -178,6 +180,8 @@ def check_output(rig: Rig, path: Path) -> None:
             f"{rig.file.path} cannot be written as {path.suffix or 'a file without ending'}; "
             f"expected {' or '.join(endings)}"
         )
+    if path.suffix.lower() == ".fbx":
+        fbx.check_ready()
 
 
 def _torso(source: SourceCharacter, body: Humanoid) -> dict[int, Rotations]:
