@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, make_dataclass
 from functools import reduce
 from importlib import import_module
+from io import StringIO
 from operator import or_
 from typing import Annotated, Any, Literal
 
@@ -36,7 +38,14 @@ class Completion:
                 continue
             branch = reduce(lambda inside, group: inside.setdefault(group, {}), groups, tree)
             branch[last] = _command(last, verb.target)
-        tyro.cli(_union(tree), prog="latentmotion", args=["--tyro-print-completion", self.shell])
+        printed = StringIO()
+        with redirect_stdout(printed), suppress(SystemExit):
+            tyro.cli(
+                _union(tree), prog="latentmotion", args=["--tyro-print-completion", self.shell]
+            )
+        # Tyro's script prints a line for each word that fits; help of several lines became words.
+        one_line = 'print(completion.replace("\\n", " "))'
+        print(printed.getvalue().replace("print(completion)", one_line), end="")
 
 
 def _command(name: str, target: str) -> Any:
