@@ -59,7 +59,7 @@ def test_goals_that_nobody_meets_are_refused(goals: Sequence[Goal], reason: str)
     ("path", "reason"),
     [
         (Path([(0, 0)]), "two points"),
-        (Path([(0, 0), (0, 0)]), "are one"),
+        (Path([(0, 0), (0, 0)]), "are at one place"),
         (Path([(0, 0), (0, 9)], [0, 1]), r"9.0 m/s from 0 to 1 s: people run 8"),
         (Path([(0, 0), (0, 40)]), "m/s"),
         (Path([(0, 0), (0, 1)], [1, 0]), "starts at 1 s"),

@@ -44,3 +44,12 @@ def web_folder(four_steps: Path) -> Path:
     with unchecked():
         export_web(four_steps, four_steps.parent / "web", "float16")
     return four_steps.parent / "web"
+
+
+@pytest.fixture(scope="session")
+def labels_folder(student: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of actions for web pages, with exact weights."""
+    folder = tmp_path_factory.mktemp("labels") / "web"
+    with unchecked():
+        export_web(student, folder, "float16")
+    return folder

@@ -117,9 +117,8 @@ def test_models_of_many_steps_are_refused(tmp_path: Path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_model_of_labels_takes_their_numbers(student: Path, tmp_path: Path):
-    folder = tmp_path / "web"
-    export_web(student, folder, "float16")
+def test_a_model_of_labels_takes_their_numbers(student: Path, labels_folder: Path):
+    folder = labels_folder
     manifest = json.loads((folder / "web.json").read_text("utf-8"))
     assert (manifest["prompts"], manifest["labels"]) == ("labels", list("012345"))
     assert not {"tokenizer.json", "seconds.onnx"} & set(manifest["files"])

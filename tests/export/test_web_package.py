@@ -18,7 +18,6 @@ import pytest
 from tokenizers import Tokenizer
 
 from latentmotion import MotionPipeline
-from latentmotion.export.web import export_web
 
 PACKAGE = Path(__file__).parents[2] / "packages" / "web"
 COUNT = int(os.environ.get("LATENTMOTION_WEB", "6"))
@@ -124,13 +123,12 @@ def test_errors_say_what_was_expected(answered: dict[str, Any]):
         assert words in message
 
 
-def test_a_model_of_labels_takes_them_in_node(student: Path, tmp_path: Path):
+def test_a_model_of_labels_takes_them_in_node(student: Path, labels_folder: Path):
     if shutil.which("node") is None or not (PACKAGE / "node_modules").is_dir():
         pytest.skip("needs Node, and the package's dependencies: cd packages/web && npm ci")
-    export_web(student, tmp_path / "web", "float16")
     program = f"""
     import {{ load }} from "{PACKAGE}/src/node.js";
-    const lm = await load("{tmp_path / "web"}");
+    const lm = await load("{labels_folder}");
     const {{ joints }} = await lm.generate("4", {{ seconds: 1, seed: 3, steps: 2, guidance: 2 }});
     const told = await lm.generate("9").catch(({{ name, message }}) => `${{name}}: ${{message}}`);
     console.log(JSON.stringify({{ joints: [...joints], told }}));

@@ -53,7 +53,7 @@ def test_a_project_of_another_form_is_refused(studio: Called, changes: dict[str,
 
 def test_a_file_that_someone_broke_is_told(studio: Called) -> None:
     folder: Path = studio.library.folder / "projects"  # type: ignore[attr-defined]
-    for text, told in (("{", "broken.json"), ('{"format": 7}', "format: Input should be 1")):
+    for text, told in (("{", "broken.json"), ('{"format": 7}', "of format 7, expected 1")):
         (folder / "broken.json").write_text(text)
         answer = studio.get(f"{URL}/broken")
         assert answer.status_code == 422

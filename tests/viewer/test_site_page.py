@@ -10,6 +10,7 @@ import functools
 import hashlib
 import json
 import os
+import shutil
 import threading
 import zipfile
 from collections.abc import Iterator
@@ -156,13 +157,18 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
 def sites(
     parts: list[str], pyodide: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[str]:
-    """The address of a host with three sites: `with` Python, `without`, and `broken`."""
+    """The address of a host with sites: `with` Python, `without`, `broken`, `labels`, `nothing`."""
     root = tmp_path_factory.mktemp("root")
     for name in ("with", "without", "broken"):
         python = [] if name == "without" else ["--pyodide", str(pyodide)]
         main(["web", *parts, "-o", str(root / name), *python])
         (root / name / "latentmotion.js").write_text(MODEL)
     (root / "broken" / "python" / "pyodide.mjs").unlink()
+    for name, labels in (("labels", ["walk", "jump"]), ("nothing", [])):
+        shutil.copytree(root / "without", root / name)
+        about = root / name / "model" / "web.json"
+        kind = {"prompts": name, "labels": labels}
+        about.write_text(json.dumps(json.loads(about.read_text()) | kind))
     with ThreadingHTTPServer(
         ("127.0.0.1", 0), functools.partial(Host, directory=str(root))
     ) as host:
@@ -248,6 +254,24 @@ def test_python_cleans_up_and_writes_what_is_shown(page):
     page.uncheck("#clean")
     page.wait_for_selector("#status:has-text('As the model made it.')")
     np.testing.assert_array_equal(shown(page), before)
+
+
+def test_a_model_of_labels_offers_them(page):
+    page.goto("/labels/")
+    page.wait_for_selector("#status:has-text('Choose what the person does')")
+    assert page.locator("select#prompt option").all_inner_texts() == ["walk", "jump"]
+    page.select_option("#prompt", "jump")
+    page.click("#generate")
+    page.wait_for_selector("body[data-state=ready][data-takes='3']")
+    assert "prompt=jump" in page.url
+
+
+def test_a_model_without_prompts_has_no_field_for_one(page):
+    page.goto("/nothing/")
+    page.wait_for_selector("#status:has-text('moves as it likes')")
+    assert page.is_hidden("#prompt")
+    page.click("#generate")
+    page.wait_for_selector("body[data-state=ready][data-takes='3']")
 
 
 def test_one_take_is_looked_at_cleaned_up_and_saved_alone(page):

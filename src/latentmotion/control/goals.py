@@ -289,7 +289,10 @@ def check_path(path: Path, frames: int, fps: float) -> None:
         raise InputError("a path needs two points or more, each x and z in meters")
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if (lengths < 1e-3).any():
-        raise InputError(f"points {int(lengths.argmin()) + 1} and the next of the path are one")
+        first = int(lengths.argmin()) + 1
+        raise InputError(
+            f"points {first} and {first + 1} of the path are at one place; move or remove one"
+        )
     if path.at is None:
         times = np.linspace(0, (frames - 1) / fps, 2)
         lengths = lengths.sum(keepdims=True)

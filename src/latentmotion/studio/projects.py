@@ -38,8 +38,15 @@ def routes(library: Library) -> APIRouter:
     def shown(name: ProjectName) -> Project:
         """Send a project."""
         path = _file(folder, name)
+        content = read_plain(path)
+        form = content.get("format", 1) if isinstance(content, dict) else 1
+        if form != 1:
+            raise InputError(
+                f"{path} is a project of format {form!r}, expected 1: a later version of Latent "
+                "Motion wrote it; update this one"
+            )
         try:
-            return Project.model_validate(read_plain(path))
+            return Project.model_validate(content)
         except ValidationError as error:
             place = ".".join(map(str, error.errors()[0]["loc"]))
             raise InputError(f"{path}: {place}: {error.errors()[0]['msg']}; correct it") from error

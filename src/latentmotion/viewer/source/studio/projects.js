@@ -66,6 +66,7 @@ export class Projects {
   }
 
   async open(name) {
+    find("projects").close(); // what goes wrong is told behind it
     const project = await get(`projects/${encodeURIComponent(name)}`);
     const takes = await Promise.all(project.takes.map((id) => get(`takes/${id}`).catch(() => null)));
     const there = takes.filter((take) => take && !take.missing);
@@ -80,7 +81,6 @@ export class Projects {
     };
     await studio.history.act("Open project", put(opened, there, 0), put(draft, shown, picked));
     find("project-name").value = name;
-    find("projects").close();
     const lost = takes.length - there.length;
     say(`Opened ${name}${lost ? `; ${lost} of its takes are missing` : ""}.`, lost > 0);
   }
