@@ -37,7 +37,7 @@ def test_keypoints_become_a_file(recorded: np.ndarray, capsys: pytest.CaptureFix
     [
         (["fit", "points.npy"], "give it with --fps"),
         (["fit", "none.npy", "--fps", "20"], "there is no file none.npy"),
-        (["fit", "walk.npz"], "unknown key 'joints': did you mean 'points'"),
+        (["fit", "walk.npz"], "holds a motion, not what a tracker saw"),
         (["fit", "points.npy", "--fps", "20", "-o", "out.xyz"], "'.xyz'"),
         (["fit", "points.npy", "--fps", "20", "--names", "body_25"], "25 keypoints"),
         (["fit", "points.npy", "--fps", "20", "--runtime", "pytorch"], "onnxruntime or openvino"),

@@ -162,6 +162,12 @@ def _number(value: Any) -> float:
 
 
 def _check_keys(path: Path, keys: Sequence[str] | Mapping[str, Any]) -> None:
+    if "joints" in keys and "points" not in keys:
+        raise FileFormatError(
+            path,
+            "holds a motion, not what a tracker saw: expected points (frames, keypoints, 2 or 3); "
+            "in Python, generate.fit(motion.joints, fps=motion.fps) fits a motion",
+        )
     for key in keys:
         if key not in _KEYS:
             raise FileFormatError(path, f"unknown key {key!r}: {hint(key, _KEYS)}")
