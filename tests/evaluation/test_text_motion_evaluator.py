@@ -202,6 +202,9 @@ def test_the_command_converts(folder: Path, tmp_path: Path) -> None:
     arguments = f"--statistics {folder}/meta --glove {folder}/glove -o {tmp_path}/out"
     main(["convert", "evaluator", str(folder / "finest.tar"), *arguments.split()])
     assert isinstance(load_evaluator(tmp_path / "out"), T2MEvaluator)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "out").rename(tmp_path / "run" / "model")
+    assert isinstance(load_evaluator(tmp_path / "run"), T2MEvaluator)
 
 
 class Attack:

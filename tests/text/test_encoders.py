@@ -79,6 +79,12 @@ def test_no_warning_of_no_words() -> None:
         warn_of_unknown(["a", "b", "a"])
 
 
+def test_a_warning_of_many_and_long_words_is_short() -> None:
+    with pytest.warns(UnknownWordsWarning, match=r"x…', '0', .* '10' and 9 more; another") as told:
+        warn_of_unknown(["x" * 6000, *map(str, range(20))])
+    assert len(str(told[0].message)) < 300
+
+
 @pytest.mark.parametrize("load", [load_text_encoder, StudentTextEncoder.load])
 def test_a_folder_without_an_encoder(tmp_path: Path, load: Any) -> None:
     with pytest.raises(ModelError, match=str(tmp_path)):

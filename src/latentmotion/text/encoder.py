@@ -177,10 +177,17 @@ def load_text_encoder(folder: str | Path, threads: int = 1) -> GraphTextEncoder:
         raise ModelError(f"{folder}: the text encoder cannot be loaded: {error}") from error
 
 
+MOST_NAMED = 12
+"""Unknown words that a warning names."""
+
+
 def warn_of_unknown(words: Iterable[str]) -> None:
     """Warns of the words, each named once, if there are any."""
-    named = ", ".join(repr(word) for word in dict.fromkeys(words))
-    if named:
+    unknown = list(dict.fromkeys(words))
+    shown = [word if len(word) <= 40 else f"{word[:40]}…" for word in unknown[:MOST_NAMED]]
+    if shown:
+        named = ", ".join(map(repr, shown))
+        named += f" and {len(unknown) - len(shown)} more" if len(unknown) > len(shown) else ""
         warnings.warn(
             f"unknown to the text encoder, read by their pieces: {named}; "
             "another English word may work better",

@@ -97,7 +97,7 @@ Evaluator = TextMotionEvaluator | ActionEvaluator
 
 
 def load_evaluator(folder: Path) -> Evaluator:
-    """Reads an evaluator folder, or a scorer's.
+    """Reads an evaluator folder, that of the run which made one, or a scorer's.
 
     Args:
         folder: The folder, or `scorer` for the one that ships.
@@ -108,6 +108,8 @@ def load_evaluator(folder: Path) -> Evaluator:
     folder = SHIPPED / folder if folder == SCORER and not folder.exists() else folder
     if (folder / SCORER_FILE).is_file():
         return import_module(f"{_ROOM}.scorer").load_scorer(folder)
+    inside = folder / "model"  # where a training run puts it
+    folder = inside if (inside / EVALUATOR_FILE).is_file() else folder
     kind = evaluator_kind(folder)
     if kind not in LOADERS:
         raise ModelError(
