@@ -89,23 +89,22 @@ class Render:
         figure = self._figure()
         motions = [motion for path in self.files for motion in formats.load(path)]
         for path in self.output:
-            self._write(path, motions, figure)
+            if path.suffix.lower() in _PICTURES:
+                width = strip.WIDTH if self.size is None else self.size
+                strip.write(path, motions, self.style, self.figures, width, figure)
+            elif path.suffix.lower() in _VIDEOS:
+                fps = min(motions[0].fps, _SMOOTH) if self.fps is None else self.fps
+                takes = [motion.resampled(fps) for motion in motions]
+                video.write(
+                    path, takes, 512 if self.size is None else self.size, self.camera, figure
+                )
+            elif self.figure in (None, "person"):
+                page.write_page(path, motions)
+            elif self.figure == "stick":
+                page.write_page(path, motions, figure="stick")
+            else:
+                page.write_page(path, motions, figure=skinned(motions, figure))
             print(f"wrote {path}")
-
-    def _write(self, path: Path, motions: Sequence[Motion], figure: Figure) -> None:
-        if path.suffix.lower() in _PICTURES:
-            width = strip.WIDTH if self.size is None else self.size
-            strip.write(path, motions, self.style, self.figures, width, figure)
-        elif path.suffix.lower() in _VIDEOS:
-            fps = min(motions[0].fps, _SMOOTH) if self.fps is None else self.fps
-            takes = [motion.resampled(fps) for motion in motions]
-            video.write(path, takes, 512 if self.size is None else self.size, self.camera, figure)
-        elif self.figure in (None, "person"):
-            page.write_page(path, motions)
-        elif self.figure == "stick":
-            page.write_page(path, motions, figure="stick")
-        else:
-            page.write_page(path, motions, figure=skinned(motions, figure))
 
     def _figure(self) -> Figure:
         """Returns what pictures show, and pages of a mannequin or a character.

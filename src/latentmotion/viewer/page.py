@@ -49,6 +49,28 @@ class Skinned:
     shifts: Sequence[Float[np.ndarray, "frames bones 3"]]
     """For each motion, where every bone puts the origin, meters."""
 
+    def content(self) -> dict[str, Any]:
+        """Returns a skin and its moves as the page's script reads them."""
+        vertices, bones = self.vertices, self.rotations[0].shape[1]
+        step = max(FINEST_STEP, float(np.abs(vertices).max()) / np.iinfo(np.int16).max)
+        skin = {
+            "step": step,
+            "bones": bones,
+            "positions": _base64(np.round(vertices / step).astype("<i2")),
+            "normals": _base64(np.round(127 * self.normals).astype("i1")),
+            "triangles": _base64(
+                self.triangles.astype("<u2" if len(vertices) <= 65_535 else "<u4")
+            ),
+            "joints": _base64(self.joints.astype("u1" if bones <= 256 else "<u2")),
+            "weights": _base64(np.round(255 * self.weights).astype("u1")),
+        }
+        moves = []
+        for rotations, shifts in zip(self.rotations, self.shifts, strict=True):
+            quaternions = quaternion_from_matrix(rotations)[..., [1, 2, 3, 0]]
+            turns = np.round(np.iinfo(np.int16).max * quaternions).astype("<i2")
+            moves.append({"rotations": _base64(turns), "shifts": _base64(shifts.astype("<f4"))})
+        return {"skin": skin, "moves": moves}
+
 
 def page_html(
     motions: Sequence[Motion],
@@ -71,7 +93,7 @@ def page_html(
     for entry, motion in zip(content["motions"], motions, strict=True):
         entry["marks"] = marks_of(motion)
     if figure != "person":
-        content["figure"] = figure if isinstance(figure, str) else _skinned(figure)
+        content["figure"] = figure if isinstance(figure, str) else figure.content()
     fields = {
         "title": html.escape(title or motions[0].caption or "Latent Motion"),
         "motions": json_in_html(content),
@@ -156,27 +178,6 @@ def payload(motions: Sequence[Motion]) -> dict[str, Any]:
             }
         )
     return {"skeletons": skeletons, "motions": entries}
-
-
-def _skinned(figure: Skinned) -> dict[str, Any]:
-    """Returns a skin and its moves as the page's script reads them."""
-    vertices, bones = figure.vertices, figure.rotations[0].shape[1]
-    step = max(FINEST_STEP, float(np.abs(vertices).max()) / np.iinfo(np.int16).max)
-    skin = {
-        "step": step,
-        "bones": bones,
-        "positions": _base64(np.round(vertices / step).astype("<i2")),
-        "normals": _base64(np.round(127 * figure.normals).astype("i1")),
-        "triangles": _base64(figure.triangles.astype("<u2" if len(vertices) <= 65_535 else "<u4")),
-        "joints": _base64(figure.joints.astype("u1" if bones <= 256 else "<u2")),
-        "weights": _base64(np.round(255 * figure.weights).astype("u1")),
-    }
-    moves = []
-    for rotations, shifts in zip(figure.rotations, figure.shifts, strict=True):
-        quaternions = quaternion_from_matrix(rotations)[..., [1, 2, 3, 0]]
-        turns = np.round(np.iinfo(np.int16).max * quaternions).astype("<i2")
-        moves.append({"rotations": _base64(turns), "shifts": _base64(shifts.astype("<f4"))})
-    return {"skin": skin, "moves": moves}
 
 
 def _base64(array: np.ndarray) -> str:
