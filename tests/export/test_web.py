@@ -122,6 +122,7 @@ def test_a_model_of_labels_takes_their_numbers(student: Path, labels_folder: Pat
     manifest = json.loads((folder / "web.json").read_text("utf-8"))
     assert (manifest["prompts"], manifest["labels"]) == ("labels", list("012345"))
     assert not {"tokenizer.json", "seconds.onnx"} & set(manifest["files"])
+    assert (manifest["steps"], manifest["usual"]["steps"]) == ([2], 2)
     pipeline = MotionPipeline.from_pretrained(student, threads=1)
     session = open_session(folder / motion_file(2), "onnxruntime", 1)
     for number, label in enumerate("012"):

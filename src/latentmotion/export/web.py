@@ -361,6 +361,8 @@ def _manifest(pipeline: MotionPipeline, folder: Path, weights: Weights) -> dict[
     tokenizer = folder / cards.TOKENIZER_FILE
     text = json.loads(tokenizer.read_text("utf-8")) if tokenizer.is_file() else {}
     labels = card.condition.known_prompts
+    steps = sorted(pipeline.backend.fused)  # larger numbers have no graph
+    usual = card.sampling.steps if card.sampling.steps in steps else steps[-1]
     return {
         "format": FORMAT,
         "name": card.name,
@@ -385,7 +387,7 @@ def _manifest(pipeline: MotionPipeline, folder: Path, weights: Weights) -> dict[
         },
         "mostPieces": (text.get("truncation") or {}).get("max_length"),
         "padding": text.get("padding"),
-        "steps": sorted(pipeline.backend.fused),
+        "steps": steps,
         "guidance": card.few_step.guidance,
-        "usual": {"steps": card.sampling.steps, "guidance": card.sampling.guidance},
+        "usual": {"steps": usual, "guidance": card.sampling.guidance},
     }
