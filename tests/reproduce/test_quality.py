@@ -48,6 +48,7 @@ def test_rows_of_trained_vaes_are_measured_and_drawn(dataset: Dataset, tmp_path:
     assert not any("training a VAE" in line for line in told)
     assert not (work.folder / "mld_1" / "vae").exists()
     assert "Training 10¹² FLOPs" in page and "Crops 10³" in page and "(quality.svg)" in page
+    assert "its VAE was taken as it was: 4 steps of 4, cosine rate" in page
     figures = read_json(TableResult, work.folder / "quality.json").rows[1].figures
     assert figures["Crops"] == [2 * 4 * 4 / 1000, None]  # both stages: 4 steps of 4
     assert figures["Training"] == [training_cost(*work.run_folders("mld_1"))["Training"].mean, None]

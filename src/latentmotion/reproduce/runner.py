@@ -35,6 +35,8 @@ from latentmotion.reproduce.training_cost import training_cost
 from latentmotion.reproduce.workspace import Workspace, vae_cost
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_file, sha256
+from latentmotion.training.loop import read_progress
+from latentmotion.training.run_folder import Run, read_run
 
 SLOW = 1000
 """Sampling steps from which a row has fewer replications."""
@@ -193,6 +195,12 @@ class TableRunner:
             warnings.append(f"measured {measured} times instead of {planned}")
         if changes:
             warnings.append(f"trained with {', '.join(changes)}")
+        vae = self.work.run_folders(row.model)[0] if self.work.vaes and not model.shipped else None
+        if vae:
+            training = read_run(Run, vae).experiment.vae_training
+            steps = read_progress(vae).step or training.steps
+            taken = f"{steps:,} steps of {training.batch_size}, {training.schedule} rate"
+            warnings.append(f"its VAE was taken as it was: {taken}")
         return RowResult(
             row=row.name,
             key=key,
