@@ -25,7 +25,7 @@ from itertools import count
 import httpx
 
 from benchmarks.harness.contest import figure, table
-from benchmarks.harness.load import NICE, Request, load, processor, request
+from benchmarks.harness.load import NICE, Request, load, processor, request, saturate
 
 NUMBERS = count()
 RAW = {"format": "raw", "clean": False, "seconds": 4.0}
@@ -48,15 +48,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     ):
         os.nice(NICE)
         contenders = {"batched": (one, RAW), "one after the other": (two, RAW), "GLB": (one, GLB)}
-        found: dict[str, list[tuple[float, float]]] = {name: [] for name in contenders}
+        found: dict[str, list[tuple[float, float, float]]] = {name: [] for name in contenders}
         for _ in range(options.turns):
             for name, ((address, process), body) in contenders.items():
                 found[name].append(asyncio.run(throughput(address, process, body, *measured)))
         rows = []
         for name, runs in found.items():
-            rate, cost = (statistics.median(part) for part in zip(*runs, strict=True))
-            rows.append([name, figure(rate), figure(cost)])
-        print(table(["requests", "a second", "CPU ms each"], rows))
+            marks = (statistics.median(part) for part in zip(*runs, strict=True))
+            rows.append([name, *map(figure, marks)])
+        print(table(["requests", "a second", "CPU ms each", "motions in a batch"], rows))
         pairs = zip(found["batched"], found["one after the other"], strict=True)
         ratios = [(one[0] / two[0], two[1] / one[1]) for one, two in pairs]
         rate, cost = (statistics.median(part) for part in zip(*ratios, strict=True))
@@ -90,26 +90,31 @@ def body(about: dict[str, object]) -> bytes:
 
 async def throughput(
     address: str, process: int, about: dict[str, object], seconds: float, clients: int
-) -> tuple[float, float]:
-    """Returns answers a second, and CPU milliseconds of the server for each."""
-    done, end = 0, 0.0
-    headers = {"Content-Type": "application/json"}
+) -> tuple[float, float, float]:
+    """Returns answers a second, CPU milliseconds of the server for each, and motions of a batch."""
+    requests = (("motion", request("POST", "/v1/motions", body(about))) for _ in count())
+    await saturate(address, requests, clients, 0.5)
+    cpu, batches, began = family(process), _batches(address), time.perf_counter()
+    times = await saturate(address, requests, clients, seconds)
+    took, spent = time.perf_counter() - began, family(process) - cpu
+    done = len(times.get("motion 200", ()))
+    made, runs = (now - before for now, before in zip(_batches(address), batches, strict=True))
+    return done / took, 1e3 * spent / max(done, 1), made / max(runs, 1)
 
-    async def ask(client: httpx.AsyncClient) -> None:
-        nonlocal done
-        while time.perf_counter() < end:
-            answer = await client.post("/v1/motions", content=body(about), headers=headers)
-            done += answer.status_code == 200
 
-    limits = httpx.Limits(max_connections=clients)
-    async with httpx.AsyncClient(base_url=address, timeout=60, limits=limits) as client:
-        for _ in range(4):
-            await client.post("/v1/motions", content=body(about), headers=headers)
-        began, cpu = time.perf_counter(), family(process)
-        end = began + seconds
-        await asyncio.gather(*(ask(client) for _ in range(clients)))
-        took, spent = time.perf_counter() - began, family(process) - cpu
-    return done / took, 1e3 * spent / max(done, 1)
+def _batches(address: str) -> tuple[float, float]:
+    """Returns the motions and the batches that a server has made."""
+    text = httpx.get(f"{address}/metrics", timeout=60).text
+    return measured(text, "latentmotion_batch_size_sum"), measured(
+        text, "latentmotion_batch_size_count"
+    )
+
+
+def measured(text: str, name: str) -> float:
+    """Returns a number of `/metrics`."""
+    found = re.search(rf"^{name} (\S+)", text, re.MULTILINE)
+    assert found, f"/metrics has no {name}"
+    return float(found[1])
 
 
 def family(process: int) -> float:
@@ -132,7 +137,7 @@ async def overload(address: str, process: int, rate: float, seconds: float) -> s
         rows.append([name, str(len(found)), *map(figure, marks)])
     text = httpx.get(f"{address}/metrics", timeout=60).text
     memory, late, counted = (
-        float(re.search(rf"^{name} (\S+)", text, re.MULTILINE)[1])  # type: ignore[index]
+        measured(text, name)
         for name in (
             "process_resident_memory_bytes",
             "latentmotion_loop_late_seconds_sum",

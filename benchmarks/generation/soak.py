@@ -51,6 +51,10 @@ TOGETHER = 32
 GONE = 3.0
 """Seconds from the kill of a replica to its next start."""
 
+PATIENCE = 180.0
+"""Seconds after which an answer counts as lost: more than twice the time that a request may take,
+since clients yield to all else and read late where cores are few."""
+
 STREAMS = 3
 """Streams that are open at the same time."""
 
@@ -113,10 +117,10 @@ class _Soak:
         self._tell(f"{rate:.1f} requests a second for {self.seconds:g} s")
         tasks = [asyncio.create_task(one) for one in beside]
         killing = asyncio.create_task(self._killing())
-        await load(self.address, _requests(), rate, self.seconds, times=self.times)
+        await load(self.address, _requests(), rate, self.seconds, PATIENCE, self.times)
         await killing
         self._tell(f"SIGTERM for all in {LAST / 2:g} s; {_load()}")
-        last = load(self.address, _requests(), rate, LAST, times=self.last)
+        last = load(self.address, _requests(), rate, LAST, PATIENCE, self.last)
         asked = asyncio.create_task(last)
         await asyncio.sleep(LAST / 2)
         await asyncio.gather(*(self._stopped(one) for one in self.servers))

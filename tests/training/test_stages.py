@@ -6,10 +6,12 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from torch.distributed.distributed_c10d import HashStore
 
 from latentmotion.cli.main import main
 from latentmotion.data.store import read_manifest
@@ -19,7 +21,7 @@ from latentmotion.model.card import find_model
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_model, load_stages
 from latentmotion.storage.configuration import read_json, write_json
-from latentmotion.training.distributed import DistributedContext, Ranks
+from latentmotion.training.distributed import DistributedContext, Ranks, distributed_context
 from latentmotion.training.experiment import Experiment, with_changes
 from latentmotion.training.journal import Previews, read_journal
 from latentmotion.training.presets import PRESETS, preset_named
@@ -163,21 +165,26 @@ def test_two_ranks_have_the_losses_of_one(figures: Path, vae_run: Path, tmp_path
 
 
 KILLED_RANK = """
-import os, signal
+import os, signal, time
 from latentmotion.cli.main import main
 from latentmotion.training import loop
 
-optimize = loop.optimize
+optimize, start = loop.optimize, os.environ["RANK"] + os.environ["TORCHELASTIC_RESTART_COUNT"]
+if start == "11":
+    time.sleep(float(os.environ["LATE"]))
 
 def killed_optimize(*arguments):
-    if os.environ["RANK"] + os.environ["TORCHELASTIC_RESTART_COUNT"] == "10" and arguments[3] == 5:
+    if start == "10" and arguments[3] == 5:
         os.kill(os.getpid(), signal.SIGKILL)
     return optimize(*arguments)
 
 loop.optimize = killed_optimize
 main()
 """
-"""Trains as one rank of several, the second of which is killed before step 5 of its first start."""
+"""Trains as one rank of several, the second of which is killed before step 5 of its first start.
+
+It comes late to the second, so that the leading rank could find the address of the killed one.
+"""
 
 
 @pytest.mark.skipif("LATENTMOTION_SLOW" not in os.environ, reason="20 s; set LATENTMOTION_SLOW")
@@ -186,11 +193,34 @@ def test_torchrun_restarts_killed_ranks_to_the_same_bits(figures: Path, tmp_path
     script.write_text(KILLED_RANK)
     for name, program in (("whole", ["-m", "--", "latentmotion"]), ("parts", ["--", str(script)])):
         words = [*TORCHRUN, "--max-restarts=1", *program, *command(figures, tmp_path / name)]
-        done = subprocess.run(words, env=environment(), capture_output=True, text=True)
+        late = environment() | {"LATE": "10"}
+        done = subprocess.run(words, env=late, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
     assert "exitcode: -9" in done.stderr
     assert weights(tmp_path / "whole") == weights(tmp_path / "parts")
     assert read_journal(tmp_path / "whole") == read_journal(tmp_path / "parts")
+
+
+@pytest.mark.parametrize(("hosts", "keys"), [("1", ["start 2/key"]), ("2", ["key"])])
+def test_each_start_on_a_host_has_keys_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, hosts: str, keys: list[str]
+) -> None:
+    found: list[Any] = []
+    store = HashStore()
+    about = {"WORLD_SIZE": "2", "TORCHELASTIC_RESTART_COUNT": "2", "GROUP_WORLD_SIZE": hosts}
+    for name, value in about.items():
+        monkeypatch.setenv(name, value)
+
+    def stop(backend: str, **options: Any) -> None:
+        found.append(options["store"])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(torch.distributed, "rendezvous", lambda _: iter([(store, 0, 2)]))
+    monkeypatch.setattr(torch.distributed, "init_process_group", stop)
+    with pytest.raises(KeyboardInterrupt), distributed_context("cpu"):
+        pass
+    found[0].set("key", "value")
+    assert store.check(keys)
 
 
 def test_torchrun_takes_our_options() -> None:

@@ -85,6 +85,21 @@ def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) 
     check_writable(target)
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")
+    check_text(motions, target)
+    takes = motions if fps is None else [motion.resampled(fps) for motion in motions]
+    return writer(target, takes) or [target]
+
+
+def check_text(motions: Sequence[Motion], target: Path) -> None:
+    """Checks what motions say of themselves.
+
+    Args:
+        motions: What is to be written.
+        target: Where.
+
+    Raises:
+        InputError: There is text that is none.
+    """
     for motion in motions:
         about = json.dumps(dict(motion.metadata), ensure_ascii=False, default=str)
         for text in (motion.caption, *motion.skeleton.names, about):
@@ -100,8 +115,6 @@ def save(path: str | Path, motions: Sequence[Motion], fps: float | None = None) 
                     f"cannot write {target}: the text {ascii(text)[:100]} holds what is no "
                     f"character (at {error.start}); was it read in another encoding than UTF-8?"
                 ) from error
-    takes = motions if fps is None else [motion.resampled(fps) for motion in motions]
-    return writer(target, takes) or [target]
 
 
 def load(path: str | Path) -> list[Motion]:

@@ -42,14 +42,18 @@ def write(path: str | Path, motions: Sequence[Motion], miss: float = 0.0) -> lis
     Raises:
         InputError: The motions differ in skeleton, or the folder cannot be written.
     """
-    if any(motion.skeleton.names != motions[0].skeleton.names for motion in motions):
-        raise InputError("the takes of one .glb file must share a skeleton; write several files")
     make_document(motions, miss).write(path)
     return [Path(path)]
 
 
 def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
-    """Returns the figure with all motions, not written yet; see `bone_axes` for `miss`."""
+    """Returns the figure with all motions, not written yet; see `bone_axes` for `miss`.
+
+    Raises:
+        InputError: The motions differ in skeleton.
+    """
+    if any(motion.skeleton.names != motions[0].skeleton.names for motion in motions):
+        raise InputError("the takes of one .glb file must share a skeleton; write several files")
     animations = [motion.animation() for motion in counted(motions, "finding rotations")]
     skeleton = animations[0].skeleton
     axes, rest = bone_axes(skeleton, miss), skeleton.offsets

@@ -86,12 +86,20 @@ class Document:
             InputError: The folder does not exist or cannot be written, or there is a number that is
                 not finite.
         """
-        try:
-            content = self._encoded(Path(path).suffix.lower() == ".gltf")
-        except ValueError as error:
-            raise InputError(f"cannot write {path}: {error}; glTF has finite numbers") from error
+        content = self.encoded(path)
         with atomic_file(path) as temporary:
             temporary.write_bytes(content)
+
+    def encoded(self, path: str | Path) -> bytes:
+        """Returns the content of the file that `write` would write.
+
+        Raises:
+            InputError: There is a number that is not finite.
+        """
+        try:
+            return self._encoded(Path(path).suffix.lower() == ".gltf")
+        except ValueError as error:
+            raise InputError(f"cannot write {path}: {error}; glTF has finite numbers") from error
 
     def _encoded(self, as_text: bool) -> bytes:
         entries = {key: value for key, value in self.json.items() if key != "buffers"}

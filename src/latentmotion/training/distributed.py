@@ -126,8 +126,16 @@ def distributed_context(device: str = "auto") -> Iterator[DistributedContext]:
     if world == 1:
         yield DistributedContext(chosen, Ranks())
         return
-    torch.distributed.init_process_group("nccl" if chosen.type == GPU else "gloo")
-    context = DistributedContext(chosen, Ranks(torch.distributed.get_rank(), world))
+    store, rank, _ = next(torch.distributed.rendezvous("env://"))
+    # After a restart torchrun (2.13) offers the store of the start before, where the address of a
+    # killed rank may be found before its successor's. On one host each start has keys of its own;
+    # hosts count restarts differently, see docs/guide/training.md.
+    if os.environ.get("GROUP_WORLD_SIZE") == "1":
+        start = os.environ.get("TORCHELASTIC_RESTART_COUNT", "0")
+        store = torch.distributed.PrefixStore(f"start {start}", store)
+    backend = "nccl" if chosen.type == GPU else "gloo"
+    torch.distributed.init_process_group(backend, store=store, rank=rank, world_size=world)
+    context = DistributedContext(chosen, Ranks(rank, world))
     try:
         yield context
         # torchrun stops the leader, which may still write, if another rank aborts. The last wait
