@@ -95,9 +95,26 @@ def test_a_full_queue_says_when_to_come_again() -> None:
     with_held(talk)
 
 
+def test_what_would_be_too_late_is_refused_at_once() -> None:
+    async def talk(held: Held) -> None:
+        first = await held.first()
+        held.batcher._seconds_each = 16.0  # as on a machine that has no time for the service
+        second = held.ask("second")
+        await asyncio.sleep(0)
+        with pytest.raises(Problem, match="1 wait, and more would not be done in time") as found:
+            await held.ask("third")
+        assert found.value.status_code == 429
+        patient = held.ask("fourth", seconds=65.0)
+        held.go.set()
+        assert [await first, await second, await patient] == [["first"], ["second"], ["fourth"]]
+
+    with_held(talk)
+
+
 def test_what_nobody_waits_for_is_not_run() -> None:
     async def talk(held: Held) -> None:
         first, gone, stays = await held.first(), held.ask("gone"), held.ask("stays")
+        held.batcher._seconds_each = 0.0
         await asyncio.sleep(0)
         gone.cancel()
         await asyncio.gather(gone, return_exceptions=True)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from torch.distributed.distributed_c10d import HashStore
 
 from latentmotion.cli.main import main
 from latentmotion.data.store import read_manifest
@@ -206,7 +205,7 @@ def test_each_start_on_a_host_has_keys_of_its_own(
     monkeypatch: pytest.MonkeyPatch, hosts: str, keys: list[str]
 ) -> None:
     found: list[Any] = []
-    store = HashStore()
+    store = torch.distributed.HashStore()  # pyright: ignore[reportPrivateImportUsage]
     about = {"WORLD_SIZE": "2", "TORCHELASTIC_RESTART_COUNT": "2", "GROUP_WORLD_SIZE": hosts}
     for name, value in about.items():
         monkeypatch.setenv(name, value)

@@ -89,7 +89,7 @@ class Batcher:
                 if len(tasks) > self._queue:
                     most = f"{len(tasks)} motions at once, and {self._queue} may wait"
                     raise Problem(422, f"{most}; ask for fewer, or a job")
-                self.check_room(len(tasks))
+                self.check_room(len(tasks), seconds)
             line.extend(tasks)
             self._changed.notify(len(tasks))
         try:
@@ -106,12 +106,21 @@ class Batcher:
         """Returns the seconds after which a request that waits now is expected to be done."""
         return self._seconds_each * (len(self._waiting) + 1)
 
-    def check_room(self, count: int = 1) -> None:
-        """Raises Problem 429 if no more can wait."""
+    def check_room(self, count: int = 1, seconds: float | None = None) -> None:
+        """Raises Problem 429 if no more can wait, or what waits would be too late.
+
+        Args:
+            count: Payloads that come.
+            seconds: Time until when they are wanted. Where a slow machine cannot make all that may
+                wait in that time, all that wait would be too late otherwise, and none in time.
+        """
         taken = len(self._waiting)
-        if taken + count > self._queue:
+        late = seconds is not None and self._seconds_each * (taken + self._batch) > seconds
+        if taken + count > self._queue or (taken and late):
             self._metrics.shed.labels("queue full").inc()
             detail = f"{taken} of {self._queue} places in the queue are taken; try again later"
+            if taken + count <= self._queue:
+                detail = f"{taken} wait, and more would not be done in time; try again later"
             raise Problem(429, detail, self.wait())
 
     async def drained(self, seconds: float) -> bool:
