@@ -242,7 +242,7 @@ def test_the_speed_of_a_path_is_that_of_its_fastest_part() -> None:
     check_path(Path(points, [0, 1, 2.1]), 60, FPS)
     with pytest.raises(InputError, match=rf"{fast:.1f} m/s from 1 to 2 s: people run 8 m/s"):
         check_path(Path(points, [0, 1, 2]), 60, FPS)
-    with pytest.raises(InputError, match=r"points 1 and the next"):
+    with pytest.raises(InputError, match="points 1 and 2 of the path are at one place"):
         check_path(Path([(0, 0), (0, 0)]), 60, FPS)
 
 

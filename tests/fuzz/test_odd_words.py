@@ -40,15 +40,13 @@ def test_odd_words_come_back_or_are_refused(ending: str, tmp_path: Path) -> None
         notes = {words() or "a": draw.choice([words(), 1.5, None, [1, words()], {"a": True}])}
         take = Motion(joints, caption=words(), metadata=notes)
         path = tmp_path / f"a{ending}"
-        if "\\ud800" in ascii((take.caption, notes)):
-            with pytest.raises(InputError, match="what is no character"):
+        if "\0" in take.caption or "\\ud800" in ascii((take.caption, notes)):
+            with pytest.raises(InputError, match="what is no character|the character NUL"):
                 formats.save(path, [take])
             continue
         formats.save(path, [take])
         (found,) = formats.load(path)
-        # NumPy's text ends before its last zeros.
-        caption = take.caption.rstrip("\0") if ending.endswith("npz") else take.caption
-        assert (found.caption, dict(found.metadata)) == (caption, notes)
+        assert (found.caption, dict(found.metadata)) == (take.caption, notes)
 
 
 def test_bytes_of_another_encoding_are_no_words(tmp_path: Path) -> None:

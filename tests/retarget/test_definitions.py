@@ -194,7 +194,7 @@ def test_maps_that_do_not_fit_name_the_joint(changes: dict[str, str], message: s
 
 
 def test_endings_that_a_rig_cannot_have_are_told(rig: Rig, motion: Motion, tmp_path: Path) -> None:
-    for name in ("a.fbx", "b"):
+    for name in ("a.obj", "b"):
         with pytest.raises(InputError, match=r"expected \.gl.* or \.bvh"):
             check_output(rig, tmp_path / name)
     with pytest.raises(InputError, match="no motion to write"):
