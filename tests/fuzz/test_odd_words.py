@@ -41,7 +41,7 @@ def test_odd_words_come_back_or_are_refused(ending: str, tmp_path: Path) -> None
         take = Motion(joints, caption=words(), metadata=notes)
         path = tmp_path / f"a{ending}"
         if "\0" in take.caption or "\\ud800" in ascii((take.caption, notes)):
-            with pytest.raises(InputError, match="what is no character|the character NUL"):
+            with pytest.raises(InputError, match=r"what is no character|the character NUL"):
                 formats.save(path, [take])
             continue
         formats.save(path, [take])

@@ -16,6 +16,8 @@ import numpy as np
 import torch
 import torch.distributed
 from jaxtyping import Bool, Float
+from torch.distributed.distributed_c10d import PrefixStore
+from torch.distributed.rendezvous import rendezvous
 
 from latentmotion.errors import InputError
 from latentmotion.gpu.device import GPU, default_device, device_named
@@ -126,13 +128,13 @@ def distributed_context(device: str = "auto") -> Iterator[DistributedContext]:
     if world == 1:
         yield DistributedContext(chosen, Ranks())
         return
-    store, rank, _ = next(torch.distributed.rendezvous("env://"))
+    store, rank, _ = next(rendezvous("env://"))
     # After a restart torchrun (2.13) offers the store of the start before, where the address of a
     # killed rank may be found before its successor's. On one host each start has keys of its own;
     # hosts count restarts differently, see docs/guide/training.md.
     if os.environ.get("GROUP_WORLD_SIZE") == "1":
         start = os.environ.get("TORCHELASTIC_RESTART_COUNT", "0")
-        store = torch.distributed.PrefixStore(f"start {start}", store)
+        store = PrefixStore(f"start {start}", store)
     backend = "nccl" if chosen.type == GPU else "gloo"
     torch.distributed.init_process_group(backend, store=store, rank=rank, world_size=world)
     context = DistributedContext(chosen, Ranks(rank, world))
