@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, Literal
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response, StreamingResponse
 
 from latentmotion import formats
@@ -36,6 +36,19 @@ BINARY_BODY = {
 """What OpenAPI says of a body that is a file."""
 
 
+def clean_up_steps(
+    exact_turn: bool = True,
+    smooth: bool = True,
+    bones: bool = True,
+    floor: bool = True,
+    feet: bool = True,
+    in_place: bool = False,
+    cutoff: Annotated[float, Query(gt=0, le=100, allow_inf_nan=False)] = 5.0,
+) -> dict[str, Any]:
+    """Returns the settings of a `CleanUp` that a request asks for, all read from its address."""
+    return locals()
+
+
 def routes(service: Service) -> APIRouter:
     """Returns the routes."""
     router = APIRouter(prefix="/v1", tags=["files"])
@@ -44,21 +57,13 @@ def routes(service: Service) -> APIRouter:
     async def clean(
         request: Request,
         source: Source,
+        steps: Annotated[dict[str, Any], Depends(clean_up_steps)],
         target: Target = "glb",
-        exact_turn: bool = True,
-        smooth: bool = True,
-        bones: bool = True,
-        floor: bool = True,
-        feet: bool = True,
-        in_place: bool = False,
-        cutoff: Annotated[float, Query(gt=0, le=100, allow_inf_nan=False)] = 5.0,
         fps: Fps = None,
     ) -> Response:
         """Clean up the motions of a file: hold standing feet, put the figure on the floor."""
-        steps = {"smooth": smooth, "bones": bones, "floor": floor, "feet": feet}
-        more = {"exact_turn": exact_turn, "in_place": in_place, "cutoff": cutoff}
-        task = {"clean": {**steps, **more}}
-        return await _converted(service, request, source, target, {**task, "fps": fps})
+        task = {"clean": steps, "fps": fps}
+        return await _converted(service, request, source, target, task)
 
     @router.post("/convert", openapi_extra=BINARY_BODY, response_class=Response)
     async def convert(

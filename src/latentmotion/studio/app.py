@@ -87,7 +87,8 @@ def _routes(
     router.include_router(_page(files))
     for routes in (
         capabilities.routes(models),
-        takes.routes(service, library, models),
+        takes.recipe_routes(service, library, models),
+        takes.routes(library),
         takes.file_routes(service, library),
         takes.transfer_routes(service, library),
         characters.routes(service, library),

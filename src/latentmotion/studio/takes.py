@@ -43,8 +43,8 @@ MOST_IMPORTED = 100
 _EDITS = ("trim", "speed", "in_place", "mirrored")
 
 
-def routes(service: Service, library: Library, models: Models) -> APIRouter:
-    """Returns the routes of takes in the library: made, listed, changed, made again."""
+def recipe_routes(service: Service, library: Library, models: Models) -> APIRouter:
+    """Returns the routes of takes made from their recipe."""
     router = APIRouter()
 
     @router.post("/takes", response_model=TakesAnswer)
@@ -56,6 +56,24 @@ def routes(service: Service, library: Library, models: Models) -> APIRouter:
         made = await unless_gone(request, service.called(work, service.settings.deadline))
         found = await run_in_threadpool(library.add, made)
         return {"takes": [take.about() for take in found]}
+
+    @router.post("/takes/{name}/again", response_model=AgainAnswer)
+    async def again(request: Request, name: Id) -> Any:
+        """Make a take again from its recipe, and compare; a missing file is written again."""
+        service.check_ready()
+        take = await run_in_threadpool(library.take, name)
+        maker = await run_in_threadpool(models.maker_again, take.recipe)
+        work = partial(maker.again, take.recipe)
+        motion = await unless_gone(request, service.called(work, service.settings.deadline))
+        equal, back = await run_in_threadpool(library.compare, take, motion)
+        return {"equal": equal, "restored": back}
+
+    return router
+
+
+def routes(library: Library) -> APIRouter:
+    """Returns the routes of takes in the library: listed, changed, deleted."""
+    router = APIRouter()
 
     @router.get("/takes", response_model=ListAnswer)
     def listed(
@@ -99,17 +117,6 @@ def routes(service: Service, library: Library, models: Models) -> APIRouter:
     def duplicated(name: Id) -> Any:
         """Keep the motion of a take as another one, to be edited apart."""
         return library.duplicate(name).about()
-
-    @router.post("/takes/{name}/again", response_model=AgainAnswer)
-    async def again(request: Request, name: Id) -> Any:
-        """Make a take again from its recipe, and compare; a missing file is written again."""
-        service.check_ready()
-        take = await run_in_threadpool(library.take, name)
-        maker = await run_in_threadpool(models.maker_again, take.recipe)
-        work = partial(maker.again, take.recipe)
-        motion = await unless_gone(request, service.called(work, service.settings.deadline))
-        equal, back = await run_in_threadpool(library.compare, take, motion)
-        return {"equal": equal, "restored": back}
 
     return router
 

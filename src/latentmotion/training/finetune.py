@@ -143,9 +143,8 @@ def finetune(
     if context.is_main:
         _prepare(settings, clips, model, work)
     context.wait()
-    data = work / "data"
     trained = stages.train_denoiser(
-        experiment, data, model, encoder, work / "denoiser", context, model
+        experiment, work / "data", model, encoder, work / "denoiser", context, model
     )
     if settings.few_steps:
         student, distillation = student_of(model), settings.distillation
@@ -155,7 +154,7 @@ def finetune(
             distillation = replace(distillation, objective=replace(objective, asked=0))
         trained = distill(
             replace(distillation, name=output.name),
-            work / "own" if knows_lengths else data,
+            work / ("own" if knows_lengths else "data"),
             trained,
             encoder,
             work / "student",
