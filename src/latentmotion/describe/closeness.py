@@ -6,7 +6,7 @@ graded, so that of two that agree the nearer one is preferred.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -215,19 +215,15 @@ def _event(claim: Claim, scene: Scene, asked: Asked) -> float:
             share = max(share, 0.5)
     elif claim.side:
         share = float(claim.side in sides)
-    grade = share * (0.7 + 0.3 * _strength(claim, exact))
+    plain = {"jump": 0.12, "hop": 0.05, "punch": 2.4, "raise": 0.25}.get(claim.kind)
+    most = max(event.amount for event in exact)  # height of a jump or a hand, speed of a fist
+    grade = share * (0.7 + 0.3 * (_ramp(most, 0.0, plain) if plain else 1.0))
     if claim.count:
         times = len(exact) if claim.kind in ("raise", "wave") else sum(e.count for e in exact)
         grade *= _near(times, claim.count)
     if claim.kind in ("jump", "hop"):
         grade *= _way(replace(claim, kind="move"), scene, asked)
     return grade
-
-
-def _strength(claim: Claim, events: Sequence[Event]) -> float:
-    """Returns how plainly acts are shown, by the height of a jump and the speed of a fist."""
-    plain = {"jump": 0.12, "hop": 0.05, "punch": 2.4, "raise": 0.25}.get(claim.kind)
-    return _ramp(max(event.amount for event in events), 0.0, plain) if plain else 1.0
 
 
 def _moves(claim: Claim, scene: Scene) -> list[Event]:
