@@ -285,6 +285,22 @@ def test_one_take_is_looked_at_cleaned_up_and_saved_alone(page):
     np.testing.assert_array_equal(motion.joints, shown(page)[1])
 
 
+def test_a_figure_is_chosen_for_all_takes(page):
+    made(page, "without")
+    page.click("#takes button:last-child")
+    # Without WebGL all figures are lines, so what the stage is asked for is looked at.
+    page.evaluate(
+        "() => { latentmotion.player.stage.show ="
+        " (_, __, { makers }) => { window.makers = makers.length } }"
+    )
+    page.select_option("#figure", "stick")
+    page.wait_for_function("window.makers === 2")
+    assert page.inner_text("#takes [aria-pressed=true]") == "seed 4"
+    page.select_option("#figure", "person")
+    page.wait_for_function("window.makers === 0")
+    assert len(shown(page)) == 2
+
+
 def test_python_that_was_used_works_without_a_network(page, monkeypatch):
     page.goto("/with/")
     page.evaluate(CONTROLLED)

@@ -2,6 +2,7 @@
 
 import { Motion } from "../motion.js";
 import { colorsOf } from "../colors.js";
+import { stick } from "../figures.js";
 import { Player } from "../player.js";
 import { bvh, fileName, npz, save } from "./files.js";
 import { isAsleep, PYTHON_SIZE, rewritten } from "./python.js";
@@ -154,7 +155,8 @@ async function show(motions, stay = false) {
     (motion) => new Motion({ caption: motion.prompt, fps: motion.fps }, skeleton, motion.joints),
   );
   const colors = colorsOf(motions);
-  player.show(takes, colors, { stay });
+  const makers = find("figure").value === "stick" ? takes.map(() => stick) : [];
+  player.show(takes, colors, { stay, makers });
   const alone = stay ? [...find("takes").children].findIndex(isPressed) : -1;
   const buttons = motions.map((motion, take) => takeButton(motion, take, colors[take]));
   find("takes").replaceChildren(...buttons);
@@ -238,6 +240,7 @@ find("scrub").addEventListener("input", () => {
 });
 find("write").addEventListener("click", write);
 find("clean").addEventListener("change", cleanUp);
+find("figure").addEventListener("change", () => show(shown, true));
 if (!PYTHON_SIZE) {
   find("clean").disabled = true;
   for (const option of find("format").options) option.disabled = !/bvh|npz/.test(option.value);
