@@ -214,7 +214,8 @@ def test_each_start_on_a_host_has_keys_of_its_own(
         found.append(options["store"])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(torch.distributed, "rendezvous", lambda _: iter([(store, 0, 2)]))
+    module = "latentmotion.training.distributed"
+    monkeypatch.setattr(f"{module}.rendezvous", lambda _: iter([(store, 0, 2)]))
     monkeypatch.setattr(torch.distributed, "init_process_group", stop)
     with pytest.raises(KeyboardInterrupt), distributed_context("cpu"):
         pass
