@@ -38,8 +38,6 @@ from latentmotion.representation.interface import Representation
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthModel
 
-"""How large matrices are kept: 8 bits with a scale for each row, or exactly as in the model."""
-
 MANIFEST_FILE = "web.json"
 WEIGHTS_FILE = "weights.bin"
 SECONDS_FILE = "seconds.onnx"
