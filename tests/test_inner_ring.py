@@ -35,7 +35,17 @@ def test_generation_imports_no_pytorch() -> None:
 
 
 def test_verbs_of_the_plain_installation_need_neither_pytorch_nor_pillow() -> None:
-    modules = ("clean", "convert", "data", "edit", "evaluate", "fit", "generate", "motions")
+    modules = (
+        "clean",
+        "convert",
+        "data",
+        "edit",
+        "evaluate",
+        "fit",
+        "generate",
+        "motions",
+        "render",
+    )
     code = (
         "import sys; sys.modules.update(dict.fromkeys(('torch', 'onnx', 'PIL', 'av')));"
         "from importlib import import_module as load;"

@@ -1,9 +1,10 @@
-"""`latentmotion render`: motions as videos, picture strips and pages, which needs Pillow."""
+"""`latentmotion render`: motions as pages, and with Pillow as videos and picture strips."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
@@ -16,7 +17,7 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.motion import Motion
-from latentmotion.render import strip, video
+from latentmotion.render import Style, View
 from latentmotion.render.mannequin import Figure, mannequin_of, sticks_of
 from latentmotion.retarget.rig import read_rig
 from latentmotion.retarget.surface import CharacterFigure
@@ -56,11 +57,11 @@ class Render:
     `stick`; `person`, drawn on pages alone, which have it by default; or a character of yours
     (.glb, .gltf, .vrm, .fbx), as a surface of one color."""
     map: options.JointMapFile = None
-    style: strip.Style = "row"
+    style: Style = "row"
     """Strips: figures in a row, or fading along the path."""
     figures: int = 9
     """Strips: figures per take."""
-    camera: video.View = "follow"
+    camera: View = "follow"
     """Videos: the camera follows the person, or stands still and sees the whole path."""
     fps: float | None = None
     """Videos: frames per second; by default those of the first file, at most 30."""
@@ -86,13 +87,19 @@ class Render:
             if path.is_dir():
                 raise InputError(f"cannot write {path}: it is a folder; name a file in it")
             check_writable(path)
+            if path.suffix.lower() not in _PAGES:
+                import_module("latentmotion.render.painter")  # no Pillow: told before all else
         figure = self._figure()
         motions = [motion for path in self.files for motion in formats.load(path)]
         for path in self.output:
             if path.suffix.lower() in _PICTURES:
+                from latentmotion.render import strip
+
                 width = strip.WIDTH if self.size is None else self.size
                 strip.write(path, motions, self.style, self.figures, width, figure)
             elif path.suffix.lower() in _VIDEOS:
+                from latentmotion.render import video
+
                 fps = min(motions[0].fps, _SMOOTH) if self.fps is None else self.fps
                 takes = [motion.resampled(fps) for motion in motions]
                 video.write(

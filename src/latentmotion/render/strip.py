@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
-from latentmotion.render import painter
+from latentmotion.render import Style, painter
 from latentmotion.render.mannequin import Figure, mannequin_of
 from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
-
-Style = Literal["row", "path"]
 
 WIDTH = 1280
 """Default width, pixels."""

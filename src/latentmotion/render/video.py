@@ -9,22 +9,20 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
-from latentmotion.render import painter
+from latentmotion.render import View, painter
 from latentmotion.render.mannequin import Figure, mannequin_of
 from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
-
-View = Literal["follow", "still"]
 
 MOST_TAKES = 6
 """Panels that fit beside each other."""
