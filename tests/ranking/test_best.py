@@ -11,7 +11,7 @@ from latentmotion import Motion, MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.skeleton import KIT
-from latentmotion.ranking.best import best_of, ranked
+from latentmotion.ranking.best import best_of, ranked, usual_takes
 from latentmotion.ranking.scorer import Scorer, shipped_scorer
 from tests.support import acted
 from tests.support.walker import walker
@@ -121,6 +121,24 @@ def test_the_command_line_tells_scores(tmp_path: Path, capsys: pytest.CaptureFix
         *("seed", "score", "claims", "text", "sliding", "penetration", "jerk")
     }
     assert "best of 2: seed" in captured.err
+
+
+def test_the_command_keeps_the_best_of_four_takes_of_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = f"-o {tmp_path}/kick.npz --seconds 1.6 --seed 3 --no-cache --threads 1"
+    main(["generate", "a person kicks", *f"--count 2 --json {out}".split()])
+    motions = json.loads(capsys.readouterr().out)["motions"]
+    seeds = [{take["seed"] for take in motion["best_of"]} for motion in motions]
+    assert seeds == [{3, 4, 5, 6}, {7, 8, 9, 10}]
+
+
+def test_one_take_is_usual_where_takes_are_slow_or_cannot_be_scored(fast: MotionPipeline) -> None:
+    card = fast.card
+    slow = replace(card, sampling=replace(card.sampling, steps=50))
+    assert usual_takes(card, "a person kicks") == 4
+    assert [usual_takes(slow, "a person kicks"), usual_takes(card, " ")] == [1, 1]
+    assert usual_takes(replace(card, representation="kit"), "a person kicks") == 1
 
 
 @pytest.mark.parametrize(

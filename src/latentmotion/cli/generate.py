@@ -58,12 +58,13 @@ class Generate:
     """Length of each motion; by default the model predicts it from the sentence, or it is 4."""
     count: int = 1
     """Motions per prompt."""
-    best_of: int = 1
-    """Takes of each motion, of which the best is kept: the one that matches its sentence, with
-    steady feet on the floor (docs/guide/best_of.md)."""
+    best_of: int | None = None
+    """Takes of each motion, of which the best is kept: the one that does what its sentence asks,
+    with steady feet on the floor (docs/guide/best_of.md). By default 4 of a sentence, if the model
+    samples in at most 16 steps, otherwise 1."""
     seed: int = 0
-    """Seed of the first motion; later motions count up from it. The same seed gives the same
-    motion."""
+    """Seed of the first take of the first motion; later takes and motions count up from it. The
+    same seed gives the same motion."""
     output: Annotated[options.Outputs, arg(help=_OUTPUT)] = ()
     model: str = DEFAULT
     """Name or folder of the model, or its id on the Hugging Face Hub, OWNER/NAME."""
@@ -204,10 +205,10 @@ class Generate:
 
     def _checked_prompts(self, scene: Scene | None, lines: list[str]) -> list[str]:
         """Returns the prompts; for an unconditional model or a timeline an empty one."""
-        if self.best_of < 1:
+        if self.best_of is not None and self.best_of < 1:
             raise InputError(f"--best-of {self.best_of}: expected 1 or more")
         several = bool(self.timeline) or (scene is not None and bool(scene.spans()))
-        if self.best_of != 1 and (several or self.prior):
+        if self.best_of not in (None, 1) and (several or self.prior):
             raise InputError(
                 f"--best-of {self.best_of}: takes are scored by their one sentence; leave --prior, "
                 "--timeline and scenes with a timeline out"
@@ -261,6 +262,7 @@ class Generate:
     ) -> list[Motion]:
         """Loads the model and generates the motions."""
         from latentmotion.control.timeline import parse_part_span, parse_span
+        from latentmotion.ranking.best import usual_takes
 
         execution = ExecutionOptions(self.device, self.precision, self.launch)
         body = representation_of(smpl.load_smpl(self.body)) if self.body else None
@@ -289,11 +291,12 @@ class Generate:
                 generator.timeline(spans, seed, self.steps, self.guidance, parts)
                 for seed in range(first, first + self.count)
             ]
-        if self.best_of != 1:
+        takes = self.best_of or min(usual_takes(generator.card, prompt) for prompt in prompts)
+        if takes > 1:
             named = dict(zip(("steps", "guidance", "sampler"), sampling, strict=True))
             settings = {"seconds": seconds, "goals": goals, **named}
             return [
-                generator.best(prompt, self.best_of, seed=first + self.best_of * number, **settings)
+                generator.best(prompt, takes, seed=first + takes * number, **settings)
                 for number, prompt in enumerate(repeated)
             ]
         if not goals:

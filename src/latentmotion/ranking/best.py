@@ -32,6 +32,12 @@ from latentmotion.ranking.scorer import Scorer, shipped_scorer
 MOST_TAKES = 256
 """Most takes of one prompt."""
 
+USUAL_TAKES = 4
+"""Takes of a sentence that the command generates if no number is given."""
+
+_FAST_STEPS = 16
+"""Sampling steps up to which several takes take no noticeable time."""
+
 _CLAIMS = 2.0
 """Weight of the claims beside the cosine."""
 
@@ -64,6 +70,17 @@ class Take:
         return {"seed": self.motion.metadata.get("seed")} | {
             name: round(getattr(self, name), 5) for name in figures
         }
+
+
+def usual_takes(card: ModelCard, prompt: str) -> int:
+    """Returns how many takes of a prompt to generate if no number is given.
+
+    Several of a sentence where they are cheap and the shipped scorer reads the model's motions,
+    otherwise one.
+    """
+    scored = card.condition.reads_text and prompt.strip()
+    readable = card.representation == shipped_scorer().card.representation
+    return USUAL_TAKES if scored and readable and card.sampling.steps <= _FAST_STEPS else 1
 
 
 def check_sentence(card: ModelCard, prompt: str, of: int) -> None:
