@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion import formats
-from latentmotion.errors import LatentMotionError, MissingExtraError
+from latentmotion.errors import LatentMotionError, MissingExtraError, unreadable
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 from latentmotion.motion import Motion
 
@@ -135,7 +135,7 @@ def file_request(verb: str, file: str | Path, form: str, **options: Any) -> Requ
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise LatentMotionError(f"cannot read {path}: {error.strerror}") from error
+        raise LatentMotionError(f"{path}: cannot be read: {unreadable(error)}") from error
     query = {"source": path.suffix.lower().lstrip("."), "format": form, **options}
     return Request("POST", f"/v1/{verb}", content=content, query=query)
 

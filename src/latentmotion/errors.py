@@ -14,6 +14,20 @@ def hint(name: str, known: Iterable[str]) -> str:
     return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(names)}"
 
 
+def unreadable(error: OSError | ValueError) -> str:
+    """Returns why a file cannot be read, and what to do; a ValueError is of its name."""
+    match error:
+        case IsADirectoryError():
+            advice = "expected a file, name one in it"
+        case PermissionError():
+            advice = "expected a file that you may read, change its permissions or copy it"
+        case FileNotFoundError() | NotADirectoryError() | ValueError():
+            advice = "expected a file that is there, check its path"
+        case _:
+            advice = "expected a file that can be read, copy it again"
+    return f"{getattr(error, 'strerror', None) or error}; {advice}"
+
+
 class LatentMotionError(Exception):
     """Base of every error that is the input's fault; the command line prints it, exit code 2."""
 

@@ -53,7 +53,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 PREPARE, TRAIN = "data prepare", "--data data --device cpu -o out --set training"
 WRONG = {
-    f"{PREPARE} humanact12 none -o out": "none: cannot be read",
+    f"{PREPARE} humanact12 none -o out": "none: cannot be read: No such file or directory; expected",
     f"{PREPARE} humanact12 empty -o out": "Is a directory",
     f"{PREPARE} humanact12 cut.pkl -o out": "truncated",
     f"{PREPARE} humanact12 code.pkl -o out": "holds builtins.print",
@@ -84,7 +84,7 @@ WRONG = {
     "evaluate starter --data data --split val --evaluator gru -o out": "the evaluator",
     "study make starter starter --prompts sentences.txt --order-seed -1 -o s.html": "--order-seed",
     "study make starter data --prompts sentences.txt -o s.html": "neither a model folder nor",
-    "study report file.txt --key empty": "cannot read",
+    "study report file.txt --key empty": "expected a file, name one in it",
     "experiment run vae --data empty -o out --device cpu": "expected a prepared data set",
     "experiment run vaee --data data -o out --device cpu": "did you mean 'vae'",
     "export cut_model -o out": "weights.safetensors cannot be read",

@@ -157,7 +157,7 @@ def test_documents_without_places_stay_as_they_are(text: str, message: str, tmp_
 
 
 def test_a_document_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot read .*none\.md: No such file"):
+    with pytest.raises(InputError, match=r"none\.md: cannot be read: No such file"):
         fill(tmp_path / "none.md", tmp_path)
 
 

@@ -225,7 +225,10 @@ def test_a_service_that_starts_is_found(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with Client() as client, pytest.raises(LatentMotionError, match="cannot read"):
+    with (
+        Client() as client,
+        pytest.raises(LatentMotionError, match=r"cannot be read: No such file.*check its path"),
+    ):
         client.clean(tmp_path / "none.bvh")
 
 

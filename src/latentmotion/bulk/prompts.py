@@ -82,7 +82,9 @@ def _parquet(path: Path) -> Iterable[tuple[int, dict[str, Any]]]:
                 raise FileFormatError(path, _too_many(count))
             table = file.read([name for name in COLUMNS if name in found])
     except (OSError, ArrowException) as error:
-        raise FileFormatError(path, f"cannot be read as Parquet: {error!s:.300}") from error
+        raise FileFormatError(
+            path, f"cannot be read as Parquet, write it again: {error!s:.300}"
+        ) from error
     return enumerate(table.to_pylist(), 1)
 
 

@@ -28,7 +28,7 @@ from latentmotion.data.pack_coding import MotionCoder, posed
 from latentmotion.data.prepare import REPORT, Report, read_report
 from latentmotion.data.store import FORMAT as DATASET_FORMAT
 from latentmotion.data.store import MANIFEST, Manifest, StoredClip, StoredMotion, write_dataset
-from latentmotion.errors import DataError, FileFormatError, InputError
+from latentmotion.errors import DataError, FileFormatError, InputError, unreadable
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Normalizer, representation_named
 from latentmotion.storage import files
@@ -124,9 +124,7 @@ def read_pack(path: Path) -> PackFile:
             raise FileFormatError(path, f"{size} bytes; a pack has at most {_MOST_FILE}")
         content = path.read_bytes()
     except OSError as error:
-        raise InputError(
-            f"{path}: expected a data pack, cannot read it: {error.strerror}"
-        ) from error
+        raise InputError(f"{path}: no data pack, it cannot be read: {unreadable(error)}") from error
     if len(content) < _HEAD.size or not content.startswith(_MAGIC):
         raise FileFormatError(path, "no data pack; make one with `latentmotion data pack`")
     _, digest, packed, plain = _HEAD.unpack_from(content)

@@ -245,7 +245,9 @@ class Document:
         if beside.exists() and not beside.resolve().is_relative_to(self.path.parent.resolve()):
             raise ValueError(f"names {uri!r}, a link to another folder; copy the file here")
         if not beside.is_file():
-            raise ValueError(f"it names {beside.name}, which cannot be read: there is no such file")
+            raise ValueError(
+                f"it names {beside.name}, which cannot be read: there is no such file; copy it here"
+            )
         known[uri] = read_bytes(beside)
         return known[uri]
 

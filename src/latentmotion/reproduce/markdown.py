@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, unreadable
 from latentmotion.evaluation.report import UNITS as REPORT_UNITS
 from latentmotion.evaluation.report import table_line
 from latentmotion.reproduce.models import MODELS
@@ -190,7 +190,7 @@ def fill(document: Path, results: Path) -> list[str]:
     try:
         text = document.read_text(encoding="utf-8")
     except OSError as error:
-        raise InputError(f"cannot read {document}: {error.strerror}") from error
+        raise InputError(f"{document}: cannot be read: {unreadable(error)}") from error
     names = [match.group(1) for match in _PART.finditer(text)]
     unknown = [name for name in names if _SUFFIX.sub("", name) not in TABLES]
     if unknown or not names:

@@ -67,7 +67,10 @@ class LocalFolder:
         try:
             return {entry.name for entry in self.path.iterdir()}
         except OSError as error:
-            raise InputError(f"cannot read the folder {self.path}: {error.strerror}") from error
+            advice = "check its path and permissions"
+            raise InputError(
+                f"cannot read the folder {self.path}: {error.strerror}; {advice}"
+            ) from error
 
     def read(self, name: str) -> bytes:
         """Returns the content of a file."""

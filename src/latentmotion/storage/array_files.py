@@ -148,4 +148,6 @@ def _damage(path: str | Path) -> Iterator[None]:
             yield
     except _DAMAGE as error:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise FileFormatError(path, f"cannot be read as NumPy's: {reason:.300}") from error
+        raise FileFormatError(
+            path, f"cannot be read as NumPy's, save it again: {reason:.300}"
+        ) from error

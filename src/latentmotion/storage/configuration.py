@@ -97,8 +97,6 @@ def read_plain(path: str | Path) -> Any:
     try:
         return read_json_file(path)
     except FileFormatError as error:
-        if isinstance(error.__cause__, OSError):
-            raise InputError(f"cannot read {path}: {error.__cause__.strerror}") from error
         raise InputError(str(error)) from error
 
 

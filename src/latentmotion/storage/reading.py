@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from latentmotion.errors import FileFormatError, InputError
+from latentmotion.errors import FileFormatError, InputError, unreadable
 from latentmotion.storage import limits
 
 _OUTSIDE_BRACKETS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"|[^][{}"]+', re.DOTALL)
@@ -50,8 +50,7 @@ def read_bytes(path: str | Path, most: int = limits.MOST_UNPACKED) -> bytes:
             size = os.fstat(file.fileno()).st_size
             content = b"" if size > most else file.read()
     except (OSError, ValueError) as error:  # ValueError: a name with NUL
-        reason = getattr(error, "strerror", None) or error
-        raise FileFormatError(path, f"cannot be read: {reason}") from error
+        raise FileFormatError(path, f"cannot be read: {unreadable(error)}") from error
     if max(size, len(content)) > most:
         raise FileFormatError(path, f"has more than {most:,} bytes, the most that is read")
     return content
