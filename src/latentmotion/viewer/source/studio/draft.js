@@ -5,6 +5,8 @@ const KEPT = {
   edit: ({ between: [from, to], parts }) => `changes ${from} to ${to} s of a take${among(parts)}`,
   between: () => "leads from one take to another",
   start: () => "begins in the last pose of a take",
+  timeline_parts: (spans) =>
+    `${counted(spans, "prompt")} for parts of the body${among([...new Set(spans.map(({ part }) => part))])}`,
   poses: (poses) => `meets ${counted(poses, "whole pose")}`,
   headings: (headings) => `meets ${counted(headings, "heading")}`,
   sampler: (name) => `sampler ${name}`,
@@ -30,7 +32,7 @@ export function recipeOf({ segments, path, goals, kept, settings }) {
   const { takes, loop, best_of: best, model, ...rest } = settings;
   const recipe = { format: 1, ...rest, ...kept };
   if (best > 1) recipe.best_of = best;
-  if (segments.length > 1) return { ...recipe, timeline: segments };
+  if (isTimeline({ segments, kept })) return { ...recipe, timeline: segments };
   Object.assign(recipe, segments[0]);
   if (loop) return { ...recipe, loop };
   if (path.length > 1) recipe.path = pathOf(path);
@@ -74,8 +76,13 @@ const counted = ({ length }, name) => `${length} ${name}${length === 1 ? "" : "s
 const among = (parts) => (parts.length ? ` (${parts.join(", ").replaceAll("_", " ")})` : "");
 
 /** Whether paths and goals go with what else is asked for. */
-export function takesGoals({ segments, settings }) {
-  return segments.length === 1 && !settings.loop;
+export function takesGoals(draft) {
+  return !isTimeline(draft) && !draft.settings.loop;
+}
+
+// Parts of the body have times in a timeline, which may be of one prompt.
+function isTimeline({ segments, kept }) {
+  return segments.length > 1 || Boolean(kept.timeline_parts);
 }
 
 /** A draft as a project keeps it. */
