@@ -53,7 +53,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 PREPARE, TRAIN = "data prepare", "--data data --device cpu -o out --set training"
 WRONG = {
-    f"{PREPARE} humanact12 none -o out": "none: cannot be read: No such file or directory; expected",
+    f"{PREPARE} humanact12 none -o out": "none: cannot be read: No such file or directory; ",
     f"{PREPARE} humanact12 empty -o out": "Is a directory",
     f"{PREPARE} humanact12 cut.pkl -o out": "truncated",
     f"{PREPARE} humanact12 code.pkl -o out": "holds builtins.print",

@@ -132,6 +132,20 @@ def test_files_are_found_behind_links_which_may_lead_back(tmp_path: Path) -> Non
     ]
 
 
+def test_motions_of_a_model_are_named_and_left_out_unless_asked_for(tmp_path: Path) -> None:
+    write_own(tmp_path, ["walk"])
+    joints = swaying(60, 20.0).joints().astype(np.float32)
+    made = Motion(joints, 20.0, metadata={"model": "fast"})
+    formats.save(tmp_path / "take.npz", [made])
+    formats.save(tmp_path / "mocap.npz", [Motion(joints, 20.0)])
+    assert set(labels(OwnMotions(tmp_path, SOURCE))) == {"walk", "take", "mocap"}
+    items = list(OwnMotions(tmp_path, SOURCE, generated=False).recordings())
+    (dropped,) = (item for item in items if isinstance(item, Dropped))
+    assert dropped.id == "take"
+    assert "'fast'" in dropped.reason
+    assert "--generated" in dropped.reason
+
+
 # What is cut away, and what is left
 
 

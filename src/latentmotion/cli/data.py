@@ -263,6 +263,8 @@ class PrepareOwn:
     name: SourceName = "own"
     license: License = "unknown"
     credit: Credit = ""
+    generated: bool = False
+    """Also take `.npz` files of motions that a model generated; else they are left out."""
     shard: Shard = None
     dask: Dask = None
 
@@ -278,6 +280,7 @@ class PrepareOwn:
             joint_map=load_joint_map(self.map) if self.map else None,
             val=self.val,
             test=self.test,
+            generated=self.generated,
         )
         if self.draft_map:
             _draft(motions, self.draft_map)
@@ -548,7 +551,10 @@ def _settings_of(motions: OwnMotions, captions: Path | None, joint_map: Path | N
         "source": motions.source.name,
         "captions": captions and sha256(captions),
         "map": joint_map and sha256(joint_map),
-        **{name: getattr(motions, name) for name in ("fps", "unit", "val", "test", "labelled")},
+        **{
+            name: getattr(motions, name)
+            for name in ("fps", "unit", "val", "test", "labelled", "generated")
+        },
     }
 
 
