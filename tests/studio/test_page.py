@@ -526,6 +526,7 @@ def test_page_holds_nothing_inline():
     page = (folder / "index.html").read_text("utf-8")
     assert not re.search(r"<style| style=| on\w+=|https?://", page)
     assert re.findall(r"<script[^>]*>", page) == [
+        '<script src="/assets/viewer.js" defer>',  # holds three.js
         '<script src="/studio/assets/studio.js" defer>',
     ]
     style = (folder / "studio.css").read_text("utf-8")

@@ -1,4 +1,5 @@
-// Bundles scripts with the parts of three.js that they use: all pages' ../viewer.js, and the studio's.
+// Bundles all pages' ../viewer.js, with the parts of three.js that are used, and the studio's script,
+// which its page loads after viewer.js.
 import { readFileSync } from "node:fs";
 import { build } from "esbuild";
 
@@ -23,4 +24,19 @@ await build({
   outfile: "../viewer.js",
   external: ["./latentmotion.js"], // lies beside the site's page
 });
-await build({ ...shared, entryPoints: ["studio/main.js"], outfile: "../../studio/assets/studio.js" });
+// The studio's three.js is what viewer.js hands over; a part that is missing in three.js stops the build.
+const parts = readFileSync("three.js", "utf8").match(/\{[^}]*\}/)[0];
+const given = {
+  name: "given",
+  setup({ onResolve, onLoad }) {
+    onResolve({ filter: /^three$/ }, () => ({ path: "three", namespace: "given" }));
+    onLoad({ filter: /./, namespace: "given" }, () => ({ contents: `export const ${parts} = globalThis.three;` }));
+  },
+};
+await build({
+  ...shared,
+  entryPoints: ["studio/main.js"],
+  outfile: "../../studio/assets/studio.js",
+  plugins: [given],
+  logOverride: { "import-is-undefined": "error" },
+});
