@@ -62,6 +62,10 @@ def test_mistakes_are_named(
     [
         ("data prepare cm", "unknown command 'data prepare cm'; did you mean 'data prepare cmu'?"),
         ("data prepar cmu", "unknown command 'data prepar'; did you mean 'data prepare'?"),
+        ("describe walk.bvh", "unknown command 'describe'; did you mean 'data describe'?"),
+        ("data own x", "unknown command 'data own'; did you mean 'data prepare own'?"),
+        ("generate --prompts x.txt", "unknown option '--prompts'; leave it out"),
+        ("generate walk -o folder", "folder has no ending: it cannot be written: known are .npz"),
         ("generate walk --secnds 4", "unknown option '--secnds'; did you mean '--seconds'?"),
         ("generate walk --secnds=4", "unknown option '--secnds'; did you mean '--seconds'?"),
         ("generate walk --no-claen", "unknown option '--no-claen'; did you mean '--no-clean'?"),

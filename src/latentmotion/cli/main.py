@@ -176,7 +176,9 @@ def _print_group(words: list[str]) -> None:
     typed = " ".join(words[: known + 1])
     # One word further than what was understood, so that "xyz" is no reason to name every verb.
     names = dict.fromkeys(" ".join(name.split()[: known + 1]) for name in group)
-    raise InputError(f"unknown command {typed!r}; {hint(typed, names)}")
+    verbs = [name for name in group if words[known] in name.split()[known + 1 :]]
+    advice = f"did you mean {verbs[0]!r}?" if verbs else hint(typed, names)
+    raise InputError(f"unknown command {typed!r}; {advice}")
 
 
 def _group(words: list[str]) -> dict[str, Verb]:

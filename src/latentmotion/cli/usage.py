@@ -132,11 +132,13 @@ def _unknown(word: str, command: type) -> str:
         return f"{word!r} belongs to no option"
     option = word.partition("=")[0]
     near = get_close_matches(option, _options(command), n=1)
+    if option in near:  # the name of an argument
+        return f"unknown option {option!r}; leave it out, its value stands by itself"
     return f"unknown option {option!r}" + "".join(f"; did you mean {name!r}?" for name in near)
 
 
 def _options(command: type) -> Iterator[str]:
-    """Yields the options of a command, those of its nested settings too."""
+    """Yields options and arguments of a command, those of its nested settings too."""
     for name, kind in get_type_hints(command).items():
         if is_dataclass(kind) and isinstance(kind, type):
             yield from _options(kind)

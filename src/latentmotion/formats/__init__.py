@@ -162,8 +162,8 @@ def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:
         hint = f"did you mean {near[0]}? " if near else ""
         others = [f".{name}" for name in plugin_names("latentmotion.formats")]
         raise InputError(
-            f"the ending {ending or '(none)'!r} of {path} cannot be "
-            f"{'written' if verb == 'write' else 'read'}: {hint}"
+            f"{f'the ending {ending!r} of {path}' if ending else f'{path} has no ending: it'} "
+            f"cannot be {'written' if verb == 'write' else 'read'}: {hint}"
             f"known are {', '.join([*endings, *others])}"
         )
     module, _, name = endings[ending].partition(":")
