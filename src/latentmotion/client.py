@@ -38,7 +38,7 @@ BUSY = (429, 503)
 """Statuses of a service that asks to be called again."""
 
 LOST = (502, 503, 504)
-"""What a balancer answers, without Retry-After, where it has no service or lost it."""
+"""Status codes of a load balancer without a service behind it; they have no Retry-After."""
 
 UNDONE = ("queued", "running")
 """States of a job that has not ended."""
@@ -50,7 +50,7 @@ LONGEST_WAIT = 10.0
 """Seconds between two calls at most."""
 
 RECONNECTS = 3
-"""How often a call is sent again whose connection, or the balancer's, was refused or lost."""
+"""Retries of a call whose connection, or the load balancer's, was refused or lost."""
 
 PAUSE = 0.1
 """Seconds before the first of these; each later pause is twice as long."""

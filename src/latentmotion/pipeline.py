@@ -58,7 +58,7 @@ MAX_BATCH_SIZE = 32
 
 
 ON_THE_WAY = "a person walks"
-"""What a person does between two motions, where nothing else is said."""
+"""Default prompt of the motion between two others."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ COLUMNS = ("prompt", "seconds", "seed")
 
 @dataclass(frozen=True)
 class Row:
-    """One motion that is asked for."""
+    """A requested motion."""
 
     line: int
     """Its line in the file, counted from 1; in Parquet its row."""

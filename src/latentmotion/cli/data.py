@@ -44,7 +44,7 @@ from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable, sha256
 
 _FEW_ACTS = 3
-"""Acts of a part that is told of beside single actions."""
+"""Most acts of a part that gets captions beside single actions."""
 
 Shard = Annotated[
     str | None,

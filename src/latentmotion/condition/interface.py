@@ -1,4 +1,4 @@
-"""What steers a motion: a sentence, a label or nothing becomes words, each a vector.
+"""Conditions: a sentence, a label or nothing becomes words, each a vector.
 
 Two steps, so that embeddings can be kept on disk in training: a text encoder turns sentences into
 a `TextEmbedding`; from it, or from a label, a `Conditioning` is made, which is all a denoiser sees.

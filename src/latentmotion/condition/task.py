@@ -20,7 +20,7 @@ from latentmotion.condition.interface import Condition, Conditioning, TextEmbedd
 from latentmotion.errors import InputError
 
 TaskName = Literal["text", "action", "unconditional"]
-"""What a model is conditioned on, as cards, experiments and the command line name it."""
+"""Name of a model's kind of condition in cards, experiments and on the command line."""
 
 
 @dataclass(frozen=True)

@@ -44,14 +44,14 @@ from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 
 _DURING = ReachSettings(updates=1, checked=False)
-"""How the estimate of the clean latents is moved during sampling."""
+"""Updates of the estimate of the clean latents during sampling."""
 
 _EVERY = 4
 """Steps of the sampler of which the second, the sixth and so on move its estimate: the first one's
 is so vague that its Jacobian is of little use, and later ones keep what an earlier one has done."""
 
 _AFTER = ReachSettings(updates=8, tolerance=5e-4)
-"""How the latents are moved at its end."""
+"""Updates of the latents after sampling."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,7 @@ _STILL = 1e-4
 """Meters that a standing foot may be moved by an offset that comes and goes."""
 
 _ROUNDS = 6
-"""How often body and limbs share what an arm or a leg is too short for."""
+"""Rounds in which body and limbs share the distance that a limb is too short for."""
 
 _STRETCHED = 0.999
 """Share of its length to which an arm or a leg is stretched for a goal."""

@@ -61,7 +61,7 @@ _SIDES = ("knee", "ankle", "foot", "elbow", "wrist", "ear")
 """Whose two sides show it roughly."""
 
 _PELVIS, _KNEE = 0.93, 0.45
-"""Meters of pelvis and knees above the floor of somebody who stands."""
+"""Heights of pelvis and knees of a standing person, meters."""
 
 _COMMON = 0.95
 """Share of its loss that counts where the floor is at 0, as it mostly is."""
@@ -85,7 +85,7 @@ _BONES = tuple(
 """Limbs by which a body is measured."""
 
 _UPRIGHT = (("mid_shoulder", "mid_hip", 0.5), ("mid_shoulder", "mid_ankle", 1.3))
-"""What shows how far away somebody is, and its length in meters."""
+"""Bones that show how far away a person is, with their lengths in meters."""
 
 
 def generate_fitted(
@@ -517,7 +517,7 @@ def _across(
 
 
 def _headings_of_path(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
-    """Returns the heading of somebody who walks ahead; nothing if the pelvis stays."""
+    """Returns the heading of a person walking ahead, or nothing if the pelvis stays."""
     path = rough_joints(scene)[0][:, 0]
     if np.linalg.norm(path[-1] - path[0]) <= 0.5:
         return []

@@ -29,7 +29,7 @@ Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Float[np.ndarray, "
 """
 
 _HALVINGS = 4
-"""How often a step is halved at most that brings joints no nearer to their goals."""
+"""Most halvings of a step that brings joints no nearer to their goals."""
 
 _KEEPS = 0.3
 """Share of what was missing that may be left after a step for its Jacobian to serve again."""

@@ -156,7 +156,7 @@ def spans_of(timeline: Sequence[str | tuple[str, float] | Span]) -> tuple[Span, 
 
 
 def check_parts(spans: Sequence[PartSpan], seconds: float, skeleton: Skeleton) -> None:
-    """Checks what parts of the body are asked to do.
+    """Checks the prompts and times of parts of the body.
 
     Args:
         spans: Parts with their prompts and times.

@@ -34,7 +34,7 @@ MIN_FRAMES = 10
 """Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
 
 _LISTED = 10
-"""Reasons that are told where no clip is left."""
+"""Most reasons in the error if no clip is left."""
 
 
 @dataclass(frozen=True)

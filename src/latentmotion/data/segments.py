@@ -159,7 +159,7 @@ _STANDING_HEIGHT, _STANDING_SPEED = 0.07, 0.4
 """Meters and meters per second below which a foot joint counts as standing at the seam."""
 
 _STANDING_WEIGHT = 20.0
-"""How much more a standing foot joint counts than another joint where motions are aligned."""
+"""Weight of a standing foot joint beside other joints where motions are aligned."""
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ _LARGE = ("walk", "turn")
 """Kinds that may have twice the share of others."""
 
 _DRAWS = 8
-"""How often windows are drawn anew for kinds that have few."""
+"""Times that windows are drawn again for kinds that have few."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def clip_generator(seed: int, clip: str) -> np.random.Generator:
 
 
 def category_of(action: SingleAction) -> Category:
-    """Returns the properties that distinguish actions for a user who asks for one."""
+    """Returns the properties that distinguish actions in a prompt."""
     one_side = "one" if action.side in ("left", "right") else action.side
     sideways = "aside" if action.direction in ("left", "right") else action.direction
     turned = f"{45 * round(action.degrees / 45)}" if action.degrees else ""

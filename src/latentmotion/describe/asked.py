@@ -1,4 +1,4 @@
-"""What a prompt asks for: the claims of its words, with usual degrees and the order of acts.
+"""Claims of a prompt: what its words ask for, with usual degrees and the order of acts.
 
 Users write "do a one-eighty" and "kick left, then right". The words are made plainer until they
 read as a caption's (`claims.py`); what captions claim stays as it is.
@@ -127,7 +127,7 @@ _SAME_VERB = re.compile(
     r"(,? (?:and )?then) ((?:(?:with|on|to|using) )?(?:(?:the|his|her|their) )?"
     r"(?:left|right|forwards?|backwards?)\b[^,.]*)$"
 )
-"""A second act that is told without its verb: "then with the right leg"."""
+"""A second act without a verb of its own: "then with the right leg"."""
 
 _TURNING = re.compile(r"\b(?:turn|rotat|pivot)")
 _ON_FOOT = re.compile(r"\b(?:walk|jog|run|jump|hop|march|step|circle around)")
@@ -146,9 +146,9 @@ class Asked:
     """What a prompt asks for."""
 
     claims: tuple[Claim, ...]
-    """The acts, in the order in which they are asked."""
+    """The acts, in the order of the prompt."""
     in_turn: bool
-    """Whether acts are asked one after the other; else "while" or the like joins them."""
+    """Whether the acts follow one another; otherwise "while" or the like joins them."""
 
 
 def asked_of(prompt: str) -> Asked:

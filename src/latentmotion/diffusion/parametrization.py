@@ -85,7 +85,7 @@ class Parametrization(Protocol):
         ...
 
     def target(self, z0: Latents, epsilon: Latents, t: Time, schedule: Schedule) -> Latents:
-        """Returns what the network should have answered."""
+        """Returns the training target of the network's output."""
         ...
 
 

@@ -30,7 +30,7 @@ from latentmotion.networks.checkpoint import SCALE
 from latentmotion.storage.files import atomic_file
 
 Weights = Literal["int8", "float16"]
-"""How large matrices are stored: in 8 bits with a scale for each row, or in 16 bits."""
+"""Storage of large matrices: 8 bits with a scale for each row, or 16 bits."""
 
 FEWEST = 256
 """Minimum size of a tensor that is worth a reference."""

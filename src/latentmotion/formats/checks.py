@@ -1,4 +1,4 @@
-"""What readers share: lines of words with errors that name them; checks of rates and sizes."""
+"""Helpers of readers: lines of words, with errors that name them; checks of rates and sizes."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def main() -> None:
 
 
 _REFUSED = 3
-"""Exit code for a file that is told to be damaged, by a line on standard output."""
+"""Exit code for a damaged file; a line on standard output says why."""
 
 
 def _limit(size: int) -> None:

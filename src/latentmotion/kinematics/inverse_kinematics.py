@@ -176,7 +176,7 @@ _PACE = 2.0
 """Radians per second that a limb may twist while its two bones stand still."""
 
 _STRADDLE = {"knee": np.radians(7), "ankle": np.radians(3)}
-"""How far thigh and shank point outward in rest pose, so that the skins of the legs part."""
+"""Outward slope of thigh and shank in rest pose, so that the skins of the legs part."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""What a trained model is: its configurations, its card, its folder. Nothing here needs PyTorch."""
+"""Trained models: configurations, card and folder, without PyTorch."""

@@ -54,7 +54,7 @@ RIGHTS_IN_MOTIONS = (
     "The authors of Latent Motion claim no rights in generated motions: as far as they are "
     "concerned, use them for anything."
 )
-"""What every generated motion says of itself, beside the license of the weights."""
+"""Note on rights in every generated motion, beside the license of the weights."""
 
 SHIPPED = Path(__file__).parents[1] / "models"
 """Folder of the models inside the package, each a folder."""

@@ -171,7 +171,7 @@ class DenoiserConfig:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How the model is sampled where nothing else is asked."""
+    """Sampling settings that apply unless others are given."""
 
     steps: int = 50
     """Sampling steps."""

@@ -30,7 +30,7 @@ SCALE = ".scale"
 """Ends the name of the scales of a matrix in 8 bits, one for each row."""
 
 ENCODER_HASH = "vae_encoder"
-"""Where a file of weights says which encoder it leaves to a shipped model."""
+"""Metadata key of the hash of an encoder that is in a shipped model instead."""
 
 _ENCODER = "vae.encoder."
 _DTYPES = {

@@ -81,7 +81,7 @@ _REFERENCE_HEIGHT = 1.4
 """Distance of the neck from the ankles, meters, for which the radii below are."""
 
 _SOFTNESS = 1.5
-"""How much wider skinning weights blend than the skin, so that bent joints stay round."""
+"""Factor by which skinning weights blend wider than the skin, so that bent joints stay round."""
 
 _INFLUENCES = 4
 

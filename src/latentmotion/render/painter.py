@@ -133,7 +133,7 @@ except ImportError as error:
 
 
 OVERSAMPLING = 2
-"""How much larger a picture is drawn than it is kept, in each direction."""
+"""Supersampling: factor by which a picture is drawn larger, in each direction."""
 
 BACKGROUND = (247, 248, 250)
 INK = (58, 64, 76)

@@ -166,10 +166,10 @@ def _notes(table: Table, result: TableResult) -> list[str]:
 
 
 CURVES = "_curves"
-"""What the page of a table's curves is called after the table."""
+"""Suffix of the page of a table's curves."""
 
 _SUFFIX = re.compile(rf"{CURVES}$|_\d+$")
-"""What pages of curves and of further evaluators have after the table's name."""
+"""Suffix of pages of curves and of further evaluators, behind the table's name."""
 
 _PART = re.compile(r"<!-- table (\w+) -->\n(.*?)<!-- end of table \1 -->", re.DOTALL)
 

@@ -51,7 +51,7 @@ from latentmotion.retarget.rig_files import Take
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 
 RootMotion = Literal["pelvis", "root", "none"]
-"""What root motion moves: the pelvis, the rig's root bone, or nothing (in place)."""
+"""Target of root motion: the pelvis, the rig's root bone, or nothing (in place)."""
 
 
 def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None) -> Animation:

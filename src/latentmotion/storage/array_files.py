@@ -34,7 +34,7 @@ _DAMAGE = (
     *(OSError, EOFError, ValueError, TypeError, SyntaxError, OverflowError, MemoryError),
     *(struct.error, tokenize.TokenError, zlib.error, zipfile.BadZipFile, RuntimeError),
 )
-"""What NumPy and zipfile raise for damaged files, besides each other's."""
+"""Errors that NumPy and zipfile raise for damaged files."""
 
 
 def read_arrays(path: str | Path, wanted: Wanted) -> dict[str, np.ndarray]:

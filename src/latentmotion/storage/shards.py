@@ -22,7 +22,7 @@ from latentmotion.storage.reading import blamed_on, parse_json
 RUN_FILE = "run.json"
 MANIFEST_FILE = "manifest.json"
 RETRIES = 3
-"""How often a cluster tries a shard again whose worker failed."""
+"""Retries on a cluster of a shard whose worker failed."""
 
 
 @dataclass(frozen=True)

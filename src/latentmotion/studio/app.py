@@ -26,7 +26,7 @@ POLICY = (
     "worker-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
 )
-"""What the page may load and run: files of the studio; images and models that the user opens."""
+"""Content security policy: files of the studio; images and models that the user opens."""
 
 PAGE = "index.html"
 """The page among the assets."""

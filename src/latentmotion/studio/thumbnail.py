@@ -9,7 +9,7 @@ from latentmotion.representation.canonical import heading
 
 _FIGURES = 5
 _TURNED = np.radians(38)
-"""How far figures are turned from the front, so that arms and legs part."""
+"""Angle of figures from the front, so that arms and legs are seen apart."""
 
 _WIDTH, _HEIGHT, _PIXELS = 100, 120, 58
 """Room of a figure, height of the strip, pixels per meter."""

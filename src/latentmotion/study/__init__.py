@@ -1,1 +1,1 @@
-"""Blind studies of two models: one page for raters, and the report of what they answered."""
+"""Blind studies of two models: one page for raters, and the report of their answers."""

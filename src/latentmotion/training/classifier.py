@@ -170,7 +170,7 @@ def best_loss(path: Path) -> float:
 
 
 BEST = "best.safetensors"
-"""Where in a run folder the weights are kept that did best on the val split."""
+"""File in a run folder with the weights that were best on the val split."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the denoiser minimizes (paper, eq. 4): ‖target − denoiser(z_t, t, condition)‖².
+"""Loss of the denoiser (paper, eq. 4): ‖target − denoiser(z_t, t, condition)‖².
 
 z_t = α z_0 + σ ε; the target is the noise, the latents or the velocity, as its parametrization
 says.

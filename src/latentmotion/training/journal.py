@@ -1,4 +1,4 @@
-"""What a run shows: progress with time left, journal, TensorBoard's events, sampled motions."""
+"""Output of a run: progress with time left, journal, TensorBoard's events, sampled motions."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from latentmotion.storage.files import atomic_file
 NAME = "journal.jsonl"
 
 LOGGERS = "LATENTMOTION_LOGGERS"
-"""Environment variable: names of plugins that are told the figures too, with commas between."""
+"""Environment variable: names of plugins that receive the figures, separated by commas."""
 
 
 class Journal:

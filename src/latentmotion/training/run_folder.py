@@ -59,7 +59,7 @@ _MACHINE = re.compile(r"(?:\w+\.)*\w*training\.(?:precision|parallel) \(.*\)")
 """Settings that may differ when a run is resumed."""
 
 MODEL = "model"
-"""Where in a run folder the trained model is put."""
+"""Folder of the trained model in a run folder."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What steers the diffusion in training, by task: sentences, action labels or nothing.
+"""Conditions of the diffusion in training, by task: sentences, action labels or nothing.
 
 An item's captions are what it is steered by: its sentences, the label of its clip, or none. So a
 crop's caption is its prompt, whatever the task is, and the empty one stands for no condition.

@@ -36,7 +36,7 @@ _PARTS = (
     *("describe/__init__.py", "describe/asked.py", "describe/claims.py", "describe/facts.py"),
     *("viewer/__init__.py", "viewer/marks.py", "viewer/page.py", "viewer/template.html"),
 )
-"""What of this package cleans up and writes motion; `viewer.js` lies beside the site's page."""
+"""Modules that clean up and write motion; `viewer.js` lies beside the site's page."""
 
 _LIBRARIES = {
     "array-api-compat": ("__init__.py", "_internal.py", "common", "numpy"),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 NAME = "latentmotion"
 REMEMBERED = Path(__file__).parent / "command.txt"
-"""File with the path of the command that wrote this add-on, if it was told to."""
+"""File with the path of the command that wrote this add-on, if any."""
 
 _BINARIES = ("bin", "Scripts")
 _ENVIRONMENTS = (".venv", "venv", "latentmotion/.venv", "latentmotion", ".local")

@@ -90,7 +90,7 @@ ACTIONS: Mapping[str, str] = {
     "shoot_near": "runs up, jumps and shoots a basketball from close to the hoop",
     "walk": "walks",
 }
-"""What a person does, by the annotators' word."""
+"""Sentences of the annotators' words."""
 
 _PACES = {
     **{"VFast": "very fast", "Fast": "fast", "Slow": "slowly", "Normal": ""},

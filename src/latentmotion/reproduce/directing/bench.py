@@ -34,7 +34,7 @@ CLIP = "clip"
 T = TypeVar("T")
 
 Rows = Mapping[str, Values]
-"""What was measured, by row."""
+"""Measured figures, by row."""
 
 USUAL = ("FID", "R@3", "Sliding, cm/s", "Jitter, m/s³")
 """Columns that rows of most experiments have; they come last."""

@@ -20,7 +20,7 @@ Joints = Float[np.ndarray, "frames joints 3"]
 Seen = Bool[np.ndarray, "frames joints"]
 
 _STIFFNESSES = (1e5, 1e4, 1e3, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.1)
-"""What bending counts beside distances, frames³, the stiffest first."""
+"""Weight of bending beside distances, frames³, the stiffest first."""
 
 _CHANGES = (3.0, 10.0, 30.0, 100.0, 300.0)
 """Deviations of what changes the acceleration in a second, m/s³ by √Hz, of which one is taken."""

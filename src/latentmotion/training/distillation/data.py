@@ -126,22 +126,22 @@ SPREAD = 0.15
 
 @dataclass(frozen=True)
 class DistillationData:
-    """A teacher, and what it is asked."""
+    """A teacher and the settings of its trajectories."""
 
     model: LatentModel
     """The teacher, both its stages."""
     teacher: Teacher
     """Its denoiser, guided."""
     former: Teacher
-    """Who answers drawn prompts: the teacher, or a model whose answers are to be kept."""
+    """Model of the drawn prompts' motions: the teacher, or one whose behavior is to be kept."""
     dataset: Dataset
-    """Where motions are."""
+    """Prepared motions."""
     clips: tuple[Clip, ...]
     """Those to learn from."""
     seen: tuple[Item, ...]
-    """Their items, whose captions the teacher may be asked."""
+    """Their items; the teacher generates from their captions."""
     held_out: tuple[Crop, ...]
-    """What it is asked to be compared with alone."""
+    """Crops for evaluation only."""
     asked: tuple[tuple[Crop, Instruction], ...]
     """Drawn prompts with their checks, as crops of the length to generate."""
     settings: Distillation
