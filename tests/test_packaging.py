@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import json
 import re
+import subprocess
 import sys
 import tomllib
 from importlib import import_module
@@ -141,3 +142,14 @@ def test_containers_copy_what_the_build_reads(name: str) -> None:
     extras = re.search(r'"/source\[(.+)\]"', text)
     assert extras and set(extras[1].split(",")) <= set(PROJECT["project"]["optional-dependencies"])
     assert re.search(r"^USER [1-9]", text, re.M)
+
+
+def test_tree_and_data_pack_stay_small() -> None:
+    """Issue 10 asks for 60 MiB in the end."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("needs a checkout")
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    names = [name for name in listed.stdout.decode().split("\0") if (ROOT / name).is_file()]
+    sizes = {name: (ROOT / name).stat().st_size for name in names}
+    largest = sorted(sizes, key=lambda name: -sizes[name])[:10]
+    assert sum(sizes.values()) <= 61.5 * 2**20, [(name, sizes[name]) for name in largest]
