@@ -71,7 +71,7 @@ _ANIMATED = (".bvh", ".fbx", ".glb", ".gltf", ".amc", ".usda", ".usdc", ".usdz",
 """Endings of files that hold a skeleton with rotations; others hold joints."""
 
 _LEAST_MOVED = 6.0
-"""Degrees by which the second frame leaves a T-pose that was put before a motion."""
+"""Least degrees between a T-pose that was put before a motion and the motion itself."""
 
 _NEEDED, _OPTIONAL = ("file", "caption"), ("from", "to", "split", "action")
 
