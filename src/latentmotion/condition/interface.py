@@ -81,14 +81,13 @@ class TextEncoder(Protocol):
 
 def stack(rows: Sequence[TextEmbedding]) -> TextEmbedding:
     """Returns several embeddings as one batch, words filled with zeros to the longest."""
+    if len(rows) == 1:
+        return rows[0]
     longest = max(row.mask.shape[1] for row in rows)
-    return TextEmbedding(
-        np.concatenate([row.pooled for row in rows]),
-        np.concatenate([_widen(row.words, longest) for row in rows]),
-        np.concatenate([_widen(row.mask, longest) for row in rows]),
-    )
-
-
-def _widen(array: np.ndarray, words: int) -> np.ndarray:
-    missing = words - array.shape[1]
-    return np.pad(array, [(0, 0), (0, missing)] + [(0, 0)] * (array.ndim - 2))
+    count = sum(len(row.mask) for row in rows)
+    words = np.zeros((count, longest, rows[0].words.shape[2]), rows[0].words.dtype)
+    mask, at = np.zeros((count, longest), bool), 0
+    for row in rows:
+        part = slice(at, at := at + len(row.mask)), slice(row.mask.shape[1])
+        words[part], mask[part] = row.words, row.mask
+    return TextEmbedding(np.concatenate([row.pooled for row in rows]), words, mask)

@@ -39,7 +39,7 @@ SENTENCES_PER_FILE = 512
 class MemoryCachedTextEncoder:
     """A text encoder that keeps embeddings in memory; threads may share it.
 
-    Sentences are read one by one, so that an embedding does not depend on the company.
+    New ones of a batch are read together; an embedding does not depend on the company.
     """
 
     encoder: TextEncoder
@@ -65,19 +65,18 @@ class MemoryCachedTextEncoder:
         Raises:
             InputError: There is no sentence.
         """
-        found = []
-        for sentence in sentences:
-            with self._lock:
-                embedding = self._known.get(sentence)
-            if embedding is None:
-                embedding = self.encoder([sentence])
-            with self._lock:
-                self._known[sentence] = embedding
-                self._known.move_to_end(sentence)
-                while self.most is not None and len(self._known) > self.most:
-                    self._known.popitem(last=False)
-            found.append(embedding)
-        return stack(found) if found else self.encoder(sentences)
+        with self._lock:
+            found = {text: self._known[text] for text in sentences if text in self._known}
+        new = [text for text in dict.fromkeys(sentences) if text not in found]
+        if new or not sentences:
+            found |= _rows_of(new, self.encoder(new))
+        with self._lock:
+            for text in sentences:
+                self._known[text] = found[text]
+                self._known.move_to_end(text)
+            while self.most is not None and len(self._known) > self.most:
+                self._known.popitem(last=False)
+        return stack([found[text] for text in sentences])
 
 
 @dataclass(frozen=True, eq=False)

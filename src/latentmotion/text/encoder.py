@@ -1,8 +1,8 @@
 """Text encoders: sentences to embeddings by an ONNX graph and a tokenizer, without PyTorch.
 
-Sentences go through the graph one at a time: padding would only cost time, and so an embedding
-does not depend on the other sentences of a batch, not even in the last bit. If an encoder needs
-padding, as CLIP does to 77 tokens, its tokenizer's file says so.
+An embedding does not depend on the other sentences of a batch, not even in the last bit. Padding
+would only cost time: the distilled encoder reads sentences of equal length together, any other one
+at a time. If an encoder needs padding, as CLIP does to 77 tokens, its tokenizer's file says so.
 """
 
 from __future__ import annotations
@@ -17,11 +17,16 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Int
 
+from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
 from latentmotion.engine.session import onnxruntime_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import text_encoder_files
+
+_TOGETHER = 32
+"""Sentences that the distilled encoder reads together at most, which bounds memory."""
 
 
 class UnknownWordsWarning(UserWarning):
@@ -62,16 +67,25 @@ class GraphTextEncoder:
         """
         if not sentences:
             raise InputError("no sentence to encode; give at least one")
-        embeddings = {}
+        alike: dict[int, dict[str, list[int]]] = {}
         for sentence in dict.fromkeys(sentences):
             encoding = self.tokenizer.encode(sentence)
             if encoding.overflowing:
                 warn_of_length(sentence, len(encoding.ids))
-            tokens = np.array([encoding.ids], np.int64)
-            mask = np.ones(tokens.shape, dtype=bool)
-            pooled, words = self.session.run(None, {"tokens": tokens, "mask": mask})
-            embeddings[sentence] = TextEmbedding(pooled, words, mask)
+            alike.setdefault(len(encoding.ids), {})[sentence] = encoding.ids
+        embeddings: dict[str, TextEmbedding] = {}
+        for pieces in alike.values():
+            rows = self.read(np.array([*pieces.values()], np.int64))
+            embeddings.update(zip(pieces, rows, strict=True))
         return stack([embeddings[sentence] for sentence in sentences])
+
+    def read(self, tokens: Int[np.ndarray, "batch words"]) -> list[TextEmbedding]:
+        """Returns the embedding of each sentence of word pieces, all of one length."""
+        return [TextEmbedding(*self._run(row[None])) for row in tokens]
+
+    def _run(self, tokens: Int[np.ndarray, "batch words"]) -> tuple[Any, Any, Any]:
+        mask = np.ones(tokens.shape, dtype=bool)
+        return *self.session.run(None, {"tokens": tokens, "mask": mask}), mask
 
     def unknown_words(self, sentence: str) -> list[str]:
         """Returns no words: this encoder does not tell known words from others."""
@@ -84,6 +98,19 @@ class StudentTextEncoder(GraphTextEncoder):
 
     known_words: frozenset[str]
     """Words of several pieces that occurred in training."""
+
+    def read(self, tokens: Int[np.ndarray, "batch words"]) -> list[TextEmbedding]:
+        """Returns the embedding of each sentence; many go through the graph together.
+
+        Rows of the graph's words do not depend on one another. Its pooled vectors do in the last
+        bit, so they are computed here: the mean of the words, at unit length.
+        """
+        found: list[TextEmbedding] = []
+        for first in range(0, len(tokens), _TOGETHER):
+            _, words, mask = self._run(tokens[first : first + _TOGETHER])
+            rows = (slice(row, row + 1) for row in range(len(words)))
+            found += [TextEmbedding(unit(words[r].mean(1)), words[r], mask[r]) for r in rows]
+        return found
 
     @classmethod
     def load(cls, folder: str | Path, threads: int = 1) -> StudentTextEncoder:
