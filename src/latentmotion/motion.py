@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
+from latentmotion.progress import counted
 from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS
 
 if TYPE_CHECKING:
@@ -202,6 +203,36 @@ class Motion:
         from latentmotion.viewer.page import notebook_html
 
         return notebook_html(self)
+
+
+_TOGETHER = 32
+"""Motions that are worked on together at most, which bounds memory."""
+
+
+def alike(motions: Sequence[Motion]) -> list[list[int]]:
+    """Returns which motions can be worked on together: those of one length, rate and skeleton."""
+    found: dict[tuple[int, float, Skeleton], list[int]] = {}
+    for number, motion in enumerate(motions):
+        found.setdefault((len(motion), motion.fps, motion.skeleton), []).append(number)
+    return [
+        every[first : first + _TOGETHER]
+        for every in found.values()
+        for first in range(0, len(every), _TOGETHER)
+    ]
+
+
+def animations(motions: Sequence[Motion]) -> list[Animation]:
+    """Returns what `Motion.animation` does; those of one length are solved together, faster."""
+    from latentmotion.kinematics.inverse_kinematics import solve_batch
+
+    new = [motion for motion in motions if "_solved" not in motion.__dict__]
+    for numbers in counted(alike(new), "finding rotations"):
+        first = new[numbers[0]]
+        joints = np.stack([new[number].joints for number in numbers], axis=1)
+        found = solve_batch(joints, first.fps, first.skeleton)
+        for number, animation in zip(numbers, found, strict=True):
+            new[number].__dict__["_solved"] = animation
+    return [motion.animation() for motion in motions]
 
 
 def cleaned(motions: Sequence[Motion], steps: CleanUp | None = None) -> list[Motion]:

@@ -17,8 +17,7 @@ from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian, smooth
 from latentmotion.cleanup.turning import Turn, exact_turns
 from latentmotion.errors import InputError
-from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.motion import Motion
+from latentmotion.motion import Motion, alike
 from latentmotion.progress import counted
 
 Joints = Float[np.ndarray, "frames motions joints 3"]
@@ -30,10 +29,6 @@ class CleanUpWarning(UserWarning):
 
 _FAR = 0.25
 """Meters that a joint may move for constant bone lengths without a warning."""
-
-
-_TOGETHER = 32
-"""Motions that are cleaned together at most, which bounds memory."""
 
 
 @dataclass(frozen=True)
@@ -86,16 +81,8 @@ def clean_batch(motions: Sequence[Motion], steps: CleanUp = CleanUp()) -> list[M
     Warns:
         CleanUpWarning: As `clean` does.
     """
-    alike: dict[tuple[int, float, Skeleton], list[int]] = {}
-    for number, motion in enumerate(motions):
-        alike.setdefault((len(motion), motion.fps, motion.skeleton), []).append(number)
     cleaned = list(motions)
-    batches = [
-        every[first : first + _TOGETHER]
-        for every in alike.values()
-        for first in range(0, len(every), _TOGETHER)
-    ]
-    for numbers in counted(batches, "cleaning up"):
+    for numbers in counted(alike(motions), "cleaning up"):
         batch = [motions[n] for n in numbers]
         joints = np.stack([motion.joints for motion in batch], axis=1).astype(np.float64)
         made: list[float | None] = [None] * len(batch)

@@ -20,8 +20,7 @@ from latentmotion.formats.engines import mannequin_of
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
-from latentmotion.motion import Motion
-from latentmotion.progress import counted
+from latentmotion.motion import Motion, animations
 from latentmotion.render.mannequin import Mannequin
 
 _COLOR = (0.10, 0.215, 0.552, 1.0)
@@ -54,8 +53,8 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
     """
     if any(motion.skeleton.names != motions[0].skeleton.names for motion in motions):
         raise InputError("the takes of one .glb file must share a skeleton; write several files")
-    animations = [motion.animation() for motion in counted(motions, "finding rotations")]
-    skeleton = animations[0].skeleton
+    found = animations(motions)
+    skeleton = found[0].skeleton
     axes, rest = bone_axes(skeleton, miss), skeleton.offsets
     # All takes animate the same joints, those that any take moves: a program that changes takes
     # leaves what the second does not animate where the first has left it.
@@ -63,7 +62,7 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
         joint
         for joint in range(len(rest))
         if joint == 0
-        or any(np.abs(_translations(a, joint) - rest[joint]).max() > _SAME for a in animations)
+        or any(np.abs(_translations(a, joint) - rest[joint]).max() > _SAME for a in found)
     ]
     offsets = axes.offsets(np.array(rest, dtype=np.float64))
     offsets[0] = _standing(skeleton)
@@ -80,7 +79,7 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
         **_figure(mannequin_of(skeleton), axes, document),
         "animations": [
             _animation(motion, animation, axes, moving, number, document)
-            for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1)
+            for number, (motion, animation) in enumerate(zip(motions, found, strict=True), 1)
         ],
     }
     return document

@@ -28,7 +28,7 @@ rest pose and toes. Two steps, both exact:
 
 A bone's direction fixes two of its three degrees of freedom. The third, the twist, comes from:
 
-    pelvis, chest    the rigid rotation that fits all bones that leave them (Kabsch)
+    pelvis, chest    the rigid rotation that fits all bones that leave them
     spine between    interpolated from the pelvis' rotation to the chest's, then swing only
     hip, shoulder    the hinge: knee and elbow bend about one axis, normal to the limb's plane;
                      for straight limbs see `hinge.py`
@@ -40,16 +40,19 @@ bones have the motion's median lengths, so that forward kinematics gives the sam
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.arrays import cross, unit
+from latentmotion.arrays import cross, quantile, unit
 from latentmotion.kinematics.rotations import (
     matrix_between,
     matrix_from_quaternion,
+    quaternion_between,
     quaternion_from_matrix,
+    quaternion_rotate,
     slerp,
 )
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
@@ -66,15 +69,18 @@ _SHARE = 0.5
 _TOLERANCE = 1.1
 """Ratio to the pace above which a turn is slowed down."""
 
+_NEWTON = 10
+"""Steps of Newton's method, which doubles the digits of a root in each."""
+
 
 def hinge(
-    axis: Float[np.ndarray, "frames 3"],
-    normal: Float[np.ndarray, "frames 3"],
-    prior: Float[np.ndarray, "frames 3"],
+    axis: Float[np.ndarray, "frames *limbs 3"],
+    normal: Float[np.ndarray, "frames *limbs 3"],
+    prior: Float[np.ndarray, "frames *limbs 3"],
     stiffness: float,
-    pace: Float[np.ndarray, " steps"],
-) -> Float[np.ndarray, "frames 3"]:
-    """Returns the hinge of a limb, a unit vector normal to its upper bone in every frame.
+    pace: Float[np.ndarray, " steps *limbs"],
+) -> Float[np.ndarray, "frames *limbs 3"]:
+    """Returns the hinges of limbs, unit vectors normal to their upper bones in every frame.
 
     Args:
         axis: Direction of the upper bone, in its parent's frame.
@@ -83,83 +89,84 @@ def hinge(
         stiffness: λ, per frame.
         pace: Greatest turn about the bone from each frame to the next, radians.
     """
+    shape, pace = axis.shape, pace.reshape(len(pace), axis[0].size // 3)
+    axis, normal, prior = (x.reshape(len(x), -1, 3) for x in (axis, normal, prior))
     first = _carried(axis)
-    frame = np.stack([first, cross(axis, first)], axis=1)
+    frame = np.stack([first, cross(axis, first)], axis=2)
     weight, trust = (normal**2).sum(-1), np.linalg.norm(prior, axis=-1)
-    plane, prior = (unit(np.einsum("tij,tj->ti", frame, x)) for x in (normal, prior))
-    signed = plane * (weight * _signs(plane, weight, prior))[:, None]
-    every = np.full(len(pace), stiffness)
-    direction = _solve_chain(weight + trust, every, signed + prior * trust[:, None])
-    wanted = angle = np.unwrap(np.arctan2(direction[:, 1], direction[:, 0]))
-    resistance = np.zeros_like(every)
+    plane, prior = (unit((frame @ x[..., None])[..., 0]) for x in (normal, prior))
+    signed = plane * (weight * _signs(plane, weight, prior))[..., None]
+    every = np.full(pace.shape, stiffness)
+    right = np.moveaxis(signed + prior * trust[..., None], -1, 0)
+    x, y = _solve_chain(weight + trust, every, right)
+    wanted = angle = np.unwrap(np.arctan2(y, x), axis=0)
+    resistance, ends = np.zeros_like(every), np.zeros((1, every.shape[1]))
     for _ in range(_ROUNDS):  # turns faster than the pace are spread over the frames around them
-        excess = np.abs(np.diff(angle)) / pace
-        if not (excess > _TOLERANCE).any():
+        excess = np.abs(np.diff(angle, axis=0)) / pace
+        fast = (excess > _TOLERANCE).any(axis=0)
+        if not fast.any():
             break
         raised = np.maximum(resistance, every) * np.minimum(excess, 4) ** 2
         resistance = np.where(excess > 1, raised, resistance)
-        before, after = np.append(resistance[1:], 0), np.append(0, resistance[:-1])
-        resistance = np.maximum(resistance, _SHARE * np.maximum(before, after))
-        right = ((weight + trust) * wanted)[:, None]
-        angle = _solve_chain(weight + trust, resistance, right)[:, 0]
-    return np.einsum("tij,ti->tj", frame, np.stack([np.cos(angle), np.sin(angle)], axis=-1))
+        padded = np.concatenate([ends, resistance, ends])
+        resistance = np.maximum(resistance, _SHARE * np.maximum(padded[2:], padded[:-2]))
+        slower = _solve_chain(weight + trust, resistance, ((weight + trust) * wanted)[None])[0]
+        angle = np.where(fast, slower, angle)
+    about = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[..., None, :]
+    return (about @ frame).reshape(shape)
 
 
-def _carried(axis: Float[np.ndarray, "frames 3"]) -> Float[np.ndarray, "frames 3"]:
-    """Returns a normal of an axis that does not turn about it: parallel transport."""
-    start = unit(cross(axis[0], np.eye(3)[np.argmin(np.abs(axis[0]))]))
-    x, y, z = start.tolist()
+def _carried(axis: Float[np.ndarray, "frames limbs 3"]) -> Float[np.ndarray, "frames limbs 3"]:
+    """Returns normals of axes that do not turn about them: parallel transport."""
+    found = np.empty((*axis.shape, 1))
+    found[0, ..., 0] = unit(cross(axis[0], np.eye(3)[np.abs(axis[0]).argmin(-1)]))
     halves = axis[:-1] + axis[1:]
     squares = 0.5 * (halves**2).sum(-1)  # 1 + the cosine of the step
-    found = [(x, y, z)]
-    steps = zip(axis[1:].tolist(), halves.tolist(), squares.tolist(), strict=True)
-    for (a, b, c), (u, v, w), square in steps:
-        along = (a * x + b * y + c * z) / square if square > 1e-6 else 0.0
-        x, y, z = x - along * u, y - along * v, z - along * w
-        found.append((x, y, z))
-    return np.array(found)
+    scaled = np.where(squares > 1e-6, 1 / np.maximum(squares, 1e-6), 0)[..., None] * axis[1:]
+    steps = np.eye(3) - halves[..., None] * scaled[..., None, :]
+    for t, step in enumerate(steps):
+        np.matmul(step, found[t], out=found[t + 1])
+    return found[..., 0]
 
 
 def _signs(
-    plane: Float[np.ndarray, "frames 2"],
-    weight: Float[np.ndarray, " frames"],
-    prior: Float[np.ndarray, "frames 2"],
-) -> Float[np.ndarray, " frames"]:
+    plane: Float[np.ndarray, "frames limbs 2"],
+    weight: Float[np.ndarray, "frames limbs"],
+    prior: Float[np.ndarray, "frames limbs 2"],
+) -> Float[np.ndarray, "frames limbs"]:
     """Chooses for each frame: the limb bends naturally (1), or beyond straight (-1)."""
     natural = weight * (weight + _PRIOR * (plane * prior).sum(-1))
     pull = _CONTINUITY * np.minimum(weight[1:], weight[:-1]) * (plane[1:] * plane[:-1]).sum(-1)
-    first = float(natural[0])
-    bends, beyond, choices = -first, first, []  # least costs of paths to either sign
-    for unary, pair in zip(natural[1:].tolist(), pull.tolist(), strict=True):
-        stays, comes = (bends - pair, beyond + pair), (bends + pair, beyond - pair)
-        choices.append((stays[1] < stays[0], comes[1] < comes[0]))
-        bends, beyond = min(stays) - unary, min(comes) + unary
-    path = [beyond < bends]
-    for before in reversed(choices):
-        path.append(before[path[-1]])
-    return np.where(path[::-1], -1.0, 1.0)
+    # By how much more the best path that ends naturally costs than the best that ends beyond.
+    more, most, turn = -2 * natural, 2 * np.abs(pull), np.sign(pull)
+    for t in range(len(pull)):
+        more[t + 1] += turn[t] * np.minimum(np.maximum(more[t], -most[t]), most[t])
+    beyond = more > 0
+    # Which sign the frame before has, if this one bends naturally, and if it bends beyond.
+    natural_after, beyond_after = more[:-1] > 2 * pull, more[:-1] > -2 * pull
+    for t in reversed(range(len(pull))):
+        beyond[t] = np.where(beyond[t + 1], beyond_after[t], natural_after[t])
+    return np.where(beyond, -1.0, 1.0)
 
 
 def _solve_chain(
-    weight: Float[np.ndarray, " frames"],
-    stiffness: Float[np.ndarray, " steps"],
-    wanted: Float[np.ndarray, "frames width"],
-) -> Float[np.ndarray, "frames width"]:
-    """Solves the tridiagonal system (diag(w) + Laplacian of λ) x = wanted, by Thomas' algorithm."""
-    links = np.concatenate([[0.0], stiffness, [0.0]])
-    diagonal = (weight + links[:-1] + links[1:]).tolist()
-    factors = []
-    for t, link in enumerate(stiffness.tolist(), start=1):
-        factors.append(link / diagonal[t - 1])
-        diagonal[t] -= factors[-1] * link
-    columns = wanted.T.tolist()
-    for column in columns:
-        for t, factor in enumerate(factors, start=1):
-            column[t] += factor * column[t - 1]
-        column[:] = [value / pivot for value, pivot in zip(column, diagonal, strict=True)]
-        for t in range(len(factors) - 1, -1, -1):
-            column[t] += factors[t] * column[t + 1]
-    return np.stack([np.array(column) for column in columns], axis=1)
+    weight: Float[np.ndarray, "frames limbs"],
+    stiffness: Float[np.ndarray, "steps limbs"],
+    wanted: Float[np.ndarray, "columns frames limbs"],
+) -> Float[np.ndarray, "columns frames limbs"]:
+    """Solves the tridiagonal systems (diag(w) + Laplacian of λ) x = wanted by Thomas' algorithm."""
+    diagonal, found = weight.copy(), np.moveaxis(wanted, 1, 0).copy()
+    diagonal[:-1] += stiffness
+    diagonal[1:] += stiffness
+    factors = np.empty_like(stiffness)
+    for t, link in enumerate(stiffness):
+        factor = np.divide(link, diagonal[t], out=factors[t])
+        diagonal[t + 1] -= factor * link
+        found[t + 1] += factor * found[t]
+    found /= diagonal[:, None]
+    for t in reversed(range(len(factors))):
+        found[t] += factors[t] * found[t + 1]
+    return np.moveaxis(found, 0, 1)
 
 
 RIGID_TOLERANCE = 0.002
@@ -216,105 +223,123 @@ def solve(
         The animation. Its skeleton has the median bone lengths of the motion. It has
         `translations` only where the bones that leave pelvis or chest are not rigid.
     """
-    return _Solver(np.asarray(joints, dtype=np.float64), fps, skeleton).animation()
+    return solve_batch(joints[:, None], fps, skeleton)[0]
+
+
+def solve_batch(
+    joints: Float[np.ndarray, "frames motions joints 3"], fps: float, skeleton: Skeleton
+) -> list[Animation]:
+    """Finds the rotations of several motions, each as `solve` does; together takes less time."""
+    return _Solver(np.asarray(joints, dtype=np.float64), fps, skeleton).animations()
 
 
 class _Solver:
-    """State of the solution: directions of the bones, rest pose, world rotations so far."""
+    """State of the solution: directions of the bones, rest poses, world rotations so far."""
 
     def __init__(
-        self, joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
+        self, joints: Float[np.ndarray, "frames motions joints 3"], fps: float, skeleton: Skeleton
     ) -> None:
         self.joints, self.fps, self.skeleton = joints, fps, skeleton
         self.children = [skeleton.children(joint) for joint in range(len(skeleton))]
         self.branches = [j for j, children in enumerate(self.children) if len(children) > 1]
-        bones = joints - joints[:, [max(parent, 0) for parent in skeleton.parents]]
+        bones = joints - joints[..., [max(parent, 0) for parent in skeleton.parents], :]
         lengths = np.linalg.norm(bones, axis=-1)
-        self.lengths = np.median(lengths, axis=0)
-        self.rest = unit(np.array(skeleton.offsets, dtype=np.float64))
+        self.lengths = quantile(lengths, 0.5)
+        rest = unit(np.array(skeleton.offsets, dtype=np.float64))
         for joint, name in enumerate(skeleton.names):  # the bone directions of a T-pose
             side = {"left": 1.0, "right": -1.0}.get(name.partition("_")[0], 0.0)
             if name.endswith(("shoulder", "elbow", "wrist")):
-                self.rest[joint] = (side, 0, 0)
+                rest[joint] = (side, 0, 0)
             elif name.endswith("collar"):
-                self.rest[joint] = unit(np.array([side, 1.0, 0.0]))
+                rest[joint] = unit(np.array([side, 1.0, 0.0]))
             elif (lean := _STRADDLE.get(name.rpartition("_")[2])) is not None:
-                self.rest[joint] = (side * np.sin(lean), -np.cos(lean), 0)
+                rest[joint] = (side * np.sin(lean), -np.cos(lean), 0)
             elif name in ("head", "neck"):
-                self.rest[joint] = (0, 1, 0)
+                rest[joint] = (0, 1, 0)
+        self.rest = np.repeat(rest[None], joints.shape[1], axis=0)
         known = lengths[..., None] > 1e-6
-        self.bones = np.where(known, bones / np.maximum(lengths, 1e-6)[..., None], self.rest)
+        self.bones = np.where(known, bones / np.maximum(lengths, 1e-6)[..., None], rest)
         # Of each joint; the last is the root's parent.
-        self.world = np.tile(np.eye(3), (len(skeleton) + 1, len(joints), 1, 1))
+        self.world = np.tile(np.eye(3), (len(skeleton) + 1, *joints.shape[:2], 1, 1))
 
-    def animation(self) -> Animation:
+    def animations(self) -> list[Animation]:
         for branch in self.branches:
             self.world[branch] = self._fit_branch(branch)
         self._fit_feet_and_head()
         for level in self._levels():
             self._turn(level)
-        world = np.ascontiguousarray(np.moveaxis(self.world[:-1], 0, 1))
+        rotations = self.skeleton.local_rotations(np.moveaxis(self.world[:-1], 0, 2))
         # Joints around pelvis and chest move where rotations alone cannot reach them.
-        offsets = self.rest * self.lengths[:, None]
+        offsets = self.rest * self.lengths[..., None]
         translations = np.repeat(offsets[None], len(self.joints), axis=0)
         for branch in self.branches:
-            for child in self.children[branch]:
-                bone = self._local_bone(child, branch)
-                translations[:, child] = bone * self.lengths[child]
-        moves = np.linalg.norm(translations - offsets, axis=-1).max() > RIGID_TOLERANCE
-        return Animation(
-            skeleton=replace(self.skeleton, offsets=offsets),
-            rotations=self.skeleton.local_rotations(world),
-            root_positions=self.joints[:, 0],
-            fps=self.fps,
-            translations=translations if moves else None,
-        )
+            children = list(self.children[branch])
+            bones = np.moveaxis(self._local_bones(children, [branch] * len(children)), 0, 2)
+            translations[:, :, children] = bones * self.lengths[:, children, None]
+        moves = np.linalg.norm(translations - offsets, axis=-1).max(axis=(0, 2)) > RIGID_TOLERANCE
+        return [
+            Animation(
+                skeleton=replace(self.skeleton, offsets=offsets[motion]),
+                rotations=np.ascontiguousarray(rotations[:, motion]),
+                root_positions=self.joints[:, motion, 0],
+                fps=self.fps,
+                translations=np.ascontiguousarray(translations[:, motion]) if moved else None,
+            )
+            for motion, moved in enumerate(moves.tolist())
+        ]
 
-    def _fit_branch(self, joint: int) -> Float[np.ndarray, "frames 3 3"]:
-        """Fits rotation (Kabsch 1976) and rest directions of the bones that leave a joint."""
+    def _fit_branch(self, joint: int) -> Float[np.ndarray, "frames motions 3 3"]:
+        """Fits rotation and rest directions of the bones that leave a joint."""
         children = list(self.children[joint])
         # The hips say how the pelvis is turned; the spine bends above it and has less of a say.
         spine = [self.skeleton.names[child].startswith("spine") for child in children]
-        weights = np.where(spine, 0.2, 1.0)
-        bones = self.bones[:, children]
+        weights = np.where(spine, 0.2, 1.0)[:, None]
+        bones = np.ascontiguousarray(self.bones[:, :, children])
         for _ in range(3):
-            rest = self.rest[children]
-            u, _, vt = np.linalg.svd(np.einsum("c,tci,cj->tij", weights, bones, rest))
-            u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-            rotation = u @ vt
-            self.rest[children] = unit(np.einsum("tij,tci->cj", rotation, bones))
+            rest = weights * self.rest[:, children]
+            rotation = _nearest_rotation(np.swapaxes(bones, -1, -2) @ rest)
+            self.rest[:, children] = unit((bones @ rotation).sum(axis=0))
         return rotation
 
     def _levels(self) -> list[list[int]]:
-        """Returns the joints that are no branches, those of one depth together, rising."""
-        levels: dict[int, list[int]] = {}
-        depths = {-1: -1}
-        for joint, parent in enumerate(self.skeleton.parents):
+        """Returns the joints that are no branches, parents first; all limbs turn together."""
+        parents, depths = self.skeleton.parents, {-1: -1}
+        for joint, parent in enumerate(parents):
             depths[joint] = depths[parent] + 1
+        limbs = {joint: limb for joint in depths if (limb := self._limb_from(joint))}
+        latest = max((depths[joint] for joint in limbs), default=0)
+        levels: dict[int, list[int]] = {}
+        for joint, parent in enumerate(parents):
+            depths[joint] = latest if joint in limbs else depths[parent] + 1
             if joint not in self.branches:
                 levels.setdefault(depths[joint], []).append(joint)
         return [levels[depth] for depth in sorted(levels)]
 
+    def _limb_from(self, joint: int) -> Limb | None:
+        """Returns the limb whose upper bone leaves a joint, if there is one."""
+        names = self.skeleton.names
+        limb = _LIMB_OF.get(names[joint]) if joint >= 0 and self.children[joint] else None
+        return limb if limb is not None and set(limb.joints) <= set(names) else None
+
     def _turn(self, joints: list[int]) -> None:
         """Turns limbs about their hinges, other bones by the shortest rotation."""
-        names, parents = self.skeleton.names, self.skeleton.parents
-        swinging = []
+        parents = self.skeleton.parents
+        limbs = {joint: limb for joint in joints if (limb := self._limb_from(joint))}
+        if limbs:
+            above = [parents[joint] for joint in limbs]
+            self.world[list(limbs)] = self._turn_limbs([*limbs.values()], above)
         for joint in joints:
-            limb = _LIMB_OF.get(names[joint])
             if not self.children[joint]:
                 self.world[joint] = self.world[parents[joint]]
-            elif limb is not None and set(limb.joints) <= set(names):
-                self.world[joint] = self._turn_limb(limb, parents[joint])
-            else:
-                swinging.append(joint)
+        swinging = [joint for joint in joints if self.children[joint] and joint not in limbs]
         if swinging:
             children = [self.children[joint][0] for joint in swinging]
             before = np.stack([self._reference(joint) for joint in swinging])
-            rest = np.einsum("ctij,cj->cti", before, self.rest[children])
-            bones = np.moveaxis(self.bones[:, children], 1, 0)
-            self.world[swinging] = matrix_between(rest, bones) @ before
+            rest = np.moveaxis(self.rest[:, children], 1, 0)[:, None, ..., None]
+            bones = np.moveaxis(self.bones[:, :, children], 2, 0)
+            self.world[swinging] = matrix_between((before @ rest)[..., 0], bones) @ before
 
-    def _reference(self, joint: int) -> Float[np.ndarray, "frames 3 3"]:
+    def _reference(self, joint: int) -> Float[np.ndarray, "frames motions 3 3"]:
         """Returns the rotation from which a bone swings, most often its parent's."""
         parent = self.skeleton.parents[joint]
         end, steps = joint, 0
@@ -329,44 +354,94 @@ class _Solver:
     def _fit_feet_and_head(self) -> None:
         """Takes as rest pose of the feet how they stand, and of the head how it is mostly held."""
         feet = [f for f in (self.skeleton.left_foot, self.skeleton.right_foot) if len(f) == 2]
-        slopes = []
-        for ankle, toe in feet:  # angle below the horizontal where the foot is low and still
-            pair = self.joints[:, [ankle, toe]]
-            speed = np.abs(np.gradient(pair, axis=0)).sum((1, 2)) if len(pair) > 1 else np.zeros(1)
-            low = pair[:, 1, 1] < np.percentile(pair[:, 1, 1], 5) + 0.03
-            still = speed <= np.percentile(speed[low], 50)
-            slope = np.arcsin(np.clip(-self.bones[:, toe, 1], -1, 1))
-            slopes.append(float(np.clip(np.median(slope[low & still]), 0, np.radians(60))))
+        slopes = np.zeros((len(feet), len(self.rest)))
+        for foot, (ankle, toe) in enumerate(feet):
+            # Angles below the horizontal where the foot is low and still.
+            pair = self.joints[:, :, [ankle, toe]]
+            speed = np.zeros(pair.shape[:2])
+            if len(pair) > 1:
+                speed = np.abs(np.gradient(pair, axis=0)).sum((2, 3))
+            height = pair[:, :, 1, 1]
+            low = height < quantile(height, 0.05) + 0.03
+            slope = np.arcsin(np.clip(-self.bones[:, :, toe, 1], -1, 1))
+            for motion, near in enumerate(low.T):
+                slow = speed[near, motion]
+                still = slow <= quantile(slow, 0.5)
+                slopes[foot, motion] = quantile(slope[near, motion][still], 0.5)
+        slopes = slopes.clip(0, np.radians(60))
         for _, toe in feet:
-            slope = float(np.mean(slopes))
-            self.rest[toe] = (0.0, -np.sin(slope), np.cos(slope))
+            slope = slopes.mean(axis=0)
+            self.rest[:, toe] = np.stack([0 * slope, -np.sin(slope), np.cos(slope)], axis=-1)
         if "head" in self.skeleton.names and self.branches:
             head = self.skeleton.names.index("head")
-            carried = np.median(self._local_bone(head, self.branches[-1]), axis=0)
-            lean = np.clip(np.arctan2(carried[2], carried[1]), -np.pi / 4, np.pi / 4)
-            self.rest[head] = (0.0, np.cos(lean), np.sin(lean))
+            carried = quantile(self._local_bones([head], [self.branches[-1]])[0], 0.5)
+            lean = np.arctan2(carried[:, 2], carried[:, 1]).clip(-np.pi / 4, np.pi / 4)
+            self.rest[:, head] = np.stack([0 * lean, np.cos(lean), np.sin(lean)], axis=-1)
 
-    def _turn_limb(self, limb: Limb, parent: int) -> Float[np.ndarray, "frames 3 3"]:
-        """Turns the upper bone so that the middle joint bends about its hinge."""
+    def _turn_limbs(
+        self, limbs: Sequence[Limb], parents: Sequence[int]
+    ) -> Float[np.ndarray, "limbs frames motions 3 3"]:
+        """Turns upper bones so that the middle joints bend about their hinges."""
         names = self.skeleton.names
-        _, middle, end = (names.index(name) for name in limb.joints)
-        tip = self._local_bone(names.index(limb.tip), parent) if limb.tip in names else None
-        upper, lower = self._local_bone(middle, parent), self._local_bone(end, parent)
-        rest = self.rest[middle]
-        rest_hinge = unit(cross(cross(rest, np.array(limb.hinge, float)), rest))
-        swing = matrix_between(rest, upper) @ rest_hinge
-        prior = _SWING_PRIOR * (1 + upper @ rest)[:, None] * swing
-        if tip is not None:
-            prior = prior + _TOE_PRIOR * cross(tip, lower)
+        middles, ends = ([names.index(limb.joints[n]) for limb in limbs] for n in (1, 2))
+        tips = [
+            names.index(limb.tip) if limb.tip in names else end
+            for limb, end in zip(limbs, ends, strict=True)
+        ]
+        upper, lower, tip = (self._local_bones(ones, parents) for ones in (middles, ends, tips))
+        rest = np.moveaxis(self.rest[:, middles], 1, 0)[:, None]
+        bends = np.array([limb.hinge for limb in limbs], float)[:, None, None]
+        rest_hinge = unit(cross(cross(rest, bends), rest))
+        swing = quaternion_rotate(quaternion_between(rest, upper), rest_hinge)
+        prior = _SWING_PRIOR * (1 + (upper * rest).sum(-1, keepdims=True)) * swing
+        prior = prior + _TOE_PRIOR * cross(tip, lower)  # none without toes: tip and lower are one
         stiffness = _STIFFNESS * (self.fps / 20) ** 2
         # A limb may twist a little in a step, and as far as both its bones turn.
-        swings = [np.linalg.norm(np.diff(bone, axis=0), axis=-1) for bone in (upper, lower)]
+        swings = [np.linalg.norm(np.diff(bones, axis=1), axis=-1) for bones in (upper, lower)]
         pace = _PACE / self.fps + np.maximum(*swings)
-        axis = hinge(upper, cross(upper, lower), prior, stiffness, pace)
-        return self.world[parent] @ _frame(upper, axis) @ _frame(rest, rest_hinge).T
+        given = (np.moveaxis(x, 0, 1) for x in (upper, cross(upper, lower), prior))
+        found = hinge(*given, stiffness, np.moveaxis(pace, 0, 1))
+        turned = _frame(upper, np.moveaxis(found, 1, 0))
+        return self.world[parents] @ turned @ np.swapaxes(_frame(rest, rest_hinge), -1, -2)
 
-    def _local_bone(self, joint: int, frame: int) -> Float[np.ndarray, "frames 3"]:
-        return np.einsum("tij,ti->tj", self.world[frame], self.bones[:, joint])
+    def _local_bones(
+        self, joints: Sequence[int], frames: Sequence[int]
+    ) -> Float[np.ndarray, "joints frames motions 3"]:
+        """Returns the directions of bones, each in the frame of another joint."""
+        bones = np.moveaxis(self.bones[:, :, joints], 2, 0)
+        return (bones[..., None, :] @ self.world[frames])[..., 0, :]
+
+
+_POOR = 1e-3
+"""Share of its greatest value below which the determinant of the closed form is too small."""
+
+
+def _nearest_rotation(b: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Returns the rotations R of greatest tr(Rᵀ B) in closed form (Markley 1993, FOAM).
+
+    λ, the value reached, is the largest root of (λ² − |B|²)² − 8 λ det B − 4 |cof B|². Where B is
+    nearly of rank one, the singular value decomposition says as much as is known.
+    """
+    rows = [b[..., n, :] for n in range(3)]
+    cofactors = np.stack([cross(rows[n - 2], rows[n - 1]) for n in range(3)], axis=-2)
+    det = (cofactors[..., 0, :] * rows[0]).sum(-1)
+    square, minors = ((x**2).sum((-2, -1)) for x in (b, cofactors))
+    value = np.sqrt(3 * square)
+    for _ in range(_NEWTON):  # from above
+        rest = value**2 - square
+        slope = np.maximum(4 * value * rest - 8 * det, 1e-300)
+        value = value - (rest**2 - 8 * value * det - 4 * minors) / slope
+    half = (value**2 - square) / 2
+    divisor = half * value - det
+    poor = ~(divisor > _POOR * square**1.5)
+    whole, each, by = (x[..., None, None] for x in (half + square, value, divisor))
+    product = b @ np.swapaxes(b, -1, -2) @ b
+    found = (whole * b + each * cofactors - product) / np.where(poor[..., None, None], 1, by)
+    if poor.any():
+        u, _, vt = np.linalg.svd(b[poor])
+        u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+        found[poor] = u @ vt
+    return found
 
 
 def _frame(
