@@ -8,7 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation, Slerp
 
 from latentmotion.arrays import prefix_mask, unit
-from latentmotion.kinematics.inverse_kinematics import hinge
+from latentmotion.kinematics.inverse_kinematics import _nearest_rotation, hinge
 from latentmotion.kinematics.rotations import (
     axis_angle_from_matrix,
     matrix_between,
@@ -167,3 +167,15 @@ def test_prefixes_are_true_up_to_their_length(lengths, longest: int | None) -> N
 
 def test_unit_vectors_of_nothing_are_nothing() -> None:
     np.testing.assert_allclose(unit(np.array([[0.0, 3, 4], [0, 0, 0]])), [[0, 0.6, 0.8], [0, 0, 0]])
+
+
+@pytest.mark.parametrize("rank", [1, 2, 3])
+def test_the_nearest_rotation_is_that_of_the_singular_values(rank: int) -> None:
+    left, right = np.random.default_rng(rank).normal(size=(2, 200, rank, 3))
+    given = np.concatenate([np.swapaxes(left, 1, 2) @ right, np.eye(3)[None], -np.eye(3)[None]])
+    u, values, vt = np.linalg.svd(given)
+    best = values[:, 0] + values[:, 1] + np.linalg.det(u @ vt) * values[:, 2]
+    found = _nearest_rotation(given)
+    np.testing.assert_allclose(np.einsum("nij,nij->n", found, given), best, atol=1e-9)
+    np.testing.assert_allclose(found @ np.swapaxes(found, 1, 2), [np.eye(3)] * 202, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.det(found), 1)

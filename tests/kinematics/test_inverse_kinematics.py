@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.kinematics.inverse_kinematics import solve
+from latentmotion.kinematics.inverse_kinematics import solve, solve_batch
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from tests.support.walker import t_pose, walker
@@ -187,3 +187,13 @@ def test_a_chain_without_branches_may_carry_a_head():
     chain = Skeleton("chain", ("base", "neck", "head"), (-1, 0, 1), np.eye(3)[[1, 1, 1]])
     joints = np.broadcast_to(heights, (4, 3, 3)).astype(np.float32)
     np.testing.assert_allclose(solve(joints, 20.0, chain).joints(), joints, atol=1e-6)
+
+
+def test_motions_are_solved_together_as_alone():
+    noise = np.random.default_rng(0).normal(0, 0.01, (4, 30, len(NAMES), 3))
+    motions = np.stack([walker(30).joints() + one for one in noise], axis=1)
+    for number, together in enumerate(solve_batch(motions, 20.0, HUMANML3D)):
+        alone = solve(motions[:, number], 20.0)
+        np.testing.assert_allclose(together.rotations, alone.rotations, atol=1e-12)
+        np.testing.assert_allclose(together.skeleton.offsets, alone.skeleton.offsets, atol=1e-12)
+        np.testing.assert_allclose(together.joints(), alone.joints(), atol=1e-12)

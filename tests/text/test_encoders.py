@@ -12,7 +12,7 @@ import pytest
 
 from latentmotion.condition.interface import TextEmbedding, TextEncoder
 from latentmotion.errors import InputError, ModelError
-from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE
+from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, find_model
 from latentmotion.text import cache
 from latentmotion.text.cache import CachedTextEncoder
 from latentmotion.text.encoder import (
@@ -63,6 +63,17 @@ def test_every_sentence_is_encoded_once_and_alone() -> None:
     assert encoder.unknown_words("zzz") == []
     with pytest.raises(InputError, match="no sentence to encode"):
         encoder([])
+
+
+def test_what_the_shipped_encoder_reads_together_is_the_same_to_the_last_bit() -> None:
+    encoder = StudentTextEncoder.load(find_model("starter"))
+    sentences = [f"a person {act} left" for act in ("turns", "kicks", "walks", "looks", "runs")]
+    sentences.append("someone who is tired sits down")
+    together = encoder(sentences)
+    for row, sentence in enumerate(sentences):
+        alone = encoder([sentence])
+        np.testing.assert_array_equal(together.pooled[row], alone.pooled[0])
+        np.testing.assert_array_equal(together.words[row][together.mask[row]], alone.words[0])
 
 
 def test_words_of_several_pieces_are_unknown_unless_they_occurred() -> None:

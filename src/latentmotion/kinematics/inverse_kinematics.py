@@ -69,7 +69,7 @@ _SHARE = 0.5
 _TOLERANCE = 1.1
 """Ratio to the pace above which a turn is slowed down."""
 
-_NEWTON = 10
+_NEWTON = 12
 """Steps of Newton's method, which doubles the digits of a root in each."""
 
 
@@ -89,8 +89,9 @@ def hinge(
         stiffness: λ, per frame.
         pace: Greatest turn about the bone from each frame to the next, radians.
     """
-    shape, pace = axis.shape, pace.reshape(len(pace), axis[0].size // 3)
+    shape = axis.shape
     axis, normal, prior = (x.reshape(len(x), -1, 3) for x in (axis, normal, prior))
+    pace = pace.reshape(len(pace), len(axis[0]))
     first = _carried(axis)
     frame = np.stack([first, cross(axis, first)], axis=2)
     weight, trust = (normal**2).sum(-1), np.linalg.norm(prior, axis=-1)
@@ -100,7 +101,7 @@ def hinge(
     right = np.moveaxis(signed + prior * trust[..., None], -1, 0)
     x, y = _solve_chain(weight + trust, every, right)
     wanted = angle = np.unwrap(np.arctan2(y, x), axis=0)
-    resistance, ends = np.zeros_like(every), np.zeros((1, every.shape[1]))
+    resistance, ends = np.zeros_like(every), np.zeros((1, len(axis[0])))
     for _ in range(_ROUNDS):  # turns faster than the pace are spread over the frames around them
         excess = np.abs(np.diff(angle, axis=0)) / pace
         fast = (excess > _TOLERANCE).any(axis=0)
@@ -399,8 +400,10 @@ class _Solver:
         # A limb may twist a little in a step, and as far as both its bones turn.
         swings = [np.linalg.norm(np.diff(bones, axis=1), axis=-1) for bones in (upper, lower)]
         pace = _PACE / self.fps + np.maximum(*swings)
-        given = (np.moveaxis(x, 0, 1) for x in (upper, cross(upper, lower), prior))
-        found = hinge(*given, stiffness, np.moveaxis(pace, 0, 1))
+        axis, normal, prior, pace = (
+            np.moveaxis(x, 0, 1) for x in (upper, cross(upper, lower), prior, pace)
+        )
+        found = hinge(axis, normal, prior, stiffness, pace)
         turned = _frame(upper, np.moveaxis(found, 1, 0))
         return self.world[parents] @ turned @ np.swapaxes(_frame(rest, rest_hinge), -1, -2)
 
@@ -412,7 +415,7 @@ class _Solver:
         return (bones[..., None, :] @ self.world[frames])[..., 0, :]
 
 
-_POOR = 1e-3
+_POOR = 0.05
 """Share of its greatest value below which the determinant of the closed form is too small."""
 
 

@@ -30,7 +30,6 @@ from latentmotion.service.jobs import Jobs
 from latentmotion.service.jobs import routes as job_routes
 from latentmotion.service.schemas import (
     BatchRequest,
-    Format,
     ModelAnswer,
     MotionRequest,
 )
@@ -167,8 +166,11 @@ def _motions(service: Service) -> APIRouter:
         service.check_ready()
 
         async def made() -> Response:
-            motion, dirty = await service.motion(wanted)
-            return await _file(service, [motion], wanted.format, dirty, wanted.fps)
+            until = service.deadline()
+            with service.place(wanted.format, wanted.clean, wanted.fps):
+                motion, dirty = await service.motion(wanted, until)
+                file = service.file([motion], wanted.format, dirty, wanted.fps, until)
+                return _response([motion], *await file)
 
         return await unless_gone(request, made())
 
@@ -178,10 +180,13 @@ def _motions(service: Service) -> APIRouter:
         service.check_ready()
 
         async def made() -> Response:
-            asked, seconds = wanted.settings(wanted.seconds is None), service.settings.deadline
-            found = await service.generated(asked, wanted.all_prompts(), seconds)
-            found = wanted.to_clean(found)
-            return await _file(service, found, wanted.format, wanted.clean, wanted.fps)
+            until, asked = service.deadline(), wanted.settings(wanted.seconds is None)
+            with service.place(wanted.format, wanted.clean, wanted.fps):
+                seconds = service.settings.deadline
+                found = await service.generated(asked, wanted.all_prompts(), seconds)
+                found = wanted.to_clean(found)
+                file = service.file(found, wanted.format, wanted.clean, wanted.fps, until)
+                return _response(found, *await file)
 
         return await unless_gone(request, made())
 
@@ -193,13 +198,10 @@ def _motions(service: Service) -> APIRouter:
     return router
 
 
-async def _file(
-    service: Service, motions: Sequence[Motion], form: Format, clean: bool, fps: float | None
-) -> Response:
-    content, form_found = await service.file(motions, form, clean, fps)
+def _response(motions: Sequence[Motion], content: bytes, form: str) -> Response:
     first = motions[0]
     headers = {
-        "Content-Disposition": f'attachment; filename="motion.{form_found}"',
+        "Content-Disposition": f'attachment; filename="motion.{form}"',
         "LatentMotion-Model": str(first.metadata.get("model", "")),
         "LatentMotion-License": str(first.metadata.get("license", "")),
         "LatentMotion-Seed": str(first.metadata.get("seed", "")),
@@ -207,4 +209,4 @@ async def _file(
         "LatentMotion-Fps": f"{first.fps:g}",
     }
     safe = {name: value.encode("ascii", "replace").decode() for name, value in headers.items()}
-    return Response(content, headers=safe, media_type=MEDIA_TYPES[form_found])
+    return Response(content, headers=safe, media_type=MEDIA_TYPES[form])

@@ -104,7 +104,11 @@ class Batcher:
 
     def wait(self) -> float:
         """Returns the seconds after which a request that waits now is expected to be done."""
-        return self._seconds_each * (len(self._waiting) + 1)
+        return self._seconds_to_make(len(self._waiting) + 1)
+
+    def _seconds_to_make(self, motions: int) -> float:
+        """Returns the seconds that motions take, which the threads share."""
+        return self._seconds_each * motions / max(1, len(self._threads))
 
     def check_room(self, count: int = 1, seconds: float | None = None) -> None:
         """Raises Problem 429 if no more can wait, or what waits would be too late.
@@ -115,7 +119,9 @@ class Batcher:
                 wait in that time, all that wait would be too late otherwise, and none in time.
         """
         taken = len(self._waiting)
-        late = seconds is not None and self._seconds_each * (taken + self._batch) > seconds
+        # After what waits, its own batch has to be made.
+        wait = self._seconds_to_make(taken) + self._seconds_each * self._batch
+        late = seconds is not None and wait > seconds
         if taken + count > self._queue or (taken and late):
             self._metrics.shed.labels("queue full").inc()
             detail = f"{taken} of {self._queue} places in the queue are taken; try again later"

@@ -90,7 +90,7 @@ class Guard:
             self._check(scope)
             receive = self._bounded(scope, receive)
             if scope["path"] in QUEUED and scope["method"] == "POST":
-                self.service.batcher.check_room()
+                self.service.batcher.check_room(1, self.settings.deadline)
         except Problem as problem:
             headers = dict(problem.headers or {})
             if problem.status_code != 429:  # who is told to come back keeps the connection

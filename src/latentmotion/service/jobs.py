@@ -190,7 +190,8 @@ class Jobs:
                 some = prompts[start : start + TOGETHER]
                 made = await service.generated(settings, some, PATIENCE, background=True)
                 made = request.to_clean(made)
-                content, _ = await service.file(made, "npz", request.clean, request.fps)
+                until = time.monotonic() + PATIENCE
+                content, _ = await service.file(made, "npz", request.clean, request.fps, until)
                 with atomic_file(part) as temporary:
                     temporary.write_bytes(content)
             names = [part.name for part in _parts(place)]

@@ -6,6 +6,7 @@ import asyncio
 import sys
 import time
 from collections.abc import Awaitable, Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
 from functools import partial
 from typing import Any, TypeVar, get_args
@@ -138,14 +139,32 @@ class Service:
         """
         return (await self.batcher.submit(object(), [function], seconds))[0]
 
-    async def motion(self, request: MotionRequest) -> tuple[Motion, bool]:
+    def deadline(self) -> float:
+        """Returns the time of `time.monotonic` until when a request that comes now is answered."""
+        return time.monotonic() + self.settings.deadline
+
+    def place(self, form: str, clean: bool, fps: float | None) -> AbstractContextManager[None]:
+        """Counts a file that will be written, if motions need one.
+
+        Raises:
+            Problem: 429, it would not be done in time, so that its motion need not be generated.
+        """
+        if _plain(form, clean, fps):
+            return nullcontext()
+        return self.writers.place(self.settings.deadline)
+
+    async def motion(self, request: MotionRequest, until: float) -> tuple[Motion, bool]:
         """Returns the motion of a request, and whether it still has to be cleaned up.
+
+        Args:
+            request: The request.
+            until: Its deadline.
 
         Raises:
             LatentMotionError: The request cannot be met.
             Problem: The queue is full, or the time is over.
         """
-        pipeline, seconds = self.pipeline, self.settings.deadline
+        pipeline, seconds = self.pipeline, until - time.monotonic()
         goals, sampled = request.all_goals(), (request.steps, request.guidance)
         settings, parts = request.settings(request.seconds is None), request.part_spans()
         if request.timeline:
@@ -165,16 +184,23 @@ class Service:
         return motion, request.clean and not clean
 
     async def file(
-        self, motions: Sequence[Motion], form: str, clean: bool, fps: float | None
+        self, motions: Sequence[Motion], form: str, clean: bool, fps: float | None, until: float
     ) -> tuple[bytes, str]:
         """Returns motions as bytes, and their format.
+
+        Args:
+            motions: The motions.
+            form: The format.
+            clean: Whether they are cleaned up.
+            fps: Frames per second; None as they are.
+            until: Deadline of the request.
 
         Raises:
             Problem: As for `written`.
         """
-        if form == "raw" and not clean and fps is None:
+        if _plain(form, clean, fps):
             return encoded(motions, form)
-        return await self.written(*written(motions, form, clean, fps), self.settings.deadline)
+        return await self.written(*written(motions, form, clean, fps), until - time.monotonic())
 
     async def written(
         self, task: dict[str, Any], content: bytes, seconds: float
@@ -209,6 +235,11 @@ class Service:
                 "send a smaller one",
             ) from error
         return head
+
+
+def _plain(form: str, clean: bool, fps: float | None) -> bool:
+    """Returns whether joints are given as the model makes them."""
+    return form == "raw" and not clean and fps is None
 
 
 def about(pipeline: MotionPipeline) -> ModelAnswer:

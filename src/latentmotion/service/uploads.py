@@ -90,8 +90,9 @@ def routes(service: Service) -> APIRouter:
             prompt=prompt, seconds=seconds, seed=seed, steps=steps, guidance=guidance, clean=clean
         )
         async with uploaded(service, request, f"character.{source}") as folder:
-            motion, dirty = await unless_gone(request, service.motion(wanted))
-            content, _ = await service.file([motion], "npz", dirty, None)
+            until = service.deadline()
+            motion, dirty = await unless_gone(request, service.motion(wanted, until))
+            content, _ = await service.file([motion], "npz", dirty, None, until)
             (folder / "motion.npz").write_bytes(content)
             task = {"verb": "retarget", "file": f"character.{source}", "format": target}
             return await _answered(service, request, folder, {**task, "fps": fps})

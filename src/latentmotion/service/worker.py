@@ -1,7 +1,8 @@
 """Worker program: cleans up motions and writes files, and reads what others uploaded.
 
-A line of JSON says what to do, `size` bytes follow it; the answer has the same form. Memory, the
-size of files and the time of a task are bounded, so that a file can end no more than this process.
+A line of JSON has a list of tasks, and the `size` bytes of each follow it; the answer has the same
+form. Memory, the size of files and the time of a task are bounded, so that a file can end no more
+than this process.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import os
 import resource
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import lru_cache, partial
+from itertools import compress, islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,7 +26,7 @@ from latentmotion.cleanup import CleanUp
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import encoded, packed
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.motion import Motion, cleaned
+from latentmotion.motion import Motion, animations, cleaned
 from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.inspection import inspect_rig
 from latentmotion.storage.files import atomic_file, is_disk_full
@@ -35,6 +38,10 @@ LARGEST_FILE = 1 << 30
 """Bytes of a file that is written."""
 
 Reply = tuple[dict[str, Any], bytes]
+"""What is told, or a task, and the bytes that belong to it."""
+
+_WITH_ROTATIONS = frozenset({"bvh", "glb", "usda", "usdc", "usdz"})
+"""Formats in which bones turn."""
 
 
 def main() -> None:
@@ -44,22 +51,39 @@ def main() -> None:
     warnings.simplefilter("ignore")
     source, target = sys.stdin.buffer, sys.stdout.buffer
     while line := source.readline():
-        task = json.loads(line)
-        head, content = answer(task, source.read(task["size"]))
-        send(target, head, content)
+        send(target, answers([(task, source.read(task["size"])) for task in json.loads(line)]))
 
 
-def send(target: BinaryIO, head: dict[str, Any], content: bytes) -> None:
+def send(target: BinaryIO, replies: Sequence[Reply]) -> None:
     """Writes a message."""
-    target.write(json.dumps({**head, "size": len(content)}).encode() + b"\n")
-    target.write(content)
+    heads = [{**head, "size": len(content)} for head, content in replies]
+    target.write(json.dumps(heads).encode() + b"\n")
+    target.writelines(content for _, content in replies)
     target.flush()
+
+
+def answers(tasks: Sequence[Reply]) -> list[Reply]:
+    """Does tasks; if there are several they write files, whose motions are prepared together."""
+    if len(tasks) == 1:
+        return [answer(*tasks[0])]
+    try:
+        prepared = _prepared(tasks)
+    except Exception:  # one of them is at fault, and the others do not pay for it
+        return [answer(*task) for task in tasks]
+    return [
+        _told(partial(_encoded, task, motions))
+        for (task, _), motions in zip(tasks, prepared, strict=True)
+    ]
 
 
 def answer(task: dict[str, Any], content: bytes) -> Reply:
     """Does a task; errors become part of the answer."""
+    return _told(lambda: _VERBS[task["verb"]](task, content))
+
+
+def _told(work: Callable[[], Reply]) -> Reply:
     try:
-        return _VERBS[task["verb"]](task, content)
+        return work()
     except LatentMotionError as error:
         return {"full" if is_disk_full(error) else "error": str(error)}, b""
     except MemoryError:
@@ -72,19 +96,46 @@ def answer(task: dict[str, Any], content: bytes) -> Reply:
 
 def write(task: dict[str, Any], content: bytes) -> Reply:
     """Cleans up motions whose joints are given, and encodes them."""
-    motions, at = [], 0
-    for one in task["motions"]:
-        skeleton = Skeleton(**{k: _tuples(v) for k, v in one["skeleton"].items()})
-        shape = one["frames"], len(skeleton), 3
-        joints = np.frombuffer(content, "<f4", int(np.prod(shape)), at).reshape(shape)
-        at += joints.nbytes
-        motions.append(Motion(joints, one["fps"], skeleton, one["caption"], one["metadata"]))
-    if task["clean"]:
-        motions = cleaned(motions)
+    return _encoded(task, _prepared([(task, content)])[0])
+
+
+def _prepared(tasks: Sequence[Reply]) -> list[list[Motion]]:
+    """Returns the motions of each task, cleaned up where it says so, all tasks' together."""
+    found: list[list[Motion]] = []
+    for task, content in tasks:
+        motions, at = [], 0
+        for one in task["motions"]:
+            skeleton = _skeleton(one["skeleton"])
+            shape = one["frames"], len(skeleton), 3
+            joints = np.frombuffer(content, "<f4", int(np.prod(shape)), at).reshape(shape)
+            at += joints.nbytes
+            motions.append(Motion(joints, one["fps"], skeleton, one["caption"], one["metadata"]))
+        found.append(motions)
+    dirty = [task["clean"] for task, _ in tasks]
+    clean = iter(cleaned([motion for motions in compress(found, dirty) for motion in motions]))
+    found = [
+        list(islice(clean, len(motions))) if is_dirty else motions
+        for motions, is_dirty in zip(found, dirty, strict=True)
+    ]
+    turned = [task["fps"] is not None or task["format"] in _WITH_ROTATIONS for task, _ in tasks]
+    animations([motion for motions in compress(found, turned) for motion in motions])
+    return found
+
+
+def _encoded(task: dict[str, Any], motions: Sequence[Motion]) -> Reply:
     if task["fps"] is not None:
         motions = [motion.resampled(task["fps"]) for motion in motions]
     found, form = encoded(motions, task["format"])
     return {"format": form}, found
+
+
+@lru_cache(maxsize=16)
+def _skeleton(told: str) -> Skeleton:
+    """Returns a skeleton from its JSON; the same for the same, so that motions can be alike."""
+    about = json.loads(told)
+    offsets = np.array(about.pop("offsets"))
+    rest: dict[str, Any] = {n: tuple(it) if isinstance(it, list) else it for n, it in about.items()}
+    return Skeleton(offsets=offsets, **rest)
 
 
 def convert(task: dict[str, Any], content: bytes) -> Reply:
@@ -141,12 +192,6 @@ def _left(content: bytes, form: str) -> Reply:
     """Leaves an answer in the folder, so that it need not be in memory twice."""
     Path("answer").write_bytes(content)
     return {"format": form}, b""
-
-
-def _tuples(value: Any) -> Any:
-    if isinstance(value, list) and value and isinstance(value[0], list):
-        return np.array(value)
-    return tuple(value) if isinstance(value, list) else value
 
 
 _VERBS: dict[str, Callable[[dict[str, Any], bytes], Reply]] = {

@@ -1,4 +1,4 @@
-"""Processes of `worker.py`: each does a task at a time, and is replaced if it stops or hangs."""
+"""Processes of `worker.py`: each does what waits, and is replaced if it stops or hangs."""
 
 from __future__ import annotations
 
@@ -6,34 +6,54 @@ import asyncio
 import json
 import os
 import sys
+import time
 from asyncio.subprocess import PIPE, Process
-from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import fields
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from latentmotion.errors import DiskFullError, InputError
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.service.batching import NICE
 from latentmotion.service.problems import Problem
 
 _TASKS_OF_A_PROCESS = 1000
+_TOGETHER = 8
+"""Motions that a process cleans up and writes together at most."""
+
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+Answer = tuple[dict[str, Any], bytes]
 
 
 class WorkerError(Exception):
-    """The process ended, or took too long, in the middle of a task.
+    """The process ended, or took too long, in the middle of a task."""
 
-    Args:
-        problem: What happened.
-        ended: Whether it ended, so that another may do the task.
-    """
 
-    def __init__(self, problem: str, ended: bool) -> None:
-        super().__init__(problem)
-        self.ended = ended
+@dataclass(eq=False)
+class _Job:
+    """A task that waits for a process or is worked on."""
+
+    task: dict[str, Any]
+    content: bytes
+    until: float
+    """Time until when it is wanted."""
+    done: asyncio.Future[Answer]
+    begun: bool = False
+    """Whether a process has it."""
+    ended: int = 0
+    """Processes that ended in the middle of it."""
+
+    @property
+    def joins(self) -> bool:
+        """Whether it may be worked on with others: it writes one motion, and ended no process."""
+        return not self.ended and len(self.task.get("motions", ())) == 1
 
 
 class FileWorkers:
@@ -47,37 +67,80 @@ class FileWorkers:
 
     def __init__(self, count: int, waiting: int, tries: int = 1) -> None:
         self._idle: asyncio.Queue[Process | None] = asyncio.Queue()
-        self._tasks = 0
-        self._most = count + waiting
+        self._waiting: deque[_Job] = deque()
+        self._tasks = self._places = 0
+        self._count, self._most = count, count + waiting
         self._tries, self._stopped = tries, False
+        self._seconds_each = 0.05
         self._started: set[Process] = set()
         self._done: dict[int, int] = {}
+        self._work: set[asyncio.Task[None]] = set()
         for _ in range(count):
             self._idle.put_nowait(None)
 
+    @contextmanager
+    def place(self, seconds: float) -> Iterator[None]:
+        """Counts a task that will come, such as that of a motion which is still to be generated.
+
+        Args:
+            seconds: Time until when its answer is wanted.
+
+        Raises:
+            Problem: 429, those before it would take longer than that.
+        """
+        wait = self._seconds_each * (self._places + 1) / self._count
+        if self._places >= self._count and wait > seconds:
+            detail = f"{self._places} files are asked for, and more would not be done in time"
+            raise Problem(429, f"{detail}; try again later", wait)
+        self._places += 1
+        try:
+            yield
+        finally:
+            self._places -= 1
+
     async def run(
         self, task: dict[str, Any], content: bytes = b"", seconds: float = 60.0
-    ) -> tuple[dict[str, Any], bytes]:
+    ) -> Answer:
         """Returns the answer to a task.
 
         Args:
             task: What to do, see `worker.py`.
             content: Bytes that belong to it.
-            seconds: Time that it may take once a process has it.
+            seconds: Time until when it is wanted.
 
         Raises:
-            Problem: 429, too many tasks wait.
+            Problem: 429, too many tasks wait; 503, its time was over before a process had it.
             DiskFullError: There is no room for what it writes.
             InputError: The task cannot be done.
             WorkerError: It took too long, or as many processes ended as may.
         """
         if self._tasks >= self._most:
             raise Problem(429, "too many files are being worked on; try again", 1.0)
+        done: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
+        job = _Job(task, content, time.monotonic() + seconds, done)
         self._tasks += 1
-        # A client that goes does not stop the process, whose answer would come to the next.
-        work = asyncio.ensure_future(self._run(task, content, seconds))
-        work.add_done_callback(self._finished)
-        return await asyncio.shield(work)
+        done.add_done_callback(self._finished)
+        self._add(job)
+        try:
+            # A client that goes does not stop the process, whose answer would come to the next.
+            async with asyncio.timeout(seconds):
+                head, found = await asyncio.shield(done)
+        except TimeoutError:
+            if job.begun:
+                raise WorkerError("not done in time") from None
+            raise Problem(
+                503, "the files of others were not done in time; try again", 1.0
+            ) from None
+        finally:
+            if not job.begun:
+                done.cancel()
+        if "full" in head:
+            raise DiskFullError(head["full"])
+        if "error" in head:
+            raise InputError(head["error"])
+        if "failure" in head:
+            raise RuntimeError(head["failure"])
+        return head, found
 
     async def start(self) -> None:
         """Starts all processes now; without it, each is started by its first task."""
@@ -90,54 +153,76 @@ class FileWorkers:
         for process in tuple(self._started):
             await self._end(process)
 
-    def _finished(self, work: asyncio.Future[Any]) -> None:
+    def _finished(self, done: asyncio.Future[Answer]) -> None:
         self._tasks -= 1
-        if not work.cancelled():
-            work.exception()
+        if not done.cancelled():
+            done.exception()
 
-    async def _run(
-        self, task: dict[str, Any], content: bytes, seconds: float
-    ) -> tuple[dict[str, Any], bytes]:
-        for _ in range(self._tries - 1):
-            try:
-                return await self._tried(task, content, seconds)
-            except WorkerError as error:
-                if self._stopped or not error.ended:
-                    raise
-        return await self._tried(task, content, seconds)
+    def _add(self, job: _Job) -> None:
+        self._waiting.append(job)
+        work = asyncio.ensure_future(self._work_on_what_waits())
+        self._work.add(work)
+        work.add_done_callback(self._work.discard)
 
-    async def _tried(
-        self, task: dict[str, Any], content: bytes, seconds: float
-    ) -> tuple[dict[str, Any], bytes]:
+    def _take(self) -> list[_Job]:
+        """Takes the oldest task and those that may join it, so many that all processes get some."""
+        waiting = [job for job in self._waiting if not job.done.done()]
+        most = min(_TOGETHER, -(-len(waiting) // self._count))
+        batch = waiting[:1]
+        if batch and batch[0].joins:
+            batch += [job for job in waiting[1:] if job.joins][: most - 1]
+        self._waiting = deque(job for job in waiting if job not in batch)
+        return batch
+
+    async def _work_on_what_waits(self) -> None:
         process = await self._idle.get()
+        batch = self._take()
+        try:
+            if batch:
+                process = await self._worked(process, batch)
+        finally:
+            self._idle.put_nowait(process)
+
+    async def _worked(self, process: Process | None, batch: Sequence[_Job]) -> Process | None:
+        """Has a process, or a new one, do tasks; returns it if it goes on."""
+        for job in batch:
+            job.begun = True
         try:
             if process is not None and process.returncode is not None:
                 process = await self._end(process)
-            process = process or await self._start()
-            async with asyncio.timeout(seconds):
-                head, found = await _exchange(process, task, content)
+            process, began = process or await self._start(), time.monotonic()
+            async with asyncio.timeout(max(job.until for job in batch) - began):
+                answers = await _exchange(process, [(job.task, job.content) for job in batch])
         except (TimeoutError, OSError, asyncio.IncompleteReadError, ValueError) as error:
             if process is not None:
-                process = await self._end(process)
-            if isinstance(error, TimeoutError):
-                raise WorkerError(f"not done in {seconds:g} s", ended=False) from error
-            times = f" {self._tries} times" if self._tries > 1 else ""
-            raise WorkerError(f"the process that works on it ended{times}", True) from error
-        finally:
-            self._idle.put_nowait(await self._kept(process))
-        if "full" in head:
-            raise DiskFullError(head["full"])
-        if "error" in head:
-            raise InputError(head["error"])
-        if "failure" in head:
-            raise RuntimeError(head["failure"])
-        return head, found
-
-    async def _kept(self, process: Process | None) -> Process | None:
-        """Ends a process that has done many tasks, so that none grows without end."""
-        if process is None:
+                await self._end(process)
+            for job in batch:
+                self._failed(job, error)
             return None
-        self._done[process.pid] = self._done.get(process.pid, 0) + 1
+        each = (time.monotonic() - began) / len(batch)
+        self._seconds_each += 0.1 * (each - self._seconds_each)
+        for job, answer in zip(batch, answers, strict=True):
+            if not job.done.done():
+                job.done.set_result(answer)
+        return await self._kept(process, len(batch))
+
+    def _failed(self, job: _Job, error: Exception) -> None:
+        """Tries a task again whose process ended, alone and as often as may be."""
+        if job.done.done():
+            return
+        job.ended += 1
+        if isinstance(error, TimeoutError):
+            job.done.set_exception(WorkerError("not done in time"))
+        elif self._stopped or job.ended >= self._tries:
+            times = f" {self._tries} times" if self._tries > 1 else ""
+            told = f"the process that works on it ended{times}"
+            job.done.set_exception(WorkerError(told))
+        else:
+            self._add(job)
+
+    async def _kept(self, process: Process, tasks: int) -> Process | None:
+        """Ends a process that has done many tasks, so that none grows without end."""
+        self._done[process.pid] = self._done.get(process.pid, 0) + tasks
         if self._done[process.pid] < _TASKS_OF_A_PROCESS:
             return process
         return await self._end(process)
@@ -148,6 +233,7 @@ class FileWorkers:
             *(sys.executable, "-m", "latentmotion.service.worker"),
             stdin=PIPE,
             stdout=PIPE,
+            limit=_BUFFER,
             env=os.environ | _ONE_THREAD | places,
             start_new_session=True,  # Ctrl+C ends the service first
         )
@@ -166,9 +252,11 @@ class FileWorkers:
             process.stdin.close()
 
 
-def written(
-    motions: Sequence[Motion], form: str, clean: bool, fps: float | None
-) -> tuple[dict[str, Any], bytes]:
+_BUFFER = 1 << 20
+"""Bytes of answers that are read before someone waits for them."""
+
+
+def written(motions: Sequence[Motion], form: str, clean: bool, fps: float | None) -> Answer:
     """Returns the task that makes a file of motions, and the bytes that belong to it."""
     about = [
         {
@@ -176,11 +264,7 @@ def written(
             "fps": motion.fps,
             "caption": motion.caption,
             "metadata": dict(motion.metadata),
-            "skeleton": {
-                one.name: value.tolist() if isinstance(value, np.ndarray) else value
-                for one in fields(motion.skeleton)
-                for value in [getattr(motion.skeleton, one.name)]
-            },
+            "skeleton": _told(motion.skeleton),
         }
         for motion in motions
     ]
@@ -188,11 +272,18 @@ def written(
     return {"verb": "write", "motions": about, "clean": clean, "fps": fps, "format": form}, content
 
 
-async def _exchange(
-    process: Process, task: dict[str, Any], content: bytes
-) -> tuple[dict[str, Any], bytes]:
+@lru_cache(maxsize=16)
+def _told(skeleton: Skeleton) -> str:
+    """Returns a skeleton as JSON."""
+    about = {one.name: getattr(skeleton, one.name) for one in fields(skeleton)}
+    return json.dumps(about | {"offsets": np.asarray(skeleton.offsets).tolist()})
+
+
+async def _exchange(process: Process, batch: Sequence[Answer]) -> list[Answer]:
     assert process.stdin is not None and process.stdout is not None
-    process.stdin.write(json.dumps({**task, "size": len(content)}).encode() + b"\n" + content)
+    tasks = [{**task, "size": len(content)} for task, content in batch]
+    process.stdin.write(json.dumps(tasks).encode() + b"\n")
+    process.stdin.writelines(content for _, content in batch)
     await process.stdin.drain()
-    head = json.loads(await process.stdout.readuntil(b"\n"))
-    return head, await process.stdout.readexactly(head["size"])
+    heads = json.loads(await process.stdout.readuntil(b"\n"))
+    return [(head, await process.stdout.readexactly(head["size"])) for head in heads]

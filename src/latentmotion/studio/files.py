@@ -49,7 +49,7 @@ async def content_of(
     wanted.check()
     motion = await run_in_threadpool(library.motion, take)
     if wanted.character is None:
-        return await service.file([motion], wanted.format, False, wanted.fps)
+        return await service.file([motion], wanted.format, False, wanted.fps, service.deadline())
     character = await run_in_threadpool(library.character, wanted.character)
     task = {
         **{"verb": "retarget", "map": character.joint_map(), "figure": True},
