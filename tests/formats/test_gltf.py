@@ -19,7 +19,7 @@ from tests.support.walker import walker
 
 pygltflib = pytest.importorskip("pygltflib")
 TYPES = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-DTYPES = {5126: "<f4", 5121: "u1", 5125: "<u4"}
+DTYPES = {5126: "<f4", 5121: "u1", 5123: "<u2", 5125: "<u4"}
 
 
 def array(file, number: int) -> np.ndarray:

@@ -7,12 +7,12 @@ Source: Khronos glTF 2.0 specification, https://registry.khronos.org/glTF/specs/
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from latentmotion.errors import InputError
 from latentmotion.formats.bones import BoneAxes, bone_axes
@@ -58,12 +58,9 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
     axes, rest = bone_axes(skeleton, miss), skeleton.offsets
     # All takes animate the same joints, those that any take moves: a program that changes takes
     # leaves what the second does not animate where the first has left it.
-    moving = [
-        joint
-        for joint in range(len(rest))
-        if joint == 0
-        or any(np.abs(_translations(a, joint) - rest[joint]).max() > _SAME for a in found)
-    ]
+    moves = [np.abs(a.skeleton.offsets - rest).max(-1) > _SAME for a in found]
+    moves += [_moves(a) for a in found]
+    moving = {0, *np.flatnonzero(np.any(moves, axis=0)).tolist()}
     offsets = axes.offsets(np.array(rest, dtype=np.float64))
     offsets[0] = _standing(skeleton)
     rotations = _quaternions(axes.rotations(np.tile(np.eye(3), (len(skeleton), 1, 1))))
@@ -108,7 +105,8 @@ def _figure(mannequin: Mannequin, axes: BoneAxes, document: Document) -> dict[st
         "JOINTS_0": document.add_array(joints.astype("u1"), VERTICES),
         "WEIGHTS_0": document.add_array(weights.astype("f4"), VERTICES),
     }
-    indices = document.add_array(triangles.astype("u4"), INDICES)
+    small = len(vertices) < 1 << 16  # the greatest index has a meaning of its own
+    indices = document.add_array(triangles.astype("u2" if small else "u4"), INDICES)
     skeleton = mannequin.skeleton
     surface = {"baseColorFactor": _COLOR, "metallicFactor": 0.0, "roughnessFactor": 0.7}
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
@@ -129,38 +127,40 @@ def _animation(
     motion: Motion,
     animation: Animation,
     axes: BoneAxes,
-    moving: Sequence[int],
+    moving: Set[int],
     number: int,
     document: Document,
 ) -> dict[str, Any]:
     times = (np.arange(len(animation)) / animation.fps).astype("f4")
     time_accessors: dict[int, int] = {}
     quaternions = continuous_quaternions(_quaternions(axes.rotations(animation.rotations)))
-    channels, samplers = [], []
+    of_joints = np.moveaxis(quaternions, 1, 0).astype("f4", order="C")
+    moves, channels, samplers = _moves(animation), [], []
 
     def add(joint: int, path: str, values: np.ndarray) -> None:
         if len(values) not in time_accessors:
             time_accessors[len(values)] = document.add_array(times[: len(values)], bounds=True)
-        output = document.add_array(values.astype("f4"))
+        output = document.add_array(values)
         samplers.append({"input": time_accessors[len(values)], "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": joint, "path": path}})
 
     for joint in range(len(axes.skeleton)):
         if axes.skeleton.children(joint):
-            add(joint, "rotation", quaternions[:, joint])
+            add(joint, "rotation", of_joints[joint])
         if joint in moving:
-            add(joint, "translation", _translations(animation, joint) @ axes.above[joint])
+            offsets = animation.skeleton.offsets[joint][None]
+            if joint == 0:
+                offsets = animation.root_positions
+            elif animation.translations is not None and moves[joint]:
+                offsets = animation.translations[:, joint]
+            add(joint, "translation", (offsets @ axes.above[joint]).astype("f4"))
     extras = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
     name = f"{number}: {motion.caption}" if motion.caption else f"take {number}"
     return {"name": name, "channels": channels, "samplers": samplers, "extras": extras}
 
 
-def _translations(animation: Animation, joint: int) -> Float[np.ndarray, "_ 3"]:
-    """Returns a joint's offset from its parent in all frames, or in one if it never changes."""
-    if joint == 0:
-        return animation.root_positions
-    if animation.translations is not None:
-        offsets = animation.translations[:, joint]
-        if np.ptp(offsets, axis=0).max() > _SAME:
-            return offsets
-    return animation.skeleton.offsets[joint][None]
+def _moves(animation: Animation) -> Bool[np.ndarray, " joints"]:
+    """Returns which joints move away from where their parents carry them."""
+    if animation.translations is None:
+        return np.zeros(len(animation.skeleton), bool)
+    return np.ptp(animation.translations, axis=0).max(-1) > _SAME

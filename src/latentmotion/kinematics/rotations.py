@@ -87,10 +87,12 @@ def quaternion_from_matrix(m: Float[Any, "*batch 3 3"]) -> Float[Any, "*batch 4"
         [c - g, b + d, 1 - a + e - i, f + h],
         [d - b, c + g, f + h, 1 - a - e + i],
     ]
-    outer = xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2)
-    largest = xp.argmax(xp.linalg.diagonal(outer), axis=-1)
-    chosen = xp.arange(4, device=device(m)) == largest[..., None]
-    return _normalize(xp.sum(xp.where(chosen[..., None], outer, 0 * outer), axis=-2))
+    best, largest = rows[0], rows[0][0]
+    for n, row in enumerate(rows[1:], start=1):
+        larger = row[n] > largest
+        largest = xp.where(larger, row[n], largest)
+        best = [xp.where(larger, new, old) for new, old in zip(row, best, strict=True)]
+    return _normalize(xp.stack(best, axis=-1))
 
 
 def matrix_from_quaternion(q: Float[Any, "*batch 4"]) -> Float[Any, "*batch 3 3"]:
