@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from latentmotion.control.goals import Reach
 
 
-_OF_FRAMES = ("goals", "spans", "foot_sliding", "turn")
+_OF_FRAMES = ("goals", "spans", "foot_sliding", "turn", "count")
 """Metadata that hold for a motion's frames as they were generated."""
 
 

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
 from latentmotion.condition.task import SentenceCondition
-from latentmotion.describe.asked import asked_turn
+from latentmotion.describe.asked import asked_exactly
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import Estimator, Noise, ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, SamplerName, sample, sampler_named
@@ -218,14 +218,15 @@ class MotionPipeline:
             placed = self.joints_of(self.generate_batch(request.take(batch)))
             joints.append(self.backend.to_host(placed))
         metadata = {"steps": sampling.steps, "guidance": sampling.guidance, **self.card.terms()}
-        asked = asked_turn if self.card.condition.reads_text else lambda _: {}
+        reads_text, free = self.card.condition.reads_text, seconds is None
         return [
             Motion(
                 positions.astype(np.float32, copy=False),
                 features.fps,
                 features.skeleton,
                 prompt,
-                {"model": self.card.name, "seed": seed, **metadata, **asked(prompt)},
+                {"model": self.card.name, "seed": seed, **metadata}
+                | (asked_exactly(prompt, free) if reads_text else {}),
             )
             for positions, prompt, seed in zip(
                 requests.unpadded(joints, rows, frames), prompts, seeds, strict=True

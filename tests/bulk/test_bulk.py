@@ -14,7 +14,7 @@ import pytest
 from safetensors import safe_open
 
 from latentmotion.bulk.motions import BulkGeneration, work_of
-from latentmotion.bulk.prompts import read_rows
+from latentmotion.bulk.prompts import Row, read_rows
 from latentmotion.cli.main import main
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError
 from latentmotion.pipeline import MotionPipeline
@@ -166,6 +166,21 @@ def test_lengths_out_of_range_are_wrong_rows(tmp_path: Path) -> None:
     assert manifest is not None
     assert [wrong.line for wrong in manifest.shards[0].wrong] == [3, 4]
     assert manifest.shards[0].wrong[0].problem.startswith("99 seconds: model 'fast' makes")
+
+
+@pytest.mark.filterwarnings("ignore::latentmotion.cleanup.pipeline.CleanUpWarning")
+def test_counts_and_turns_are_exact_where_they_may_be() -> None:
+    pipeline = MotionPipeline.from_pretrained("fast", threads=1)
+    prompts = ["four star jumps", "turn around to the left", "four star jumps"]
+    rows = [Row(n, text, 1, 3.0 if n == 3 else None) for n, text in enumerate(prompts, 1)]
+    exact = BulkGeneration().motions(pipeline, rows)
+    alone = [pipeline(row.prompt, row.seconds, row.seed).cleaned() for row in rows]
+    assert [len(motion) for motion in exact] == [len(motion) for motion in alone]
+    assert all("made" in exact[n].metadata[name] for n, name in ((0, "count"), (1, "turn")))
+    assert "count" not in exact[2].metadata
+    plain = BulkGeneration(exact_count=False, exact_turn=False).motions(pipeline, rows)
+    assert [len(motion) for motion in plain] != [len(motion) for motion in exact]
+    assert "made" not in plain[0].metadata["count"] and "made" not in plain[1].metadata["turn"]
 
 
 def at(folder: Path) -> shards.Folder:

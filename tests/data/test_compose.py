@@ -15,7 +15,6 @@ from latentmotion.data.compose import Composition, compose
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.prepare import Preparation, encode
 from latentmotion.data.recording import EncodedRecording, Label, Recording
-from latentmotion.data.segments import splice
 from latentmotion.data.singles import action_clips
 from latentmotion.data.store import COMPOSED, MANIFEST
 from latentmotion.describe.clauses import read_clauses
@@ -24,6 +23,7 @@ from latentmotion.errors import DataError
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from latentmotion.representation.splicing import splice
 
 CAPTIONS = {
     "wave": "a person waves with the left hand.",

@@ -9,10 +9,10 @@ import pytest
 
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.compose import Composition, composed_motion, composed_source, objection
-from latentmotion.data.segments import pose_descriptors, seam_of, splice
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from latentmotion.representation.splicing import pose_descriptors, seam_of, splice
 from tests.support.simple_motions import FPS, figure
 
 FEET = [*HUMANML3D.left_foot, *HUMANML3D.right_foot]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from latentmotion.describe.asked import asked_of
+from latentmotion.describe.asked import asked_exactly, asked_of
 from latentmotion.describe.claims import Claim, claims_of
 
 
@@ -54,6 +54,36 @@ def test_orders_and_verbs_that_are_left_out(prompt: str, kinds: str) -> None:
     found = [" ".join(filter(None, (c.kind, c.side or c.direction))) for c in asked.claims]
     assert [one.split()[0] for one in found] == [one.split()[0] for one in kinds.split(", ")]
     assert all(one in kinds for one in found) and asked.in_turn and asked.claims[1].then
+
+
+@pytest.mark.parametrize(
+    ("prompt", "act", "side", "times"),
+    [
+        ("a person jumps three times", "jump", "", 3),
+        ("two big hops forward", "jump", "", 2),
+        ("hop twice on one leg", "hop", "", 2),
+        ("three kicks with the left foot", "kick", "left", 3),
+        ("walk exactly four steps", "step", "", 4),
+        ("raise both arms two times", "raise", "both", 2),
+        ("squat down and stand up twice", "squat", "", 2),
+        ("walk forward, then bow twice", "bow", "", 2),
+    ],
+)
+def test_a_count_is_asked(prompt: str, act: str, side: str, times: int) -> None:
+    count = {"act": act, "side": side, "times": times}
+    assert asked_exactly(prompt, True) == {"count": count}
+    assert asked_exactly(prompt, False) == {}
+
+
+@pytest.mark.parametrize(
+    "prompt",
+    ["jump", "a few jumps", "several kicks", "jump two or three times", "kick at least twice",
+     "two people kick", "wave twice", "clap three times", "jump twice, then kick twice",
+     "walk forward, then take two steps back", "kick twice, then kick with the left leg",
+     "jump about three times", "kick 2-3 times", ""],
+)  # fmt: skip
+def test_no_exact_count_is_asked(prompt: str) -> None:
+    assert asked_exactly(prompt, True) == {}
 
 
 def test_what_happens_meanwhile_has_no_order() -> None:

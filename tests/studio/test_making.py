@@ -22,6 +22,8 @@ KINDS: dict[str, dict[str, Any]] = {
     "unclean": {**WALK, "clean": False, "guidance": 3.0},
     "predicted length": {"prompt": "a person waves", "steps": 1},
     "best of several": {**WALK, "best_of": 2},
+    "exact count": {"prompt": "four star jumps"},
+    "inexact count": {"prompt": "four star jumps", "exact_count": False},
     "exact turn": {"prompt": "turn around to the left", "steps": 4},
     "inexact turn": {"prompt": "turn around to the left", "steps": 4, "exact_turn": False},
     "goals": {**WALK, "goals": [{"joint": "right_wrist", "at": 1.5, "to": [None, 1.4, None]}]},
@@ -71,11 +73,18 @@ def test_takes_are_made_again_to_the_bit(
     assert len(take["recipe"]["weights"]) == 64
 
 
-def test_takes_that_do_not_tell_of_exact_turns_have_none(studio: Called) -> None:
-    turn = {"prompt": "turn around to the left", "steps": 4, "seed": 3}
-    (exact,), (plain,) = made(studio, 1, **turn), made(studio, 1, **turn, exact_turn=False)
-    assert not np.allclose(joints_of(studio, exact["id"]), joints_of(studio, plain["id"]))
-    old = {name: it for name, it in plain["recipe"].items() if name != "exact_turn"}
+@pytest.mark.parametrize(
+    ("prompt", "option"),
+    [("turn around to the left", "exact_turn"), ("four star jumps", "exact_count")],
+)
+def test_takes_that_do_not_tell_of_exact_turns_and_counts_have_none(
+    studio: Called, prompt: str, option: str
+) -> None:
+    asked = {"prompt": prompt, "steps": 4, "seed": 1}
+    (exact,), (plain,) = made(studio, 1, **asked), made(studio, 1, **asked, **{option: False})
+    both = [joints_of(studio, take["id"]) for take in (exact, plain)]
+    assert both[0].shape != both[1].shape or not np.allclose(*both)
+    old = {name: it for name, it in plain["recipe"].items() if name != option}
     library = studio.library  # type: ignore[attr-defined]
     maker = Maker(studio.service.pipeline, plain["recipe"]["weights"], library)
     np.testing.assert_array_equal(maker.again(old).joints, joints_of(studio, plain["id"]))

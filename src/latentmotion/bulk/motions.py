@@ -21,7 +21,9 @@ from safetensors.numpy import save
 
 from latentmotion import __version__
 from latentmotion.bulk.prompts import Row, read_rows
+from latentmotion.cleanup import CleanUp
 from latentmotion.condition.task import SentenceCondition
+from latentmotion.describe.asked import asked_exactly
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
 from latentmotion.errors import InputError, MissingExtraError, ModelError
@@ -62,6 +64,10 @@ class BulkGeneration:
     """Sampler; by default the model's own."""
     clean: bool = True
     """Whether motions are cleaned up."""
+    exact_count: bool = True
+    """Whether clean-up makes counts exact, of motions whose length nobody gave."""
+    exact_turn: bool = True
+    """Whether clean-up makes turns exact."""
     format: Format = "safetensors"
     """Format of the shards."""
     weights: str = ""
@@ -124,7 +130,16 @@ class BulkGeneration:
             [row.seed for row in rows],
             *(self.steps, self.guidance, self.sampler),
         )
-        return cleaned(motions) if self.clean else motions
+        if not self.clean:
+            return motions
+        free = [self.seconds is None and row.seconds is None for row in rows]
+        asking = [  # their lengths were predicted above
+            replace(motion, metadata={**motion.metadata, **asked_exactly(motion.caption, True)})
+            if any_length and pipeline.card.condition.reads_text
+            else motion
+            for motion, any_length in zip(motions, free, strict=True)
+        ]
+        return cleaned(asking, CleanUp(exact_count=self.exact_count, exact_turn=self.exact_turn))
 
     def _sampling(self, pipeline: MotionPipeline) -> Sampling:
         return pipeline.card.sampling.but(self.steps, self.guidance, self.sampler)

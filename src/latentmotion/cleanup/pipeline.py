@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from latentmotion.cleanup.bone_lengths import constant_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
+from latentmotion.cleanup.counting import Count, exact_count
 from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
@@ -39,6 +40,9 @@ class CleanUp:
         InputError: The cutoff is not a positive number.
     """
 
+    exact_count: bool = True
+    """Make a generated motion whose length was predicted do an act as often as its sentence says,
+    which makes it shorter or longer."""
     exact_turn: bool = True
     """Make a generated motion turn by the degrees that its sentence names."""
     smooth: bool = True
@@ -66,7 +70,7 @@ class CleanUp:
 
 
 def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
-    """Returns the motion cleaned up, as long as it was.
+    """Returns the motion cleaned up, as long as it was, unless its metadata ask for a count.
 
     Warns:
         CleanUpWarning: The skeleton has no feet to lock, so only the other steps are taken; or bone
@@ -81,6 +85,27 @@ def clean_batch(motions: Sequence[Motion], steps: CleanUp = CleanUp()) -> list[M
     Warns:
         CleanUpWarning: As `clean` does.
     """
+    asked = [Count.of(m.metadata) if steps.exact_count else None for m in motions]
+    if not any(asked):
+        return _clean_alike(motions, steps)
+    moving = replace(steps, in_place=False)  # repetitions are counted where they happen
+    cleaned = _clean_alike(motions, moving)
+
+    def clean_again(motion: Motion) -> Motion:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CleanUpWarning)  # it was told of the whole motion
+            return _clean_alike([motion], moving)[0]
+
+    for number, count in enumerate(asked):
+        if count is not None:
+            cleaned[number] = exact_count(motions[number], cleaned[number], count, clean_again)
+    if not steps.in_place:
+        return cleaned
+    return [replace(motion, joints=in_place(motion.joints, motion.fps)) for motion in cleaned]
+
+
+def _clean_alike(motions: Sequence[Motion], steps: CleanUp) -> list[Motion]:
+    """Cleans motions up, those of one length together."""
     cleaned = list(motions)
     for numbers in counted(alike(motions), "cleaning up"):
         batch = [motions[n] for n in numbers]

@@ -67,6 +67,11 @@ class Bulk:
     launch: options.LaunchMode = "eager"
     clean: bool = True
     """Clean up the motions (docs/guide/cleanup.md)."""
+    exact_count: bool = True
+    """As part of the clean-up, make motions whose length nobody gave do an act as often as their
+    sentence says."""
+    exact_turn: bool = True
+    """As part of the clean-up, make motions turn by the degrees that their sentence names."""
 
     def run(self) -> None:
         """Makes the shards, or checks them.
@@ -94,6 +99,8 @@ class Bulk:
             self.guidance,
             self.sampler,
             self.clean,
+            self.exact_count,
+            self.exact_turn,
             self.format,
         )
         work = work_of(generation, self.prompts, self.seed, self.rows)

@@ -26,6 +26,9 @@ class Clean:
     file: Annotated[options.File, arg(help=_INPUT)]
     output: options.Outputs
     """Files to write; the extension selects the format."""
+    exact_count: bool = True
+    """Make a motion that was written raw do an act as often as its sentence says, unless its
+    length was given."""
     exact_turn: bool = True
     """Make a motion that was written raw turn by the degrees that its sentence names."""
     smooth: bool = True
@@ -48,6 +51,7 @@ class Clean:
             InputError: The file cannot be read, or an ending or a folder cannot be used.
         """
         steps = CleanUp(
+            exact_count=self.exact_count,
             exact_turn=self.exact_turn,
             smooth=self.smooth,
             bones=self.bones,

@@ -101,6 +101,9 @@ class Generate:
     clean: bool = True
     """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
     (docs/guide/cleanup.md)."""
+    exact_count: bool = True
+    """As part of the clean-up, make a motion do an act as often as its sentence says, such as
+    "jumps three times". It gets shorter or longer; with --seconds it stays as it is."""
     exact_turn: bool = True
     """As part of the clean-up, make a motion turn by the degrees that its sentence names, such as
     "turns around"."""
@@ -140,7 +143,8 @@ class Generate:
                 raise InputError(f"--preset {self.preset} cannot be written as {path}; {expected}")
         motions = self._generated(prompts, scene, goals)
         if self.clean:
-            motions = cleaned(motions, CleanUp(exact_turn=self.exact_turn, in_place=self.in_place))
+            steps = CleanUp(self.exact_count, self.exact_turn, in_place=self.in_place)
+            motions = cleaned(motions, steps)
         fps = self.fps if self.fps or not self.preset else ENGINES[self.preset].fps
         if fps is not None:
             motions = [motion.resampled(fps) for motion in counted(motions, "resampling")]

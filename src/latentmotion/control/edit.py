@@ -257,7 +257,7 @@ def _filled(
     sample_latents, decoders = latents_of(generator, request), decoders_of(generator)
     joints = edited(motion.joints, gap, decoders, sample_latents, motion.fps, motion.skeleton)
     caption = ", ".join(text for text in (motion.caption, prompt) if text)
-    known = {name: it for name, it in motion.metadata.items() if name != "turn"}
+    known = {name: it for name, it in motion.metadata.items() if name not in ("turn", "count")}
     about = {**known, **metadata_of(generator, seed, sampling)}
     return Motion(joints, motion.fps, motion.skeleton, caption, about)
 

@@ -1,8 +1,9 @@
 """Synthetic sequences: two single actions of the train split, one after the other, with sentences.
 
 The poses at the ends of actions, seen from the body, decide which ones fit: all frames where one
-may end and another begin are compared, and only near ones are joined (`splicing.py`). A sequence
-whose feet slide or whose joints jerk at the seam more than in real motion is left out.
+may end and another begin are compared, and only near ones are joined
+(`representation/splicing.py`). A sequence whose feet slide or whose joints jerk at the seam more
+than in real motion is left out.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from jaxtyping import Float
 
 from latentmotion.data.clip import Caption, Source, mirror_words
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.segments import seam_of, splice
 from latentmotion.data.singles import ActionClip, Cut, Pairing, action_clips, rarity
 from latentmotion.data.store import COMPOSED, StoredClip, StoredMotion, caption_rows
 from latentmotion.describe.rewording import in_order
 from latentmotion.errors import DataError
 from latentmotion.representation.interface import Representation
+from latentmotion.representation.splicing import seam_of, splice
 
 _DIP = 0.015
 """Meters that a joint may go below the floor in the transition."""

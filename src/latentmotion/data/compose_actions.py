@@ -18,7 +18,6 @@ from jaxtyping import Float, Int
 from latentmotion.data import compose
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.segments import pose_descriptors, splice
 from latentmotion.data.singles import Found, find_singles
 from latentmotion.data.store import COMPOSED, StoredMotion
 from latentmotion.describe.facts import BOTH, SingleAction
@@ -26,6 +25,7 @@ from latentmotion.describe.prompting import prompts, prompts_in_order
 from latentmotion.describe.reading import scene_of
 from latentmotion.describe.strictness import strictly
 from latentmotion.errors import DataError
+from latentmotion.representation.splicing import pose_descriptors, splice
 
 Joints = Float[np.ndarray, "frames joints 3"]
 

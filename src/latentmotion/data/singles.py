@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float, Int
 
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset, items_of
-from latentmotion.data.segments import pose_descriptors
 from latentmotion.data.store import COMPOSED, StoredClip
 from latentmotion.describe.clauses import Sentence, read_clauses
 from latentmotion.describe.facts import SingleAction
@@ -28,6 +27,7 @@ from latentmotion.describe.single_actions import single_actions
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import heading
 from latentmotion.representation.interface import Representation
+from latentmotion.representation.splicing import pose_descriptors
 
 Category = tuple[str, ...]
 """Kind, side, direction, count, degrees and pace of an action; left and right are one."""

@@ -183,16 +183,56 @@ def asked_of(prompt: str) -> Asked:
     return Asked(tuple(claims), not _TOGETHER.search(text))
 
 
-def asked_turn(prompt: str) -> dict[str, Any]:
-    """Returns metadata by which clean-up makes a generated motion turn as its prompt asks.
+_COUNTED = frozenset(
+    ("jump", "hop", "kick", "knee", "move", "walk", "punch", "raise", "squat", "bow", "jack")
+)
+"""Kinds of claims whose repetitions a motion can have more or fewer of."""
 
-    They have `turn` where the prompt names the degrees of exactly one turn, and are empty else.
+_CONFUSED = (("jump", "hop", "jack"), ("bow", "pick_up"), ("kick", "knee"), (*_GAITS, "circle"))
+"""Kinds that show the same repetitions."""
+
+_VAGUE = re.compile(
+    r"\b(?:several|few|some|about|roughly|approximately|nearly|almost|at (?:least|most)|up to"
+    r"|(?:more|less|fewer) than|or|people|persons|men|women|children|kids)\b|\d ?(?:-|–|to) ?\d"
+)
+"""Words by which a count is not exact, or not of repetitions."""
+
+
+def asked_exactly(prompt: str, any_length: bool) -> dict[str, Any]:
+    """Returns metadata by which clean-up makes a generated motion do exactly what is asked.
+
+    They have `turn` where the prompt names the degrees of exactly one turn, and `count` where it
+    says how often exactly one act is done.
 
     Args:
         prompt: A sentence as users write it.
+        any_length: Whether the motion may become shorter or longer; else there is no `count`.
     """
-    turns = [claim for claim in asked_of(prompt).claims if claim.kind in ("turn", "circle")]
-    if len(turns) != 1 or turns[0].degrees in (0, SLIGHT):
+    claims = asked_of(prompt).claims
+    turns = [claim for claim in claims if claim.kind in ("turn", "circle")]
+    asked: dict[str, Any] = {}
+    if len(turns) == 1 and turns[0].degrees not in (0, SLIGHT):
+        degrees = turns[0].degrees * max(turns[0].count, 1)
+        asked["turn"] = {"degrees": degrees, "side": turns[0].side}
+    counts = [claim for claim in claims if claim.count and claim not in turns]
+    if any_length and len(counts) == 1 and not _VAGUE.search(prompt.lower()):
+        asked |= _count(counts[0], claims, prompt)
+    return asked
+
+
+def _count(counted: Claim, claims: tuple[Claim, ...], prompt: str) -> dict[str, Any]:
+    """Returns the metadata of the one act that is counted; none if others look like it."""
+    kind = counted.kind
+    alike = next((kinds for kinds in _CONFUSED if kind in kinds), (kind,))
+    others = [claim for claim in claims if claim is not counted and claim.kind in alike]
+    if kind == "move":  # "walks four steps" claims both
+        ways = ("", counted.direction)
+        others = [one for one in others if one.kind != "walk" or one.direction not in ways]
+        others += [claim for claim in claims if claim.then]
+    if kind not in _COUNTED or others:
         return {}
-    degrees = turns[0].degrees * max(turns[0].count, 1)
-    return {"turn": {"degrees": degrees, "side": turns[0].side}}
+    act = "step" if kind in ("move", "walk") else kind
+    if kind == "hop" and not counted.side and not re.search(r"\b(?:leg|foot)\b", prompt.lower()):
+        act = "jump"
+    side = counted.side if act in ("hop", "kick", "knee", "punch", "raise") else ""
+    return {"count": {"act": act, "side": side, "times": counted.count}}

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion import formats
-from latentmotion.describe.asked import asked_turn
+from latentmotion.describe.asked import asked_exactly
 from latentmotion.errors import DiskFullError, InputError, LatentMotionError
 from latentmotion.motion import Motion, cleaned
 from latentmotion.viewer.page import payload
@@ -61,7 +61,7 @@ def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, st
         motions = formats.load(file)
     if clean:
         raw = [
-            replace(motion, metadata={**motion.metadata, **asked_turn(motion.caption)})
+            replace(motion, metadata={**motion.metadata, **asked_exactly(motion.caption, False)})
             for motion in motions
         ]
         motions = cleaned(raw)

@@ -12,6 +12,7 @@ import numpy as np
 
 from latentmotion.describe.facts import FPS, LEFT, RIGHT, Event
 from latentmotion.describe.reading import Scene, lasting, meters
+from latentmotion.describe.repetitions import bends, jumps
 from latentmotion.describe.signals import peaks
 from latentmotion.describe.whole_body import stillness
 from latentmotion.errors import InputError, hint
@@ -165,10 +166,6 @@ def _ends_of_speed(scene: Scene) -> tuple[float, float]:
     return float(speed[:third].mean()), float(speed[-third:].mean())
 
 
-_RISE = {"jump": 0.08, "hop": 0.03}
-"""Meters that the pelvis rises in the lowest jump."""
-
-
 @dataclass(frozen=True)
 class Act:
     """A kind of act."""
@@ -211,22 +208,6 @@ def _moves(*kinds: str) -> Callable[[Scene], list[Event]]:
     return find
 
 
-def _jumps(scene: Scene) -> list[Event]:
-    """Finds jumps and hops in which the pelvis rises; lifted feet alone are no jump."""
-    return [event for event in scene.find("jump", "hop") if event.amount >= _RISE[event.kind]]
-
-
-def _bends(scene: Scene) -> list[Event]:
-    """Finds bows, reaches down, and stretches in which the trunk stays bent."""
-    dips = scene.find("bow", "pick_up")
-    held = [
-        bend
-        for bend in scene.find("bend")
-        if not any(dip.start < bend.end and bend.start < dip.end for dip in dips)
-    ]
-    return sorted([*dips, *held], key=lambda event: event.start)
-
-
 ACTS: dict[str, Act] = {
     "raise": Act(_of("raise"), (SIDES,), repeats=False),
     "wave": Act(_of("wave"), (SIDES,), repeats=False),
@@ -236,11 +217,11 @@ ACTS: dict[str, Act] = {
     "hop": Act(_of("hop"), (SIDES,)),
     "one_leg": Act(_of("balance"), (SIDES,)),
     "touch": Act(_of("touch_head"), (SIDES, ("head",))),
-    "jump": Act(_jumps),
+    "jump": Act(lambda scene: jumps(scene.find("jump", "hop"))),
     "clap": Act(_of("clap")),
     "squat": Act(_of("squat")),
     "jack": Act(_of("jack")),
-    "bend": Act(_bends),
+    "bend": Act(lambda scene: bends(scene.facts.events, scene.facts.postures)),
     "reach_down": Act(_of("pick_up")),
     "arms_out": Act(_of("arms_out"), repeats=False),
     "hands_on_hips": Act(_of("hands_on_hips"), repeats=False),

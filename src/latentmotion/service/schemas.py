@@ -62,6 +62,14 @@ Sampler = Annotated[SamplerName | None, Field(description="Sampler; by default t
 Clean = Annotated[
     bool, Field(strict=True, description="Hold standing feet, put the figure on the floor, smooth.")
 ]
+ExactCount = Annotated[
+    bool,
+    Field(
+        strict=True,
+        description="Clean-up makes it do an act as often as the prompt says, which changes its "
+        "length, unless seconds are given.",
+    ),
+]
 ExactTurn = Annotated[
     bool,
     Field(strict=True, description="Clean-up makes it turn by the degrees that the prompt names."),
@@ -134,14 +142,16 @@ class _Sampled(_Strict):
     guidance: Guidance = None
     sampler: Sampler = None
     clean: Clean = True
+    exact_count: ExactCount = True
     exact_turn: ExactTurn = True
 
     def to_clean(self, motions: Sequence[Motion]) -> list[Motion]:
-        """Returns motions that clean-up turns by what their prompts ask only if that is wanted."""
-        if self.exact_turn:
+        """Returns motions of which clean-up makes exact only what is wanted."""
+        wanted = {"count": self.exact_count, "turn": self.exact_turn}
+        if all(wanted.values()):
             return list(motions)
         return [
-            replace(m, metadata={name: it for name, it in m.metadata.items() if name != "turn"})
+            replace(m, metadata={n: it for n, it in m.metadata.items() if wanted.get(n, True)})
             for m in motions
         ]
 

@@ -37,6 +37,7 @@ BINARY_BODY = {
 
 
 def clean_up_steps(
+    exact_count: bool = True,
     exact_turn: bool = True,
     smooth: bool = True,
     bones: bool = True,

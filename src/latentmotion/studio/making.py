@@ -83,8 +83,8 @@ class Maker:
             found = sources[name]
             return from_json(Edits, found["edits"]).applied(self.library.stored(found["motion"]))
 
-        # Takes of versions that made no exact turns do not say so.
-        asked = Recipe.model_validate({"exact_turn": False, **recipe})
+        # Takes of versions that made no exact counts or turns do not say so.
+        asked = Recipe.model_validate({"exact_count": False, "exact_turn": False, **recipe})
         return motions_of(self.pipeline, asked, [asked.seed], source)[0]
 
 
@@ -123,7 +123,8 @@ def motions_of(
         seconds, prompt = recipe.seconds or 1.0, recipe.prompt or ON_THE_WAY
         return [pipeline.between(start, end, seconds, prompt, seed, *sampled) for seed in seeds]
     found = _generated(pipeline, recipe, seeds, source)
-    return cleaned(found, CleanUp(exact_turn=recipe.exact_turn)) if recipe.clean else found
+    steps = CleanUp(exact_count=recipe.exact_count, exact_turn=recipe.exact_turn)
+    return cleaned(found, steps) if recipe.clean else found
 
 
 def check(recipe: Recipe) -> None:

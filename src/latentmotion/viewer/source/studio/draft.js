@@ -12,7 +12,8 @@ const KEPT = {
   sampler: (name) => `sampler ${name}`,
   in_place: () => "in place",
 };
-const SETTINGS = ["takes", "seed", "steps", "guidance", "clean", "exact_turn", "loop", "best_of"];
+const CLEANING = ["clean", "exact_count", "exact_turn"];
+const SETTINGS = ["takes", "seed", "steps", "guidance", ...CLEANING, "loop", "best_of"];
 
 export function emptyDraft({ model, usual_steps: steps, guidance }) {
   return {
@@ -22,7 +23,7 @@ export function emptyDraft({ model, usual_steps: steps, guidance }) {
     kept: {}, // of a recipe, what has no field
     settings: {
       ...{ takes: 4, seed: 0, steps, guidance: guidance.usual },
-      ...{ clean: true, exact_turn: true, loop: false, best_of: 1, model },
+      ...{ clean: true, exact_count: true, exact_turn: true, loop: false, best_of: 1, model },
     },
   };
 }
@@ -41,8 +42,8 @@ export function recipeOf({ segments, path, goals, kept, settings }) {
 }
 
 /** How motions are generated, whatever is asked for. */
-export function samplingOf({ settings: { seed, steps, guidance, clean, exact_turn } }) {
-  return { format: 1, seed, steps, guidance, clean, exact_turn };
+export function samplingOf({ settings: { takes, loop, best_of, model, ...sampling } }) {
+  return { format: 1, ...sampling };
 }
 
 /** What a take was made from, as a draft. */

@@ -1,0 +1,184 @@
+"""Exact counts: a motion that does an act too often or too rarely does it as often as asked.
+
+Two frames with like poses and speeds, and repetitions between them, bound a cycle. It is left out
+where there are too many, and done again where there are too few; the path goes on from where it is,
+in the direction that the body faces. Movements that look like half a repetition go, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from latentmotion.describe.repetitions import COUNTED, Repetitions, repetitions
+from latentmotion.motion import Motion
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from latentmotion.representation.splicing import pose_descriptors, seam_of, splice
+
+Joints = Float[np.ndarray, "frames 22 3"]
+
+Pieces = list[tuple[int, int]]
+"""First and last frame of each piece of a motion, in their order."""
+
+_MOST = 20
+"""Largest count."""
+
+_FRAMES = (20, 196)
+"""Fewest and most frames of a motion that is made."""
+
+_TRANSITION = 0.4
+"""Seconds in which a cycle is joined."""
+
+_APART = 0.3
+"""Largest distance of the poses with their speeds at which a cycle begins and ends, meters."""
+
+_SLIDE, _JERK = 0.3, 1200.0
+"""Most that feet may slide in a transition on average, m/s, and a joint may jerk, m/s³."""
+
+_TRIES = 6
+"""Cycles that are tried, the nearest first."""
+
+_SEAM = 0.02
+"""Cost of another seam, meters."""
+
+_FAR = 9.0
+"""Distance of poses that must not be joined, meters."""
+
+_OTHER = 4
+"""Frames by which cycles differ that are tried."""
+
+
+@dataclass(frozen=True)
+class Count:
+    """How often an act is to be done."""
+
+    act: str
+    """A name of `repetitions.COUNTED`."""
+    times: int
+    """How often, 1 and more."""
+    side: str = ""
+    """`left`, `right` or `both`, or nothing for any."""
+
+    @property
+    def wanted(self) -> range:
+        """Counts that are as asked: a step more may be the one that ends the walk."""
+        return range(self.times, self.times + (2 if self.act == "step" else 1))
+
+    @classmethod
+    def of(cls, metadata: Mapping[str, Any]) -> Count | None:
+        """Returns the count that metadata ask for; none where they do not, or it was made."""
+        found = metadata.get("count")
+        if not isinstance(found, Mapping) or "made" in found:
+            return None
+        act, times, side = (found.get(name) for name in ("act", "times", "side"))
+        known = isinstance(act, str) and act in COUNTED and side in ("", "left", "right", "both")
+        if not known or not isinstance(times, int) or not 1 <= times <= _MOST:
+            return None
+        return cls(str(act), times, str(side))
+
+
+def exact_count(
+    motion: Motion, cleaned: Motion, asked: Count, clean: Callable[[Motion], Motion]
+) -> Motion:
+    """Returns a motion that does an act as often as asked, cleaned up.
+
+    It stays as it is where it does not do the act at all, where no two poses are near enough or
+    the seam would not be smooth, and where it would get longer than the longest motion.
+
+    Args:
+        motion: The motion before it was cleaned up.
+        cleaned: The motion, cleaned up.
+        asked: What it should do.
+        clean: Cleans a motion up.
+    """
+    fps, skeleton = HUMANML3D_FEATURES.fps, HUMANML3D_FEATURES.skeleton
+    if (motion.skeleton.names, motion.fps) != (skeleton.names, fps) or len(motion) < _FRAMES[0]:
+        return cleaned
+    joints = cleaned.joints.astype(np.float64)
+    found = repetitions(joints, asked.act, asked.side)
+    if found is None or not found.full or len(found.full) in asked.wanted:
+        return cleaned
+    for pieces in _arrangements(joints, found, asked):
+        made, seams = _joined(motion.joints.astype(np.float64), pieces)
+        candidate = clean(replace(motion, joints=made.astype(np.float32)))
+        joints = candidate.joints.astype(np.float64)
+        fits = [seam_of(joints, seam, fps, skeleton, round(_TRANSITION * fps)) for seam in seams]
+        again = repetitions(joints, asked.act, asked.side)
+        steady = all(fit.slide <= _SLIDE and fit.jerk <= _JERK for fit in fits)
+        if steady and again and not again.weak and len(again.full) in asked.wanted:
+            about = {**motion.metadata["count"], "made": len(found.full)}
+            return replace(candidate, metadata={**candidate.metadata, "count": about})
+    return cleaned
+
+
+def _joined(joints: Joints, pieces: Pieces) -> tuple[Float[np.ndarray, "made 22 3"], list[int]]:
+    """Returns pieces of a motion one after the other, and the frames of their seams."""
+    (first, last), *others = pieces
+    made, seams = joints[first : last + 1], []
+    for first, last in others:
+        seams.append(len(made) - 1)
+        piece = joints[first : last + 1]
+        made = splice(made, piece, _TRANSITION, HUMANML3D_FEATURES, fitted=False)
+    return made, seams
+
+
+def _arrangements(joints: Joints, found: Repetitions, asked: Count) -> list[Pieces]:
+    """Returns pieces that show the act as often as asked in sequence, the nearest poses first.
+
+    They are a start, a cycle so many times, and an end, without weak repetitions.
+    """
+    frames, final, all_of_them = np.arange(len(joints)), len(joints) - 1, len(found.full)
+    free = (frames >= 2) & (frames <= final - 3)
+    for event in found.full if asked.act != "step" else ():  # one foot or the other always steps
+        free[event.start + 1 : event.end] = False
+    passed = _passed([0.5 * (event.start + event.end) for event in found.full], frames)
+    weak, apart = _passed(found.weak, frames), _distances(joints)
+    again = passed - passed[:, None]
+    possible: list[tuple[float, Pieces]] = []
+    for left in range(all_of_them + 1):
+        ends = free & (weak == len(found.weak)) & (passed == all_of_them - left)
+        closing = np.where((free & (weak == 0))[:, None] & ends, apart, _FAR)
+        resumes, close = closing.argmin(axis=1), closing.min(axis=1)
+        for times in range(asked.times + 1):
+            made = passed + times * again + left
+            length = frames + times * (frames - frames[:, None]) + final - resumes
+            good = (made >= asked.wanted.start) & (made < asked.wanted.stop)
+            good &= (length >= _FRAMES[0]) & (length <= _FRAMES[1])
+            good &= (again > 0) & free[:, None] if times else frames[:, None] == 0
+            costs = np.where(good, close + times * apart, _FAR)
+            for cost, first, last in _lowest(costs, _APART * (times + 1)):
+                pieces = [(0, last), *[(first, last)] * times, (int(resumes[last]), final)]
+                possible.append((cost + _SEAM * times, pieces))
+    return [pieces for _, pieces in sorted(possible)[:_TRIES]]
+
+
+def _lowest(
+    costs: Float[np.ndarray, "frames frames"], most: float
+) -> Iterator[tuple[float, int, int]]:
+    """Yields some of the lowest costs with their row and column, none near another."""
+    for _ in range(_TRIES // 2):
+        row, column = (int(place) for place in np.unravel_index(costs.argmin(), costs.shape))
+        if costs[row, column] > most:
+            return
+        yield float(costs[row, column]), row, column
+        around = [slice(max(place - _OTHER, 0), place + _OTHER) for place in (row, column)]
+        costs[around[0], around[1]] = _FAR
+
+
+def _passed(
+    middles: Sequence[float], frames: Int[np.ndarray, " frames"]
+) -> Int[np.ndarray, " frames"]:
+    """Returns how many of some moments are before each frame."""
+    return (np.asarray(middles).reshape(-1, 1) < frames).sum(axis=0)
+
+
+def _distances(joints: Joints) -> Float[np.ndarray, "frames frames"]:
+    """Returns the distance of every two poses with their speeds, as seen by the body, meters."""
+    fps, skeleton = HUMANML3D_FEATURES.fps, HUMANML3D_FEATURES.skeleton
+    poses = pose_descriptors(joints, fps, skeleton, np.arange(len(joints)))
+    squares = (poses**2).sum(axis=1)
+    return np.sqrt(np.maximum(squares[:, None] + squares - 2 * poses @ poses.T, 0))
