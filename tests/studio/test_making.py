@@ -82,8 +82,8 @@ def test_takes_that_do_not_tell_of_exact_turns_and_counts_have_none(
 ) -> None:
     asked = {"prompt": prompt, "steps": 4, "seed": 1}
     (exact,), (plain,) = made(studio, 1, **asked), made(studio, 1, **asked, **{option: False})
-    both = [joints_of(studio, take["id"]) for take in (exact, plain)]
-    assert both[0].shape != both[1].shape or not np.allclose(*both)
+    one, other = (joints_of(studio, take["id"]) for take in (exact, plain))
+    assert one.shape != other.shape or not np.allclose(one, other)
     old = {name: it for name, it in plain["recipe"].items() if name != option}
     library = studio.library  # type: ignore[attr-defined]
     maker = Maker(studio.service.pipeline, plain["recipe"]["weights"], library)
