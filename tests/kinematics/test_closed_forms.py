@@ -8,7 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation, Slerp
 
 from latentmotion.arrays import prefix_mask, unit
-from latentmotion.kinematics.inverse_kinematics import _nearest_rotation, hinge
+from latentmotion.kinematics.inverse_kinematics import hinge, nearest_rotation
 from latentmotion.kinematics.rotations import (
     axis_angle_from_matrix,
     matrix_between,
@@ -170,12 +170,12 @@ def test_unit_vectors_of_nothing_are_nothing() -> None:
 
 
 @pytest.mark.parametrize("rank", [1, 2, 3])
-def test_the_nearest_rotation_is_that_of_the_singular_values(rank: int) -> None:
+def test_thenearest_rotation_is_that_of_the_singular_values(rank: int) -> None:
     left, right = np.random.default_rng(rank).normal(size=(2, 200, rank, 3))
     given = np.concatenate([np.swapaxes(left, 1, 2) @ right, np.eye(3)[None], -np.eye(3)[None]])
     u, values, vt = np.linalg.svd(given)
     best = values[:, 0] + values[:, 1] + np.linalg.det(u @ vt) * values[:, 2]
-    found = _nearest_rotation(given)
+    found = nearest_rotation(given)
     np.testing.assert_allclose(np.einsum("nij,nij->n", found, given), best, atol=1e-9)
     np.testing.assert_allclose(found @ np.swapaxes(found, 1, 2), [np.eye(3)] * 202, atol=1e-9)
     np.testing.assert_allclose(np.linalg.det(found), 1)

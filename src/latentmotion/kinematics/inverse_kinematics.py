@@ -298,7 +298,7 @@ class _Solver:
         bones = np.ascontiguousarray(self.bones[:, :, children])
         for _ in range(3):
             rest = weights * self.rest[:, children]
-            rotation = _nearest_rotation(np.swapaxes(bones, -1, -2) @ rest)
+            rotation = nearest_rotation(np.swapaxes(bones, -1, -2) @ rest)
             self.rest[:, children] = unit((bones @ rotation).sum(axis=0))
         return rotation
 
@@ -419,7 +419,7 @@ _POOR = 0.05
 """Share of its greatest value below which the determinant of the closed form is too small."""
 
 
-def _nearest_rotation(b: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+def nearest_rotation(b: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Returns the rotations R of greatest tr(Rᵀ B) in closed form (Markley 1993, FOAM).
 
     λ, the value reached, is the largest root of (λ² − |B|²)² − 8 λ det B − 4 |cof B|². Where B is
