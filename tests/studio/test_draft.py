@@ -22,7 +22,8 @@ const draft = draftOf(JSON.parse(process.argv[2]), usual);
 const told = { recipe: recipeOf(draft), words: wordsOfKept(draft), goals: takesGoals(draft) };
 console.log(JSON.stringify(told));
 """
-SETTINGS = {"format": 1, "seed": 7, "steps": 4, "guidance": 2, "clean": True, "exact_turn": True}
+CLEANING = {"clean": True, "exact_turn": True, "exact_count": True}
+SETTINGS = {"format": 1, "seed": 7, "steps": 4, "guidance": 2, **CLEANING}
 WAVE = {"part": "right_arm", "prompt": "a person waves", "start": 1, "end": 2}
 WALK, JUMP = ({"prompt": text, "seconds": 3} for text in ("a person walks", "a person jumps"))
 
