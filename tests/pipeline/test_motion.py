@@ -82,7 +82,8 @@ def test_bvh_there_and_back(motion: Motion, tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("name", "says"), [("a.bhv", r"\.bvh"), ("a", "no ending"), ("a.max", "known are"), ("a.npy", "npz")]
+    ("name", "says"),
+    [("a.bhv", r"\.bvh"), ("a", "no ending"), ("a.max", "known are"), ("a.npy", "npz")],
 )
 def test_unknown_endings_name_the_known(motion: Motion, tmp_path: Path, name: str, says: str):
     with pytest.raises(InputError, match=says):
