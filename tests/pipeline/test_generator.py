@@ -197,12 +197,8 @@ def test_command_writes_every_file_and_reports(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = [str(tmp_path / name) for name in ("a.bvh", "a.npz", "a.glb", "a.html")]
-    words = [
-        CAPTION,
-        "a person jumps",
-        *["--seconds", "1", "--steps", "2", "--seed", "7", "--best-of", "1"],
-    ]
-    main(["generate", *words, "--threads", "1", "--json", "-o", *files])
+    words = [CAPTION, "a person jumps", "--seconds", "1", "--steps", "2", "--seed", "7"]
+    main(["generate", *words, "--best-of", "1", "--threads", "1", "--json", "-o", *files])
     report = json.loads(capsys.readouterr().out)
     assert [motion["seed"] for motion in report["motions"]] == [7, 8]
     assert all(Path(file).stat().st_size > 1000 for file in report["files"])
