@@ -30,7 +30,7 @@ class Row:
     seconds: float | None = None
     """Its length, if it is given."""
     problem: str = ""
-    """What is wrong with it, if anything."""
+    """Its error, if any."""
 
 
 def read_rows(path: Path, seed: int = 0) -> list[Row]:

@@ -27,7 +27,7 @@ _MEMORY = 0.1
 """Standard deviation of the Gaussian over these neighbors, seconds."""
 
 _TRUNK = 0.1
-"""How far joints of the trunk move, relative to those of limbs."""
+"""Stiffness of the trunk: movement of its joints relative to those of limbs."""
 
 
 def constant_bones(

@@ -41,7 +41,7 @@ the contact, within the time of a step."""
 
 @dataclass(frozen=True)
 class Contacts:
-    """What counts as standing. The first of a pair begins a contact, the second ends it."""
+    """Thresholds of a standing foot. The first of a pair begins a contact, the second ends it."""
 
     height: tuple[float, float] = (0.04, 0.06)
     """Meters above the joint's standing height."""

@@ -54,12 +54,12 @@ _OTHER = 4
 
 @dataclass(frozen=True)
 class Count:
-    """How often an act is to be done."""
+    """Number of repetitions of an act that a sentence asks for."""
 
     act: str
     """A name of `repetitions.COUNTED`."""
     times: int
-    """How often, 1 and more."""
+    """Number of times, 1 or more."""
     side: str = ""
     """`left`, `right` or `both`, or nothing for any."""
 

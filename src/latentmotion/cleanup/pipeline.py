@@ -58,7 +58,7 @@ class CleanUp:
     cutoff: float = 5.0
     """Hertz up to which movement is kept; above, it counts as jitter."""
     contacts: Contacts = field(default_factory=Contacts)
-    """What counts as standing."""
+    """Thresholds of a standing foot."""
     lock: FootLock = field(default_factory=FootLock)
     """Settings of foot locks."""
     ground: Floor = field(default_factory=Floor)

@@ -35,7 +35,7 @@ class Convert:
     norm: Literal["post", "pre"] = "post"
     """Whether the VAE's layers normalize after (post) or before (pre) their sublayers."""
     predicts: Literal["epsilon", "sample"] = "epsilon"
-    """What the denoiser was trained to predict."""
+    """Quantity that the denoiser was trained to predict."""
     text_activation: Literal["relu", "none"] | None = None
     """Activation before the projection of the text: relu in MLD, none in MotionLCM's second
     version; by default told by the shapes."""

@@ -29,7 +29,7 @@ class Conditioning:
 
 @dataclass(frozen=True)
 class TextEmbedding:
-    """What a text encoder says of a batch of sentences, NumPy or torch."""
+    """Embeddings of a batch of sentences, NumPy or torch."""
 
     pooled: Float[Any, "batch width"]
     """One vector per sentence."""

@@ -36,7 +36,7 @@ class TextConditioning:
     pooled: bool = True
     """Whether the first token is the pooled sentence."""
     words: int = 0
-    """How many word pieces follow at the most."""
+    """Maximum number of word pieces that follow."""
 
     def __post_init__(self) -> None:
         if not self.pooled and self.words < 1:
@@ -66,7 +66,7 @@ class SentenceCondition:
     """Sentences to embeddings."""
 
     conditioning: TextConditioning = field(default_factory=TextConditioning)
-    """What the denoiser sees of them."""
+    """Their embeddings, as the denoiser reads them."""
 
     def __call__(self, inputs: Sequence[str]) -> Conditioning:
         """Returns the condition of each sentence.
@@ -142,7 +142,7 @@ class TrainingCondition:
     encoder: Callable[[], TextEncoder]
     """Returns the text encoder that the user passed, or raises an error."""
     conditioning: TextConditioning
-    """What the denoiser sees of sentences."""
+    """Sentence embeddings that the denoiser reads."""
 
 
 class Task(ABC):
@@ -236,7 +236,7 @@ class TextTask(Task):
     width: int = 0
     """Numbers per word of the encoder."""
     conditioning: TextConditioning = field(default_factory=TextConditioning)
-    """What the denoiser sees of sentences."""
+    """Sentence embeddings that the denoiser reads."""
 
     @classmethod
     def of_training(cls, given: TrainingCondition) -> TextTask:

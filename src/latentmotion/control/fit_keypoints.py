@@ -146,7 +146,7 @@ class Scene:
     points: Float[np.ndarray, "observed keypoints coordinates"]
     """Meters, or what a camera of focal length 1 sees."""
     weights: Float[np.ndarray, "observed keypoints"]
-    """How much each counts."""
+    """Weight of each."""
     positions: Float[np.ndarray, " observed"]
     """When each was observed, in frames of the motion."""
     names: tuple[str, ...]

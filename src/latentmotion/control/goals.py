@@ -137,7 +137,7 @@ NO_TARGETS = Targets(
 
 @dataclass(frozen=True, eq=False)
 class TargetResidual:
-    """What is missing to targets, and how it changes with the joints."""
+    """Residuals to targets, and their derivatives by the joints."""
 
     targets: Targets
     skeleton: Skeleton

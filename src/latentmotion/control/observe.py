@@ -31,7 +31,7 @@ class Observation:
     points: Float[np.ndarray, "observed keypoints coordinates"]
     """Meters; or what a camera of focal length 1 sees, right and down. 0 where not seen."""
     weights: Float[np.ndarray, "observed keypoints"]
-    """How much each counts; 0 where it was not seen."""
+    """Weight of each; 0 where it was not seen."""
     positions: Float[np.ndarray, " observed"]
     """When each was observed, in frames of the motion."""
     joints: Float[np.ndarray, "keypoints joints"]

@@ -37,7 +37,7 @@ _KEEPS = 0.3
 
 @runtime_checkable
 class Residual(Protocol):
-    """What is missing to the goals, a number for each coordinate."""
+    """Residuals of the goals, a number for each coordinate."""
 
     def __call__(self, joints: Joints) -> Float[np.ndarray, " rows"]:
         """Returns goal minus joint, meters."""
@@ -63,7 +63,7 @@ class DecodedMotion:
     features: Scale
     """Scale in which the networks see features."""
     representation: Representation
-    """What the features mean: HumanML3D's or KIT's."""
+    """Layout of the features: HumanML3D's or KIT's."""
     frames: int
     """Length of the motion."""
 
@@ -120,7 +120,7 @@ class DecodedMotion:
 
 @dataclass(frozen=True)
 class ReachSettings:
-    """How far and how often latents are moved."""
+    """Step sizes and number of steps by which latents are moved."""
 
     updates: int = 5
     """Steps of Gauss-Newton at most."""
@@ -226,7 +226,7 @@ class Correction:
 
     motion: DecodedMotion
     residual: Residual | None = None
-    """What is missing to the goals; None where there are none."""
+    """Residuals of the goals; None without goals."""
     known: Latents | None = None
     """Latents in the denoiser's scale; those that are not known are not read."""
     is_known: Bool[np.ndarray, " tokens"] | None = None

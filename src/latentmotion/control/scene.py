@@ -79,7 +79,7 @@ class SceneSpan:
     prompt: str
     """What the person does."""
     seconds: float | None = None
-    """How long; by default as predicted from the prompt."""
+    """Length in seconds; by default as predicted from the prompt."""
 
 
 @dataclass(frozen=True)

@@ -132,13 +132,13 @@ class StreamState:
     latents: Latents
     """The last ones, as far back as frames depend on them."""
     emitted: int
-    """How many of these have become frames."""
+    """Number of these that have become frames."""
     yaw: float
     """Heading at which the next frame begins, radians."""
     place: tuple[float, float]
     """x and z of the pelvis there, meters."""
     calls: int
-    """How often tokens have been sampled."""
+    """Number of times that tokens have been sampled."""
 
     @classmethod
     def start(cls, width: int) -> StreamState:

@@ -70,7 +70,7 @@ class Unstated:
 
 @dataclass(frozen=True)
 class Origin:
-    """What a checkpoint does not state and the user knows of it."""
+    """Facts about a checkpoint that it does not state and the user knows."""
 
     normalizer: tuple[np.ndarray, np.ndarray] | None = None
     """Mean and standard deviation of each feature, as its data set publishes them."""

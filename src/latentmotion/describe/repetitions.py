@@ -42,7 +42,7 @@ def bends(dips: Iterable[Event], postures: Iterable[Event]) -> list[Event]:
 
 @dataclass(frozen=True)
 class Repetitions:
-    """How often a motion does an act."""
+    """Number of repetitions of an act in a motion."""
 
     full: tuple[Event, ...]
     """The repetitions, by start; steps may overlap."""
@@ -138,4 +138,4 @@ _CURVES: Mapping[str, Callable[[Signals, str], list[Float[np.ndarray, " frames"]
         }
     )
 )
-"""What swings once with each repetition."""
+"""Signal that swings once with each repetition."""

@@ -150,7 +150,7 @@ class ParametrizedDenoiser:
     denoiser: Denoiser
     """Network or session, maybe with guidance around it."""
     parametrization: Parametrization
-    """What its output means."""
+    """Meaning of its output."""
     schedule: Schedule
     """The noise schedule that it was trained on."""
 

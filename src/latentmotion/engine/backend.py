@@ -156,7 +156,7 @@ class ExecutionOptions:
     precision: Precision = "float32"
     """Precision of matrix products and convolutions."""
     launch: Launch = "eager"
-    """How work reaches the device."""
+    """Launch mode: the way work reaches the device."""
 
     def __post_init__(self) -> None:
         if self.launch == "graph" and self.device_type == "cpu":

@@ -170,7 +170,7 @@ def joints_error(pipeline: MotionPipeline, folder: Path, steps: int) -> float:
 
 
 class _Reading(nn.Module):
-    """What the denoiser sees of a sentence."""
+    """Embedding of a sentence, as the denoiser reads it."""
 
     def __init__(self, conditioning: TextConditioning) -> None:
         super().__init__()

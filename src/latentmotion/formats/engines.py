@@ -28,7 +28,7 @@ ENDINGS = (".glb", ".gltf", ".fbx", ".bvh")
 
 @dataclass(frozen=True)
 class Engine:
-    """How a game engine likes its figures."""
+    """Conventions of a game engine for figures."""
 
     root: str
     """Name of the root bone."""

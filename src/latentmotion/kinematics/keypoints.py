@@ -136,7 +136,7 @@ class Keypoints:
 
     @property
     def weights(self) -> Float[np.ndarray, "frames keypoints"]:
-        """How much each point counts: its confidence times what its kind deserves."""
+        """Weight of each point: its confidence times the weight of its kind."""
         trust = [
             next((w for part, w in _TRUST.items() if name.endswith(part)), 1.0)
             if self.names != HUMANML3D.names

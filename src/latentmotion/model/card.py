@@ -80,17 +80,17 @@ class Provenance:
     commit: str = ""
     """Commit of this code."""
     machine: str = ""
-    """What computed them, and with which PyTorch."""
+    """Hardware and PyTorch version of the training."""
     hours: float = 0.0
-    """How long that took."""
+    """Duration of the training."""
 
 
 @dataclass(frozen=True)
 class ModelCard:
-    """What a trained model is."""
+    """Description of a trained model."""
 
     name: str
-    """What users call it, e.g. `starter`."""
+    """Name for users, e.g. `starter`."""
     representation: str
     """Name of the motion features, e.g. `humanml3d`."""
     normalizer_mean: tuple[float, ...]
@@ -102,7 +102,7 @@ class ModelCard:
     schedule: ScaledLinear | Cosine | LinearPath
     """Noise schedule."""
     parametrization: Epsilon | Sample | Velocity
-    """What the denoiser predicts."""
+    """Quantity that the denoiser predicts."""
     vae: VAEConfig
     """Configuration of the VAE."""
     denoiser: DenoiserConfig | None
@@ -124,7 +124,7 @@ class ModelCard:
 
     @property
     def task(self) -> TaskName:
-        """What it is conditioned on, by name."""
+        """Name of its condition."""
         return self.condition.name
 
     @property

@@ -143,11 +143,11 @@ class DenoiserConfig:
     project_latents: bool = True
     """Whether a learned projection leads latents in and out; without, the widths must be equal."""
     condition_projection: Literal["linear", "relu_linear", "table", "none"] = "linear"
-    """How words become tokens; `table` is for one-hot labels, `relu_linear` is the paper's."""
+    """Projection of words; `table` is for one-hot labels, `relu_linear` is the paper's."""
     words: Literal["tokens", "added_to_time"] = "tokens"
     """Whether words are tokens of their own, or added to the time's as in MDM."""
     attention: Literal["in_context", "cross"] = "in_context"
-    """How latents meet the context."""
+    """Attention between latents and context."""
     positions: Literal["separate", "latents_first", "context_first"] = "separate"
     """Which positions share a table."""
     position: PositionKind = "learned"

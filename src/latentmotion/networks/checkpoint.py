@@ -44,7 +44,7 @@ class FirstStageModel:
     """A model folder in memory, with PyTorch: its VAE, which may be the identity."""
 
     card: ModelCard
-    """What it is."""
+    """Its description."""
     vae: MotionVAE
     """Motion to latents and back."""
 

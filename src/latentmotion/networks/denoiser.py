@@ -249,7 +249,7 @@ class Denoiser(nn.Module):
 
     @property
     def further_inputs(self) -> tuple[str, ...]:
-        """What a few-step student gets beside the rest, by name; else nothing."""
+        """Additional inputs of a few-step student, by name; else none."""
         return self.step_embedding.inputs
 
     def forward(

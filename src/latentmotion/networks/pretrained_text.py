@@ -119,7 +119,7 @@ AT_ONCE = 64
 
 @dataclass(frozen=True)
 class Reading:
-    """What a network says of tokenized sentences."""
+    """Output of a network for tokenized sentences."""
 
     pooled: Float[torch.Tensor, "batch width"]
     words: Float[torch.Tensor, "batch words width"]
@@ -190,7 +190,7 @@ def _clip_features(model: Any, tokens: torch.Tensor) -> torch.Tensor:
 
 @dataclass(frozen=True)
 class Pretrained:
-    """How one kind of encoder is loaded and read."""
+    """Loading and reading of one kind of encoder."""
 
     hub_name: str
     """Where it is found when no source is given."""
@@ -205,7 +205,7 @@ class Pretrained:
     """Sentences are cut after this many pieces."""
 
     padding: Literal["longest", "max_length"] = "longest"
-    """How far sentences are filled up."""
+    """Length to which sentences are padded."""
 
     finish: Callable[[Any, str], Any] | None = None
     """Puts on the network what `transformers` does not load; it is given the source too."""

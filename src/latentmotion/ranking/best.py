@@ -54,7 +54,7 @@ class Take:
     score: float
     """Twice the claims, and the match, less the costs; the highest is the best."""
     claims: float
-    """How closely the motion does what the sentence asks, 0 to 1; 0 where nothing is measurable."""
+    """Closeness of the motion to the sentence, 0 to 1; 0 where nothing is measurable."""
     text: float
     """Cosine of the vectors of sentence and motion, -1 to 1."""
     sliding: float

@@ -72,7 +72,7 @@ class Hit:
 
 @dataclass(frozen=True, eq=False)
 class IndexedFile:
-    """What the index knows of a file."""
+    """Entry of a file in the index."""
 
     size: int
     """Bytes."""
@@ -93,7 +93,7 @@ class MotionIndex:
     scorer: Scorer
     """Compares them with sentences."""
     files: dict[Path, IndexedFile] = field(default_factory=dict)
-    """What is known, by path."""
+    """Entries by path."""
 
     @classmethod
     def of(

@@ -303,7 +303,7 @@ class _Mesh:
     joints: Int[np.ndarray, "vertices 4"]
     weights: Float[np.ndarray, "vertices 4"]
     anchors: Float[np.ndarray, "joints vertices"]
-    """How far each vertex goes with each joint when bones change."""
+    """Weights of vertices by joint when bones change."""
     near: _Near
 
 

@@ -31,7 +31,7 @@ _STANDING_WEIGHT = 20.0
 
 @dataclass(frozen=True)
 class Seam:
-    """How well two motions fit where they meet."""
+    """Quality of a seam between two motions."""
 
     slide: float
     """Mean horizontal speed of foot joints on the floor in the transition, m/s."""

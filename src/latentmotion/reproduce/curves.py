@@ -90,7 +90,7 @@ class Curves:
     data: str
     """Folder name and fingerprint of the data set."""
     budget: str
-    """What the budget changes."""
+    """Changes of the budget."""
     command: str
     """The command that trained them last."""
     commit: str

@@ -17,7 +17,7 @@ from latentmotion.retarget.rig_files import RigFile, open_rig
 
 @dataclass(frozen=True)
 class RigReport:
-    """What is known of a character."""
+    """Description of a character."""
 
     bones: tuple[str, ...]
     """Names of its bones."""

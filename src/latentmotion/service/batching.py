@@ -1,4 +1,4 @@
-"""Batching: what waits is generated together, in threads of its own, and no more waits than may.
+"""Batching: waiting requests are generated in groups by worker threads; the queue is bounded.
 
 A thread takes the oldest request and those of the same key behind it, as many as a batch may hold;
 it never waits for more. Requests whose client has gone or whose time is over are dropped before.
@@ -24,7 +24,7 @@ Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]
 """Key and payloads of a batch to a result, or an exception, for each."""
 
 NICE = 5
-"""By how much threads of the model and file workers yield to the event loop, which answers."""
+"""Niceness of model threads and file workers, so that the event loop comes first."""
 
 
 @dataclass(eq=False)

@@ -20,7 +20,7 @@ RECENT_PROMPTS = 1000
 
 @dataclass(frozen=True)
 class BatchSettings:
-    """What prompts need in common to be generated together."""
+    """Settings that prompts share if they are generated in one batch."""
 
     steps: int | None
     """Sampling steps; None for the model's own."""

@@ -15,7 +15,7 @@ POLICY = (
     "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"
 )
-"""What the page may load and run: files of this service alone."""
+"""Content security policy of the page: files of this service alone."""
 
 
 def routes() -> APIRouter:

@@ -119,7 +119,7 @@ class SpanOfTimeline(_Strict):
     prompt: Text
     """What the person does."""
     seconds: Number | None = Field(None, gt=0, le=60)
-    """How long; by default as predicted from the prompt."""
+    """Length in seconds; by default as predicted from the prompt."""
 
 
 class PartOfTimeline(_Strict):
@@ -280,7 +280,7 @@ class _Answer(BaseModel):
 
 
 class JobState(_Answer):
-    """How far a job is."""
+    """Progress of a job."""
 
     id: str
     """Its name, which nobody can guess."""
@@ -317,7 +317,7 @@ class ModelAnswer(_Answer):
     license: str
     """License of its motions."""
     prompts: str
-    """What it takes: sentences, labels or nothing."""
+    """Its condition: sentences, labels or nothing."""
     labels: list[str]
     """The labels that it knows, if it takes labels."""
     seconds: tuple[float, float]

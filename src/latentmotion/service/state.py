@@ -1,4 +1,4 @@
-"""What the routes share: the model behind its queue, the workers, and whether it is ready."""
+"""Shared state of the routes: the model behind its queue, the workers, and readiness."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ _FILE = {"schema": {"type": "string", "format": "binary"}}
 BINARY_BODY = {
     "requestBody": {"required": True, "content": {"application/octet-stream": _FILE}},
 }
-"""What OpenAPI says of a body that is a file."""
+"""OpenAPI schema of a body that is a file."""
 
 
 def clean_up_steps(

@@ -42,14 +42,14 @@ class Shard:
     content: bytes
     """The file."""
     items: int
-    """How many items it holds."""
+    """Number of its items."""
     wrong: tuple[Wrong, ...] = ()
     """Items that it lacks."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """What is known of a finished shard."""
+    """Record of a finished shard."""
 
     name: str
     """Its file."""
@@ -58,7 +58,7 @@ class Record:
     sha256: str
     """SHA-256 of the file, as hexadecimal digits."""
     items: int
-    """How many items it holds."""
+    """Number of its items."""
     wrong: tuple[Wrong, ...]
     """Items that it lacks."""
     run: str
@@ -67,7 +67,7 @@ class Record:
 
 @dataclass(frozen=True)
 class Run:
-    """What the bytes of all shards follow from."""
+    """Inputs that determine the bytes of all shards."""
 
     settings: Mapping[str, Any]
     """Plain values."""
@@ -87,7 +87,7 @@ class Manifest:
     """A finished run."""
 
     run: Run
-    """What its bytes follow from."""
+    """Inputs that determine its bytes."""
     shards: tuple[Record, ...]
     """A record of each file."""
 
@@ -99,7 +99,7 @@ class Share:
     number: int = 1
     """From 1 up."""
     count: int = 1
-    """How many parts there are."""
+    """Number of parts."""
 
     @classmethod
     def parse(cls, text: str) -> Share:

@@ -25,7 +25,7 @@ class Edits:
     trim: tuple[float, float] | None = None
     """Start and end, seconds of the stored motion."""
     speed: float = 1.0
-    """How many times faster it plays: the frames stay, their rate changes."""
+    """Playback speed factor: the frames stay, their rate changes."""
     in_place: bool = False
     """Without root motion along the floor."""
     mirrored: bool = False

@@ -127,7 +127,7 @@ class Character:
     id: str
     """Its name in the library."""
     name: str
-    """What its user calls it."""
+    """Its name for the user."""
     ending: str
     """`glb` or `bvh`."""
     bones: Mapping[str, Any]

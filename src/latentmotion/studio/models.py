@@ -24,11 +24,11 @@ class StudioModel:
     """A model that takes can be made with, known by its card; its networks are not in memory."""
 
     name: str
-    """What the studio calls it."""
+    """Its name in the studio."""
     folder: Path
     """Where it is."""
     card: cards.ModelCard
-    """What it is."""
+    """Its description."""
 
     @cached_property
     def weights(self) -> str:

@@ -119,7 +119,7 @@ class Transition(_Strict):
 
 
 class Recipe(SceneRequest):
-    """What makes a take: a scene, or a loop, an edit or a transition, and how it is sampled."""
+    """Recipe of a take: a scene, or a loop, an edit or a transition, and its sampling."""
 
     poses: list[PoseGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     """Whole poses."""
@@ -153,7 +153,7 @@ class TakesRequest(_Strict):
     recipe: Recipe
     """What to make."""
     takes: int = Field(4, ge=1, le=MOST_TAKES, strict=True)
-    """How many."""
+    """Number."""
     model: ModelName | None = None
     """Model that makes them; by default the one that the studio was started with."""
 
@@ -166,7 +166,7 @@ class ModelChoice(_Strict):
 
 
 class TakeChanges(_Strict):
-    """What changes about a take; what is left out stays."""
+    """Changes of a take; fields left out stay."""
 
     title: Title = ""
     """What the list shows."""
@@ -179,7 +179,7 @@ class TakeChanges(_Strict):
     trim: Span | None = None
     """Start and end, seconds of the stored motion; null for all of it."""
     speed: Annotated[Number, Field(gt=0)] = 1.0
-    """How many times faster it plays."""
+    """Playback speed factor."""
     in_place: bool = False
     """Without root motion along the floor."""
     mirrored: bool = False
@@ -277,7 +277,7 @@ class ListAnswer(TakesAnswer):
     """Some of the takes that there are."""
 
     total: int
-    """How many there are of this kind."""
+    """Number of this kind."""
     tags: list[str]
     """Tags of all takes that are not deleted."""
 

@@ -60,12 +60,12 @@ class ClassifierExperiment:
             steps=1000, weight_decay=0.05, ema_decay=0.99, validate_every=50, sample_every=0
         )
     )
-    """How it is optimized."""
+    """Optimization."""
 
 
 @dataclass(frozen=True)
 class LabelledData:
-    """What a classifier learns from."""
+    """Training items of a classifier."""
 
     labels: tuple[str, ...]
     """The labels, in the order of the logits."""
@@ -175,7 +175,7 @@ BEST = "best.safetensors"
 
 @dataclass(frozen=True)
 class ClassifierRun:
-    """What the run folder of a classifier was made with."""
+    """Settings that the run folder of a classifier was made with."""
 
     stage: str
     """`classifier`."""

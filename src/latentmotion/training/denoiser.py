@@ -205,7 +205,7 @@ SAMPLING_STEPS = 20
 
 @dataclass(frozen=True)
 class LatentData:
-    """What stage 2 learns from."""
+    """Training items of stage 2."""
 
     batches: BatchSampler
     """Which crops each step shows."""
@@ -214,7 +214,7 @@ class LatentData:
     latents: LatentCache | FrameCache
     """Posteriors of all these crops, in the denoiser's scale."""
     prompts: ConditionTable
-    """What the denoiser sees of all their captions."""
+    """Embeddings of all their captions."""
 
 
 class DenoiserStage(Stage[Denoiser]):

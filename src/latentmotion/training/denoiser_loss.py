@@ -37,14 +37,14 @@ from latentmotion.networks.vae.interface import mean_of_real
 
 @dataclass(frozen=True)
 class DenoiserObjective:
-    """What the denoiser learns; the defaults are the paper's."""
+    """Objective of the denoiser; the defaults are the paper's."""
 
     schedule: ScaledLinear | Cosine | LinearPath = field(default_factory=ScaledLinear)
     """Noise schedule."""
     parametrization: Epsilon | Sample | Velocity = field(default_factory=Epsilon)
-    """What the network predicts."""
+    """Prediction of the network."""
     times: Literal["uniform", "logit_normal"] = "uniform"
-    """How times are drawn; logit-normal (Esser et al. 2024) prefers the middle of the way."""
+    """Distribution of times; logit-normal (Esser et al. 2024) prefers the middle."""
     dropped: float = 0.1
     """Share of motions that are shown without their condition."""
 
@@ -82,7 +82,7 @@ class StepBatch:
     times: tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]
     """Times of start and end."""
     condition: Conditioning
-    """What steers the motions."""
+    """Condition of the motions."""
     mask: Bool[Tensor, "batch tokens"]
     """True on real tokens."""
     step_condition: StepCondition

@@ -54,13 +54,13 @@ class EvaluatorExperiment:
     """Everything that decides what training an evaluator yields, but data and word vectors."""
 
     name: str
-    """What the evaluator is called."""
+    """Name of the evaluator."""
     networks: NetworkConfig
     """Sizes; those of features and words are taken from the data."""
     objective: InfoNCE | Margin
-    """What is minimized."""
+    """The loss."""
     training: TrainingSettings
-    """How it is optimized."""
+    """Optimization."""
     longest: tuple[int, ...] = (196,)
     """Longest crop, in frames; several take turns by step, so that it judges short crops too."""
     mirrored: bool = True
@@ -284,7 +284,7 @@ def _crops(clip: Clip, longest: Sequence[int]) -> list[Crop]:
 
 @dataclass(frozen=True)
 class EvaluatorRun:
-    """What a run folder was made with."""
+    """Settings that a run folder was made with."""
 
     data: str
     """Fingerprint of the prepared data."""
@@ -293,7 +293,7 @@ class EvaluatorRun:
     experiment: EvaluatorExperiment
     """Everything else that decides what the run yields."""
     stage: str = "evaluator"
-    """What distinguishes it from other runs."""
+    """Settings that distinguish it from other runs."""
 
 
 def train_evaluator(

@@ -30,7 +30,7 @@ Parallel = Literal["auto", "replicated", "sharded"]
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """How one stage is optimized."""
+    """Optimization of one stage."""
 
     steps: int = 10_000
     """Optimizer steps of the whole run; the learning rate falls to zero at the last."""
@@ -79,7 +79,7 @@ class TrainingSettings:
 
 @dataclass(frozen=True)
 class LatentSettings:
-    """How the first stage's latents are kept for the second."""
+    """Storage of the first stage's latents for the second."""
 
     cropping: Cropping = field(default_factory=Cropping)
     """Which parts of clips are encoded."""
@@ -96,31 +96,31 @@ class Experiment:
     """Everything that decides what a training run yields, but the data."""
 
     name: str
-    """What the model is called."""
+    """Name of the model."""
     vae: VAEConfig
     """Motion to latents and back."""
     vae_objective: VAEObjective
-    """What stage 1 minimizes."""
+    """Loss of stage 1."""
     vae_cropping: Cropping
     """Which parts of clips stage 1 sees."""
     vae_training: TrainingSettings
-    """How stage 1 is optimized."""
+    """Optimization of stage 1."""
     latents: LatentSettings
-    """What stage 2 sees of stage 1."""
+    """Latents of stage 1 for stage 2."""
     denoiser: DenoiserConfig
     """Noise to latents."""
     denoiser_objective: DenoiserObjective
-    """What stage 2 minimizes."""
+    """Loss of stage 2."""
     denoiser_training: TrainingSettings
-    """How stage 2 is optimized."""
+    """Optimization of stage 2."""
     sampling: Sampling
-    """How the model is sampled."""
+    """Sampling settings."""
     conditioning: TextConditioning = field(default_factory=TextConditioning)
-    """What the denoiser sees of sentences."""
+    """Sentence embeddings that the denoiser reads."""
     mirrored: bool = True
     """Whether mirrored copies of the clips are trained on too."""
     task: TaskName = "text"
-    """What steers the motion: a sentence, the label of an action, or nothing."""
+    """Condition of the motion: a sentence, the label of an action, or nothing."""
 
 
 Settings = TypeVar("Settings")

@@ -68,7 +68,7 @@ class FineTuning:
             sample_every=500,
         )
     )
-    """How the denoiser is optimized."""
+    """Optimization of the denoiser."""
     distillation: Distillation = field(
         default_factory=lambda: Distillation(
             few_step=FewStepConfig(guidance=(1.0, 9.0), solver_steps=12),  # as `fast` has
@@ -84,14 +84,14 @@ class FineTuning:
             ),
         )
     )
-    """How the student is trained, which samples in few steps."""
+    """Training of the few-step student."""
     few_steps: bool = True
     """Whether the result is distilled to few steps, as the default model is."""
 
 
 @dataclass(frozen=True)
 class FineTuningRun:
-    """What the folder of a run was made with."""
+    """Settings that the folder of a run was made with."""
 
     files: dict[str, str]
     """Hashes of the clips and captions."""

@@ -25,7 +25,7 @@ Embed = Callable[[Sequence[str]], Float[np.ndarray, "sentences width"]]
 
 @dataclass(frozen=True)
 class HardNegatives:
-    """How hard the contrasts of a batch are."""
+    """Hardness of the contrasts of a batch."""
 
     alike: int = 16
     """Crops of a group with alike sentences."""

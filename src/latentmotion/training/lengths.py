@@ -39,7 +39,7 @@ class LengthRecipe:
     hidden: int = 384
     """Units of the hidden layer."""
     passes: int = 20
-    """How often each sentence is seen."""
+    """Number of passes over the sentences."""
     batch: int = 256
     """Sentences a step."""
     learning_rate: float = 2e-3
@@ -57,7 +57,7 @@ class ObedienceRecipe:
     hidden: int = 256
     """Units of the hidden layer."""
     passes: int = 20
-    """How often each motion is seen."""
+    """Number of passes over the motions."""
     batch: int = 256
     """Motions a step."""
     learning_rate: float = 2e-3

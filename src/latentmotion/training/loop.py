@@ -81,7 +81,7 @@ NAME = "snapshot.pt"
 
 
 class Progress(NamedTuple):
-    """How far a run is, over all its resumptions; validation and pictures are in the times."""
+    """Progress of a run, over all its resumptions; times include validation and pictures."""
 
     step: int = 0
     """Optimizer steps."""
@@ -167,7 +167,7 @@ def _progress_of(state: dict[str, Any]) -> Progress:
 
 
 class Stage(nn.Module, ABC, Generic[Network]):
-    """What is trained and on what: the losses of a step, figures on held-out data, samples."""
+    """A training stage: losses of a step, figures on held-out data, samples."""
 
     network: Network
     """The network that is optimized, averaged and saved."""

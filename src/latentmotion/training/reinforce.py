@@ -53,12 +53,12 @@ class Reinforcement:
             steps=500, batch_size=48, learning_rate=3e-4, warm_up=50, precision="auto"
         )
     )
-    """How the denoiser is optimized."""
+    """Optimization of the denoiser."""
 
 
 @dataclass(frozen=True)
 class ReinforceRun:
-    """What a run folder was made with."""
+    """Settings that a run folder was made with."""
 
     data: str
     """Fingerprint of the prepared data."""

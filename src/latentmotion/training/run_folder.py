@@ -52,7 +52,7 @@ FORMAT = 2
 AnyRun = TypeVar("AnyRun")
 
 _OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json", "state.pt")
-"""What other folders of this package have; `state.pt` is of text encoders trained earlier."""
+"""Files of other folders of this package; `state.pt` is of text encoders trained earlier."""
 
 _STEPS = re.compile(r"(?:\w+\.)*\w*training\.steps \((\d+) → (\d+)\)")
 _MACHINE = re.compile(r"(?:\w+\.)*\w*training\.(?:precision|parallel) \(.*\)")
@@ -64,7 +64,7 @@ MODEL = "model"
 
 @dataclass(frozen=True)
 class Run:
-    """What a run folder was made with."""
+    """Settings that a run folder was made with."""
 
     stage: str
     """`vae` or `denoiser`."""

@@ -304,7 +304,7 @@ class FirstStage:
     vae: MotionVAE
     """The network, frozen."""
     card: ModelCard
-    """What it is."""
+    """Its description."""
     fingerprint: str
     """Hash of its weights."""
 

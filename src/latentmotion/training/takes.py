@@ -56,7 +56,7 @@ class TakeSettings:
     spread: float = 0.2
     """Deviation of the logarithm of lengths, around what is usual for the sentence."""
     feet: float = 0.3
-    """What feet that slide or sink cost, a deviation more than the prompt's other takes."""
+    """Cost of feet that slide or sink, for each deviation above the prompt's other takes."""
     seed: int = 0
     """Seed of prompts, lengths and noise."""
 
@@ -66,7 +66,7 @@ class Takes:
     """Motions of a model, by prompt."""
 
     latents: Float[torch.Tensor, "takes tokens width"]
-    """What was generated, in the denoiser's scale."""
+    """Generated latents, in the denoiser's scale."""
     mask: Bool[torch.Tensor, "takes tokens"]
     """True on real tokens."""
     prompt: torch.Tensor

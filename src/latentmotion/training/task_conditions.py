@@ -27,10 +27,10 @@ AT_ONCE = 512
 
 @dataclass(frozen=True)
 class TaskConditioning:
-    """How prompts become what the denoiser sees."""
+    """Conversion of prompts to the denoiser's condition."""
 
     task: tasks.TextTask | tasks.ActionTask | tasks.UnconditionalTask
-    """What the model card says of it."""
+    """Its entry in the model card."""
     condition: Condition
     """Prompts to words."""
 

@@ -192,7 +192,7 @@ class VAEObjective:
 
     @property
     def mean(self) -> Mean:
-        """How distances and divergences of a padded batch are averaged."""
+        """Averaging of distances and divergences over a padded batch."""
         return mean_of_all if self.padded_means else mean_of_real
 
 

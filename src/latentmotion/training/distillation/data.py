@@ -83,13 +83,13 @@ class Distillation:
     """Settings of `latentmotion train distill`; the defaults are for two cores and some minutes."""
 
     name: str = "student"
-    """What the model is called."""
+    """Name of the model."""
     few_step: FewStepConfig = field(default_factory=FewStepConfig)
     """Step counts and guidance scales that the student learns."""
     objective: TrajectoryRegression | PhasedConsistency = field(
         default_factory=TrajectoryRegression
     )
-    """What it learns from."""
+    """Its training items."""
     solver: Literal["dpm++", "ddim"] = "dpm++"
     """Sampler of the teacher's trajectories.
 
@@ -111,7 +111,7 @@ class Distillation:
             precision="auto",
         )
     )
-    """How the student is optimized; the teacher answers in the same precision."""
+    """Optimization of the student; the teacher runs in the same precision."""
 
 
 HELD_OUT = 64
@@ -145,7 +145,7 @@ class DistillationData:
     asked: tuple[tuple[Crop, Instruction], ...]
     """Drawn prompts with their checks, as crops of the length to generate."""
     settings: Distillation
-    """How many of each, and the seed."""
+    """Numbers of each, and the seed."""
     folder: Path
     """The run folder, which keeps what takes long to compute."""
     context: DistributedContext

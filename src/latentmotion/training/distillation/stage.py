@@ -104,7 +104,7 @@ class DistillStage(Stage[Denoiser]):
 
 @dataclass(frozen=True)
 class DistillRun:
-    """What a run folder was made with."""
+    """Settings that a run folder was made with."""
 
     data: str
     """Fingerprint of the prepared data."""

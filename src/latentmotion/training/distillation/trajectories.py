@@ -93,7 +93,7 @@ class Teacher:
     network: Denoiser
     """Its denoiser, frozen."""
     card: ModelCard
-    """What it is."""
+    """Its description."""
     few_step: FewStepConfig
     """The stops at which latents are kept."""
     prompts: ConditionTable
@@ -236,7 +236,7 @@ def nothing(shape: tuple[int, ...]) -> np.ndarray:
 
 @runtime_checkable
 class StepSource(Protocol):
-    """What a student learns from."""
+    """Training items of a student."""
 
     def __call__(self, step: int, average: Callable[..., torch.Tensor]) -> StepBatch:
         """Returns the student's steps of training step `step`, those of this rank.

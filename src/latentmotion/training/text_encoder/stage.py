@@ -67,7 +67,7 @@ class StudentRecipe:
             precision="auto", report_every=100, snapshot_every=500, sample_every=0,
         )
     )  # fmt: skip
-    """How it is optimized; the seed also decides the variations of captions."""
+    """Optimization; the seed also decides the variations of captions."""
 
 
 def distillation_losses(
@@ -141,7 +141,7 @@ class TextEncoderStage(Stage[StudentNetwork]):
 
 @dataclass(frozen=True)
 class TextEncoderRun:
-    """What the run folder of a text encoder was made with."""
+    """Settings that the run folder of a text encoder was made with."""
 
     captions: str
     """Fingerprint of the captions."""
@@ -150,7 +150,7 @@ class TextEncoderRun:
     recipe: StudentRecipe
     """Everything else that decides what the run yields."""
     stage: str = "text-encoder"
-    """What distinguishes it from other runs."""
+    """Settings that distinguish it from other runs."""
 
 
 def train_text_encoder(
