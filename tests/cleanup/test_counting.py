@@ -95,6 +95,13 @@ def test_a_path_goes_on_the_way_that_the_body_faces() -> None:
     assert np.degrees(np.arctan2(other[0], other[2]) - np.arctan2(one[0], one[2])) % 360 < 15
 
 
+@pytest.mark.parametrize("steps", [CleanUp(), CleanUp(in_place=True)])
+def test_a_motion_beside_one_with_a_count_is_what_it_is_alone(steps: CleanUp) -> None:
+    motions = [Motion(acted.kick("left", 2).astype(np.float32)), asks(acted.jump(2), "jump", 3)]
+    for alone, together in zip(motions, cleaned(motions, steps), strict=True):
+        assert np.array_equal(alone.cleaned(steps).joints, together.joints)
+
+
 def test_it_is_made_once_in_place_and_forgotten_in_parts() -> None:
     motion = asks(acted.jump(2, speed=1.0), "jump", 3)
     exact = motion.cleaned()

@@ -163,7 +163,7 @@ def test_what_cannot_be_served_is_told(tmp_path: Path, capsys: pytest.CaptureFix
             (["--port", port], "cannot serve at"),
             (["--port", "70000"], "expected 0 to 65535"),
             (["--host", "no.such.host.invalid", "--insecure"], "cannot serve at"),
-            (["--token-file", str(tmp_path / "none")], "cannot read tokens"),
+            (["--token-file", str(tmp_path / "none")], "tokens: "),
             (["--queue", "0"], "queue 0: expected"),
             (["--notice", "nan"], "--notice nan"),
             (["--runtime", "pytorch"], "cannot be served"),

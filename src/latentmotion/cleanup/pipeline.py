@@ -85,23 +85,23 @@ def clean_batch(motions: Sequence[Motion], steps: CleanUp = CleanUp()) -> list[M
     Warns:
         CleanUpWarning: As `clean` does.
     """
-    asked = [Count.of(m.metadata) if steps.exact_count else None for m in motions]
-    if not any(asked):
-        return _clean_alike(motions, steps)
-    moving = replace(steps, in_place=False)  # repetitions are counted where they happen
-    cleaned = _clean_alike(motions, moving)
+    cleaned = _clean_alike(motions, steps)
+    moving = replace(steps, in_place=False)  # repetitions are counted on the path
 
     def clean_again(motion: Motion) -> Motion:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CleanUpWarning)  # it was told of the whole motion
+            warnings.simplefilter("ignore", CleanUpWarning)  # the whole motion has had its warning
             return _clean_alike([motion], moving)[0]
 
-    for number, count in enumerate(asked):
-        if count is not None:
-            cleaned[number] = exact_count(motions[number], cleaned[number], count, clean_again)
-    if not steps.in_place:
-        return cleaned
-    return [replace(motion, joints=in_place(motion.joints, motion.fps)) for motion in cleaned]
+    for number, motion in enumerate(motions):
+        count = Count.of(motion.metadata) if steps.exact_count else None
+        if count is None:
+            continue
+        whole = clean_again(motion) if steps.in_place else cleaned[number]
+        exact = exact_count(motion, whole, count, clean_again)
+        joints = in_place(exact.joints, exact.fps) if steps.in_place else exact.joints
+        cleaned[number] = replace(exact, joints=joints)
+    return cleaned
 
 
 def _clean_alike(motions: Sequence[Motion], steps: CleanUp) -> list[Motion]:

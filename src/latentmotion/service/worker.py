@@ -13,6 +13,7 @@ import resource
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from functools import lru_cache, partial
 from itertools import compress, islice
@@ -38,7 +39,7 @@ LARGEST_FILE = 1 << 30
 """Bytes of a file that is written."""
 
 Reply = tuple[dict[str, Any], bytes]
-"""What is told, or a task, and the bytes that belong to it."""
+"""A task or its answer, and the bytes that belong to it."""
 
 _WITH_ROTATIONS = frozenset({"bvh", "glb", "usda", "usdc", "usdz"})
 """Formats in which bones turn."""
@@ -50,8 +51,9 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
     warnings.simplefilter("ignore")
     source, target = sys.stdin.buffer, sys.stdout.buffer
-    while line := source.readline():
-        send(target, answers([(task, source.read(task["size"])) for task in json.loads(line)]))
+    with suppress(BrokenPipeError):  # the service has ended
+        while line := source.readline():
+            send(target, answers([(task, source.read(task["size"])) for task in json.loads(line)]))
 
 
 def send(target: BinaryIO, replies: Sequence[Reply]) -> None:

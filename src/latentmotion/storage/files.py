@@ -165,7 +165,7 @@ def read_lines(path: str | Path, what: str) -> list[str]:
     try:
         text = read_text(path)
     except FileFormatError as error:
-        raise InputError(f"cannot read {what}s from {error}") from error
+        raise InputError(f"{what}s: {error}") from error
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if not lines:
         raise InputError(f"{path} holds no {what}; expected one per line")
