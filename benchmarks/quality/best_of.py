@@ -28,6 +28,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion import Motion, MotionPipeline
 from latentmotion.data.dataset import Dataset
+from latentmotion.describe.asked import asked_exactly
 from latentmotion.describe.reading import scene_of
 from latentmotion.instructions.benchmark import OVERALL, Share
 from latentmotion.instructions.checking import fulfills
@@ -118,7 +119,11 @@ def read_takes(folder: Path, scorer: Scorer, prompts: Sequence[Instruction]) -> 
     every = []
     for one in prompts:
         arrays = np.load(folder / f"{one.id}.npz")
-        motions = [Motion(joints, metadata={"seed": n}) for n, joints in enumerate(arrays["raw"])]
+        exactly = asked_exactly(one.prompt, one.seconds is None)
+        motions = [
+            Motion(joints, metadata={"seed": n, **exactly})
+            for n, joints in enumerate(arrays["raw"])
+        ]
         takes = sorted(
             ranked(motions, one.prompt, scorer), key=lambda take: take.motion.metadata["seed"]
         )

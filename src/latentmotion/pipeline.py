@@ -46,6 +46,7 @@ from latentmotion.text.encoder import LazyTextEncoder
 from latentmotion.text.lengths import LengthFile
 
 if TYPE_CHECKING:
+    from latentmotion.cleanup import CleanUp
     from latentmotion.control.goals import Goal
     from latentmotion.control.stream import MotionStream, StreamState
     from latentmotion.control.timeline import PartSpan, Span
@@ -241,6 +242,7 @@ class MotionPipeline:
         seed: int = 0,
         scorer: Scorer | None = None,
         goals: Sequence[Goal] = (),
+        clean_up: CleanUp | None = None,
         **sampling: Any,
     ) -> list[Take]:
         """Generates several takes of a sentence, scores them and returns the best first.
@@ -252,6 +254,8 @@ class MotionPipeline:
             seed: Seed of the first take; later ones count up from it.
             scorer: Compares motions with sentences; by default the one that ships.
             goals: As for one motion; all takes have them.
+            clean_up: Steps that the kept take goes through later, by default those of
+                `Motion.cleaned`: claims of the sentence are measured after them.
             sampling: `steps`, `guidance` and `sampler`, as for one motion.
 
         Raises:
@@ -266,7 +270,8 @@ class MotionPipeline:
             takes = [self(prompt, seconds, n, goals=goals, **sampling) for n in seeds]
         else:
             takes = self.batch([prompt] * of, seconds, seeds, **sampling)
-        return best.ranked(takes, prompt, scorer or best.scorer_beside(self.condition))
+        scorer = scorer or best.scorer_beside(self.condition)
+        return best.ranked(takes, prompt, scorer, clean_up)
 
     def best(self, prompt: str, of: int = 8, **settings: Any) -> Motion:
         """Returns the best of several takes; its metadata tell the scores of all.

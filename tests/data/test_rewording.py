@@ -11,7 +11,7 @@ from latentmotion.data.clip import Caption
 from latentmotion.data.described import reworded_captions
 from latentmotion.describe.clauses import read_clauses
 from latentmotion.describe.rewording import rewordings
-from latentmotion.describe.verbs import present_participle, third_person
+from latentmotion.describe.verbs import PARAPHRASES, present_participle, third_person
 
 SENTENCE = "the person walks forward slowly, then turns to the left."
 
@@ -122,3 +122,27 @@ def test_captions_get_wordings_of_the_same_span() -> None:
     assert {(c.start_frame, c.end_frame) for c in found} == {(0, 40), (40, 60)}
     assert len({c.text for c in found}) == len(found) <= 6
     assert not {c.text for c in captions} & {c.text for c in found}
+
+
+@pytest.mark.parametrize("predicate", [text for group in PARAPHRASES for text in group])
+def test_paraphrases_are_read_in_clauses(predicate: str) -> None:
+    assert read_clauses(predicate) is not None
+
+
+@pytest.mark.parametrize(
+    ("sentence", "other"),
+    [
+        ("a person kneels down", r"knee\b"),
+        ("a person throws something with the right hand", "stone|ball"),
+        ("a person bends down and puts something on the floor", "^(?!.*bend).*(box|object)"),
+        ("a person raises their right hand in front of them", "point"),
+        ("someone plays tennis and swings the racket", r"hits? the ball|hitting a tennis ball"),
+    ],
+)
+def test_users_words_for_an_act_are_among_its_wordings(sentence: str, other: str) -> None:
+    assert any(re.search(other, text) for text in reworded(sentence, 60))
+
+
+def test_your_becomes_the_subjects_own() -> None:
+    for text in reworded("kick with your left leg"):
+        assert text.startswith("kick") or "your" not in text, text

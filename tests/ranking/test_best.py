@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion import Motion, MotionPipeline
+from latentmotion.cleanup import CleanUp
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.skeleton import KIT
@@ -15,6 +16,8 @@ from latentmotion.ranking.best import best_of, ranked, usual_takes
 from latentmotion.ranking.scorer import Scorer, shipped_scorer
 from tests.support import acted
 from tests.support.walker import walker
+
+NO_COUNT = CleanUp(exact_count=False)
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +76,16 @@ def test_the_take_with_the_degrees_asked_is_preferred() -> None:
     turns = [Motion(acted.turn_in_place(n).astype(np.float32)) for n in (130.0, 60.0, 92.0)]
     best = ranked(turns, "turn left by ninety degrees", shipped_scorer())[0]
     assert best.motion is turns[2]
+
+
+def test_a_count_that_the_clean_up_mends_is_no_reason_against_a_take() -> None:
+    """Two jumps for three: `Motion.cleaned` adds one."""
+    asked = {"count": {"act": "jump", "times": 3, "side": ""}}
+    twice = Motion(acted.jump(2).astype(np.float32), metadata=asked)
+    (mended,) = ranked([twice], "a person jumps three times", shipped_scorer())
+    (left,) = ranked([twice], "a person jumps three times", shipped_scorer(), NO_COUNT)
+    assert mended.claims > left.claims
+    assert mended.motion is twice
 
 
 def test_the_best_tells_of_all_takes(fast: MotionPipeline) -> None:

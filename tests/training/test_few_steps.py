@@ -13,7 +13,8 @@ from safetensors.torch import load_file
 
 from latentmotion.condition.interface import Conditioning, TextEmbedding
 from latentmotion.condition.task import ActionTask
-from latentmotion.data.dataset import Crop, Dataset
+from latentmotion.data.clip import Clip
+from latentmotion.data.dataset import Crop, Dataset, Item
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, DistilledGuidance
 from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.samplers import DDIM
@@ -28,11 +29,12 @@ from latentmotion.diffusion.schedule import (
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.package import package_model
 from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.instructions.prompts import instructions
 from latentmotion.model.config import DenoiserConfig, FewStepConfig, TransformerConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_model
 from latentmotion.training.denoiser_loss import StepBatch, between, step_loss
-from latentmotion.training.distillation.data import TrajectoryRegression
+from latentmotion.training.distillation.data import TrajectoryRegression, reworded_crops
 from latentmotion.training.distillation.stage import distill, student_of
 from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE, Teacher, check_stops
 from latentmotion.training.experiment import with_changes
@@ -49,6 +51,23 @@ SETTINGS = short_distillation(
     validate_every=4,
     sample_every=8,
 )
+
+
+# Wordings
+
+
+def test_verbs_are_reworded_evenly_and_no_benchmark_prompt_is_learned() -> None:
+    clip = Clip("a", "own", "train", (), None, False, 40)
+    texts = ["a person jumps up and lands"] * 90 + ["someone kneels down"] * 8 + ["a man rows"] * 3
+    items = [Item(clip, 0, 40, (text,)) for text in texts]
+    settings = replace(SETTINGS, objective=TrajectoryRegression(reworded=200))
+    found = reworded_crops(settings, items)
+    asked = [crop.caption for crop, _ in found]
+    assert set(asked) == set(texts[:98])
+    assert abs(asked.count(texts[0]) - asked.count(texts[90])) <= len(asked) / 3
+    assert all(text != crop.caption for crop, text in found)
+    assert not {text for _, text in found} & {one.prompt for one in instructions()}
+    assert reworded_crops(SETTINGS, items) == ()
 
 
 # FewStepConfig

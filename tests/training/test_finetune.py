@@ -36,6 +36,7 @@ QUICK = [
         "distillation.few_step.solver_steps": 2,
         "distillation.objective.trajectories": 8,
         "distillation.objective.asked": 6,
+        "distillation.objective.reworded": 6,
         **{
             f"{part}training.{name}": number
             for part in ("", "distillation.")
@@ -46,6 +47,10 @@ QUICK = [
         },
     }.items()
 ]  # fmt: skip
+
+
+FILES = ("asked", "reworded")
+"""Trajectories of a student beside those for captions."""
 
 
 @pytest.fixture(scope="module")
@@ -100,8 +105,9 @@ def test_one_command_leads_from_clips_to_a_model_of_few_steps(
     assert "sneak along" in found
     motion = torch_pipeline(output)("a person sneaks along", seconds=1, steps=2)
     assert motion.joints.shape == (20, 22, 3)
-    kept = load_file(work / "student" / "asked.safetensors")
-    assert len(kept["guidance"]) == 6
+    kept = {file: load_file(work / "student" / f"{file}.safetensors") for file in FILES}
+    assert len(kept["asked"]["guidance"]) == 6
+    assert 0 < len(kept["reworded"]["guidance"]) <= 6
     first, now = load_model(base), load_model(work / "denoiser" / "model")
     pairs = zip(first.denoiser.parameters(), now.denoiser.parameters(), strict=True)
     assert any((one != other).any() for one, other in pairs)

@@ -143,8 +143,7 @@ class Generate:
                 raise InputError(f"--preset {self.preset} cannot be written as {path}; {expected}")
         motions = self._generated(prompts, scene, goals)
         if self.clean:
-            steps = CleanUp(self.exact_count, self.exact_turn, in_place=self.in_place)
-            motions = cleaned(motions, steps)
+            motions = cleaned(motions, self._clean_up())
         fps = self.fps if self.fps or not self.preset else ENGINES[self.preset].fps
         if fps is not None:
             motions = [motion.resampled(fps) for motion in counted(motions, "resampling")]
@@ -169,6 +168,12 @@ class Generate:
             for m in motions
         ]
         print(json.dumps({"files": [str(p.absolute()) for p in written], "motions": details}))
+
+    def _clean_up(self) -> CleanUp:
+        """Returns the steps of the clean-up: none with `--no-clean`."""
+        if not self.clean:
+            return CleanUp(False, False, smooth=False, bones=False, floor=False, feet=False)
+        return CleanUp(self.exact_count, self.exact_turn, in_place=self.in_place)
 
     def _scene(self) -> Scene | None:
         from latentmotion.control.scene import read_scene
@@ -298,7 +303,7 @@ class Generate:
         takes = self.best_of or min(usual_takes(generator.card, prompt) for prompt in prompts)
         if takes > 1:
             named = dict(zip(("steps", "guidance", "sampler"), sampling, strict=True))
-            settings = {"seconds": seconds, "goals": goals, **named}
+            settings = {"seconds": seconds, "goals": goals, "clean_up": self._clean_up(), **named}
             return [
                 generator.best(prompt, takes, seed=first + takes * number, **settings)
                 for number, prompt in enumerate(repeated)

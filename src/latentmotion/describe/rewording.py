@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from latentmotion.describe.clauses import SUBJECT, Clause, Sentence, read_clauses, words_of
-from latentmotion.describe.verbs import PHRASES, VERB_GROUPS, inflect, other_number
+from latentmotion.describe.verbs import PARAPHRASES, PHRASES, VERB_GROUPS, inflect, other_number
 
 _SUBJECTS = {
     "neutral": ("a person", "the person", "someone", "a figure", "the figure", "a human", "person"),
@@ -48,6 +48,9 @@ _DROPPED = re.compile(
     r"(?=left|right|arms?|hands?|legs?|knees?)"
 )
 """Phrases in which short commands leave out "your" and "the"."""
+
+_FROM_BELOW = {"pick", "put", "place", "lift", "set", "grab", "take", "drop", "lay"}
+"""Verbs of things that lie or are put low, before which one need not say that somebody bends."""
 
 _ATTEMPTS = 8
 
@@ -116,7 +119,7 @@ def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
     subject = ""
     if form in ("goes", "is going"):
         subject = str(generator.choice(_SUBJECTS[gender]))
-    clauses = [_varied(clause, sentence, owner, generator) for clause in sentence.clauses]
+    clauses = [_varied(c, sentence, owner, generator) for c in _paraphrased(sentence, generator)]
     short = form == "go" and generator.random() < 0.4
     return _joined(clauses, subject, form, short, generator)
 
@@ -176,6 +179,22 @@ def predicate(sentence: Sentence, form: str, owner: str, generator: np.random.Ge
     return _joined(clauses, "", form, False, generator).rstrip(".")
 
 
+def _paraphrased(sentence: Sentence, generator: np.random.Generator) -> tuple[Clause, ...]:
+    """Returns the clauses of a predicate that means the same, where one is known."""
+    told = " ".join(
+        word for c in sentence.clauses for word in (c.link, *c.before, c.verb, *c.rest) if word
+    )
+    for predicates in PARAPHRASES:
+        if told in predicates and generator.random() < 0.6:
+            other = read_clauses(str(generator.choice(predicates)))
+            return other.clauses if other else sentence.clauses
+    first, *others = sentence.clauses
+    bends = first.verb == "bend" and first.rest in (("down",), ("over",)) and others
+    if bends and others[0].verb in _FROM_BELOW and generator.random() < 0.5:
+        return (replace(others[0], link=""), *others[1:])
+    return sentence.clauses
+
+
 def _varied(
     clause: Clause, sentence: Sentence, owner: str, generator: np.random.Generator
 ) -> Clause:
@@ -211,7 +230,7 @@ def _owned(words: tuple[str, ...], owner: str, sentence: Sentence) -> tuple[str,
         near = index > 0 and words[index - 1] in _NEAR
         if word in _SELF:
             word = reflexive
-        elif word in ("his", "their") or (word == "her" and not last):
+        elif word in ("his", "their", "your") or (word == "her" and not last):
             word = possessive
         elif word in ("him", "her") or (word == "them" and near and sentence.gender == "neutral"):
             word = person

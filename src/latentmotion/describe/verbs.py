@@ -124,13 +124,21 @@ VERB_GROUPS = (
     VerbGroup(("sprint", "run fast"), _END, r"slow|fast|quick|pace|speed|sprint"),
     VerbGroup(("crouch down", "squat down"), _END, r"squats?\b|crouch\b"),
     VerbGroup(("crouch", "crouch down"), r"(?:$|and\b|then\b|,|\.|while\b)"),
-    VerbGroup(("kneel", "kneel down"), r"(?:$|and\b|then\b|,|\.|on one|on both|on their|on his)"),
-    VerbGroup(("sit down", "take a seat"), r"(?:$|and\b|then\b|,|\.|on an?\b|in an?\b)"),
+    VerbGroup(
+        ("kneel", "kneel down", "get down on one knee", "go down on a knee", "drop to one knee"),
+        r"(?:$|and\b|then\b|,|\.)",
+    ),
+    VerbGroup(("kneel", "kneel down"), r"on (?:one|both|their|his|the floor|the ground)"),
+    VerbGroup(
+        ("sit down", "take a seat", "have a seat"), r"(?:$|and\b|then\b|,|\.|on an?\b|in an?\b)"
+    ),
     VerbGroup(("stand up", "get up"), r"(?:$|and\b|then\b|,|\.|again\b|from\b)"),
     VerbGroup(("stand back up", "get back up"), r"(?:$|and\b|then\b|,|\.|again\b|from\b)"),
     VerbGroup(("bend down", "bend over"), _END, r"\bover\b|\bdown\b.*\bdown\b"),
     VerbGroup(("raise", "lift"), _BODY + _LIMB, r"\bweight|\bdumbbell"),
-    VerbGroup(("throw", "toss"), _OBJECT, r"punch|kick|throw|fit|jab|hook|arms?\b"),
+    VerbGroup(
+        ("throw", "toss", "hurl", "fling"), _OBJECT, r"punch|kick|throw|fit|jab|hook|arms?\b"
+    ),
     VerbGroup(("hit", "strike"), _OBJECT, r"pose|hit"),
     VerbGroup(("punch", "throw punches"), r"(?:$|with both)", r"once|twice|times|punch"),
     VerbGroup(("spin around", "twirl around"), _END, r"arm|hand|leg|them|it\b"),
@@ -153,7 +161,38 @@ VERB_GROUPS = (
     VerbGroup(("walk in a circle", "walk around in a circle"), "", r"around"),
     VerbGroup(("pace back and forth", "walk back and forth")),
     VerbGroup(("return to", "go back to")),
-    VerbGroup(("shuffle", "shuffle along"), r"(?:$|forwards?\b|slowly\b)"),
+    VerbGroup(("lie down", "lay down", "get down and lie"), r"(?:$|on the)", r"\bback\b"),
+    VerbGroup(
+        ("climb up", "climb", "walk up", "go up"), r"(?:the |some |a few )?(?:stairs|steps)\b"
+    ),
+    VerbGroup(("walk upstairs", "climb the stairs", "go up some stairs"), r"(?:$)"),
+    VerbGroup(("wave hello", "wave", "wave at someone", "greet someone with a wave"), r"(?:$)"),
+    VerbGroup(("give a high five", "raise a hand for a high five"), r"(?:$)"),
+    VerbGroup(("shake hands", "shake hands with someone", "greet someone with a handshake"), "$"),
+    VerbGroup(("serve at table tennis", "make a table tennis serve", "serve in ping pong"), "$"),
+    VerbGroup(("play table tennis", "play ping pong"), "$"),
+    VerbGroup(("dribble a basketball", "dribble a ball", "bounce a basketball")),
+    VerbGroup(
+        (
+            "shoot a basketball up at the hoop",
+            "take a shot at the hoop",
+            "throw a basketball",
+            "make a basketball shot",
+            "throw a ball at the basket",
+        ),
+        "$",
+    ),
+    VerbGroup(("pass a basketball", "pass the ball"), "$"),
+    VerbGroup(("fight", "fight with someone", "fight against somebody"), "$"),
+    VerbGroup(("hand something over", "give something to someone", "give someone something"), "$"),
+    VerbGroup(("push someone with the hands", "shove another person", "push somebody away"), "$"),
+    VerbGroup(("bow deeply", "bow", "take a deep bow"), "$"),
+    VerbGroup(("bob under punches", "duck punches", "duck and weave"), "$"),
+    VerbGroup(("limp", "hobble"), _WAY),
+    VerbGroup(("get down low", "crouch down", "duck down"), "$"),
+    VerbGroup(("walk around", "wander around", "roam around"), "$"),
+    VerbGroup(("circle", "rotate"), r"both arms|the (?:left|right) arm"),
+    VerbGroup(("stretch", "spread", "hold out"), rf"{_BODY}arms?\b"),
 )
 
 _GAIT_VERB = (
@@ -195,10 +234,46 @@ PHRASES: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"\b(?:with|using) (?P<a>his|her|their|your|the) (?P<s>left|right) "
      r"(?P<b>hand|foot|leg|arm)\b",
      (r"with \g<a> \g<s> \g<b>", r"using \g<a> \g<s> \g<b>", r"with the \g<s> \g<b>")),
+    (r"^(?P<v>pick up|lift|carry|move|drop|take|grab|put|place|set down|put down) something\b"
+     r"(?! (?:up )?high)",
+     (r"\g<v> something", r"\g<v> an object", r"\g<v> a box", r"\g<v> a thing",
+      r"\g<v> a bag")),
+    (r"^(?P<v>pick|lift|put|set) something (?P<w>up|down)\b",
+     (r"\g<v> something \g<w>", r"\g<v> an object \g<w>", r"\g<v> \g<w> a box",
+      r"\g<v> \g<w> an object", r"\g<v> \g<w> a ball", r"\g<v> \g<w> something")),
+    (r"^(?P<v>put|place|set|lay) (?P<o>something|an? [a-z]+) on the (?P<f>floor|ground)\b",
+     (r"\g<v> \g<o> on the \g<f>", r"put \g<o> down on the \g<f>",
+      r"set \g<o> down on the \g<f>", r"put down \g<o>", r"place \g<o> on the \g<f>")),
+    (r"^(?P<v>throw|toss|hurl|fling) (?:something|a ball)\b(?! at| away)",
+     (r"\g<v> something", r"\g<v> a ball", r"\g<v> a stone", r"\g<v> an object")),
+    (r"^(?:raise|lift) (?P<a>his|her|their|your|the) (?P<s>left|right) hand in front"
+     r"(?: of (?:him|her|them|you|themselves|himself|herself))?$",
+     (r"raise \g<a> \g<s> hand in front", r"point forward with \g<a> \g<s> hand",
+      r"point ahead with \g<a> \g<s> arm", r"point straight ahead",
+      r"stretch \g<a> \g<s> arm out in front", r"point at something in front")),
     (r"\bas if (?:he is|she is|they are|they were|he was|he were)\b", ("as if",)),
     (r"\b(?:simply|just|seemingly|basically) ", ("",)),
 )  # fmt: skip
 """Patterns inside a clause, verb first in its base form, and what each may become."""
+
+PARAPHRASES: tuple[tuple[str, ...], ...] = (
+    ("squat down and stand up again", "do a squat", "squat once",
+     "bend the knees deeply then straighten up", "go down into a squat and come back up"),
+    ("play tennis and swing the racket", "swing a racket", "hit the ball with a tennis racket",
+     "hit a tennis ball", "practice tennis", "make a tennis stroke"),
+    ("take something and pass it on", "pass something on", "take an object and give it away"),
+    ("pick something up and put it down elsewhere", "move something somewhere else",
+     "carry something somewhere else", "pick up a box and put it down somewhere else"),
+    ("lift something with both hands and put it down elsewhere",
+     "pick up a box with both hands and put it down", "carry a box somewhere else"),
+    ("bend down and pick something up", "pick something up from the floor",
+     "pick an object up off the ground", "bend down to pick something up"),
+    ("bend down and throw something", "pick something up and throw it",
+     "pick up a ball and throw it"),
+    ("get down to the ground and lie on it", "lie down on the floor", "lay down on the ground"),
+    ("jump up and land", "jump up", "jump", "jump into the air"),
+)  # fmt: skip
+"""Predicates, verbs in their base form, that mean the same."""
 
 _NUMBERS = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 

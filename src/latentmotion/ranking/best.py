@@ -3,8 +3,8 @@
     score = 2 · claims + cosine(sentence, motion) − sliding − 2 · penetration
             − max(0, jerk − 150)/1000
 
-`claims` is how closely the motion does what the sentence asks: degrees, counts, sides, ways, paces
-and order (`describe/closeness.py`). Sliding is in m/s, penetration in m, jerk in m/s³
+`claims` is how closely the motion, cleaned up, does what the sentence asks: degrees, counts, sides,
+ways, paces and order (`describe/closeness.py`). Sliding is in m/s, penetration in m, jerk in m/s³
 (`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such that claims
 decide first, and ordinary differences of feet and floor only between takes that match about as
 well (docs/measurements/best_of.md).
@@ -12,12 +12,14 @@ well (docs/measurements/best_of.md).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from latentmotion.cleanup import CleanUp, CleanUpWarning, clean_batch
 from latentmotion.condition.interface import Condition
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.describe.asked import asked_of
@@ -54,7 +56,7 @@ class Take:
     score: float
     """Twice the claims, and the match, less the costs; the highest is the best."""
     claims: float
-    """Closeness of the motion to the sentence, 0 to 1; 0 where nothing is measurable."""
+    """Closeness of the cleaned motion to the sentence, 0 to 1; 0 where nothing is measurable."""
     text: float
     """Cosine of the vectors of sentence and motion, -1 to 1."""
     sliding: float
@@ -108,24 +110,32 @@ def scorer_beside(condition: Condition) -> Scorer:
     return replace(scorer, encoder=encoder)
 
 
-def ranked(motions: Sequence[Motion], prompt: str, scorer: Scorer) -> list[Take]:
+def ranked(
+    motions: Sequence[Motion], prompt: str, scorer: Scorer, clean_up: CleanUp | None = None
+) -> list[Take]:
     """Returns the takes of a prompt, the best first.
 
     Args:
         motions: At least one take, of the skeleton that the scorer reads.
         prompt: The sentence.
         scorer: Compares motions with sentences.
+        clean_up: Steps that the kept take goes through later, which may mend a count or a turn;
+            by default those of `Motion.cleaned`.
 
     Raises:
         InputError: A motion has another skeleton or is too short.
     """
     matches = scorer.motions(motions) @ scorer.texts([prompt])[0]
     takes, asked = [], asked_of(prompt)
-    for motion, match in zip(motions, matches.tolist(), strict=True):
+    steps = replace(clean_up or CleanUp(), in_place=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CleanUpWarning)  # the kept take's come when it is cleaned
+        mended = clean_batch(motions, steps) if asked else motions
+    for motion, match, later in zip(motions, matches.tolist(), mended, strict=True):
         joints, fps = motion.joints, motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
         jerk = jitter(joints, fps)
-        claims = closeness(asked, scene_of(joints.astype(np.float64)))
+        claims = closeness(asked, scene_of(later.joints.astype(np.float64)))
         costs = sliding + _PENETRATION * depth + _JERK * max(0.0, jerk - _USUAL_JERK)
         score = _CLAIMS * claims + match - costs
         takes.append(Take(motion, score, claims, match, sliding, depth, jerk))

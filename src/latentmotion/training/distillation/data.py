@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate
@@ -17,10 +18,12 @@ from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
+from latentmotion.describe.clauses import read_clauses
+from latentmotion.describe.rewording import rewordings
 from latentmotion.engine.backend import FeatureDecoder, normalizer_of, representation_of
 from latentmotion.errors import InputError
 from latentmotion.instructions.drawn import drawn_instructions
-from latentmotion.instructions.prompts import Instruction
+from latentmotion.instructions.prompts import Instruction, instructions
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import LatentModel
@@ -63,6 +66,10 @@ class TrajectoryRegression:
     """Further trajectories, for prompts whose fulfillment can be measured, none of them of the
     instruction benchmark; those that fail are not learned from, so that a student may obey more
     than its teacher. Fine-tuning has them from the model as it was, so that it keeps what it knew.
+    """
+    reworded: int = 0
+    """Further trajectories for captions, each verb as often as any other. The student reads other
+    words than the teacher did, so it learns wordings that its teacher does not know.
     """
 
 
@@ -120,6 +127,9 @@ HELD_OUT = 64
 AT_ONCE = 64
 """Motions that the teacher makes together."""
 
+FEWEST = 8
+"""Captions that a verb needs to be one of the reworded."""
+
 SPREAD = 0.15
 """Deviation of the logarithm of lengths of drawn prompts."""
 
@@ -144,6 +154,8 @@ class DistillationData:
     """Crops for evaluation only."""
     asked: tuple[tuple[Crop, Instruction], ...]
     """Drawn prompts with their checks, as crops of the length to generate."""
+    reworded: tuple[tuple[Crop, str], ...]
+    """Further captions, as crops of the length to generate, each with other words for it."""
     settings: Distillation
     """Numbers of each, and the seed."""
     folder: Path
@@ -169,16 +181,21 @@ class DistillationData:
         training, cropping = self.settings.training, self.settings.cropping
         batches = BatchSampler(self.seen, AT_ONCE, cropping, training.seed)
         blocks = [batches(step) for step in range(max(settings.trajectories // AT_ONCE, 1))]
-        learned = self._trajectories(TRAJECTORIES_FILE, blocks, 0)
+        parts = [self._trajectories(TRAJECTORIES_FILE, blocks, 0)]
         if self.asked:
-            ordered = sorted(self.asked, key=lambda one: one[0].frames)
-            asked = dict(ordered)
-            crops = [crop for crop, _ in ordered]
-            blocks = [crops[i : i + AT_ONCE] for i in range(0, len(crops), AT_ONCE)]
-            obeyed = self._trajectories("asked.safetensors", blocks, 2**30, asked)
-            crops = (*learned.crops, *obeyed.crops)
-            both = joined_trajectories([learned.trajectories, obeyed.trajectories])
-            learned = PromptedTrajectories(crops, both)
+            blocks = in_blocks(crop for crop, _ in self.asked)
+            asked = self._trajectories("asked.safetensors", blocks, 2**30, dict(self.asked))
+            parts.append(asked)
+        if self.reworded:
+            blocks = in_blocks(crop for crop, _ in self.reworded)
+            known = self._trajectories("reworded.safetensors", blocks, 3 << 30)
+            other = dict(self.reworded)
+            crops = tuple(replace(crop, caption=other[crop]) for crop in known.crops)
+            parts.append(PromptedTrajectories(crops, known.trajectories))
+        learned = PromptedTrajectories(
+            tuple(crop for part in parts for crop in part.crops),
+            joined_trajectories([part.trajectories for part in parts]),
+        )
         teacher = self.teacher
         schedule = teacher.card.schedule
         return TrajectorySteps(
@@ -283,7 +300,9 @@ def prepare_distillation(
     held_out = keep_crops(unseen, settings.cropping, 1, training.seed).every()
     condition = card.prompt_condition(partial(required_encoder, encoder))
     asked = drawn_crops(settings, seen[0].clip, encoder, lengths)
+    reworded = reworded_crops(settings, seen)
     captions = captions_of([*seen, *unseen]) | {crop.caption for crop, _ in asked}
+    captions |= {text for _, text in reworded}
     prompts = ConditionTable(condition, captions, context.device)
     network.eval().requires_grad_(False).to(context.device)
     teacher = Teacher(
@@ -309,6 +328,7 @@ def prepare_distillation(
         tuple(seen),
         tuple(held_out),
         asked,
+        reworded,
         settings,
         folder,
         context,
@@ -344,6 +364,44 @@ def drawn_crops(
     frames = drawn_frames(np.array(usual), SPREAD, limits, np.random.default_rng(seed))
     crops = [Crop(clip, 0, n, one.prompt) for n, one in zip(frames.tolist(), asked, strict=True)]
     return tuple(zip(crops, asked, strict=True))
+
+
+def reworded_crops(settings: Distillation, items: Sequence[Item]) -> tuple[tuple[Crop, str], ...]:
+    """Returns captions of the data with other words for each, verbs evenly.
+
+    No other words are a prompt of the instruction benchmark.
+
+    Args:
+        settings: How many, lengths, and the seed.
+        items: Items with captions.
+    """
+    objective = settings.objective
+    if not isinstance(objective, TrajectoryRegression) or not objective.reworded:
+        return ()
+    shortest = max(settings.cropping.min_frames, settings.cropping.unit)
+    by_verb: dict[str, list[tuple[Item, str]]] = defaultdict(list)
+    for item in items:
+        for caption in item.captions if item.frames >= shortest else ():
+            read = read_clauses(caption)
+            if read is not None:
+                by_verb[read.clauses[0].verb].append((item, caption))
+    groups = [group for group in by_verb.values() if len(group) >= FEWEST]
+    refused = {one.prompt for one in instructions()}
+    generator = np.random.default_rng([settings.training.seed, 1])
+    found: dict[Crop, str] = {}
+    for number in range(objective.reworded if groups else 0):
+        group = groups[number % len(groups)]
+        item, caption = group[int(generator.integers(len(group)))]
+        others = [text for text in rewordings(caption, generator, 1) if text not in refused]
+        crop = settings.cropping.crop(item, generator)
+        found |= {replace(crop, caption=caption): text for text in others}
+    return tuple(found.items())
+
+
+def in_blocks(crops: Iterable[Crop]) -> list[list[Crop]]:
+    """Returns crops of similar length in blocks that the teacher generates together."""
+    ordered = sorted(crops, key=lambda crop: crop.frames)
+    return [ordered[i : i + AT_ONCE] for i in range(0, len(ordered), AT_ONCE)]
 
 
 def prompted(card: ModelCard, clips: Sequence[Clip]) -> list[Item]:
