@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,10 @@ from latentmotion.data.clip import Caption
 from latentmotion.data.described import reworded_captions
 from latentmotion.describe.clauses import read_clauses
 from latentmotion.describe.rewording import rewordings
-from latentmotion.describe.verbs import PARAPHRASES, present_participle, third_person
+from latentmotion.describe.verbs import present_participle, third_person
+from latentmotion.instructions.prompts import instructions
+
+QUALITY = Path(__file__).parents[2] / "benchmarks" / "quality"
 
 SENTENCE = "the person walks forward slowly, then turns to the left."
 
@@ -124,9 +129,27 @@ def test_captions_get_wordings_of_the_same_span() -> None:
     assert not {c.text for c in captions} & {c.text for c in found}
 
 
-@pytest.mark.parametrize("predicate", [text for group in PARAPHRASES for text in group])
-def test_paraphrases_are_read_in_clauses(predicate: str) -> None:
-    assert read_clauses(predicate) is not None
+def sides(text: str) -> set[str]:
+    return set(re.findall(r"\b(left|right)(?!over)", text))
+
+
+def test_written_wordings_keep_sides_and_are_of_no_benchmark() -> None:
+    table = files("latentmotion.describe").joinpath("wordings.tsv").read_text("utf-8")
+    rows = [line.split("\t") for line in table.splitlines()[1:]]
+    assert len(rows) > 500
+    asked = {one.prompt for one in instructions()}
+    for name in ("sheet_60.txt", "wordings.tsv"):
+        lines = (QUALITY / name).read_text("utf-8").splitlines()
+        asked |= {line.split("\t")[-1].lower() for line in lines}
+    for caption, texts in rows:
+        for text in texts.split("|"):
+            assert sides(text) == sides(caption), (caption, text)
+            assert text == text.lower().strip() and text not in asked
+
+
+def test_captions_are_found_whatever_their_subject_and_form() -> None:
+    one, other = (reworded(text, 60) for text in ("a man kneels down.", "she is kneeling down"))
+    assert len(set(one) & set(other)) >= 5
 
 
 @pytest.mark.parametrize(

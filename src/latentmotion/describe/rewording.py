@@ -6,18 +6,21 @@
 
 The subject, the form of the verb, synonyms, counts as digits and the links between clauses may
 change; actions, their order, sides, directions and counts stay. A sentence that is not understood
-word by word (`clauses.py`) gets another subject at most.
+word by word (`clauses.py`) gets another subject at most. Captions of `wordings.tsv` have wordings
+that were written by hand, too: `caption<TAB>wording|wording|…`.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cache
+from importlib.resources import files
 
 import numpy as np
 
 from latentmotion.describe.clauses import SUBJECT, Clause, Sentence, read_clauses, words_of
-from latentmotion.describe.verbs import PARAPHRASES, PHRASES, VERB_GROUPS, inflect, other_number
+from latentmotion.describe.verbs import PHRASES, VERB_GROUPS, inflect, other_number
 
 _SUBJECTS = {
     "neutral": ("a person", "the person", "someone", "a figure", "the figure", "a human", "person"),
@@ -54,6 +57,11 @@ _FROM_BELOW = {"pick", "put", "place", "lift", "set", "grab", "take", "drop", "l
 
 _ATTEMPTS = 8
 
+_WRITTEN = 0.6
+"""Share of written wordings, where a caption has any."""
+
+_OWNERS = {"his", "her", "their", "your", "the"}
+
 _ACTORS: dict[str, tuple[tuple[str, str], ...]] = {
     "neutral": (
         ("a person", "the person"),
@@ -88,17 +96,47 @@ def rewordings(sentence: str, generator: np.random.Generator, count: int) -> lis
     Returns:
         Different sentences, none of them the given one; fewer than `count` where there is doubt.
     """
-    read = read_clauses(sentence)
+    read, written = read_clauses(sentence), written_wordings(sentence)
     known = {_bare(sentence)}
     texts: list[str] = []
     for _ in range(count * _ATTEMPTS):
         if len(texts) == count:
             break
-        text = _other_subject(sentence, generator) if read is None else reworded(read, generator)
+        if written and generator.random() < _WRITTEN:
+            text = str(generator.choice(written))
+        elif read is None:
+            text = _other_subject(sentence, generator)
+        else:
+            text = reworded(read, generator)
         if text and _bare(text) not in known:
             known.add(_bare(text))
             texts.append(text)
     return texts
+
+
+def written_wordings(sentence: str) -> tuple[str, ...]:
+    """Returns the wordings of a caption in `wordings.tsv`; none if it is not there.
+
+    Subject and form of the verb do not matter: "a man kneels" and "kneeling" are one caption.
+    """
+    return _written().get(_predicate(sentence), ())
+
+
+@cache
+def _written() -> dict[str, tuple[str, ...]]:
+    """Returns wordings that people wrote, by the predicate of the caption that they are of."""
+    table = files("latentmotion.describe").joinpath("wordings.tsv").read_text("utf-8")
+    rows = (line.split("\t") for line in table.splitlines() if not line.startswith("#"))
+    return {_predicate(caption): tuple(texts.split("|")) for caption, texts in rows}
+
+
+def _predicate(caption: str) -> str:
+    """Returns a caption without its subject, verbs in their base form, where it is understood."""
+    read = read_clauses(caption)
+    if read is None:
+        return _bare(caption)
+    words = (word for c in read.clauses for word in (c.link, *c.before, c.verb, *c.rest) if word)
+    return " ".join("their" if word in _OWNERS else word for word in words)
 
 
 def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
@@ -119,7 +157,7 @@ def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
     subject = ""
     if form in ("goes", "is going"):
         subject = str(generator.choice(_SUBJECTS[gender]))
-    clauses = [_varied(c, sentence, owner, generator) for c in _paraphrased(sentence, generator)]
+    clauses = [_varied(c, sentence, owner, generator) for c in _shortened(sentence, generator)]
     short = form == "go" and generator.random() < 0.4
     return _joined(clauses, subject, form, short, generator)
 
@@ -179,15 +217,8 @@ def predicate(sentence: Sentence, form: str, owner: str, generator: np.random.Ge
     return _joined(clauses, "", form, False, generator).rstrip(".")
 
 
-def _paraphrased(sentence: Sentence, generator: np.random.Generator) -> tuple[Clause, ...]:
-    """Returns the clauses of a predicate that means the same, where one is known."""
-    told = " ".join(
-        word for c in sentence.clauses for word in (c.link, *c.before, c.verb, *c.rest) if word
-    )
-    for predicates in PARAPHRASES:
-        if told in predicates and generator.random() < 0.6:
-            other = read_clauses(str(generator.choice(predicates)))
-            return other.clauses if other else sentence.clauses
+def _shortened(sentence: Sentence, generator: np.random.Generator) -> tuple[Clause, ...]:
+    """Returns the clauses, at times without a "bend down" that the next action implies."""
     first, *others = sentence.clauses
     bends = first.verb == "bend" and first.rest in (("down",), ("over",)) and others
     if bends and others[0].verb in _FROM_BELOW and generator.random() < 0.5:

@@ -256,25 +256,6 @@ PHRASES: tuple[tuple[str, tuple[str, ...]], ...] = (
 )  # fmt: skip
 """Patterns inside a clause, verb first in its base form, and what each may become."""
 
-PARAPHRASES: tuple[tuple[str, ...], ...] = (
-    ("squat down and stand up again", "do a squat", "squat once",
-     "bend the knees deeply then straighten up", "go down into a squat and come back up"),
-    ("play tennis and swing the racket", "swing a racket", "hit the ball with a tennis racket",
-     "hit a tennis ball", "practice tennis", "make a tennis stroke"),
-    ("take something and pass it on", "pass something on", "take an object and give it away"),
-    ("pick something up and put it down elsewhere", "move something somewhere else",
-     "carry something somewhere else", "pick up a box and put it down somewhere else"),
-    ("lift something with both hands and put it down elsewhere",
-     "pick up a box with both hands and put it down", "carry a box somewhere else"),
-    ("bend down and pick something up", "pick something up from the floor",
-     "pick an object up off the ground", "bend down to pick something up"),
-    ("bend down and throw something", "pick something up and throw it",
-     "pick up a ball and throw it"),
-    ("get down to the ground and lie on it", "lie down on the floor", "lay down on the ground"),
-    ("jump up and land", "jump up", "jump", "jump into the air"),
-)  # fmt: skip
-"""Predicates, verbs in their base form, that mean the same."""
-
 _NUMBERS = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
 _COUNTED = re.compile(

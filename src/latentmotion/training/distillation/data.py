@@ -19,7 +19,7 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
 from latentmotion.describe.clauses import read_clauses
-from latentmotion.describe.rewording import rewordings
+from latentmotion.describe.rewording import rewordings, written_wordings
 from latentmotion.engine.backend import FeatureDecoder, normalizer_of, representation_of
 from latentmotion.errors import InputError
 from latentmotion.instructions.drawn import drawn_instructions
@@ -369,6 +369,7 @@ def drawn_crops(
 def reworded_crops(settings: Distillation, items: Sequence[Item]) -> tuple[tuple[Crop, str], ...]:
     """Returns captions of the data with other words for each, verbs evenly.
 
+    Where captions of a verb have wordings that were written by hand, it is one of these captions.
     No other words are a prompt of the instruction benchmark.
 
     Args:
@@ -380,11 +381,16 @@ def reworded_crops(settings: Distillation, items: Sequence[Item]) -> tuple[tuple
         return ()
     shortest = max(settings.cropping.min_frames, settings.cropping.unit)
     by_verb: dict[str, list[tuple[Item, str]]] = defaultdict(list)
+    by_hand: dict[str, list[tuple[Item, str]]] = defaultdict(list)
     for item in items:
         for caption in item.captions if item.frames >= shortest else ():
             read = read_clauses(caption)
             if read is not None:
-                by_verb[read.clauses[0].verb].append((item, caption))
+                verb = read.clauses[0].verb
+                by_verb[verb].append((item, caption))
+                if written_wordings(caption):
+                    by_hand[verb].append((item, caption))
+    by_verb |= by_hand
     groups = [group for group in by_verb.values() if len(group) >= FEWEST]
     refused = {one.prompt for one in instructions()}
     generator = np.random.default_rng([settings.training.seed, 1])
