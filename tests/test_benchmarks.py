@@ -34,10 +34,12 @@ from benchmarks.generation import (
 from benchmarks.generation.authors import AuthorsGeneration
 from benchmarks.generation.ours import Generation, Model, sentences
 from benchmarks.harness import authors_networks, contest, load, process, replicas
+from benchmarks.quality import wordings
 from benchmarks.training import device as device_training
 from benchmarks.training import kills
 from benchmarks.training import speed as training
 from latentmotion import MotionPipeline
+from latentmotion.errors import InputError
 from tests.support import stub_service
 
 ROOT = Path(__file__).parents[1]
@@ -405,3 +407,49 @@ def test_load_counts_answers_and_lost_connections():
     for name, found in times.items():
         counts[name if name == "good 200" else f"{name.split()[0]} lost"] += len(found)
     assert counts == {"good 200": 10, "gone lost": 10}
+
+
+def test_every_caption_of_the_list_has_other_words():
+    pairs = wordings.read_pairs(wordings.LIST)
+    sentences = [sentence for pair in pairs for sentence in pair]
+    assert len(pairs) == 96 and len(set(sentences)) == 192
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a person runs", "line 1: 'a person runs'"),
+        ("a person runs\tsprint\tdash", "line 1"),
+        ("", "0 lines; expected groups of 32"),
+        ("a person runs\tsprint\n", "1 lines"),
+    ],
+)
+def test_a_list_of_wordings_is_pairs_in_full_groups(tmp_path, text, message):
+    file = tmp_path / "list.tsv"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        wordings.read_pairs(file)
+
+
+def test_own_wordings_are_compared_line_by_line():
+    # Three lines, two seeds: as good, worse by its share, worse by its place alone.
+    places = wordings.Places(np.array([[0, 2], [0, 0], [0, 0]]), np.array([[2, 0], [3, 9], [1, 1]]))
+    first, third = wordings.shares(places)
+    assert [cell.split()[0] for cell in first[1:]] == ["0.833", "0.167", "0.200"]
+    assert [cell.split()[0] for cell in third[1:]] == ["1.000", "0.667", "0.667"]
+    assert third[1] == "1.000 (1.000–1.000)" and third[3].endswith("(0.000–1.000)")
+    lines = wordings.worst([("a", "b"), ("c", "d"), ("e", "f")], places, 2)
+    assert lines == [["c", "d", "1.0 → 0.0", "1 → 7"], ["e", "f", "1.0 → 1.0", "1 → 2"]]
+
+
+def test_a_caption_is_told_better_than_another_movement(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(wordings, "GROUP", 4)
+    captions = [pair[0] for pair in wordings.read_pairs(wordings.LIST)[:4]]
+    file, out = tmp_path / "list.tsv", tmp_path / "places.csv"
+    own = [*captions[1:], captions[0]]
+    file.write_text("".join(f"{pair[0]}\t{pair[1]}\n" for pair in zip(captions, own, strict=True)))
+    wordings.main(wordings.Wordings("fast", file, seeds=(0,), worst=1, out=out))
+    (cells,) = [cells for name, cells in rows(capsys.readouterr().out).items() if "@1" in name]
+    right, wrong, _ = (float(cell.split()[0]) for cell in cells)
+    assert right > wrong
+    assert len(out.read_text().splitlines()) == 5
