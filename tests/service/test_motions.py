@@ -52,14 +52,14 @@ def test_turns_are_exact_unless_told_otherwise(called: Called) -> None:
 
 
 def test_counts_are_exact_unless_told_otherwise_or_timed(called: Called) -> None:
-    jacks = {"prompt": "four star jumps", "seed": 1}
-    motion = MotionPipeline.from_pretrained(threads=1)(jacks["prompt"], seed=1)
+    bows = {"prompt": "a person bows twice", "seed": 1}
+    motion = MotionPipeline.from_pretrained(threads=1)(bows["prompt"], seed=1)
     for exact in (True, False):
         expected = motion.cleaned(CleanUp(exact_count=exact))
-        found = called.post("/v1/motions", jacks | {"exact_count": exact}).json()
+        found = called.post("/v1/motions", bows | {"exact_count": exact}).json()
         np.testing.assert_allclose(found["positions"], expected.joints, atol=1e-4)
     assert "made" in motion.cleaned().metadata["count"]
-    timed = called.post("/v1/motions", jacks | {"seconds": motion.seconds}).json()
+    timed = called.post("/v1/motions", bows | {"seconds": motion.seconds}).json()
     assert len(timed["positions"]) == len(motion) and "count" not in timed["metadata"]
 
 

@@ -22,8 +22,8 @@ KINDS: dict[str, dict[str, Any]] = {
     "unclean": {**WALK, "clean": False, "guidance": 3.0},
     "predicted length": {"prompt": "a person waves", "steps": 1},
     "best of several": {**WALK, "best_of": 2},
-    "exact count": {"prompt": "four star jumps"},
-    "inexact count": {"prompt": "four star jumps", "exact_count": False},
+    "exact count": {"prompt": "a person bows twice"},
+    "inexact count": {"prompt": "a person bows twice", "exact_count": False},
     "exact turn": {"prompt": "turn around to the left", "steps": 4},
     "inexact turn": {"prompt": "turn around to the left", "steps": 4, "exact_turn": False},
     "goals": {**WALK, "goals": [{"joint": "right_wrist", "at": 1.5, "to": [None, 1.4, None]}]},
@@ -75,7 +75,7 @@ def test_takes_are_made_again_to_the_bit(
 
 @pytest.mark.parametrize(
     ("prompt", "option"),
-    [("turn around to the left", "exact_turn"), ("four star jumps", "exact_count")],
+    [("turn around to the left", "exact_turn"), ("a person bows twice", "exact_count")],
 )
 def test_takes_that_do_not_tell_of_exact_turns_and_counts_have_none(
     studio: Called, prompt: str, option: str
