@@ -7,7 +7,7 @@
 The subject, the form of the verb, synonyms, counts as digits and the links between clauses may
 change; actions, their order, sides, directions and counts stay. A sentence that is not understood
 word by word (`clauses.py`) gets another subject at most. Captions of `wordings.tsv` have wordings
-that were written by hand, too: `caption<TAB>wording|wording|…`.
+that language models wrote one by one, too: `caption<TAB>wording|wording|…`.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ _WRITTEN = 0.6
 """Share of written wordings, where a caption has any."""
 
 _OWNERS = {"his", "her", "their", "your", "the"}
+"""Words before a part of the body that do not tell captions apart."""
 
 _ACTORS: dict[str, tuple[tuple[str, str], ...]] = {
     "neutral": (
@@ -124,7 +125,7 @@ def written_wordings(sentence: str) -> tuple[str, ...]:
 
 @cache
 def _written() -> dict[str, tuple[str, ...]]:
-    """Returns wordings that people wrote, by the predicate of the caption that they are of."""
+    """Returns written wordings by the predicate of the caption that they are of."""
     table = files("latentmotion.describe").joinpath("wordings.tsv").read_text("utf-8")
     rows = (line.split("\t") for line in table.splitlines() if not line.startswith("#"))
     return {_predicate(caption): tuple(texts.split("|")) for caption, texts in rows}

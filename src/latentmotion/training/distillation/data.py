@@ -369,8 +369,8 @@ def drawn_crops(
 def reworded_crops(settings: Distillation, items: Sequence[Item]) -> tuple[tuple[Crop, str], ...]:
     """Returns captions of the data with other words for each, verbs evenly.
 
-    Where captions of a verb have wordings that were written by hand, it is one of these captions.
-    No other words are a prompt of the instruction benchmark.
+    Where captions of a verb have written wordings, it is one of these captions. No other words
+    are a prompt of the instruction benchmark.
 
     Args:
         settings: How many, lengths, and the seed.
@@ -381,7 +381,7 @@ def reworded_crops(settings: Distillation, items: Sequence[Item]) -> tuple[tuple
         return ()
     shortest = max(settings.cropping.min_frames, settings.cropping.unit)
     by_verb: dict[str, list[tuple[Item, str]]] = defaultdict(list)
-    by_hand: dict[str, list[tuple[Item, str]]] = defaultdict(list)
+    written: dict[str, list[tuple[Item, str]]] = defaultdict(list)
     for item in items:
         for caption in item.captions if item.frames >= shortest else ():
             read = read_clauses(caption)
@@ -389,8 +389,8 @@ def reworded_crops(settings: Distillation, items: Sequence[Item]) -> tuple[tuple
                 verb = read.clauses[0].verb
                 by_verb[verb].append((item, caption))
                 if written_wordings(caption):
-                    by_hand[verb].append((item, caption))
-    by_verb |= by_hand
+                    written[verb].append((item, caption))
+    by_verb |= written
     groups = [group for group in by_verb.values() if len(group) >= FEWEST]
     refused = {one.prompt for one in instructions()}
     generator = np.random.default_rng([settings.training.seed, 1])
