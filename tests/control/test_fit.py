@@ -25,7 +25,7 @@ def generate() -> MotionPipeline:
 
 @pytest.fixture(scope="module")
 def walk(generate: MotionPipeline) -> np.ndarray:
-    joints = generate("a person walks forward", 2.0, 3).joints.astype(float)
+    joints = generate("a person walks forward", 2.0, 0).joints.astype(float)
     return turn(joints, np.array(0.8)) + np.array([2.0, 0.0, -1.0])
 
 
@@ -68,7 +68,7 @@ def test_noise_and_gaps_are_taken_away_where_the_recording_is(
     fitted = generate.fit(noisy, seen)
     assert len(fitted) == len(walk) and fitted.fps == 20
     off = np.linalg.norm(fitted.joints - walk, axis=-1)
-    assert off[seen].mean() < 0.04 and off[~seen].mean() < 0.25
+    assert off[seen].mean() < 0.04 and off[~seen].mean() < 0.2
     assert off[0, 20] < 0.3
     assert fitted.metadata["fit"]["noise"] == pytest.approx(0.05, abs=0.015)
 
@@ -99,8 +99,8 @@ def test_joints_that_are_never_seen_are_those_of_somebody_upright(
 
 
 def test_somebody_who_sits_with_legs_unseen_has_feet_on_the_floor(generate: MotionPipeline) -> None:
-    sits = generate("a person sits down on a chair", 2.0, 2).cleaned().joints.astype(float)
-    assert np.median(sits[:, 0, 1]) < 0.75
+    sits = generate("a person sits down on a chair", 2.0, 4).cleaned().joints.astype(float)
+    assert np.median(sits[:, 0, 1]) < 0.7
     seen = np.array([name not in LEGS for name in NAMES])[None].repeat(len(sits), axis=0)
     fitted = generate.fit(sits, seen).joints
     assert abs(np.median(fitted[:, [10, 11], 1].min(axis=1))) < 0.1
@@ -116,7 +116,7 @@ def test_other_rates_and_layouts_are_fitted(generate: MotionPipeline, walk: np.n
 
 
 def test_a_camera_sees_which_way_somebody_walks(generate: MotionPipeline) -> None:
-    joints = generate("a person walks forward", 2.0, 3).joints.astype(float)
+    joints = generate("a person walks forward", 2.0, 0).joints.astype(float)
     seen = turn(joints - joints[0, 0] * (1, 0, 1), np.array(np.pi / 2))
     seen += np.array([-1.0, -1.0, 5.0])
     points = np.einsum("kj,tjc->tkc", joint_weights(LAYOUTS["body_25"]), seen)

@@ -161,13 +161,14 @@ VERB_GROUPS = (
     VerbGroup(("walk in a circle", "walk around in a circle"), "", r"around"),
     VerbGroup(("pace back and forth", "walk back and forth")),
     VerbGroup(("return to", "go back to")),
+    VerbGroup(("shuffle", "shuffle along"), r"(?:$|forwards?\b|slowly\b)"),
     VerbGroup(("lie down", "lay down", "get down and lie"), r"(?:$|on the)", r"\bback\b"),
     VerbGroup(
         ("climb up", "climb", "walk up", "go up"), r"(?:the |some |a few )?(?:stairs|steps)\b"
     ),
-    VerbGroup(("walk upstairs", "climb the stairs", "go up some stairs"), r"(?:$)"),
-    VerbGroup(("wave hello", "wave", "wave at someone", "greet someone with a wave"), r"(?:$)"),
-    VerbGroup(("give a high five", "raise a hand for a high five"), r"(?:$)"),
+    VerbGroup(("walk upstairs", "climb the stairs", "go up some stairs"), "$"),
+    VerbGroup(("wave hello", "wave", "wave at someone", "greet someone with a wave"), "$"),
+    VerbGroup(("give a high five", "raise a hand for a high five"), "$"),
     VerbGroup(("shake hands", "shake hands with someone", "greet someone with a handshake"), "$"),
     VerbGroup(("serve at table tennis", "make a table tennis serve", "serve in ping pong"), "$"),
     VerbGroup(("play table tennis", "play ping pong"), "$"),

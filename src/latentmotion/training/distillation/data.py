@@ -305,15 +305,8 @@ def prepare_distillation(
     captions |= {text for _, text in reworded}
     prompts = ConditionTable(condition, captions, context.device)
     network.eval().requires_grad_(False).to(context.device)
-    teacher = Teacher(
-        network,
-        card,
-        settings.few_step,
-        prompts,
-        context.device,
-        settings.solver,
-        training.precision,
-    )
+    few, device = settings.few_step, context.device
+    teacher = Teacher(network, card, few, prompts, device, settings.solver, training.precision)
     answering = teacher
     if former is not None:
         check_stops(former.card, settings.few_step)
