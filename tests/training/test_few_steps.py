@@ -36,7 +36,13 @@ from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_m
 from latentmotion.training.denoiser_loss import StepBatch, between, step_loss
 from latentmotion.training.distillation.data import TrajectoryRegression, reworded_crops
 from latentmotion.training.distillation.stage import distill, student_of
-from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE, Teacher, check_stops
+from latentmotion.training.distillation.trajectories import (
+    TRAJECTORIES_FILE,
+    PromptedTrajectories,
+    Teacher,
+    Trajectories,
+    check_stops,
+)
 from latentmotion.training.experiment import with_changes
 from latentmotion.training.stages import train_denoiser
 from latentmotion.training.task_conditions import ConditionTable
@@ -60,14 +66,27 @@ def test_verbs_are_reworded_evenly_and_no_benchmark_prompt_is_learned() -> None:
     clip = Clip("a", "own", "train", (), None, False, 40)
     texts = ["a person jumps up and lands"] * 90 + ["someone kneels down"] * 8 + ["a man rows"] * 3
     items = [Item(clip, 0, 40, (text,)) for text in texts]
-    settings = replace(SETTINGS, objective=TrajectoryRegression(reworded=200))
+    settings = replace(SETTINGS, objective=TrajectoryRegression(reworded=200, wordings=3))
     found = reworded_crops(settings, items)
     asked = [crop.caption for crop, _ in found]
     assert set(asked) == set(texts[:98])
     assert abs(asked.count(texts[0]) - asked.count(texts[90])) <= len(asked) / 3
-    assert all(text != crop.caption for crop, text in found)
-    assert not {text for _, text in found} & {one.prompt for one in instructions()}
+    assert {len(wordings) for _, wordings in found} <= {1, 2, 3}
+    assert all(crop.caption not in wordings for crop, wordings in found)
+    read = {text for _, wordings in found for text in wordings}
+    assert not read & {one.prompt for one in instructions()}
     assert reworded_crops(SETTINGS, items) == ()
+
+
+def test_wordings_of_a_caption_take_turns() -> None:
+    clip = Clip("a", "own", "train", (), None, False, 40)
+    crops = tuple(Crop(clip, 0, 40, text) for text in ("kneel", "row", "hop"))
+    trajectories = Trajectories(
+        torch.zeros(3, 1, 1, 1), torch.ones(3, 1) > 0, torch.ones(3), torch.arange(3)
+    )
+    data = PromptedTrajectories(crops, trajectories, {crops[1]: ("paddle", "scull")})
+    read = [data.captions(range(3), step, batch=3) for step in range(3)]
+    assert read == [["kneel", text, "hop"] for text in ("paddle", "scull", "paddle")]
 
 
 # FewStepConfig

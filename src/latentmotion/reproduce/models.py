@@ -15,7 +15,15 @@ from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.model import config
 from latentmotion.reproduce.budget import Budget, Change
 from latentmotion.training.experiment import Experiment
-from latentmotion.training.presets import actor_vae, fast, mdm, mdm_50, mld_humanml3d, starter
+from latentmotion.training.presets import (
+    actor_vae,
+    fast,
+    mdm,
+    mdm_50,
+    mld_humanml3d,
+    mld_no_vae,
+    starter,
+)
 
 FIRST_STAGE = ("vae", "vae_objective", "vae_cropping", "vae_training", "mirrored")
 """Parts of an experiment that determine the first stage."""
@@ -43,7 +51,7 @@ class Model:
     @property
     def raw(self) -> bool:
         """Whether it diffuses raw frames, without a first stage."""
-        return self.preset in (mdm, mdm_50)
+        return isinstance(self.preset().vae, config.IdentityVAEConfig)
 
     def experiment(self) -> Experiment:
         """Returns the changed preset, in the paper's sizes."""
@@ -233,6 +241,12 @@ BASELINES_AND_TASKS = (
     Model("mdm_50", mdm_50),
     Model("mdm_50_flops", mdm_50),
     Model("mdm_50_longer", mdm_50, (with_longer_training(3),)),
+    Model("no_vae", mld_no_vae, (with_objective(parametrization=Sample()),)),
+    Model(
+        "no_vae_longer",
+        mld_no_vae,
+        (with_objective(parametrization=Sample()), with_longer_training(3)),
+    ),
     Model("starter", starter, shipped="starter"),
     Model("fast_shipped", fast, shipped="fast"),
     Model(

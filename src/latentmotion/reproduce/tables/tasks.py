@@ -61,6 +61,11 @@ QUALITY = Table(
         Row("real", "Real", "real"),
         Row("mdm", "MDM in 50 steps", model="mdm_50_flops"),
         Row("mdm_longer", "MDM in 50 steps, trained longer", model="mdm_50_longer"),
+        Row("no_vae", "MLD without VAE, of z₀", model="no_vae", steps=50, sampler="ddim"),
+        Row(
+            "no_vae_longer", "MLD without VAE, of z₀, trained longer", model="no_vae_longer",
+            steps=50, sampler="ddim",
+        ),
         Row("mld_1", "MLD-1 of ε", model="mld_1"),
         Row("mld_1_longer", "MLD-1 of ε, trained longer", model="mld_1_longer"),
         Row("z0", "MLD-1 of z₀", model="z0"),
@@ -68,7 +73,7 @@ QUALITY = Table(
         Row("starter", "Our shipped starter (not the paper's)", model="starter"),
         Row("fast", "Our shipped fast (not the paper's)", model="fast_shipped"),
     ),
-)
+)  # fmt: skip
 
 KIT = Table(
     name="text_kit",

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import accumulate
+from itertools import accumulate, cycle
 from pathlib import Path
 from typing import Literal
 
@@ -68,9 +68,12 @@ class TrajectoryRegression:
     than its teacher. Fine-tuning has them from the model as it was, so that it keeps what it knew.
     """
     reworded: int = 0
-    """Further trajectories for captions, each verb as often as any other. The student reads other
-    words than the teacher did, so it learns wordings that its teacher does not know.
+    """Further trajectories for captions, in turn by verb and by caption with written wordings. The
+    student reads other words than the teacher did, so it learns wordings that its teacher does not
+    know.
     """
+    wordings: int = 1
+    """Most wordings of each of these captions; the student reads them in turn."""
 
 
 @dataclass(frozen=True)
@@ -154,8 +157,8 @@ class DistillationData:
     """Crops for evaluation only."""
     asked: tuple[tuple[Crop, Instruction], ...]
     """Drawn prompts with their checks, as crops of the length to generate."""
-    reworded: tuple[tuple[Crop, str], ...]
-    """Further captions, as crops of the length to generate, each with other words for it."""
+    reworded: tuple[tuple[Crop, tuple[str, ...]], ...]
+    """Further captions, as crops of the length to generate, each with wordings of it."""
     settings: Distillation
     """Numbers of each, and the seed."""
     folder: Path
@@ -188,13 +191,11 @@ class DistillationData:
             parts.append(asked)
         if self.reworded:
             blocks = in_blocks(crop for crop, _ in self.reworded)
-            known = self._trajectories("reworded.safetensors", blocks, 3 << 30)
-            other = dict(self.reworded)
-            crops = tuple(replace(crop, caption=other[crop]) for crop in known.crops)
-            parts.append(PromptedTrajectories(crops, known.trajectories))
+            parts.append(self._trajectories("reworded.safetensors", blocks, 3 << 30))
         learned = PromptedTrajectories(
             tuple(crop for part in parts for crop in part.crops),
             joined_trajectories([part.trajectories for part in parts]),
+            dict(self.reworded),
         )
         teacher = self.teacher
         schedule = teacher.card.schedule
@@ -302,7 +303,7 @@ def prepare_distillation(
     asked = drawn_crops(settings, seen[0].clip, encoder, lengths)
     reworded = reworded_crops(settings, seen)
     captions = captions_of([*seen, *unseen]) | {crop.caption for crop, _ in asked}
-    captions |= {text for _, text in reworded}
+    captions |= {text for _, texts in reworded for text in texts}
     prompts = ConditionTable(condition, captions, context.device)
     network.eval().requires_grad_(False).to(context.device)
     few, device = settings.few_step, context.device
@@ -359,11 +360,13 @@ def drawn_crops(
     return tuple(zip(crops, asked, strict=True))
 
 
-def reworded_crops(settings: Distillation, items: Sequence[Item]) -> tuple[tuple[Crop, str], ...]:
-    """Returns captions of the data with other words for each, verbs evenly.
+def reworded_crops(
+    settings: Distillation, items: Sequence[Item]
+) -> tuple[tuple[Crop, tuple[str, ...]], ...]:
+    """Returns captions of the data with wordings of each.
 
-    Where captions of a verb have written wordings, it is one of these captions. No other words
-    are a prompt of the instruction benchmark.
+    In turn of each verb, and of each caption with written wordings; where captions of a verb
+    have any, it is one of these captions. No wording is a prompt of the instruction benchmark.
 
     Args:
         settings: How many, lengths, and the seed.
@@ -373,28 +376,39 @@ def reworded_crops(settings: Distillation, items: Sequence[Item]) -> tuple[tuple
     if not isinstance(objective, TrajectoryRegression) or not objective.reworded:
         return ()
     shortest = max(settings.cropping.min_frames, settings.cropping.unit)
-    by_verb: dict[str, list[tuple[Item, str]]] = defaultdict(list)
-    written: dict[str, list[tuple[Item, str]]] = defaultdict(list)
-    for item in items:
-        for caption in item.captions if item.frames >= shortest else ():
-            read = read_clauses(caption)
-            if read is not None:
-                verb = read.clauses[0].verb
-                by_verb[verb].append((item, caption))
-                if written_wordings(caption):
-                    written[verb].append((item, caption))
-    by_verb |= written
-    groups = [group for group in by_verb.values() if len(group) >= FEWEST]
+    verbs, captions = captions_to_reword([one for one in items if one.frames >= shortest])
     refused = {one.prompt for one in instructions()}
     generator = np.random.default_rng([settings.training.seed, 1])
-    found: dict[Crop, str] = {}
-    for number in range(objective.reworded if groups else 0):
-        group = groups[number % len(groups)]
+    turns = [cycle(groups) for groups in (verbs, captions) if groups]
+    found: dict[Crop, tuple[str, ...]] = {}
+    for number in range(objective.reworded if turns else 0):
+        group = next(turns[number % len(turns)])
         item, caption = group[int(generator.integers(len(group)))]
-        others = [text for text in rewordings(caption, generator, 1) if text not in refused]
-        crop = settings.cropping.crop(item, generator)
-        found |= {replace(crop, caption=caption): text for text in others}
+        texts = rewordings(caption, generator, objective.wordings)
+        crop = replace(settings.cropping.crop(item, generator), caption=caption)
+        if allowed := tuple(text for text in texts if text not in refused):
+            found[crop] = allowed
     return tuple(found.items())
+
+
+def captions_to_reword(
+    items: Sequence[Item],
+) -> tuple[list[list[tuple[Item, str]]], list[list[tuple[Item, str]]]]:
+    """Returns captions by verb, of verbs that have enough, and those with written wordings."""
+    verbs: dict[str, list[tuple[Item, str]]] = defaultdict(list)
+    written_verbs: dict[str, list[tuple[Item, str]]] = defaultdict(list)
+    written: dict[str, list[tuple[Item, str]]] = defaultdict(list)
+    for item in items:
+        for caption in item.captions:
+            read, texts = read_clauses(caption), written_wordings(caption)
+            if read is not None:
+                verbs[read.clauses[0].verb].append((item, caption))
+            if read is not None and texts:
+                written_verbs[read.clauses[0].verb].append((item, caption))
+            if texts:
+                written[texts[0]].append((item, caption))
+    verbs |= written_verbs
+    return [group for group in verbs.values() if len(group) >= FEWEST], list(written.values())
 
 
 def in_blocks(crops: Iterable[Crop]) -> list[list[Crop]]:

@@ -17,8 +17,8 @@ length leads nowhere by its form, which anchors the agreement at the phase's end
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -277,16 +277,28 @@ class PromptedTrajectories:
     """Prompt and length of each trajectory; neighbors are of similar length."""
     trajectories: Trajectories
     """The trajectories."""
+    wordings: Mapping[Crop, tuple[str, ...]] = field(default_factory=dict)
+    """Other words for the captions of crops, which the student reads in their place."""
 
     def rows(self, step: int, batch: int, seed: int) -> range:
         """Returns the rows of step number `step`: neighbors, each at most once an epoch.
 
         Those left over where blocks of `batch` do not make up all are never shown.
         """
-        count = max(len(self.crops) // batch, 1)
+        count = self._blocks(batch)
         epoch, index = divmod(step, count)
         block = int(np.random.default_rng([seed, epoch]).permutation(count)[index])
         return range(block * batch, min((block + 1) * batch, len(self.crops)))
+
+    def captions(self, rows: Iterable[int], step: int, batch: int) -> list[str]:
+        """Returns what the student reads of `rows` at a step: wordings take turns by epoch."""
+        epoch = step // self._blocks(batch)
+        crops = [self.crops[row] for row in rows]
+        texts = [self.wordings.get(crop, (crop.caption,)) for crop in crops]
+        return [known[epoch % len(known)] for known in texts]
+
+    def _blocks(self, batch: int) -> int:
+        return max(len(self.crops) // batch, 1)
 
 
 class TrajectorySteps:
@@ -318,9 +330,11 @@ class TrajectorySteps:
     def __call__(self, step: int, average: Callable[..., torch.Tensor]) -> StepBatch:
         """Returns steps along the trajectories of training step `step`."""
         ranks, device = self._context.ranks, self._context.device
-        among = self._data.rows(step, self._training.batch_size, self._training.seed)
+        batch, seed = self._training.batch_size, self._training.seed
+        among = self._data.rows(step, batch, seed)
         own = among[ranks.shard(len(among))]
-        chance = StepRandomness(self._training.seed, step, len(among), ranks, device)
+        captions = self._data.captions(own, step, batch)
+        chance = StepRandomness(seed, step, len(among), ranks, device)
         phases = drawn_phases(self._few_step, chance.uniform(), chance.uniform())
         trajectories = self._data.trajectories.take(own, among).to(device)
         row = torch.arange(len(own), device=device)
@@ -329,7 +343,7 @@ class TrajectorySteps:
             start=trajectories.points[row, first],
             end=trajectories.points[row, last],
             times=(self._times[phases.first], self._times[phases.last]),
-            condition=self._prompts([self._data.crops[index].caption for index in own]),
+            condition=self._prompts(captions),
             mask=trajectories.mask,
             step_condition=StepCondition(trajectories.guidance, 1 / phases.counts),
         )
