@@ -99,7 +99,7 @@ def test_joints_that_are_never_seen_are_those_of_somebody_upright(
 
 
 def test_somebody_who_sits_with_legs_unseen_has_feet_on_the_floor(generate: MotionPipeline) -> None:
-    sits = generate("a person sits down on a chair", 2.0, 4).cleaned().joints.astype(float)
+    sits = generate("a person sits down on a chair", 2.0, 2).cleaned().joints.astype(float)
     assert np.median(sits[:, 0, 1]) < 0.7
     seen = np.array([name not in LEGS for name in NAMES])[None].repeat(len(sits), axis=0)
     fitted = generate.fit(sits, seen).joints
