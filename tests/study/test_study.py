@@ -36,7 +36,7 @@ from latentmotion.study.report import (
     votes_of,
     wilson,
 )
-from tests.support.pages import CHROMIUM, HOSTILE, Elements, chromium, walking
+from tests.support.pages import HOSTILE, Elements, chromium, walking
 
 PROMPTS = ("a person walks", HOSTILE, "someone strolls")
 
@@ -194,8 +194,6 @@ def run_script(page: Path, script: str, profile: Path, *flags: str) -> dict[str,
 def test_a_browser_rates_goes_on_later_and_saves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if CHROMIUM is None:
-        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
     study = design(pairs(), "one", "two", 5)
     page, key, saved = (tmp_path / name for name in ("s.html", "s.key.json", "ada.json"))
     write_study_page(page, study)

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
@@ -58,6 +59,9 @@ class Elements(HTMLParser):
 
 
 def chromium(address: str, folder: Path, *flags: str) -> str:
+    """Opens a page, and skips the test where there is no browser."""
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
     command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder}", "--window-size=700,600"]
     done = subprocess.run([*command, *flags, address], capture_output=True, check=True)
     return done.stdout.decode()

@@ -19,7 +19,7 @@ from latentmotion.motion import Motion
 from latentmotion.render.mannequin import mannequin_of
 from latentmotion.viewer.marks import marks_of
 from latentmotion.viewer.page import Skinned, notebook_html, page_html, write_page
-from tests.support.pages import CHROMIUM, HOSTILE, Elements, chromium, walking
+from tests.support.pages import HOSTILE, Elements, chromium, walking
 
 
 def standing_kit(caption: str = "") -> Motion:
@@ -154,8 +154,6 @@ def test_a_stick_figure_costs_a_page_nothing():
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory) -> Path:
-    if CHROMIUM is None:
-        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
     path = tmp_path_factory.mktemp("page") / "page.html"
     takes = [walking(caption=HOSTILE), walking(3.0, HOSTILE, speed=0.5), standing_kit(HOSTILE)]
     write_page(path, takes)
@@ -266,8 +264,6 @@ def test_marks_of_foreign_files_are_left_out(metadata):
 
 
 def test_browser_draws_what_was_asked(tmp_path):
-    if CHROMIUM is None:
-        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
     path = tmp_path / "page.html"
     write_page(path, [asked()])
     dom, _ = shown(path, 0.5, tmp_path / "a")
