@@ -246,9 +246,9 @@ class TrainDistill:
     set: options.Changes = ()
     """Change any other setting of the distillation, e.g. few_step.steps='[1,2,4,8]' for other
     numbers of sampling steps; repeatable."""
-    start: Path | None = None
-    """Run or model folder of an earlier student of the same teacher, whose weights are the first
-    ones."""
+    start: str | None = None
+    """Earlier student of the same teacher, by name, run folder or model folder, whose weights are
+    the first ones."""
     text_encoder: options.OptionalTextEncoder = None
     device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: Distillation().training)
@@ -256,12 +256,12 @@ class TrainDistill:
     def run(self) -> None:
         """Trains to the last step."""
         settings = with_changes(Distillation(training=self.training), self.set)
-        teacher = distillation.model_folder(find_model(self.teacher))
+        teacher = find_model(self.teacher)
         card, encoder = read_card(teacher), None
         if card.condition.reads_text:
             named = text_encoder_named(self.text_encoder) if self.text_encoder else None
             encoder = CachedTextEncoder(named or find_encoder(card, teacher), text_cache(self.data))
-        start = distillation.model_folder(self.start) if self.start else None
+        start = find_model(self.start) if self.start else None
         with distributed_context(self.device) as context:
             folder = distillation.distill(
                 settings, self.data, teacher, encoder, self.output, context, start

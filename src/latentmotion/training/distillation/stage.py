@@ -13,7 +13,7 @@ from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, sample
 from latentmotion.errors import InputError, ModelError
-from latentmotion.model.card import CARD_FILE, ModelCard, Provenance, lengths_file, read_card
+from latentmotion.model.card import ModelCard, Provenance, find_model, lengths_file, read_card
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.motion import Motion
 from latentmotion.networks import checkpoint
@@ -148,7 +148,7 @@ def distill(
         ModelError: The teacher is missing or cannot teach, or `start` is no student of it.
         InputError: The run folder holds another run, or data and teacher do not fit.
     """
-    dataset, source = Dataset.load(data), model_folder(teacher)
+    dataset, source = Dataset.load(data), find_model(teacher)
     model = checkpoint.load_model(source)
     check_teacher(model, dataset)
     settings = replace(settings, cropping=within(settings.cropping, model.card))
@@ -191,11 +191,6 @@ def distill(
 def fingerprint(folder: Path | None) -> str | None:
     """Returns the hash of a model's weights; None for none."""
     return sha256(folder / checkpoint.WEIGHTS_FILE) if folder else None
-
-
-def model_folder(folder: Path) -> Path:
-    """Returns the model folder in a run folder, or the folder itself."""
-    return folder / MODEL if (folder / MODEL / CARD_FILE).is_file() else folder
 
 
 def check_teacher(model: checkpoint.LatentModel, dataset: Dataset) -> None:
