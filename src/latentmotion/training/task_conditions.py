@@ -90,8 +90,8 @@ def required_encoder(encoder: TextEncoder | None) -> TextEncoder:
 class ConditionTable:
     """What the denoiser sees of prompts; the empty one has the row of the null condition.
 
-    Words of all prompts lie one after another without padding, so that 100,000 prompts of a dozen
-    words fit in memory.
+    Words of all prompts lie one after another without padding, in 16 bits, so that 250,000 prompts
+    of a dozen words fit in 3 GB.
 
     Args:
         condition: Turns prompts into tokens.
@@ -120,9 +120,10 @@ class ConditionTable:
         positions = torch.arange(int(counts.max()), device=counts.device)
         mask = positions < counts
         tokens = self._words[torch.where(mask, starts + positions, 0)]
-        return Conditioning(tokens * mask[..., None], mask)
+        return Conditioning(tokens.float() * mask[..., None], mask)
 
 
 def _real(condition: Conditioning) -> tuple[np.ndarray, np.ndarray]:
     """Returns the words of a batch without padding, and how many each row has."""
-    return condition.tokens[condition.mask], condition.mask.sum(axis=1)
+    words = np.asarray(condition.tokens, np.float16)[condition.mask]
+    return words, condition.mask.sum(axis=1)
