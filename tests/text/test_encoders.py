@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from safetensors.numpy import save_file
 
 from latentmotion.condition.interface import TextEmbedding, TextEncoder
 from latentmotion.errors import InputError, ModelError
@@ -175,11 +177,15 @@ def test_a_sentence_keeps_no_padding_of_its_batch(tmp_path: Path) -> None:
 
 
 MODEL = LengthModel(
-    encoder="made up",
-    hidden=np.array([[1.0, 0.0], [0.0, -1.0], [2.0, 2.0]], np.float32),
-    hidden_bias=np.array([0.0, 1.0, -2.0], np.float32),
-    out=np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 0, 2], [1, 1, 1]], np.float32),
-    out_bias=np.array([0.5, 0.0, 0.25, 0.0, 1.0], np.float32),
+    "made up",
+    weights=(
+        np.array([[1.0, 0.0], [0.0, -1.0], [2.0, 2.0]], np.float32),
+        np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 0, 2], [1, 1, 1]], np.float32),
+    ),
+    biases=(
+        np.array([0.0, 1.0, -2.0], np.float32),
+        np.array([0.5, 0.0, 0.25, 0.0, 1.0], np.float32),
+    ),
 )
 
 
@@ -198,11 +204,35 @@ def test_lengths_by_hand_rise(embedding: list[float], expected: list[float]) -> 
     assert usual == pytest.approx([max(expected[QUANTILES.index(0.5)], SHORTEST_USUAL)])
 
 
+def test_deeper_models_are_layer_after_layer(tmp_path: Path) -> None:
+    into, out = MODEL.weights
+    twice = LengthModel("made up", (into, np.eye(3, dtype=np.float32) * 2, out),
+                        (MODEL.biases[0], np.zeros(3, np.float32), MODEL.biases[1]))  # fmt: skip
+    doubled = replace(MODEL, weights=(into, 2 * out))
+    x = np.array([[3.0, 0.0], [-1.0, 2.0]], np.float32)
+    np.testing.assert_array_equal(twice(x), doubled(x))
+    twice.write(tmp_path / "deep.safetensors")
+    np.testing.assert_array_equal(LengthModel.read(tmp_path / "deep.safetensors")(x), twice(x))
+
+
+def test_files_of_one_hidden_layer_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "older.safetensors"
+    names = ("hidden", "out"), ("hidden_bias", "out_bias")
+    arrays = {
+        name: array.astype(np.float16)
+        for some, values in zip(names, (MODEL.weights, MODEL.biases), strict=True)
+        for name, array in zip(some, values, strict=True)
+    }
+    save_file(arrays, path, {"encoder": "made up", "quantiles": json.dumps(QUANTILES)})
+    x = np.array([[3.0, 0.0]], np.float32)
+    np.testing.assert_array_equal(LengthModel.read(path)(x), MODEL(x))
+
+
 def test_a_model_of_lengths_comes_back(tmp_path: Path) -> None:
     path = tmp_path / "length.safetensors"
     MODEL.write(path)
     back = LengthModel.read(path, "made up")
-    np.testing.assert_array_equal(back.hidden, MODEL.hidden)
+    np.testing.assert_array_equal(back.weights[0], MODEL.weights[0])
     pooled = np.array([[3.0, 0.0]], np.float32)
     assert LengthFile(path, None).usual(pooled) == MODEL.usual(pooled) == [4.5]
     with pytest.raises(ModelError, match="reads the text encoder 'made up', not 'clip'"):
@@ -212,8 +242,11 @@ def test_a_model_of_lengths_comes_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"out": np.ones((3, 3), np.float32), "out_bias": np.ones(3, np.float32)},
-        {"out_bias": np.full(5, np.nan, np.float32)},
+        {"weights": (np.ones((3, 3), np.float32),), "biases": (np.ones(3, np.float32),)},
+        {"weights": (MODEL.weights[1], MODEL.weights[1])},
+        {"biases": (MODEL.biases[0], np.full(5, np.nan, np.float32))},
+        {"biases": MODEL.biases[::-1]},
+        {"weights": (), "biases": ()},
     ],
 )
 def test_a_model_of_lengths_that_does_not_fit_together(tmp_path: Path, changes: dict) -> None:

@@ -43,7 +43,7 @@ def usual(seconds: float) -> LengthModel:
     """A model of lengths that knows one, give or take a third."""
     bias = (seconds * np.array([0.6, 0.8, 1, 1.25, 1.7])).astype(np.float32)
     hidden, out = np.zeros((2, 3), np.float32), np.zeros((5, 2), np.float32)
-    return LengthModel("turning", hidden, np.zeros(2, np.float32), out, bias)
+    return LengthModel("turning", (hidden, out), (np.zeros(2, np.float32), bias))
 
 
 def test_each_kind_of_prompt_gets_the_length_at_which_it_is_obeyed(

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from safetensors.numpy import save_file
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
@@ -39,7 +38,7 @@ def captions() -> CaptionLengths:
 
 @pytest.fixture(scope="module")
 def recipe() -> LengthRecipe:
-    return LengthRecipe(hidden=16, passes=60, batch=16, learning_rate=1e-2)
+    return LengthRecipe(hidden=16, layers=1, passes=60, batch=16, learning_rate=1e-2)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +49,7 @@ def model(captions: CaptionLengths, recipe: LengthRecipe) -> LengthModel:
 def constant_model(seconds: float, encoder: str = ENCODER) -> LengthModel:
     bias = np.full(len(QUANTILES), seconds, np.float32)
     hidden, out = np.zeros((2, 384), np.float32), np.zeros((len(QUANTILES), 2), np.float32)
-    return LengthModel(encoder, hidden, np.zeros(2, np.float32), out, bias)
+    return LengthModel(encoder, (hidden, out), (np.zeros(2, np.float32), bias))
 
 
 def test_short_and_long_movements_are_told_apart(
@@ -76,8 +75,8 @@ def test_the_same_seed_gives_the_same_model(captions: CaptionLengths, recipe: Le
     encoder, short = load_text_encoder(find_model("starter")), replace(recipe, passes=2)
     first, again = (train_lengths(captions, encoder, short) for _ in range(2))
     other = train_lengths(captions, encoder, replace(short, seed=1))
-    np.testing.assert_array_equal(first.hidden, again.hidden)
-    assert not np.array_equal(first.hidden, other.hidden)
+    np.testing.assert_array_equal(first.weights[0], again.weights[0])
+    assert not np.array_equal(first.weights[0], other.weights[0])
 
 
 def test_a_file_is_checked(model: LengthModel, tmp_path: Path) -> None:
@@ -90,12 +89,12 @@ def test_a_file_is_checked(model: LengthModel, tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-50])
     with pytest.raises(ModelError, match="damaged"):
         LengthModel.read(path)
-    arrays = {"hidden": model.hidden, "hidden_bias": model.hidden_bias, "out_bias": model.out_bias}
-    about = {"encoder": ENCODER, "quantiles": json.dumps(QUANTILES)}
-    save_file({**arrays, "out": model.out[:, 1:].copy()}, path, about)
+    *first, last = model.weights
+    replace(model, weights=(*first, last[:, 1:])).write(path)
     with pytest.raises(ModelError, match="train length"):
         LengthModel.read(path)
-    replace(model, out_bias=model.out_bias * np.nan).write(path)
+    *first, last = model.biases
+    replace(model, biases=(*first, last * np.nan)).write(path)
     with pytest.raises(ModelError, match="no model of lengths"):
         LengthModel.read(path)
 
@@ -209,7 +208,7 @@ def test_trained_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     one, other = LengthModel.read(output), LengthModel.read(again)
     assert one.encoder == ENCODER
     # The text encoder's sums depend on how its engine's threads share them.
-    assert np.allclose(one.out_bias, other.out_bias, atol=1e-2)
+    assert np.allclose(one.biases[-1], other.biases[-1], atol=1e-2)
     with pytest.raises(SystemExit):
         main(["train", "length", "--captions", str(tmp_path / "none"), "-o", str(output)])
 

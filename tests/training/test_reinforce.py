@@ -18,7 +18,7 @@ from latentmotion.training.takes import Takes
 from tests.support.small_training import CONTEXT, LetterCount, killed_at, small
 
 TWO_SECONDS = LengthModel(
-    "letter-count", np.zeros((1, 6)), np.zeros(1), np.zeros((5, 1)), np.full(5, 2.0)
+    "letter-count", (np.zeros((1, 6)), np.zeros((5, 1))), (np.zeros(1), np.full(5, 2.0))
 )
 
 

@@ -75,19 +75,24 @@ labels (int64[1,n] tokens) => (float[1,n,w] seen)
 SeenPrompt = tuple[list[tuple[ModelProto, str, dict[str, str]]], str]
 """Parts from tokens to `seen`, each with its prefix and names, and the name of the words' mask."""
 
-_PERCEPTRON = """<ir_version: 10, opset_import: ["" : 20]>
-lengths (float[1,w] pooled) => (float[1,1] seconds)
+_HIDDEN_LAYER = """<ir_version: 10, opset_import: ["" : 20]>
+layer (float[1,n] into) => (float[1,m] out)
 {
-  into = MatMul (pooled, hidden)
-  sum = Add (into, hidden_bias)
-  positive = Relu (sum)
-  from = MatMul (positive, out)
-  quantiles = Add (from, out_bias)
+  product = MatMul (into, weight)
+  sum = Add (product, bias)
+  out = Relu (sum)
+}"""
+
+_LAST_LAYER = """<ir_version: 10, opset_import: ["" : 20]>
+layer (float[1,n] into) => (float[1,1] seconds)
+{
+  product = MatMul (into, weight)
+  quantiles = Add (product, bias)
   longest, places = TopK (quantiles, count)
   median = Gather <axis = 1> (longest, first)
   seconds = Max (median, least)
 }"""
-"""`LengthModel.usual` for one sentence."""
+"""`LengthModel.usual` for one sentence, layer by layer."""
 
 
 def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
@@ -269,15 +274,31 @@ def _seconds(text: ModelProto, model: LengthModel) -> ModelProto:
     _add(graph, mask, "masks", made)
     _add(graph, text, "text", made | {"pooled": "pooled"})
     longer = len(QUANTILES) - QUANTILES.index(0.5)  # the median is the last of so many from above
-    arrays = {"hidden": model.hidden.T, "hidden_bias": model.hidden_bias, "out": model.out.T}
-    arrays |= {"out_bias": model.out_bias, "least": np.float32(SHORTEST_USUAL)}
-    arrays |= {"count": np.array([longer]), "first": np.array([longer - 1])}
-    layers = parser.parse_model(_PERCEPTRON)
-    layers.graph.initializer.extend(
+    *hidden, last = zip(model.weights, model.biases, strict=True)
+    value = "pooled"
+    for number, (weight, bias) in enumerate(hidden):
+        layer = _with_arrays(_HIDDEN_LAYER, weight=weight.T, bias=bias)
+        _add(graph, layer, f"lengths{number}", {"into": value, "out": f"hidden{number}"})
+        value = f"hidden{number}"
+    layer = _with_arrays(
+        _LAST_LAYER,
+        weight=last[0].T,
+        bias=last[1],
+        least=np.float32(SHORTEST_USUAL),
+        count=np.array([longer]),
+        first=np.array([longer - 1]),
+    )
+    _add(graph, layer, "lengths", {"into": value, "seconds": "seconds"})
+    return helper.make_model(graph, opset_imports=text.opset_import, ir_version=text.ir_version)
+
+
+def _with_arrays(text: str, **arrays: np.ndarray | np.generic) -> ModelProto:
+    """Returns the model of a text, with constants by name."""
+    model = parser.parse_model(text)
+    model.graph.initializer.extend(
         numpy_helper.from_array(np.array(array), name) for name, array in arrays.items()
     )
-    _add(graph, layers, "lengths", {"pooled": "pooled", "seconds": "seconds"})
-    return helper.make_model(graph, opset_imports=text.opset_import, ir_version=text.ir_version)
+    return model
 
 
 def _add(graph: onnx.GraphProto, part: ModelProto, prefix: str, names: dict[str, str]) -> None:

@@ -1,7 +1,7 @@
 """Length model: quantiles of a motion's length from its sentence's pooled embedding.
 
-A perceptron with one hidden layer in NumPy, some 75,000 weights: 30 µs per sentence. It reads the
-embeddings of one text encoder only, so its file is stored beside that encoder.
+A perceptron with a few hidden layers in NumPy, some 230,000 weights. It reads the embeddings of one
+text encoder only, so its file is stored beside that encoder.
 """
 
 from __future__ import annotations
@@ -22,7 +22,11 @@ from latentmotion.storage.files import atomic_file
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 """Shares of motions that are shorter; the median is the usual length."""
 
-_ARRAYS = ("hidden", "hidden_bias", "out", "out_bias")
+_FIRST_NAMES = {"hidden": "0.weight", "hidden_bias": "0.bias", "out": "1.weight",
+                "out_bias": "1.bias"}  # fmt: skip
+"""Arrays of files that were written while all models had one hidden layer."""
+
+_MOST_LAYERS = 8
 _MAKE = "make it anew: latentmotion train length"
 
 SHORTEST_USUAL = 1.6
@@ -31,18 +35,14 @@ SHORTEST_USUAL = 1.6
 
 @dataclass(frozen=True)
 class LengthModel:
-    """Lengths of motions from embeddings of sentences: out · relu(hidden · x + bias) + bias."""
+    """Lengths of motions from embeddings of sentences: layers with relu between them."""
 
     encoder: str
     """Name of the text encoder whose embeddings it reads."""
-    hidden: Float[np.ndarray, "hidden width"]
-    """Weights of the hidden layer."""
-    hidden_bias: Float[np.ndarray, " hidden"]
-    """Its bias."""
-    out: Float[np.ndarray, "quantiles hidden"]
-    """Weights of the last layer."""
-    out_bias: Float[np.ndarray, " quantiles"]
-    """Its bias."""
+    weights: tuple[Float[np.ndarray, "_ _"], ...]
+    """Weights of the layers; the last has a row for each quantile."""
+    biases: tuple[Float[np.ndarray, " _"], ...]
+    """Their biases."""
 
     def __call__(
         self, pooled: Float[np.ndarray, "sentences width"]
@@ -51,10 +51,12 @@ class LengthModel:
 
         One sentence at a time, so that a length does not depend on the batch.
         """
+        *hidden, last = zip(self.weights, self.biases, strict=True)
         lengths = []
         for row in pooled:
-            hidden = np.maximum(self.hidden @ row + self.hidden_bias, 0)
-            lengths.append(np.sort(self.out @ hidden + self.out_bias))
+            for weight, bias in hidden:
+                row = np.maximum(weight @ row + bias, 0)
+            lengths.append(np.sort(last[0] @ row + last[1]))
         return np.stack(lengths)
 
     def usual(self, pooled: Float[np.ndarray, "sentences width"]) -> list[float]:
@@ -67,7 +69,12 @@ class LengthModel:
         Raises:
             InputError: The folder does not exist or cannot be written.
         """
-        arrays = {name: getattr(self, name).astype(np.float16) for name in _ARRAYS}
+        parts = {"weight": self.weights, "bias": self.biases}
+        arrays = {
+            f"{layer}.{name}": array.astype(np.float16)
+            for name, layers in parts.items()
+            for layer, array in enumerate(layers)
+        }
         about = {"encoder": self.encoder, "quantiles": json.dumps(QUANTILES)}
         with atomic_file(path) as temporary:
             save_file(arrays, temporary, about)
@@ -88,23 +95,35 @@ class LengthModel:
         try:
             with safe_open(path, "numpy") as file:
                 about = file.metadata() or {}
-                arrays = {name: file.get_tensor(name).astype(np.float32) for name in _ARRAYS}
-            model = cls(about["encoder"], **arrays)
+                arrays = {
+                    _FIRST_NAMES.get(name, name): file.get_tensor(name).astype(np.float32)
+                    for name in file.keys()  # noqa: SIM118, not a dictionary
+                }
+            layers = range(min(len(arrays) // 2, _MOST_LAYERS))
+            weights, biases = (
+                tuple(arrays[f"{layer}.{part}"] for layer in layers) for part in ("weight", "bias")
+            )
+            model = cls(about["encoder"], weights, biases)
             quantiles = json.loads(about["quantiles"])
         except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
             raise ModelError(f"{path} is damaged ({error}); {_MAKE}") from error
-        shapes = [getattr(model, name).shape for name in _ARRAYS]
-        finite = all(bool(np.isfinite(getattr(model, name)).all()) for name in _ARRAYS)
-        fit = [len(shape) for shape in shapes] == [2, 1, 2, 1] and finite
-        wide, count = shapes[0][0] if shapes[0] else 0, len(QUANTILES)
-        fit = fit and shapes[1:] == [(wide,), (count, wide), (count,)]
-        if not fit or quantiles != list(QUANTILES):
+        if not model._fits_together() or quantiles != list(QUANTILES):
             raise ModelError(f"{path} is no model of lengths by {QUANTILES}; {_MAKE}")
         if encoder not in (None, model.encoder):
             raise ModelError(
                 f"{path} reads the text encoder {model.encoder!r}, not {encoder!r}; {_MAKE}"
             )
         return model
+
+    def _fits_together(self) -> bool:
+        """Whether each layer takes what the one before gives, and all numbers are finite."""
+        if not self.weights or any(weight.ndim != 2 for weight in self.weights):
+            return False
+        rows = [len(weight) for weight in self.weights]
+        columns = [weight.shape[1] for weight in self.weights]
+        finite = all(bool(np.isfinite(array).all()) for array in (*self.weights, *self.biases))
+        shapes = [bias.shape for bias in self.biases] == [(count,) for count in rows]
+        return finite and shapes and columns[1:] == rows[:-1] and rows[-1] == len(QUANTILES)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain, pairwise
 
 import numpy as np
 import torch
@@ -36,15 +37,17 @@ _LENGTHS = 60
 class LengthRecipe:
     """Settings of the training."""
 
-    hidden: int = 384
-    """Units of the hidden layer."""
+    hidden: int = 256
+    """Units of a hidden layer."""
+    layers: int = 3
+    """Number of hidden layers."""
     passes: int = 20
     """Number of passes over the sentences."""
     batch: int = 256
     """Sentences a step."""
-    learning_rate: float = 2e-3
+    learning_rate: float = 1e-3
     """Peak learning rate, of one cycle."""
-    dropout: float = 0.2
+    dropout: float = 0.1
     """Of inputs and hidden units."""
     seed: int = 0
     """Seed of first weights, order and dropout."""
@@ -149,12 +152,16 @@ def train_lengths(
             return torch.maximum(shares * missing, (shares - 1) * missing).mean()
 
         _minimize(network, pinball, len(y), recipe)
-    first, last = network[1], network[4]
-    assert isinstance(first, nn.Linear) and isinstance(last, nn.Linear)
+    linear = [layer for layer in network if isinstance(layer, nn.Linear)]
     with torch.no_grad():
-        weight = first.weight / std
-        arrays = weight, first.bias - weight @ mean, last.weight, last.bias
-    return LengthModel(encoder.name, *(array.detach().numpy() for array in arrays))
+        first = linear[0]
+        first.bias -= first.weight @ (mean / std)
+        first.weight /= std
+    weights, biases = (
+        tuple(getattr(layer, part).detach().numpy() for layer in linear)
+        for part in ("weight", "bias")
+    )
+    return LengthModel(encoder.name, weights, biases)
 
 
 def best_lengths(
@@ -251,16 +258,15 @@ def pooled_embeddings(
 def _network(
     width: int, recipe: LengthRecipe, seconds: Float[np.ndarray, " sentences"]
 ) -> nn.Sequential:
-    network = nn.Sequential(
-        nn.Dropout(recipe.dropout),
-        nn.Linear(width, recipe.hidden),
-        nn.ReLU(),
-        nn.Dropout(recipe.dropout),
-        last := nn.Linear(recipe.hidden, len(QUANTILES)),
-    )
+    widths = [width, *[recipe.hidden] * recipe.layers]
+    hidden = [
+        (nn.Dropout(recipe.dropout), nn.Linear(into, out), nn.ReLU())
+        for into, out in pairwise(widths)
+    ]
+    last = nn.Linear(widths[-1], len(QUANTILES))
     with torch.no_grad():
         last.bias.copy_(torch.tensor(np.quantile(seconds, QUANTILES)))
-    return network
+    return nn.Sequential(*chain(*hidden), nn.Dropout(recipe.dropout), last)
 
 
 def _minimize(
