@@ -11,6 +11,7 @@ import pytest
 
 from latentmotion.data.clip import Caption
 from latentmotion.data.described import reworded_captions
+from latentmotion.describe import rewording
 from latentmotion.describe.clauses import read_clauses
 from latentmotion.describe.rewording import rewordings
 from latentmotion.describe.verbs import present_participle, third_person
@@ -23,6 +24,12 @@ SENTENCE = "the person walks forward slowly, then turns to the left."
 
 def reworded(sentence: str, count: int = 40, seed: int = 0) -> list[str]:
     return rewordings(sentence, np.random.default_rng(seed), count)
+
+
+@pytest.fixture
+def rules_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No written wordings of clauses."""
+    monkeypatch.setattr(rewording, "_WRITTEN_CLAUSE", 0.0)
 
 
 @pytest.mark.parametrize(
@@ -70,6 +77,7 @@ def test_doubtful_sentences_are_not_read(sentence: str) -> None:
     assert read_clauses(sentence) is None
 
 
+@pytest.mark.usefixtures("rules_alone")
 def test_wordings_keep_actions_their_order_and_side() -> None:
     found = reworded(SENTENCE)
     assert len(set(found)) == 40
@@ -78,6 +86,7 @@ def test_wordings_keep_actions_their_order_and_side() -> None:
         assert "right" not in text
 
 
+@pytest.mark.usefixtures("rules_alone")
 def test_wordings_are_of_many_kinds() -> None:
     found = reworded(SENTENCE, 60)
     assert any(text.startswith("walk ") for text in found)
@@ -103,6 +112,7 @@ def test_pronouns_inside_keep_subject_and_person() -> None:
         assert re.match(r"(the man|a man|he) ", text), text
 
 
+@pytest.mark.usefixtures("rules_alone")
 def test_counts_stay() -> None:
     for text in reworded("a person takes three steps and jumps twice"):
         assert re.search(r"\b(three|3) steps", text)
@@ -145,6 +155,15 @@ def test_written_wordings_keep_sides_and_are_of_no_benchmark() -> None:
         for text in texts.split("|"):
             assert sides(text) == sides(caption), (caption, text)
             assert text == text.lower().strip() and text not in asked
+
+
+def test_a_clause_among_others_takes_written_wordings() -> None:
+    found = reworded(SENTENCE, 60)
+    plain = re.compile(r"(walk|go|move|step|stroll)\w* .*turn.*left")
+    assert sum(not plain.search(text) for text in found) > 5
+    for text in found:
+        assert sides(text) == {"left"}, text
+        assert "then" in text or "," in text, text
 
 
 def test_captions_are_found_whatever_their_subject_and_form() -> None:

@@ -7,7 +7,8 @@
 The subject, the form of the verb, synonyms, counts as digits and the links between clauses may
 change; actions, their order, sides, directions and counts stay. A sentence that is not understood
 word by word (`clauses.py`) gets another subject at most. Captions of `wordings.tsv` have wordings
-that language models wrote one by one, too: `caption<TAB>wording|wording|…`.
+that language models wrote one by one, too: `caption<TAB>wording|wording|…`; a clause of a longer
+caption takes those of the caption that it would be alone.
 """
 
 from __future__ import annotations
@@ -60,6 +61,9 @@ _ATTEMPTS = 8
 _WRITTEN = 0.6
 """Share of written wordings, where a caption has any."""
 
+_WRITTEN_CLAUSE = 0.4
+"""The same of a clause among others."""
+
 _OWNERS = {"his", "her", "their", "your", "the"}
 """Words before a part of the body that do not tell captions apart."""
 
@@ -108,7 +112,7 @@ def rewordings(sentence: str, generator: np.random.Generator, count: int) -> lis
         elif read is None:
             text = _other_subject(sentence, generator)
         else:
-            text = reworded(read, generator)
+            text = reworded(_with_written_clauses(read, generator), generator)
         if text and _bare(text) not in known:
             known.add(_bare(text))
             texts.append(text)
@@ -129,6 +133,27 @@ def _written() -> dict[str, tuple[str, ...]]:
     table = files("latentmotion.describe").joinpath("wordings.tsv").read_text("utf-8")
     rows = (line.split("\t") for line in table.splitlines() if not line.startswith("#"))
     return {_predicate(caption): tuple(texts.split("|")) for caption, texts in rows}
+
+
+def _with_written_clauses(sentence: Sentence, generator: np.random.Generator) -> Sentence:
+    """Returns the sentence with some of its clauses in written wordings."""
+    if sentence.referring:
+        return sentence
+    clauses = []
+    for clause in sentence.clauses:
+        written = _written_clauses(" ".join((clause.verb, *clause.rest)))
+        if written and generator.random() < _WRITTEN_CLAUSE:
+            other = written[int(generator.integers(len(written)))]
+            clause = replace(other, link=clause.link, before=clause.before)
+        clauses.append(clause)
+    return replace(sentence, clauses=tuple(clauses))
+
+
+@cache
+def _written_clauses(caption: str) -> tuple[Clause, ...]:
+    """Returns the written wordings of a caption that are one clause."""
+    read = (read_clauses(wording) for wording in written_wordings(caption))
+    return tuple(one.clauses[0] for one in read if one and len(one.clauses) == 1)
 
 
 def _predicate(caption: str) -> str:
