@@ -155,8 +155,8 @@ def train_lengths(
     linear = [layer for layer in network if isinstance(layer, nn.Linear)]
     with torch.no_grad():
         first = linear[0]
-        first.bias -= first.weight @ (mean / std)
-        first.weight /= std
+        first.bias.sub_(first.weight @ (mean / std))
+        first.weight.div_(std)
     weights, biases = (
         tuple(getattr(layer, part).detach().numpy() for layer in linear)
         for part in ("weight", "bias")
