@@ -12,7 +12,7 @@ from latentmotion.condition.interface import TextEmbedding
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.lengths import LengthVerdicts
 from latentmotion.text.lengths import LengthModel
-from latentmotion.training.lengths import ObedienceRecipe, best_lengths
+from latentmotion.training.lengths import ObedienceRecipe, best_lengths, kept_lengths
 
 RECIPE = ObedienceRecipe(hidden=32, passes=40, dropout=0.1, prompts=200, copies=1)
 
@@ -57,6 +57,13 @@ def test_each_kind_of_prompt_gets_the_length_at_which_it_is_obeyed(
     assert (abs(best.seconds[~turns] - 6) < 1).all()
     again = best_lengths(verdicts, usual(3.5), Turning(), RECIPE)
     assert (again.seconds == best.seconds).all()
+
+
+def test_an_earlier_model_hands_its_lengths_on() -> None:
+    kept = kept_lengths(usual(4.0), Turning(), replace(RECIPE, copies=2))
+    prompts = [one.prompt for one in drawn_instructions(200, 0)]
+    assert list(kept.sentences) == prompts * 2
+    assert kept.seconds.tolist() == [4.0] * 400
 
 
 @pytest.mark.parametrize("seconds", [2.0, 4.0, 7.0])

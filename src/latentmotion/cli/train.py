@@ -314,6 +314,8 @@ class TrainLength:
     (half an hour on one core; OUTPUT.trials.jsonl keeps the results)."""
     trials: LengthTrials = field(default_factory=LengthTrials)
     """How many prompts are generated, at which lengths."""
+    keep: Path | None = None
+    """Earlier predictor whose lengths of drawn prompts are learned, instead of those of --model."""
     text_encoder: options.TextEncoderName = options.TEXT_ENCODER
     seed: options.Seed = 0
     set: options.Changes = ()
@@ -324,15 +326,18 @@ class TrainLength:
 
         Raises:
             DataError: A file of the captions or of the prepared folder is missing or damaged.
-            InputError: The output cannot be written.
-            ModelError: The text encoder cannot be loaded.
+            InputError: The output cannot be written, or both --model and --keep are given.
+            ModelError: The text encoder cannot be loaded, or --keep is no predictor that reads it.
         """
+        if self.model and self.keep:
+            raise InputError("--model and --keep both tell the lengths of drawn prompts; give one")
         if self.output.is_dir():
             raise InputError(f"cannot write {self.output}: it is a folder; name a file")
         check_writable(self.output)
         warnings.simplefilter("ignore", UnknownWordsWarning)  # captions have typing errors
         recipe = with_changes(lengths.LengthRecipe(seed=self.seed), self.set)
         encoder = text_encoder_named(self.text_encoder)
+        earlier = LengthModel.read(self.keep, encoder.name) if self.keep else None
         train, test = (
             captions.read_caption_lengths(self.captions, name) for name in ("train", "test")
         )
@@ -349,6 +354,8 @@ class TrainLength:
             usual = lengths.train_lengths(train, encoder, recipe)
             best = lengths.best_lengths(verdicts, usual, encoder)
             train = captions.joined([train, best])
+        if earlier:
+            train = captions.joined([train, lengths.kept_lengths(earlier, encoder)])
         lengths.train_lengths(train, encoder, recipe).write(self.output)
         model = LengthModel.read(self.output)  # as it was rounded
         accuracy = lengths.measured(model, test, encoder, float(np.median(train.seconds)))

@@ -211,6 +211,21 @@ def best_lengths(
     return CaptionLengths(tuple(prompts) * recipe.copies, np.tile(seconds, recipe.copies))
 
 
+def kept_lengths(
+    earlier: LengthModel, encoder: TextEncoder, recipe: ObedienceRecipe = ObedienceRecipe()
+) -> CaptionLengths:
+    """Returns drawn prompts with the lengths that an earlier model predicts for them.
+
+    Args:
+        earlier: The model, which may have learned them from motions.
+        encoder: Whose embeddings it reads.
+        recipe: Number of prompts and copies, and the seed.
+    """
+    prompts = [one.prompt for one in drawn_instructions(recipe.prompts, recipe.seed)]
+    seconds = np.array(earlier.usual(pooled_embeddings(encoder, prompts)), np.float32)
+    return CaptionLengths(tuple(prompts) * recipe.copies, np.tile(seconds, recipe.copies))
+
+
 def _log_density(
     quantiles: Float[np.ndarray, "sentences quantiles"], log_seconds: Float[np.ndarray, " lengths"]
 ) -> Float[np.ndarray, "sentences lengths"]:
