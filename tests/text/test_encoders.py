@@ -228,6 +228,21 @@ def test_files_of_one_hidden_layer_are_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(LengthModel.read(path)(x), MODEL(x))
 
 
+def test_files_with_other_arrays_are_refused(tmp_path: Path) -> None:
+    path, about = (
+        tmp_path / "many.safetensors",
+        {"encoder": "x", "quantiles": json.dumps(QUANTILES)},
+    )
+    save_file({f"{n}.weight": np.zeros((1, 1)) for n in range(17)}, path, about)
+    with pytest.raises(ModelError, match="17 arrays; expected at most 16"):
+        LengthModel.read(path)
+    save_file(
+        {"0.weight": np.zeros((5, 2)), "0.bias": np.zeros(5), "odd": np.zeros(1)}, path, about
+    )
+    with pytest.raises(ModelError, match="is damaged"):
+        LengthModel.read(path)
+
+
 def test_a_model_of_lengths_comes_back(tmp_path: Path) -> None:
     path = tmp_path / "length.safetensors"
     MODEL.write(path)

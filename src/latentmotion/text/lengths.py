@@ -26,7 +26,7 @@ _FIRST_NAMES = {"hidden": "0.weight", "hidden_bias": "0.bias", "out": "1.weight"
                 "out_bias": "1.bias"}  # fmt: skip
 """Arrays of files that were written while all models had one hidden layer."""
 
-_MOST_LAYERS = 8
+_MOST_ARRAYS = 16
 _MAKE = "make it anew: latentmotion train length"
 
 SHORTEST_USUAL = 1.6
@@ -94,12 +94,14 @@ class LengthModel:
             raise ModelError(f"{path} is no file; make one: latentmotion train length")
         try:
             with safe_open(path, "numpy") as file:
-                about = file.metadata() or {}
+                about, names = file.metadata() or {}, list(file.keys())
+                if len(names) > _MOST_ARRAYS:
+                    raise ValueError(f"{len(names)} arrays; expected at most {_MOST_ARRAYS}")
                 arrays = {
                     _FIRST_NAMES.get(name, name): file.get_tensor(name).astype(np.float32)
-                    for name in file.keys()  # noqa: SIM118, not a dictionary
+                    for name in names
                 }
-            layers = range(min(len(arrays) // 2, _MOST_LAYERS))
+            layers = range((len(arrays) + 1) // 2)
             weights, biases = (
                 tuple(arrays[f"{layer}.{part}"] for layer in layers) for part in ("weight", "bias")
             )

@@ -90,8 +90,8 @@ def required_encoder(encoder: TextEncoder | None) -> TextEncoder:
 class ConditionTable:
     """What the denoiser sees of prompts; the empty one has the row of the null condition.
 
-    Words of all prompts lie one after another without padding, in 16 bits, so that 250,000 prompts
-    of a dozen words fit in 3 GB.
+    Words of all prompts lie one after another without padding, in 16 bits: 9 kB for a prompt of a
+    dozen words.
 
     Args:
         condition: Turns prompts into tokens.
