@@ -20,6 +20,7 @@ from latentmotion.reproduce.tables import TABLES, rows_named
 from latentmotion.reproduce.training_cost import training_cost
 from latentmotion.reproduce.workspace import Workspace
 from latentmotion.storage.configuration import read_json, write_json
+from latentmotion.training.run_folder import Run, read_run
 from tests.reproduce.test_experiments import PROTOCOL, TINY, Means, workspace_of
 from tests.support.moving_figures import write_moving_figures
 
@@ -57,6 +58,27 @@ def test_rows_of_trained_vaes_are_measured_and_drawn(dataset: Dataset, tmp_path:
     path = draw_strips(runner, rows_named(QUALITY, ["mld_1"]), 2)
     text = path.read_text(encoding="utf-8")
     assert REAL in text and "MLD-1 of ε" in text and text.count('class="l"') == 4
+
+
+@pytest.mark.parametrize("quantity", ["crops", "FLOPs"])
+def test_baselines_are_trained_as_much_as_mld(
+    quantity: str, dataset: Dataset, tmp_path: Path
+) -> None:
+    """Both stages of MLD-1 of z₀, whatever its VAE was trained for."""
+    work = with_vaes(dataset, tmp_path, [])
+    runner = TableRunner(QUALITY, work, replace(TINY.protocol(PROTOCOL), replications=1), Means())
+    names = ["z0", f"mdm_{quantity.lower()}", f"no_vae_{quantity.lower()}"]
+    page = runner.run(rows_named(QUALITY, names)).read_text(encoding="utf-8")
+    column = {"crops": "Crops", "FLOPs": "Training"}[quantity]
+    rows = {row.row: row for row in runner.measured_rows().rows}
+    mld, *others = (rows[name].figures[column][0] for name in names)
+    assert mld is not None
+    for name, other in zip(names[1:], others, strict=True):
+        run = read_run(Run, work.folder / rows_named(QUALITY, [name])[0].model / "denoiser")
+        steps = run.experiment.denoiser_training.steps
+        assert other == pytest.approx(mld, rel=0.5 / steps)
+        assert f"{steps:,} steps, as many {quantity} as both stages of MLD-1 of z₀" in page
+    work.both_stages(f"mdm_50_{quantity.lower()}")  # is taken as it is, not trained again
 
 
 def test_other_data_is_refused(dataset: Dataset, tmp_path: Path) -> None:

@@ -188,13 +188,6 @@ SMALL = Budget(
             Adjustment("vae_training.steps=1000", short_vae_training),
         ),
         "mld_1_longer": denoiser_training("16,000 steps of the denoiser", steps=16_000),
-        # MLD-1's stages take 2,500 steps of 16 and 4,000 of 64, 29.5e12 FLOPs and 296,000 crops.
-        "mdm_50_flops": denoiser_training("3,000 steps, as many FLOPs as MLD-1", steps=3_000),
-        # MLD without VAE takes as many FLOPs in 2,500 steps of 32, the budget's own (`no_vae`).
-        **dict.fromkeys(
-            ("mdm_50_longer", "no_vae_longer"),
-            denoiser_training("9,250 steps, as many crops as MLD-1", steps=9_250),
-        ),
     },
     max_frames=64,
     replications=5,

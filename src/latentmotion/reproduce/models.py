@@ -47,6 +47,9 @@ class Model:
     """Name of its text encoder; empty for the one that the command names."""
     shipped: str = ""
     """Model that ships, which is taken as it is; empty for one that is trained."""
+    equal: Literal["", "FLOPs", "crops"] = ""
+    """What its training has as much of as both stages of MLD-1 of z₀; empty for the budget's
+    steps."""
 
     @property
     def raw(self) -> bool:
@@ -129,14 +132,10 @@ def with_denoiser_training(**settings: Any) -> Change:
     return lambda e: replace(e, denoiser_training=replace(e.denoiser_training, **settings))
 
 
-def with_longer_training(times: int) -> Change:
-    """Returns the change to a denoiser trained for so many times the steps."""
-
-    def change(experiment: Experiment) -> Experiment:
-        training = experiment.denoiser_training
-        return with_denoiser_training(steps=times * training.steps)(experiment)
-
-    return change
+def with_four_times_the_steps(experiment: Experiment) -> Experiment:
+    """Trains the denoiser for four times the steps."""
+    steps = 4 * experiment.denoiser_training.steps
+    return with_denoiser_training(steps=steps)(experiment)
 
 
 def with_latents(**settings: Any) -> Change:
@@ -193,6 +192,9 @@ def _fast(name: str, *changes: Change) -> Model:
 
 NO_SKIPS = config.TransformerConfig(skips=False)
 
+OF_Z0 = with_objective(parametrization=Sample())
+"""The change to a denoiser that predicts the clean latents."""
+
 VAES = (
     Model("mld_1"),
     *(
@@ -220,9 +222,9 @@ DENOISERS = (
         _mld(f"denoiser_{n}_layers", with_denoiser(transformer=config.TransformerConfig(layers=n)))
         for n in (5, 7, 11)
     ),
-    _mld("z0", with_objective(parametrization=Sample())),
-    Model("mld_7_z0", changes=(with_objective(parametrization=Sample()),), first="mld_7"),
-    _mld("mld_1_longer", with_longer_training(4)),
+    _mld("z0", OF_Z0),
+    Model("mld_7_z0", changes=(OF_Z0,), first="mld_7"),
+    _mld("mld_1_longer", with_four_times_the_steps),
     *(_mld(f"dropped_{p}", with_objective(dropped=p / 100)) for p in (5, 15, 25)),
     *(_mld(f"batch_{n}", with_denoiser_training(batch_size=n)) for n in (128, 256, 500)),
 )
@@ -239,13 +241,13 @@ TEXT_ENCODERS = (
 BASELINES_AND_TASKS = (
     Model("mdm", mdm),
     Model("mdm_50", mdm_50),
-    Model("mdm_50_flops", mdm_50),
-    Model("mdm_50_longer", mdm_50, (with_longer_training(3),)),
-    Model("no_vae", mld_no_vae, (with_objective(parametrization=Sample()),)),
-    Model(
-        "no_vae_longer",
-        mld_no_vae,
-        (with_objective(parametrization=Sample()), with_longer_training(3)),
+    *(
+        model
+        for equal in ("crops", "FLOPs")
+        for model in (
+            Model(f"mdm_50_{equal.lower()}", mdm_50, equal=equal),
+            Model(f"no_vae_{equal.lower()}", mld_no_vae, (OF_Z0,), equal=equal),
+        )
     ),
     Model("starter", starter, shipped="starter"),
     Model("fast_shipped", fast, shipped="fast"),

@@ -195,6 +195,11 @@ class TableRunner:
             warnings.append(f"measured {measured} times instead of {planned}")
         if changes:
             warnings.append(f"trained with {', '.join(changes)}")
+        if model.equal:
+            steps = read_run(Run, folder.parent).experiment.denoiser_training.steps
+            warnings.append(
+                f"trained for {steps:,} steps, as many {model.equal} as both stages of MLD-1 of z₀"
+            )
         vae = self.work.run_folders(row.model)[0] if self.work.vaes and not model.shipped else None
         if vae:
             training = read_run(Run, vae).experiment.vae_training

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import torch
 
@@ -18,6 +19,13 @@ from latentmotion.networks.build import build
 from latentmotion.training.experiment import Experiment
 from latentmotion.training.loop import read_progress
 from latentmotion.training.run_folder import Run, read_run
+
+Quantity = Literal["FLOPs", "crops"]
+"""What training is counted in."""
+
+Step = Callable[[Experiment], tuple[int, int, Callable[[], object]]]
+"""An experiment to the crops of a stage's step, its planned steps, and a step's forward and
+backward."""
 
 
 def training_cost(vae: Path | None, denoiser: Path) -> dict[str, Figure]:
@@ -30,15 +38,35 @@ def training_cost(vae: Path | None, denoiser: Path) -> dict[str, Figure]:
     Raises:
         InputError: A folder holds no run.
     """
-    stages = [(denoiser, denoiser_step)] + ([(vae, vae_step)] if vae else [])
-    operations = crops = 0
-    for folder, step in stages:
-        experiment = read_run(Run, folder).experiment
-        size, planned, action = step(experiment)
-        done = read_progress(folder).step or planned
-        operations += done * flops(action)
-        crops += done * size
-    return {"Training": Figure(operations / 1e12), "Crops": Figure(crops / 1e3)}
+    stages = [_run_cost(denoiser, denoiser_step)] + ([_run_cost(vae, vae_step)] if vae else [])
+    total = {quantity: sum(cost[quantity] for cost in stages) for quantity in stages[0]}
+    return {"Training": Figure(total["FLOPs"] / 1e12), "Crops": Figure(total["crops"] / 1e3)}
+
+
+def equal_steps(quantity: Quantity, vae: Path, planned: Experiment, other: Experiment) -> int:
+    """Returns the steps in which a denoiser has as much training as both stages of a model.
+
+    Args:
+        quantity: What is to be equal.
+        vae: Run folder of the model's first stage.
+        planned: Second stage of the model.
+        other: The denoiser to train.
+
+    Raises:
+        InputError: The folder holds no run.
+    """
+    total = _run_cost(vae, vae_step)[quantity] + _cost(planned, denoiser_step)[quantity]
+    return round(total / _cost(other, denoiser_step, steps=1)[quantity])
+
+
+def _run_cost(folder: Path, step: Step) -> dict[Quantity, int]:
+    return _cost(read_run(Run, folder).experiment, step, read_progress(folder).step)
+
+
+def _cost(experiment: Experiment, step: Step, steps: int = 0) -> dict[Quantity, int]:
+    """Returns the cost of so many steps, by default of those that are planned."""
+    size, planned, action = step(experiment)
+    return {"FLOPs": (steps or planned) * flops(action), "crops": (steps or planned) * size}
 
 
 def vae_step(experiment: Experiment) -> tuple[int, int, Callable[[], object]]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 
@@ -31,6 +31,7 @@ from latentmotion.model.card import CARD_FILE, find_model
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.reproduce.budget import Budget
 from latentmotion.reproduce.models import FIRST_STAGE, MODELS, Model
+from latentmotion.reproduce.training_cost import equal_steps
 from latentmotion.storage.configuration import to_json
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment, differing_keys
@@ -48,6 +49,9 @@ SECOND_STAGE = (
     "conditioning",
 )
 """Parts of an experiment that determine the second stage."""
+
+EQUALS = "z0"
+"""Model whose training others have as much of: MLD-1 of z₀."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +115,9 @@ class Workspace:
             self.dataset.representation.width,
             encoder.width if encoder else None,
         )
+        if model.equal:
+            training = replace(experiment.denoiser_training, steps=self._equal_steps(experiment))
+            experiment = replace(experiment, denoiser_training=training)
         conditioning = task_conditioning(experiment, self.dataset, encoder)
         experiment = with_condition_width(experiment, conditioning)
         folder = self.folder / name / "denoiser"
@@ -125,6 +132,18 @@ class Workspace:
         model = self.models[name]
         vae = None if model.raw else (self.vaes or self.folder) / (model.first or name) / "vae"
         return vae, self.folder / name / "denoiser"
+
+    def _equal_steps(self, experiment: Experiment) -> int:
+        """Returns the steps in which it has as much training as both stages of MLD-1 of z₀."""
+        model, reference = self.models[experiment.name], self.models[EQUALS]
+        encoder = self.encoder_of(reference)
+        assert model.equal and encoder is not None
+        vae = self.first_stage(reference.first).parent
+        width = self.dataset.representation.width
+        planned = reference.second_stage(
+            self._first_stage(reference.first), self.budget, width, encoder.width
+        )
+        return equal_steps(model.equal, vae, planned, experiment)
 
     def _first_stage(self, name: str) -> Experiment:
         model = self.models[name]

@@ -59,12 +59,19 @@ QUALITY = Table(
     expects=EXPECTS,
     rows=(
         Row("real", "Real", "real"),
-        Row("mdm", "MDM in 50 steps", model="mdm_50_flops"),
-        Row("mdm_longer", "MDM in 50 steps, trained longer", model="mdm_50_longer"),
-        Row("no_vae", "MLD without VAE, of z₀", model="no_vae", steps=50, sampler="ddim"),
-        Row(
-            "no_vae_longer", "MLD without VAE, of z₀, trained longer", model="no_vae_longer",
-            steps=50, sampler="ddim",
+        *(
+            row
+            for equal in ("crops", "FLOPs")
+            for row in (
+                Row(
+                    f"mdm_{equal.lower()}", f"MDM in 50 steps, equal {equal}",
+                    model=f"mdm_50_{equal.lower()}",
+                ),
+                Row(
+                    f"no_vae_{equal.lower()}", f"MLD without VAE, of z₀, equal {equal}",
+                    model=f"no_vae_{equal.lower()}", steps=50, sampler="ddim",
+                ),
+            )
         ),
         Row("mld_1", "MLD-1 of ε", model="mld_1"),
         Row("mld_1_longer", "MLD-1 of ε, trained longer", model="mld_1_longer"),
