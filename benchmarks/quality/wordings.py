@@ -32,6 +32,7 @@ from latentmotion.evaluation.embedding_scores import reads_text
 from latentmotion.evaluation.evaluators.interface import TextMotionEvaluator, load_evaluator
 from latentmotion.evaluation.metrics.embeddings import ranks
 from latentmotion.ranking.scorer import shipped_scorer
+from latentmotion.storage.reading import read_text
 
 LIST = Path(__file__).with_suffix(".tsv")
 """The captions and wordings that are asked."""
@@ -111,7 +112,7 @@ def read_pairs(path: Path) -> list[tuple[str, str]]:
         InputError: A line is no pair, or the last group is incomplete.
     """
     pairs = []
-    for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         caption, _, own = (part.strip() for part in line.partition("\t"))
         if not caption or not own or "\t" in own:
             raise InputError(

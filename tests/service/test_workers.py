@@ -14,6 +14,7 @@ import pytest
 
 from latentmotion.motion import Motion
 from latentmotion.service import worker, workers
+from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
 from latentmotion.service.workers import FileWorkers, WorkerError, written
 from tests.service.conftest import Called
@@ -35,7 +36,8 @@ def with_workers(
     batches: Batches = []
 
     async def run_it() -> None:
-        found, go = FileWorkers(**{"count": 1, "waiting": 20, **options}), asyncio.Event()
+        sizes = {"count": 1, "waiting": 20, **options}
+        found, go = FileWorkers(**sizes, metrics=Metrics()), asyncio.Event()
 
         async def exchange(process: Any, batch: Any) -> Any:
             names = [task["name"] for task, _ in batch]
@@ -130,7 +132,8 @@ def test_a_process_that_takes_too_long_is_replaced(monkeypatch: pytest.MonkeyPat
 
 
 def test_files_that_would_be_too_late_are_refused_before_their_motions_are_made() -> None:
-    found = FileWorkers(2, 20)
+    metrics = Metrics()
+    found = FileWorkers(2, 20, metrics)
     found._seconds_each = 10.0  # as on a machine that has no time for the service
     with ExitStack() as places:
         for _ in range(5):
@@ -139,6 +142,7 @@ def test_files_that_would_be_too_late_are_refused_before_their_motions_are_made(
             pass
         assert told.value.status_code == 429
         assert (told.value.headers or {})["Retry-After"] == "30"
+    assert b'latentmotion_shed_total{reason="files late"} 1.0' in metrics.text()
     found._seconds_each = 1000.0
     with found.place(1.0):
         pass  # whoever comes first is tried, so that what is measured can change

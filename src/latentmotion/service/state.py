@@ -50,8 +50,9 @@ class Service:
         self.batcher = Batcher(
             partial(model.run, self.pipeline), settings.queue, settings.batch, self.metrics
         )
-        self.writers = FileWorkers(settings.file_workers, settings.queue, tries=2)
-        self.readers = FileWorkers(settings.file_workers, 2 * settings.file_workers)
+        workers = settings.file_workers
+        self.writers = FileWorkers(workers, settings.queue, self.metrics, tries=2)
+        self.readers = FileWorkers(workers, 2 * workers, self.metrics)
         self.obstacle: str | None = STARTING
         self.draining = asyncio.Event()
         self.leaving = False

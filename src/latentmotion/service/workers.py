@@ -21,6 +21,7 @@ from latentmotion.errors import DiskFullError, InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.service.batching import NICE
+from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
 
 _TASKS_OF_A_PROCESS = 1000
@@ -62,15 +63,16 @@ class FileWorkers:
     Args:
         count: Number of processes.
         waiting: Tasks that wait at most.
+        metrics: Counts the refused.
         tries: Processes that may end in the middle of a task before it is given up.
     """
 
-    def __init__(self, count: int, waiting: int, tries: int = 1) -> None:
+    def __init__(self, count: int, waiting: int, metrics: Metrics, tries: int = 1) -> None:
         self._idle: asyncio.Queue[Process | None] = asyncio.Queue()
         self._waiting: deque[_Job] = deque()
         self._tasks = self._places = 0
         self._count, self._most = count, count + waiting
-        self._tries, self._stopped = tries, False
+        self._metrics, self._tries, self._stopped = metrics, tries, False
         self._seconds_each = 0.05
         self._started: set[Process] = set()
         self._done: dict[int, int] = {}
@@ -90,6 +92,7 @@ class FileWorkers:
         """
         wait = self._seconds_each * (self._places + 1) / self._count
         if self._places >= self._count and wait > seconds:
+            self._metrics.shed.labels("files late").inc()
             detail = f"{self._places} files are asked for, and more would not be done in time"
             raise Problem(429, f"{detail}; try again later", wait)
         self._places += 1
@@ -115,6 +118,7 @@ class FileWorkers:
             WorkerError: It took too long, or as many processes ended as may.
         """
         if self._tasks >= self._most:
+            self._metrics.shed.labels("files full").inc()
             raise Problem(429, "too many files are being worked on; try again", 1.0)
         done: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         job = _Job(task, content, time.monotonic() + seconds, done)
@@ -128,6 +132,7 @@ class FileWorkers:
         except TimeoutError:
             if job.begun:
                 raise WorkerError("not done in time") from None
+            self._metrics.shed.labels("files late").inc()
             raise Problem(
                 503, "the files of others were not done in time; try again", 1.0
             ) from None
