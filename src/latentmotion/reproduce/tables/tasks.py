@@ -73,10 +73,17 @@ QUALITY = Table(
                 ),
             )
         ),
+        Row(
+            "mdm_scale_3_5", "MDM in 50 steps, equal FLOPs, guidance 3.5", model="mdm_50_flops",
+            guidance=3.5,
+        ),
         Row("mld_1", "MLD-1 of ε", model="mld_1"),
         Row("mld_1_longer", "MLD-1 of ε, trained longer", model="mld_1_longer"),
         Row("z0", "MLD-1 of z₀", model="z0"),
-        Row("z0_5", "MLD-1 of z₀ in 5 steps", model="z0", steps=5),
+        Row("z0_scale_3_5", "MLD-1 of z₀, guidance 3.5", model="z0", guidance=3.5),
+        Row(
+            "z0_5", "MLD-1 of z₀, guidance 3.5, in 5 steps", model="z0", steps=5, guidance=3.5
+        ),
         Row("mld_7_z0", "MLD-7 of z₀", model="mld_7_z0"),
         Row("starter", "Our shipped starter (not the paper's)", model="starter"),
         Row("fast", "Our shipped fast (not the paper's)", model="fast_shipped"),
