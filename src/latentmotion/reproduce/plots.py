@@ -150,7 +150,9 @@ def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float,
             panel.annotate(label, (x, y), xytext=(5, 5), textcoords="offset points", fontsize=8)
     panel.set(xlabel="Time per motion, s (one at a time)", ylabel="FID", xscale="log")
     panel.margins(x=0.15, y=0.12)
-    _finish(panel)
+    panel.grid(alpha=0.3)
+    # Below the panel, where it hides no point.
+    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
     return _save(figure, path)
 
 
