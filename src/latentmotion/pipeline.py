@@ -8,8 +8,8 @@ run, too. A prompt is a sentence, an action label or nothing.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,18 +22,32 @@ from latentmotion.condition.task import SentenceCondition
 from latentmotion.describe.asked import asked_exactly
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import Estimator, Noise, ParametrizedDenoiser
-from latentmotion.diffusion.samplers import Sampler, SamplerName, sample, sampler_named
+from latentmotion.diffusion.samplers import (
+    Sampler,
+    SamplerName,
+    remaining_times,
+    sample,
+    sampler_named,
+)
 from latentmotion.diffusion.schedule import FewStepSchedule, StepCondition
 from latentmotion.engine import request as requests
-from latentmotion.engine.backend import Backend, Batch, FeatureDecoder, representation_of
+from latentmotion.engine.backend import (
+    Backend,
+    Batch,
+    FeatureDecoder,
+    FeatureEncoder,
+    representation_of,
+)
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import (
     LazySession,
     Runtime,
+    Session,
     open_decoder,
     open_fused_samplers,
     open_pullback,
 )
+from latentmotion.errors import InputError, ModelError
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
@@ -41,6 +55,7 @@ from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
+from latentmotion.retrieval.doubts import DoubtWarning, Reading
 from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder
 from latentmotion.text.encoder import LazyTextEncoder
 from latentmotion.text.lengths import LengthFile
@@ -50,9 +65,13 @@ if TYPE_CHECKING:
     from latentmotion.control.goals import Goal
     from latentmotion.control.stream import MotionStream, StreamState
     from latentmotion.control.timeline import PartSpan, Span
+    from latentmotion.data.clip import Source
     from latentmotion.kinematics.keypoints import Keypoints
     from latentmotion.ranking.best import Take
     from latentmotion.ranking.scorer import Scorer
+    from latentmotion.retrieval.index import ClipIndex
+    from latentmotion.retrieval.starts import ClipStart, ClipStarts
+    from latentmotion.retrieval.teach import ShownClip
 
 MAX_BATCH_SIZE = 32
 """Maximum number of motions that go through the networks at once, which bounds memory."""
@@ -78,6 +97,11 @@ class MotionPipeline:
     """SMPL body for the joints of motions, in place of the skeleton that ships."""
     lengths: LengthFile | None = None
     """Predicts the length of motions from their sentences, if it is not given."""
+    encoder: Session | None = None
+    """Network: normalized features, mask → latents; None where there is none, so that motions
+    cannot start from clips."""
+    moves: tuple[Path, ...] = ()
+    """Files of clips that motions of rare movements start from."""
 
     def __repr__(self) -> str:
         sampling, task = self.card.sampling, self.card.task
@@ -126,12 +150,32 @@ class MotionPipeline:
             return CachedTextEncoder(encoder, cache / "prompts", files, MAX_PROMPTS)
 
         lengths = cards.lengths_file(card, folder)
+        moves = cards.moves_files(card, folder)
         return cls(
             card,
             card.prompt_condition(text_encoder),
             backend,
             lengths=lengths and LengthFile(lengths, card.condition.text_encoder),
+            encoder=moves and LazySession(moves[1], runtime, threads),
+            moves=moves[:1] if moves else (),
         )
+
+    def with_moves(self, *folders: str | Path) -> MotionPipeline:
+        """Returns the pipeline with further clips to start from (`latentmotion teach`).
+
+        Args:
+            folders: Folders or files; their clips come before those that ship.
+
+        Raises:
+            ModelError: A file is missing, damaged, or of another model; or this model has no
+                `encoder.onnx`.
+        """
+        from latentmotion.retrieval.index import index_file
+
+        files = tuple(index_file(Path(folder)) for folder in folders)
+        pipeline = replace(self, moves=(*files, *self.moves))
+        _ = pipeline.clip_starts  # read now, so that an error comes here
+        return pipeline
 
     @classmethod
     def load(cls, *arguments: Any, **named: Any) -> MotionPipeline:
@@ -152,6 +196,7 @@ class MotionPipeline:
         guidance: float | None = None,
         sampler: SamplerName | None = None,
         goals: Sequence[Goal] = (),
+        from_clips: bool = True,
     ) -> Motion:
         """Turns a prompt into a motion.
 
@@ -168,6 +213,8 @@ class MotionPipeline:
             goals: Where joints should be and when, which way the body faces, the path it takes:
                 `Reach`, `Heading`, `Path`, `Pose`. Once the motion is cleaned up, its joints are
                 exactly there.
+            from_clips: Whether a rare movement starts from the nearest clip of the training data
+                (`retrieval/starts.py`); motions with goals never do.
 
         Raises:
             InputError: The prompt is not of the model's kind or a number is out of range; or no
@@ -175,7 +222,7 @@ class MotionPipeline:
             ModelError: There are goals, but the model has no `pullback.onnx`.
         """
         if not goals:
-            return self.batch([prompt], seconds, [seed], steps, guidance, sampler)[0]
+            return self.batch([prompt], seconds, [seed], steps, guidance, sampler, from_clips)[0]
         usual = self.usual_seconds([prompt]) if seconds is None else None
         (frames,) = requests.frames_of(self.card, seconds, 1, self.representation.fps, usual)
         sampling = self.card.sampling.but(steps, guidance, sampler)
@@ -193,6 +240,7 @@ class MotionPipeline:
         steps: int | None = None,
         guidance: float | None = None,
         sampler: SamplerName | None = None,
+        from_clips: bool | Sequence[bool] = True,
     ) -> list[Motion]:
         """Turns several prompts into motions; each is what it would be alone.
 
@@ -203,36 +251,148 @@ class MotionPipeline:
             steps: As for one motion.
             guidance: As for one motion.
             sampler: As for one motion.
+            from_clips: As for one motion, or for each.
 
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
-        prompts = [prompts] if isinstance(prompts, str) else prompts
+        sampling = self.card.sampling.but(steps, guidance, sampler)
+        takes = self._takes(prompts, seconds, seeds, sampling, from_clips)
+        return [motion for motion, _ in takes]
+
+    def _takes(
+        self,
+        prompts: Sequence[str] | str,
+        seconds: float | Sequence[float] | None,
+        seeds: Sequence[int] | None,
+        sampling: Sampling,
+        from_clips: bool | Sequence[bool],
+    ) -> list[tuple[Motion, ClipStart | None]]:
+        """Returns motions and what they start from, None for pure noise."""
+        captions = [prompts] if isinstance(prompts, str) else prompts
+        requests.check_prompts(self.card, captions)
+        readings = {caption: self.read(caption) for caption in dict.fromkeys(captions)}
+        for note in dict.fromkeys(note for one in readings.values() for note in one.notes()):
+            warnings.warn(note, DoubtWarning, stacklevel=3)
+        prompts = [readings[caption].sentence for caption in captions]
         usual = self.usual_seconds(prompts) if seconds is None else None
         features = self.representation
         frames = requests.frames_of(self.card, seconds, len(prompts), features.fps, usual)
         seeds = range(len(prompts)) if seeds is None else seeds
-        sampling = self.card.sampling.but(steps, guidance, sampler)
         request = GenerationRequest(tuple(prompts), tuple(frames), tuple(seeds), sampling)
+        request.check(self.card, features.fps)
+        starts = self._clip_starts(request, seconds is None, from_clips)
+        frames = [start.frames if start else n for start, n in zip(starts, frames, strict=True)]
+        if any(starts):
+            begun = tuple(start and start.start for start in starts)
+            request = replace(request, frames=tuple(frames), starts=begun)
         rows, joints = self._batches(request), []
         for batch in counted(rows, "generating batches"):
             placed = self.joints_of(self.generate_batch(request.take(batch)))
             joints.append(self.backend.to_host(placed))
         metadata = {"steps": sampling.steps, "guidance": sampling.guidance, **self.card.terms()}
         reads_text, free = self.card.condition.reads_text, seconds is None
+        unpadded = requests.unpadded(joints, rows, frames)
+        takes: list[tuple[Motion, ClipStart | None]] = []
+        for positions, caption, seed, start in zip(unpadded, captions, seeds, starts, strict=True):
+            about = {"model": self.card.name, "seed": seed, **metadata}
+            about |= asked_exactly(readings[caption].sentence, free) if reads_text else {}
+            about |= readings[caption].about()
+            about |= start.about() if start else {}
+            placed = positions.astype(np.float32, copy=False)
+            takes.append((Motion(placed, features.fps, features.skeleton, caption, about), start))
+        return takes
+
+    def read(self, prompt: str) -> Reading:
+        """Returns a prompt as the model reads it: corrected, and with what it does not know of it.
+
+        Without clips of the training data nothing is known of that, so nothing is said.
+        """
+        clips = self.clip_starts
+        return Reading(prompt) if clips is None else clips.doubts.read(prompt)
+
+    def _clip_starts(
+        self, request: GenerationRequest, free: bool, from_clips: bool | Sequence[bool]
+    ) -> list[ClipStart | None]:
+        """Returns what each motion of a request starts from, None for pure noise.
+
+        Args:
+            request: The motions.
+            free: Whether nobody gave their lengths.
+            from_clips: Whether they may start from clips.
+        """
+        count = len(request.prompts)
+        wanted = [from_clips] * count if isinstance(from_clips, bool) else list(from_clips)
+        if len(wanted) != count:
+            raise InputError(f"{len(wanted)} values of from_clips for {count} motions")
+        clips = self.clip_starts if any(wanted) else None
+        if clips is None or request.sampling.steps < 2:
+            return [None] * count
+        choices = {prompt: clips.choices(prompt) for prompt in dict.fromkeys(request.prompts)}
         return [
-            Motion(
-                positions.astype(np.float32, copy=False),
-                features.fps,
-                features.skeleton,
-                prompt,
-                {"model": self.card.name, "seed": seed, **metadata}
-                | (asked_exactly(prompt, free) if reads_text else {}),
-            )
-            for positions, prompt, seed in zip(
-                requests.unpadded(joints, rows, frames), prompts, seeds, strict=True
+            clips.start(choices[prompt], None if free else frames, seed)
+            if take and choices[prompt]
+            else None
+            for prompt, frames, seed, take in zip(
+                request.prompts, request.frames, request.seeds, wanted, strict=True
             )
         ]
+
+    @cached_property
+    def clip_starts(self) -> ClipStarts | None:
+        """Chooses clips to start from; None where the model has none.
+
+        Raises:
+            ModelError: A file of clips is missing, damaged, or of another model.
+        """
+        if not self.moves or not isinstance(self.condition, SentenceCondition):
+            return None
+        from latentmotion.retrieval.index import fingerprint, read_joined
+        from latentmotion.retrieval.starts import ClipStarts
+
+        text_encoder, backend = self.condition.encoder, self.backend
+        index = read_joined(self.moves, fingerprint(self.card.latents), text_encoder.name)
+
+        def decode(latents: np.ndarray, frames: np.ndarray) -> np.ndarray:
+            return backend.to_host(
+                self.decoder(backend.to_device(latents), backend.to_device(frames))
+            )
+
+        return ClipStarts(
+            self.card, index, text_encoder, self.feature_encoder, decode, self.representation
+        )
+
+    def taught(self, clips: Iterable[ShownClip], sources: Sequence[Source]) -> ClipIndex:
+        """Returns an index of clips that motions of this model may start from.
+
+        Args:
+            clips: With sentences about them.
+            sources: Their owners, with their terms.
+
+        Raises:
+            InputError: There is no clip with a sentence, or the model reads none.
+            ModelError: The model has no `encoder.onnx`.
+        """
+        from latentmotion.retrieval.teach import build_index
+
+        if not isinstance(self.condition, SentenceCondition):
+            raise InputError(f"model {self.card.name!r} reads no sentences, so it cannot be taught")
+        text_encoder = self.condition.encoder
+        return build_index(clips, sources, self.card, self.feature_encoder, text_encoder)
+
+    @cached_property
+    def feature_encoder(self) -> FeatureEncoder:
+        """The VAE's encoder with the scales of features and latents.
+
+        Raises:
+            ModelError: The model has no `encoder.onnx`.
+        """
+        if self.encoder is None:
+            raise ModelError(
+                f"model {self.card.name!r} has no encoder.onnx, so nothing starts from clips; "
+                "export it again"
+            )
+        return FeatureEncoder.of(self.card, self.encoder)
 
     def ranked(
         self,
@@ -243,6 +403,7 @@ class MotionPipeline:
         scorer: Scorer | None = None,
         goals: Sequence[Goal] = (),
         clean_up: CleanUp | None = None,
+        from_clips: bool = True,
         **sampling: Any,
     ) -> list[Take]:
         """Generates several takes of a sentence, scores them and returns the best first.
@@ -256,6 +417,7 @@ class MotionPipeline:
             goals: As for one motion; all takes have them.
             clean_up: Steps that the kept take goes through later, by default those of
                 `Motion.cleaned`: claims of the sentence are measured after them.
+            from_clips: Whether every other take of a rare movement starts from a near clip.
             sampling: `steps`, `guidance` and `sampler`, as for one motion.
 
         Raises:
@@ -265,13 +427,17 @@ class MotionPipeline:
         from latentmotion.ranking import best
 
         best.check_sentence(self.card, prompt, of)
-        seeds = range(seed, seed + of)
+        seeds, advantages = range(seed, seed + of), [0.0] * of
         if goals:
             takes = [self(prompt, seconds, n, goals=goals, **sampling) for n in seeds]
         else:
-            takes = self.batch([prompt] * of, seconds, seeds, **sampling)
+            every_other = [from_clips and number % 2 == 0 for number in range(of)]
+            settings = self.card.sampling.but(*map(sampling.get, ("steps", "guidance", "sampler")))
+            started = self._takes([prompt] * of, seconds, seeds, settings, every_other)
+            takes = [motion for motion, _ in started]
+            advantages = [start.advantage if start else 0.0 for _, start in started]
         scorer = scorer or best.scorer_beside(self.condition)
-        return best.ranked(takes, prompt, scorer, clean_up)
+        return best.ranked(takes, self.read(prompt).sentence, scorer, clean_up, advantages)
 
     def best(self, prompt: str, of: int = 8, **settings: Any) -> Motion:
         """Returns the best of several takes; its metadata tell the scores of all.
@@ -332,7 +498,7 @@ class MotionPipeline:
         """Generates features of motions that go through the networks together.
 
         Args:
-            request: The motions.
+            request: The motions; all start from noise, or all have as many steps left.
             condition: Condition of the prompts; by default it is computed.
 
         Returns:
@@ -343,14 +509,19 @@ class MotionPipeline:
         if condition is None:
             condition = self.condition(request.prompts)
         batch, noise = requests.padded_batch(request, condition, self.card.latents, backend)
-        if sampling.steps in backend.fused:
+        (remaining,) = set(request.remaining)
+        if remaining is None and sampling.steps in backend.fused:
             return backend.run_fused(batch, sampling)
-        chain = self.guided(sampling), self.sampler(sampling), sampling.steps, noise, self.decoder
+        sampler = self.sampler(sampling)
+        if remaining is not None:
+            first = remaining_times(sampler.schedule, sampling.steps, remaining)[0]
+            batch = requests.with_starts(batch, request.starts, sampler.schedule, first, backend)
+        chain = self.guided(sampling), sampler, sampling.steps, noise, self.decoder, remaining
         # Fresh noise at every step comes from the host, which a recording cannot read.
         if backend.launch is None or sampling.sampler == "ddpm":
             return features_from_noise(batch, *chain)
         return backend.launch(
-            sampling,
+            (sampling, remaining),
             lambda *arrays: features_from_noise(Batch(*arrays), *chain),
             *vars(batch).values(),
         )
@@ -584,7 +755,7 @@ class MotionPipeline:
     def _batches(self, request: GenerationRequest) -> list[list[int]]:
         """Checks a request; returns the motions of each batch."""
         request.check(self.card, self.representation.fps)
-        return requests.batches(request.frames, self.max_batch_size, self.card.masks_padding)
+        return request.batches(self.max_batch_size, self.card.masks_padding)
 
     def _denoise(
         self,
@@ -617,18 +788,22 @@ def features_from_noise(
     steps: int,
     noise: Noise,
     decoder: FeatureDecoder,
+    remaining: int | None = None,
 ) -> Float[Any, "batch frames features"]:
     """Generates features: noise → latents, by the sampler → features in their own units.
 
     Args:
-        batch: Noise, condition and masks, arrays of NumPy or PyTorch.
+        batch: Noise (or noised latents), condition and masks, arrays of NumPy or PyTorch.
         estimator: The denoiser with its guidance, and the meaning of its output.
         sampler: The sampler.
         steps: Number of steps.
         noise: Draws further noise for samplers that need it.
         decoder: The VAE's decoder with the scales of latents and features.
+        remaining: How many of the steps are left; by default all.
     """
-    z = sample(estimator, sampler, batch.noise, batch.condition, batch.tokens, steps, noise)
+    z = sample(
+        estimator, sampler, batch.noise, batch.condition, batch.tokens, steps, noise, remaining
+    )
     return decoder(z, batch.frames)
 
 

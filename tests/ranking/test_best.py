@@ -131,7 +131,8 @@ def test_the_command_line_tells_scores(tmp_path: Path, capsys: pytest.CaptureFix
     captured = capsys.readouterr()
     (motion,) = json.loads(captured.out)["motions"]
     assert set(motion["best_of"][0]) == {
-        *("seed", "score", "claims", "text", "sliding", "penetration", "jerk")
+        *("seed", "score", "claims", "text", "sliding", "penetration", "jerk"),
+        "advantage",
     }
     assert "best of 2: seed" in captured.err
 

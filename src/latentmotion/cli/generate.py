@@ -73,6 +73,11 @@ class Generate:
     steps: options.Steps = None
     guidance: options.Guidance = None
     sampler: options.SamplerChoice = None
+    from_clips: bool = True
+    """Start motions of rare movements from the nearest clips of the training data; of several takes
+    every other one."""
+    moves: tuple[Path, ...] = ()
+    """Folders of moves (`latentmotion teach`) that motions may start from, too."""
     runtime: options.RuntimeChoice = "auto"
     threads: options.Threads = None
     cache: bool = True
@@ -150,7 +155,7 @@ class Generate:
         for motion in motions if self.clean else []:
             print(_goal_text(motion), end="", file=sys.stderr)
         for motion in motions:
-            print(_take_text(motion), end="", file=sys.stderr)
+            print(_take_text(motion) + _clip_text(motion), end="", file=sys.stderr)
         if self.preset:
             motions = [for_engine(motion, self.preset) for motion in motions]
         written = [file for path in outputs for file in formats.save(path, motions)]
@@ -292,6 +297,8 @@ class Generate:
         first = scene.seed if scene and scene.seed is not None else self.seed
         seeds = range(first, first + len(repeated))
         generator = replace(generator, body=body)
+        if self.moves:
+            generator = generator.with_moves(*self.moves)
         sampling = self.steps, self.guidance, self.sampler
         spans = scene.spans() if scene else [parse_span(text) for text in self.timeline]
         parts = scene.part_spans() if scene else [*map(parse_part_span, self.timeline_part)]
@@ -304,12 +311,13 @@ class Generate:
         if takes > 1:
             named = dict(zip(("steps", "guidance", "sampler"), sampling, strict=True))
             settings = {"seconds": seconds, "goals": goals, "clean_up": self._clean_up(), **named}
+            settings["from_clips"] = self.from_clips
             return [
                 generator.best(prompt, takes, seed=first + takes * number, **settings)
                 for number, prompt in enumerate(repeated)
             ]
         if not goals:
-            return generator.batch(repeated, seconds, seeds, *sampling)
+            return generator.batch(repeated, seconds, seeds, *sampling, self.from_clips)
         return [
             generator(prompt, seconds, seed, *sampling, goals)
             for prompt, seed in zip(repeated, seeds, strict=True)
@@ -344,6 +352,15 @@ def _take_text(motion: Motion) -> str:
         f"best of {len(takes)}: seed {best['seed']}, score {best['score']:.3f} (worst "
         f"{last['score']:.3f}): text {best['text']:.3f}, feet slide {1e2 * best['sliding']:.1f} "
         f"cm/s, {1e2 * best['penetration']:.1f} cm below the floor, jerk {best['jerk']:.0f} m/s³\n"
+    )
+
+
+def _clip_text(motion: Motion) -> str:
+    """Returns a line for each clip that a motion starts from."""
+    return "".join(
+        f'starts from clip {clip["clip"]} of {clip["source"]}, "{clip["caption"]}"; its owner and '
+        "terms are in the file\n"
+        for clip in motion.metadata.get("from_clips", ())
     )
 
 

@@ -150,11 +150,26 @@ class Item:
     """One past the last frame."""
     captions: tuple[str, ...]
     """Sentences; none for motion without words."""
+    weights: tuple[float, ...] = ()
+    """How often each sentence is drawn, relative to others of all items; equally often if empty."""
 
     @property
     def frames(self) -> int:
         """Its length."""
         return self.end - self.start
+
+    @property
+    def weight(self) -> float:
+        """How often the item is drawn, relative to others: as often as its rarest sentence."""
+        return max(self.weights, default=1.0)
+
+    def draw_caption(self, generator: np.random.Generator) -> str:
+        """Draws one of its sentences; the empty one if there are none."""
+        if not self.weights:
+            number = int(generator.integers(max(len(self.captions), 1)))
+            return self.captions[number] if self.captions else ""
+        shares = np.array(self.weights) / sum(self.weights)
+        return self.captions[int(generator.choice(len(self.captions), p=shares))]
 
 
 @dataclass(frozen=True)
@@ -189,9 +204,7 @@ class Cropping:
             units -= 1
         frames = units * self.unit
         start = item.start + int(generator.integers(item.frames - frames + 1))
-        number = int(generator.integers(max(len(item.captions), 1)))
-        caption = item.captions[number] if item.captions else ""
-        return Crop(item.clip, start, frames, caption)
+        return Crop(item.clip, start, frames, item.draw_caption(generator))
 
 
 def items_of(clips: Iterable[Clip]) -> list[Item]:
@@ -215,7 +228,7 @@ def plan_epoch(
     """Returns the batches of one epoch, each of crops of similar length, in random order.
 
     Every batch is full; what does not fill one waits for another epoch. Fewer items than
-    `batch_size` make one batch of all.
+    `batch_size` make one batch of all. Items with weights are drawn with replacement.
 
     Raises:
         InputError: No item is long enough.
@@ -227,7 +240,12 @@ def plan_epoch(
         )
     generator = np.random.default_rng([seed, epoch])
     count = max(len(items) // batch_size, 1)
-    chosen = generator.permutation(len(items))[: count * batch_size]
+    size = min(count * batch_size, len(items))
+    if any(item.weights for item in items):
+        weights = np.array([item.weight for item in items])
+        chosen = generator.choice(len(items), size, p=weights / weights.sum())
+    else:
+        chosen = generator.permutation(len(items))[:size]
     crops = [cropping.crop(items[index], generator) for index in chosen]
     crops.sort(key=lambda crop: crop.frames)
     batches = [crops[i : i + batch_size] for i in range(0, len(crops), batch_size)]

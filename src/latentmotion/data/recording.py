@@ -21,12 +21,17 @@ from latentmotion.kinematics.bone_names import JointMap
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import Animation
+from latentmotion.motion import Motion
+from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import smpl_features
 from latentmotion.storage.limits import FARTHEST, MOST_FRAMES, MOST_NUMBER, UNPACKED_FACTOR
 
 Item = TypeVar("Item")
 
 SMPL_JOINTS = 24
+
+_SHORTEST = 5
+"""Frames at 20 a second of the shortest motion whose features say anything."""
 
 
 def as_numbers(values: Any) -> np.ndarray:
@@ -232,3 +237,24 @@ def interpolate(
     before = np.minimum(times.astype(int), len(joints) - 2)
     weight = (times - before)[:, None, None].astype(joints.dtype)
     return joints[before] * (1 - weight) + joints[before + 1] * weight
+
+
+def features_of(
+    motion: Motion, representation: Representation
+) -> Float[np.ndarray, "frames features"]:
+    """Returns a motion's features at the representation's frame rate, for a body of its size.
+
+    Raises:
+        InputError: The motion has another skeleton, or is shorter than 0.3 s.
+    """
+    if motion.skeleton.names != representation.skeleton.names:
+        raise InputError(
+            f"the motion's skeleton is {motion.skeleton.name!r}, expected "
+            f"{representation.skeleton.name!r}; convert it first: latentmotion.to_humanml3d"
+        )
+    joints = motion.joints.astype(np.float64)
+    if len(motion) > 1 and motion.fps != representation.fps:
+        joints = interpolate(joints, motion.fps / representation.fps)
+    if len(joints) < _SHORTEST:
+        raise InputError(f"a motion of {motion.seconds:.2f} s; expected 0.3 s or more")
+    return representation.encode(representation.retarget(joints))

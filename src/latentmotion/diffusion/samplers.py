@@ -191,24 +191,32 @@ def sample(
     mask: Bool[Any, "batch tokens"],
     steps: int,
     noise: Noise,
+    remaining: int | None = None,
 ) -> Latents:
-    """Walks from pure noise to latents.
+    """Walks from pure noise to latents, or from noised latents the last of these steps.
 
     Args:
         estimator: A denoiser, with guidance around it, that returns estimates of (z_0, epsilon).
         sampler: The rule for one step.
-        z: Standard normal noise.
+        z: Standard normal noise; with `remaining` steps, latents noised to where these begin.
         condition: What steers the motion.
         mask: True on real tokens.
-        steps: Number of steps.
+        steps: Number of steps from pure noise.
         noise: Draws further noise, where the sampler wants any.
+        remaining: How many of the steps are left; by default all.
     """
 
     def estimate(z: Latents, t: float) -> Estimates:
         return estimator(z, t, condition, mask)
 
-    times = sampler.schedule.timesteps(steps).tolist()
+    times = remaining_times(sampler.schedule, steps, remaining)
     return sampler.integrate(estimate, z, times, noise)
+
+
+def remaining_times(schedule: Schedule, steps: int, remaining: int | None) -> list[float]:
+    """Returns the descending times of the last `remaining` of so many steps, by default of all."""
+    times = schedule.timesteps(steps).tolist()
+    return times if remaining is None else times[-remaining - 1 :]
 
 
 _SAMPLERS: dict[str, Callable[[Schedule], Sampler]] = {

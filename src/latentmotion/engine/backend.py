@@ -226,6 +226,39 @@ class FeatureDecoder:
         return self.features.denormalize(self.network(latents=latents, mask=frames))
 
 
+@dataclass(frozen=True)
+class FeatureEncoder:
+    """A VAE's encoder between the scale of the features and that of the denoiser's latents."""
+
+    network: Callable[..., Any]
+    """`features`, `mask` → mean of the posterior: a session."""
+    latents: Scale
+    """Scale in which the denoiser sees latents."""
+    features: Scale
+    """Scale in which the networks see features."""
+
+    @classmethod
+    def of(cls, card: ModelCard, network: Callable[..., Any]) -> FeatureEncoder:
+        """Returns the encoder of a model.
+
+        Args:
+            card: States the scales of latents and features.
+            network: The VAE's encoder.
+        """
+        scales = FeatureDecoder.of(card, network)
+        return cls(network, scales.latents, scales.features)
+
+    def __call__(self, features: Float[np.ndarray, "frames features"]) -> np.ndarray:
+        """Returns the latents of one motion, (tokens, width).
+
+        Args:
+            features: In their own units.
+        """
+        normalized = self.features.normalize(features[None].astype(np.float32))
+        mask = np.ones(normalized.shape[:2], bool)
+        return self.latents.normalize(self.network(features=normalized, mask=mask)[0])
+
+
 def normalizer_of(card: ModelCard) -> Normalizer:
     """Returns the normalizer that a model was trained with."""
     mean, std = card.normalizer_mean, card.normalizer_std

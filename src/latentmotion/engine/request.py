@@ -12,10 +12,28 @@ from jaxtyping import Float
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.samplers import SeededNoise
+from latentmotion.diffusion.schedule import Schedule
 from latentmotion.engine.backend import Backend, Batch
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import LatentSpace, Sampling
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Latents that sampling starts from instead of pure noise, as in SDEdit (Meng et al. 2022).
+
+    z_t = alpha(t) z_0 + sigma(t) epsilon, where t begins the last `remaining` steps.
+    """
+
+    latents: Float[np.ndarray, "tokens width"]
+    """z_0, in the denoiser's scale."""
+    share: float
+    """Share of the sampling steps that remain: 0 keeps the latents, 1 is pure noise."""
+
+    def remaining(self, steps: int) -> int:
+        """Returns how many of so many steps remain: at least one."""
+        return min(max(round(self.share * steps), 1), steps)
 
 
 @dataclass(frozen=True)
@@ -34,10 +52,14 @@ class GenerationRequest:
     """One seed per motion."""
     sampling: Sampling
     """Steps, guidance scale and sampler of all motions."""
+    starts: tuple[Start | None, ...] = ()
+    """What each motion starts from, None for pure noise; empty if all do."""
 
     def __post_init__(self) -> None:
         if len(self.prompts) != len(self.frames):
             raise InputError(f"{len(self.prompts)} prompts for {len(self.frames)} lengths")
+        if self.starts and len(self.starts) != len(self.frames):
+            raise InputError(f"{len(self.starts)} starts for {len(self.frames)} lengths")
         check_seeds(self.frames, self.seeds)
         guidance = self.sampling.guidance
         if not 0 <= guidance <= 100:
@@ -63,7 +85,29 @@ class GenerationRequest:
             prompts=tuple(self.prompts[row] for row in rows),
             frames=tuple(self.frames[row] for row in rows),
             seeds=tuple(self.seeds[row] for row in rows),
+            starts=tuple(self.starts[row] for row in rows) if self.starts else (),
         )
+
+    @property
+    def remaining(self) -> tuple[int | None, ...]:
+        """Sampling steps that remain for each motion, None if it starts from pure noise."""
+        starts = self.starts or (None,) * len(self.frames)
+        return tuple(start and start.remaining(self.sampling.steps) for start in starts)
+
+    def batches(self, most: int, mixed: bool) -> list[list[int]]:
+        """Splits motions into batches of similar length that have the same steps to do.
+
+        Args:
+            most: Maximum number of motions in a batch.
+            mixed: Whether a batch may hold different lengths.
+        """
+        remaining = self.remaining
+        return [
+            [rows[n] for n in batch]
+            for steps in dict.fromkeys(remaining)
+            for rows in [[row for row, own in enumerate(remaining) if own == steps]]
+            for batch in batches([self.frames[row] for row in rows], most, mixed)
+        ]
 
 
 def padded_batch(
@@ -101,6 +145,30 @@ def padded_batch(
         frames=to_device(prefix_mask(frames, longest)),
     )
     return batch, noise
+
+
+def with_starts(
+    batch: Batch,
+    starts: Sequence[Start | None],
+    schedule: Schedule,
+    time: float,
+    backend: Backend,
+) -> Batch:
+    """Returns a batch whose noise is mixed with the latents that its motions start from.
+
+    Args:
+        batch: Pure noise and masks.
+        starts: What each motion starts from; rows beyond are padding.
+        schedule: Weights of latents and noise.
+        time: Where sampling begins.
+        backend: Device of the arrays.
+    """
+    latents = np.zeros(tuple(batch.noise.shape), np.float32)
+    for row, start in zip(latents, starts, strict=False):
+        if start is not None:
+            row[: len(start.latents)] = start.latents
+    z0 = backend.to_device(latents)
+    return replace(batch, noise=schedule.alpha(time) * z0 + schedule.sigma(time) * batch.noise)
 
 
 def batches(frames: Sequence[int], most: int, mixed: bool = True) -> list[list[int]]:

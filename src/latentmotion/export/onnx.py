@@ -71,6 +71,19 @@ def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> 
     trace(_DecoderGraph(vae), inputs, path)
 
 
+def export_encoder(vae: MotionVAE, features: int, path: Path) -> None:
+    """Writes a VAE encoder's graph: normalized features, mask → mean of the posterior.
+
+    Args:
+        vae: The network.
+        features: Features of a frame.
+        path: The `.onnx` file.
+    """
+    mask = _frames(None)
+    inputs = {"features": torch.randn(*mask.shape, features), "mask": mask}
+    trace(_EncoderGraph(vae), inputs, path)
+
+
 def export_pullback(vae: MotionVAE, path: Path) -> None:
     """Writes the pullback of a decoder of convolutions, which directing a motion needs.
 
@@ -202,6 +215,17 @@ class _StudentGraph(_DenoiserGraph):
     ) -> Tensor:
         step_condition = StepCondition(guidance, step_size)
         return self.denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
+
+
+class _EncoderGraph(nn.Module):
+    """The encoder of a VAE, without the deviation of its posterior."""
+
+    def __init__(self, vae: MotionVAE) -> None:
+        super().__init__()
+        self.vae = vae
+
+    def forward(self, features: Tensor, mask: Tensor) -> Tensor:
+        return self.vae.encode(features, mask).mean
 
 
 class _DecoderGraph(nn.Module):

@@ -96,7 +96,7 @@ def package_model(
                     f"the text encoder has {found} numbers per vector, model {card.name!r} reads "
                     f"{width}; it was trained with {card.condition.text_encoder or 'another'!r}"
                 )
-        _write_graphs(checkpoint.load_model(folder), folder)
+        _write_graphs(checkpoint.load_model(folder), folder, with_encoder=not left_out)
 
 
 def copied(folder: Path) -> WriteTextEncoder:
@@ -124,13 +124,16 @@ def copied(folder: Path) -> WriteTextEncoder:
     return write
 
 
-def _write_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
+def _write_graphs(model: checkpoint.LatentModel, folder: Path, with_encoder: bool) -> None:
     card, width = model.card, model.card.trained_denoiser.condition_width
     denoiser, decoder = folder / "denoiser.onnx", folder / "decoder.onnx"
     writers = [partial(graphs.export_denoiser, model.denoiser, card.latents.width, width, denoiser)]
     if card.vae.has_weights:
         per_token = card.latents.frames_per_token
         writers.append(partial(graphs.export_decoder, model.vae, per_token, decoder))
+    if card.vae.has_weights and with_encoder:
+        features, encoder = len(card.normalizer_mean), folder / cards.ENCODER_FILE
+        writers.append(partial(graphs.export_encoder, model.vae, features, encoder))
     if card.vae.decoder_margin() is not None:
         writers.append(partial(graphs.export_pullback, model.vae, folder / PULLBACK_FILE))
     for steps in _fused_steps(card):
@@ -180,6 +183,11 @@ def _check_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
         with torch.no_grad():
             expected = model.vae.decode(latents, frames)
         _compare(folder / "decoder.onnx", {"latents": latents, "mask": frames}, expected)
+    if (folder / cards.ENCODER_FILE).is_file():
+        features = torch.randn(*frames.shape, len(card.normalizer_mean))
+        with torch.no_grad():
+            expected = model.vae.encode(features, frames).mean
+        _compare(folder / cards.ENCODER_FILE, {"features": features, "mask": frames}, expected)
     if (folder / PULLBACK_FILE).is_file():
         error = graphs.pullback_error(model.vae, folder / PULLBACK_FILE)
         if not error < graphs.PULLBACK_TOLERANCE:

@@ -42,12 +42,14 @@ README_FILE = "README.md"
 TEXT_GRAPH_FILE = "text_encoder.onnx"
 TOKENIZER_FILE = "tokenizer.json"
 LENGTHS_FILE = "lengths.safetensors"
+MOVES_FILE = "moves.index"
+ENCODER_FILE = "encoder.onnx"
 """Files of a model folder; those of the text encoder may be in the folder of another model."""
 
 DEFAULT = "fast"
 """The model that generates by default: `starter`, distilled to few steps."""
 
-HUB_FILES = ("*.json", "*.onnx", "*.safetensors", "LICENSE*", "README.md")
+HUB_FILES = ("*.json", "*.onnx", "*.safetensors", "*.index", "LICENSE*", "README.md")
 """Patterns of the files of a model folder: card, tokenizer, graphs, weights and documentation."""
 
 RIGHTS_IN_MOTIONS = (
@@ -351,8 +353,30 @@ def lengths_file(card: ModelCard, folder: Path) -> Path | None:
         card: The model's card.
         folder: The model's folder.
     """
+    return _file_beside(card, folder, LENGTHS_FILE)
+
+
+def moves_files(card: ModelCard, folder: Path) -> tuple[Path, Path] | None:
+    """Returns the clips that motions may start from and the VAE encoder's graph, if both are there.
+
+    A student has those of the model with its text encoder, if that has the same latents.
+
+    Args:
+        card: The model's card.
+        folder: The model's folder.
+    """
+    clips = _file_beside(card, folder, MOVES_FILE)
+    encoder = _file_beside(card, folder, ENCODER_FILE)
+    if clips is None or encoder is None:
+        return None
+    of_other = clips.parent != folder and read_card(clips.parent).latents != card.latents
+    return None if of_other else (clips, encoder)
+
+
+def _file_beside(card: ModelCard, folder: Path, name: str) -> Path | None:
+    """Returns a file of a model that reads sentences, or of its text encoder's folder."""
     if not card.condition.reads_text:
         return None
     folders = folder, text_encoder_folder(card, folder) or folder
-    files = (candidate / LENGTHS_FILE for candidate in folders)
+    files = (candidate / name for candidate in folders)
     return next((file for file in files if file.is_file()), None)

@@ -1,13 +1,14 @@
 """Best of several takes: claims and match of sentence and motion, less what feet and jerk cost.
 
-    score = 2 · claims + cosine(sentence, motion) − sliding − 2 · penetration
-            − max(0, jerk − 150)/1000
+    score = 2 · claims + cosine(sentence, motion) + advantage of its start
+            − sliding − 2 · penetration − max(0, jerk − 150)/1000
 
 `claims` is how closely the motion, cleaned up, does what the sentence asks: degrees, counts, sides,
 ways, paces and order (`describe/closeness.py`). Sliding is in m/s, penetration in m, jerk in m/s³
 (`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such that claims
 decide first, and ordinary differences of feet and floor only between takes that match about as
-well (docs/measurements/best_of.md).
+well (docs/measurements/best_of.md). A take of a rare movement that starts from a clip of it has an
+advantage, since claims and scorer know rare movements least (`retrieval/starts.py`).
 """
 
 from __future__ import annotations
@@ -65,10 +66,12 @@ class Take:
     """Mean depth of the lowest joint below the floor, meters."""
     jerk: float
     """Mean jerk of the joints, m/s³."""
+    advantage: float = 0.0
+    """How much likelier its start makes what is asked, 0 for a start from noise."""
 
     def about(self) -> dict[str, Any]:
         """Returns seed, score and reasons, as JSON can hold them."""
-        figures = ("score", "claims", "text", "sliding", "penetration", "jerk")
+        figures = ("score", "claims", "text", "sliding", "penetration", "jerk", "advantage")
         return {"seed": self.motion.metadata.get("seed")} | {
             name: round(getattr(self, name), 5) for name in figures
         }
@@ -111,7 +114,11 @@ def scorer_beside(condition: Condition) -> Scorer:
 
 
 def ranked(
-    motions: Sequence[Motion], prompt: str, scorer: Scorer, clean_up: CleanUp | None = None
+    motions: Sequence[Motion],
+    prompt: str,
+    scorer: Scorer,
+    clean_up: CleanUp | None = None,
+    advantages: Sequence[float] | None = None,
 ) -> list[Take]:
     """Returns the takes of a prompt, the best first.
 
@@ -121,6 +128,7 @@ def ranked(
         scorer: Compares motions with sentences.
         clean_up: Steps that the kept take goes through later, which may mend a count or a turn;
             by default those of `Motion.cleaned`.
+        advantages: Of the motions' starts; by default all start from noise.
 
     Raises:
         InputError: A motion has another skeleton or is too short.
@@ -131,14 +139,17 @@ def ranked(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CleanUpWarning)  # the kept take's come when it is cleaned
         mended = clean_batch(motions, steps) if asked else motions
-    for motion, match, later in zip(motions, matches.tolist(), mended, strict=True):
+    advantages = [0.0] * len(motions) if advantages is None else advantages
+    for motion, match, later, advantage in zip(
+        motions, matches.tolist(), mended, advantages, strict=True
+    ):
         joints, fps = motion.joints, motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
         jerk = jitter(joints, fps)
         claims = closeness(asked, scene_of(later.joints.astype(np.float64)))
         costs = sliding + _PENETRATION * depth + _JERK * max(0.0, jerk - _USUAL_JERK)
-        score = _CLAIMS * claims + match - costs
-        takes.append(Take(motion, score, claims, match, sliding, depth, jerk))
+        score = _CLAIMS * claims + match + advantage - costs
+        takes.append(Take(motion, score, claims, match, sliding, depth, jerk, advantage))
     return sorted(takes, key=lambda take: -take.score)
 
 

@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.data.recording import interpolate
+from latentmotion.data.recording import features_of
 from latentmotion.engine.session import LazySession
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import SHIPPED, Provenance, shipped_text_encoder
@@ -172,18 +172,7 @@ class Scorer:
         Raises:
             InputError: The motion has another skeleton, or is shorter than 0.3 s.
         """
-        space = self.representation
-        if motion.skeleton.names != space.skeleton.names:
-            raise InputError(
-                f"the motion's skeleton is {motion.skeleton.name!r}, the scorer reads "
-                f"{space.skeleton.name!r}; convert it first: latentmotion.to_humanml3d"
-            )
-        joints = motion.joints.astype(np.float64)
-        if len(motion) > 1 and motion.fps != space.fps:
-            joints = interpolate(joints, motion.fps / space.fps)
-        if len(joints) <= UNIT:
-            raise InputError(f"a motion of {motion.seconds:.2f} s; expected 0.3 s or more")
-        return space.encode(space.retarget(joints))
+        return features_of(motion, self.representation)
 
 
 @cache

@@ -117,6 +117,10 @@ class Scale:
         """Returns x · std + mean: normalized numbers in their own units."""
         return x * self.std + self.mean
 
+    def normalize(self, x: Float[Any, "*batch channels"]) -> Float[Any, "*batch channels"]:
+        """Returns (x - mean) / std: numbers in their own units normalized."""
+        return (x - self.mean) / self.std
+
 
 @dataclass(frozen=True, eq=False)
 class Normalizer:

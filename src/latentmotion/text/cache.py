@@ -109,6 +109,11 @@ class CachedTextEncoder:
         """Numbers per vector."""
         return self.encoder.width
 
+    def pieces(self, word: str) -> list[str]:
+        """Returns the pieces that a word is read in; the word itself if the encoder has none."""
+        inner = self.encoder
+        return inner.pieces(word) if isinstance(inner, EncoderWithVocabulary) else [word]
+
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns embeddings of sentences, without white space at their ends and runs of it.
 

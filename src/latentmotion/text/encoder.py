@@ -45,6 +45,10 @@ class EncoderWithVocabulary(TextEncoder, Protocol):
         """Returns the words of a sentence that the encoder can only guess."""
         ...
 
+    def pieces(self, word: str) -> list[str]:
+        """Returns the pieces that a word is read in; a frequent English word is one piece."""
+        ...
+
 
 @dataclass(frozen=True)
 class GraphTextEncoder:
@@ -90,6 +94,10 @@ class GraphTextEncoder:
     def unknown_words(self, sentence: str) -> list[str]:
         """Returns no words: this encoder does not tell known words from others."""
         return []
+
+    def pieces(self, word: str) -> list[str]:
+        """Returns the pieces that a word is read in."""
+        return self.tokenizer.encode(word, add_special_tokens=False).tokens
 
 
 @dataclass(frozen=True)
@@ -172,6 +180,10 @@ class LazyTextEncoder:
     def unknown_words(self, sentence: str) -> list[str]:
         """Returns the words of a sentence that the encoder can only guess."""
         return self._encoder.unknown_words(sentence)
+
+    def pieces(self, word: str) -> list[str]:
+        """Returns the pieces that a word is read in."""
+        return self._encoder.pieces(word)
 
     @cached_property
     def _encoder(self) -> GraphTextEncoder:

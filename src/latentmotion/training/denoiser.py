@@ -54,8 +54,7 @@ class KeptCropping(Cropping):
         """Draws one of the item's kept crops and one of its sentences."""
         crops = self.kept[item]
         chosen = crops[int(generator.integers(len(crops)))]
-        number = int(generator.integers(max(len(item.captions), 1)))
-        caption = item.captions[number] if item.captions else ""
+        caption = item.draw_caption(generator)
         return Crop(chosen.clip, chosen.start, chosen.frames, caption)
 
 

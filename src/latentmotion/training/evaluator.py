@@ -7,7 +7,7 @@ three networks are trained together. With several ranks each contrasts its own s
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,7 @@ from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.hard_negatives import HardBatchSampler, HardNegatives
 from latentmotion.training.loop import Stage, train
+from latentmotion.training.rarity import RarityDraws
 from latentmotion.training.run_folder import MODEL, open_run, provenance_of
 from latentmotion.training.vae import BatchSampler, FeatureCache
 
@@ -67,6 +68,8 @@ class EvaluatorExperiment:
     """Whether mirrored copies of the clips are trained on too."""
     hard: HardNegatives | None = None
     """Batches of alike sentences and mirror images; None for random ones."""
+    draws: RarityDraws = field(default_factory=RarityDraws)
+    """How often rare sentences are seen."""
 
     def croppings(self) -> list[Cropping]:
         """Which parts of clips each turn sees."""
@@ -104,7 +107,9 @@ def scorer() -> EvaluatorExperiment:
         sample_every=0,
     )
     networks, objective = TowerConfig(), InfoNCE(temperature=0.1)
-    return EvaluatorExperiment("scorer", networks, objective, training, hard=HardNegatives())
+    return EvaluatorExperiment(
+        "scorer", networks, objective, training, hard=HardNegatives(), draws=RarityDraws(0.6)
+    )
 
 
 RECIPES: dict[str, Callable[[], EvaluatorExperiment]] = {
@@ -169,10 +174,12 @@ class EvaluatorStage(Stage[Networks]):
         self._batch_samplers: list[Callable[[int], list[Crop]]] = []
         for cropping in experiment.croppings():
             if experiment.hard is None:
-                self._batch_samplers.append(BatchSampler(items_of(train), batch, cropping, seed))
+                items = experiment.draws.weigh(items_of(train), self._embed)
+                self._batch_samplers.append(BatchSampler(items, batch, cropping, seed))
                 continue
+            hard, draws = experiment.hard, experiment.draws
             self._batch_samplers.append(
-                HardBatchSampler(train, batch, cropping, experiment.hard, seed, self._embed)
+                HardBatchSampler(train, batch, cropping, hard, seed, self._embed, draws)
             )
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:

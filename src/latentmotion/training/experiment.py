@@ -20,6 +20,7 @@ from latentmotion.model.version_1 import upgraded_setting
 from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.training.denoiser_loss import DenoiserObjective
+from latentmotion.training.rarity import RarityDraws
 
 Precision = Literal["float32", "bfloat16", "auto"]
 """Of a network's arithmetic; `auto` is bfloat16 on devices that multiply it, else float32."""
@@ -121,6 +122,8 @@ class Experiment:
     """Whether mirrored copies of the clips are trained on too."""
     task: TaskName = "text"
     """Condition of the motion: a sentence, the label of an action, or nothing."""
+    draws: RarityDraws = field(default_factory=RarityDraws)
+    """How often stage 2 sees rare sentences."""
 
 
 Settings = TypeVar("Settings")

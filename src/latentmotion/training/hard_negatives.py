@@ -8,7 +8,7 @@ sentence has left and right swapped.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -18,9 +18,8 @@ from jaxtyping import Float, Int
 from latentmotion.data.clip import Clip, mirror_words
 from latentmotion.data.dataset import Crop, Cropping, items_of
 from latentmotion.errors import InputError
+from latentmotion.training.rarity import Embed, RarityDraws
 from latentmotion.training.vae import BatchSampler
-
-Embed = Callable[[Sequence[str]], Float[np.ndarray, "sentences width"]]
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,7 @@ class HardBatchSampler:
         hard: How alike they are.
         seed: Changes order and crops.
         embed: Sentences to embeddings.
+        draws: How often rare sentences are seen.
 
     Raises:
         InputError: There are no mirrored copies.
@@ -56,11 +56,12 @@ class HardBatchSampler:
         hard: HardNegatives,
         seed: int,
         embed: Embed,
+        draws: RarityDraws,
     ) -> None:
         self._twins = {clip.id.removeprefix("M"): clip for clip in clips if clip.mirrored}
         if not self._twins:
             raise InputError("hard negatives are mirror images; leave mirrored=false out")
-        items = items_of(clip for clip in clips if not clip.mirrored)
+        items = draws.weigh(items_of(clip for clip in clips if not clip.mirrored), embed)
         self._half, self._hard, self._seed, self._embed = batch_size // 2, hard, seed, embed
         self._pools = BatchSampler(items, hard.pool * self._half, cropping, seed)
         self._ordered = lru_cache(maxsize=1)(self._order)

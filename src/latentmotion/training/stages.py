@@ -12,7 +12,7 @@ from pathlib import Path
 import torch
 
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.task import TextTask
+from latentmotion.condition.task import SentenceCondition, TextTask
 from latentmotion.data.dataset import Dataset, Item
 from latentmotion.engine.backend import normalizer_of
 from latentmotion.errors import InputError, ModelError
@@ -377,6 +377,9 @@ def prepare_latents(
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
     seen, held_out = (items_to_learn(conditioning.task, part) for part in clips)
+    if isinstance(conditioning.condition, SentenceCondition):
+        encoder = conditioning.condition.encoder
+        seen = experiment.draws.weigh(seen, lambda texts: encoder(texts).pooled)
     held_out = held_out[:HELD_OUT]
     unseen = second_stage.keep_crops(held_out, settings.cropping, 1, training.seed).every()
     features = partial(FeatureCache, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))

@@ -1,0 +1,95 @@
+"""`latentmotion teach`: clips and sentences that motions may start from, without training."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from latentmotion import formats
+from latentmotion.data.clip import Caption, Source
+from latentmotion.data.recording import features_of
+from latentmotion.errors import InputError
+from latentmotion.model.card import DEFAULT, MOVES_FILE
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.retrieval.index import ClipIndex, index_file, read_joined
+from latentmotion.retrieval.teach import ShownClip
+from latentmotion.storage.files import check_writable
+
+_MOTION = f"Motion file: {' '.join(formats.READABLE)}."
+
+
+@dataclass(frozen=True)
+class Teach:
+    """Teach a model a movement by showing it: a clip and sentences that say what it shows.
+
+    Nothing is trained. The clip goes into a folder of moves, which generate takes by --moves; a
+    sentence near one of these then starts from the clip. The same folder takes any number of clips.
+
+    Example: latentmotion teach robot.bvh "a person does the robot dance" -o my_moves
+    """
+
+    file: Annotated[Positional[Path], arg(metavar="CLIP", help=_MOTION)]
+    sentences: Annotated[Positional[tuple[str, ...]], arg(metavar="SENTENCES")]
+    """What the person in the clip does, in one or several wordings."""
+    output: Annotated[Path, arg(aliases=["-o"])] = Path("my_moves")
+    """Folder of moves; one that is there gets further clips."""
+    between: tuple[float, float] | None = None
+    """The part of the clip that shows it, seconds; by default all of it."""
+    model: str = DEFAULT
+    """Name or folder of the model that is to make it."""
+    credit: str = ""
+    """Whom files of such motions credit."""
+    license: str = "unknown"
+    """Terms under which motions that start from the clip may be used."""
+
+    def run(self) -> None:
+        """Reads the clip, writes the folder.
+
+        Raises:
+            InputError: The file cannot be read as a motion of a person, it is too short, there is
+                no sentence, or the model cannot start from clips.
+            ModelError: The folder's file is damaged, or of another model.
+        """
+        if not self.sentences or not all(text.strip() for text in self.sentences):
+            raise InputError(
+                'a clip needs a sentence that says what it shows: latentmotion teach clip.bvh "a '
+                'person does the robot dance"'
+            )
+        target = self.output / MOVES_FILE
+        check_writable(target if self.output.exists() else self.output)
+        pipeline = MotionPipeline.from_pretrained(self.model)
+        clips = [self._shown(pipeline, *one) for one in enumerate(formats.load(self.file))]
+        source = Source(self.credit or self.output.resolve().name, self.license, self.credit)
+        index = pipeline.taught(clips, [source])
+        before = self._before(index)
+        index = before.joined(index) if before else index
+        self.output.mkdir(exist_ok=True)
+        index.write(target)
+        print(f"wrote {target}: {len(index.clips)} clips, {len(index.captions)} sentences")
+        print(f'try: latentmotion generate "{self.sentences[0]}" --moves {self.output}')
+
+    def _shown(self, pipeline: MotionPipeline, number: int, motion: formats.Motion) -> ShownClip:
+        space = pipeline.representation
+        features = features_of(motion, space)
+        if self.between:
+            start, end = (round(time * space.fps) for time in self.between)
+            if not 0 <= start < end <= len(features) + 1:
+                raise InputError(
+                    f"--between {self.between[0]:g} {self.between[1]:g}: the clip lasts "
+                    f"{len(features) / space.fps:.1f} s"
+                )
+            features = features[start:end]
+        name = self.file.stem + (f"-{number + 1}" if number else "")
+        captions = tuple(Caption(text.strip(), 0, len(features)) for text in self.sentences)
+        owner = self.credit or self.output.resolve().name
+        return ShownClip(name, owner, self.file.name, features, captions)
+
+    def _before(self, index: ClipIndex) -> ClipIndex | None:
+        """Returns the clips that the folder holds, None if it holds none."""
+        if not (self.output / MOVES_FILE).exists():
+            return None
+        file = index_file(self.output)
+        return read_joined([file], index.latent_space, index.text_encoder)

@@ -1,0 +1,212 @@
+"""Doubts: what a sentence asks for that the model does not know, and words that are misspelled.
+
+Three signs, measured on sentences that no rule was written for (docs/measurements/rare_acts.md): no
+caption of the training data is near the sentence; a word that no caption has changes what the
+sentence means, since without it the embedding is another one; or a word names what is never moved
+(`outside.toml`).
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.retrieval.index import ClipIndex, Neighbor, words_of
+
+THEN = re.compile(r"\s*(?:[,;.]?\s+(?:and\s+)?then\b|;|\.\s|,\s+(?:and\s+)?finally\b)\s*", re.I)
+"""What separates movements that follow each other."""
+
+FAR = 0.58
+"""Cosine of the nearest caption below which a sentence is foreign: 3 % of held-out captions, and
+two thirds of 66 foreign sentences."""
+
+TURNS_MEANING = 0.2
+"""Change of the embedding without a word, as 1 - cosine, from which the word matters."""
+
+NEAR_ENOUGH = 0.8
+"""Cosine of the nearest caption from which the sentence is known, whatever its words are."""
+
+_ENDINGS = ("s", "es", "ed", "d", "ing", "ly", "er", "ers", "e", "y", "ies")
+"""Endings in which two forms of a word may differ."""
+
+_FREQUENT = 20
+"""Clips that have a word which another is taken for a misspelling of."""
+
+
+class DoubtWarning(UserWarning):
+    """A sentence asks for what the model does not know, or has a misspelled word."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something that the model does not know."""
+
+    about: str
+    """The words in question."""
+    reason: str
+    """Why it is not known."""
+    nearest: str
+    """The nearest caption that the model learned."""
+
+    def __str__(self) -> str:
+        doubt = f'not sure about "{self.about}" ({self.reason})'
+        return f'{doubt}; nearest that I learned: "{self.nearest}"'
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A sentence as the model reads it."""
+
+    sentence: str
+    """The sentence, misspelled words corrected."""
+    corrections: tuple[tuple[str, str], ...] = ()
+    """Words as they were typed and as they are read."""
+    doubt: Doubt | None = None
+    """What the model does not know of it."""
+
+    def notes(self) -> list[str]:
+        """Returns what to tell whoever typed it, a line each."""
+        read = [f'read "{wrong}" as "{right}"' for wrong, right in self.corrections]
+        return [*read, str(self.doubt)] if self.doubt else read
+
+    def about(self) -> dict[str, Any]:
+        """Returns what a file says of it, as JSON can hold it; nothing if all is known."""
+        notes = self.notes()
+        return {"notes": notes} if notes else {}
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """Finds doubts by the captions of an index."""
+
+    index: ClipIndex
+    """Captions of the training data."""
+    text_encoder: TextEncoder
+    """Embeds sentences."""
+
+    def read(self, sentence: str) -> Reading:
+        """Returns a sentence as the model reads it, and what it does not know of it."""
+        corrected, corrections = self.corrected(sentence)
+        return Reading(corrected, tuple(corrections.items()), self.doubt(corrected))
+
+    def corrected(self, sentence: str) -> tuple[str, dict[str, str]]:
+        """Returns a sentence with misspelled words corrected, and the corrections.
+
+        A word is misspelled where no caption has it, the text encoder has no piece for it, and
+        exactly one frequent word of captions differs from it by one letter, or by two exchanged.
+        """
+        corrections: dict[str, str] = {}
+        for word in words_of(sentence):
+            if self._is_known(word) or len(word) < 4 or self._is_english(word):
+                continue
+            near = [other for other in _edits(word) if self.index.words.get(other, 0) >= _FREQUENT]
+            if len(set(near)) == 1:
+                corrections[word] = near[0]
+        for wrong, right in corrections.items():
+            sentence = _replaced(sentence, wrong, right)
+        return sentence, corrections
+
+    def doubt(self, sentence: str) -> Doubt | None:
+        """Returns what the model knows least of a sentence, None if it knows all."""
+        outside = _outside(sentence)
+        for part in parts_of(sentence):
+            neighbor = self._nearest(part)
+            caption = neighbor.caption.text
+            if outside and outside[0] in part.lower() and outside[0] not in caption.lower():
+                return Doubt(outside[0], outside[1], caption)
+            if neighbor.cosine >= NEAR_ENOUGH:
+                continue
+            word = self._foreign_word(part)
+            if word:
+                return Doubt(word, "no caption has it", caption)
+            if neighbor.cosine < FAR:
+                return Doubt(part.strip(), "no caption is near", caption)
+        return None
+
+    def _nearest(self, sentence: str) -> Neighbor:
+        return self.index.nearest(self.text_encoder([sentence]).pooled, 1)[0]
+
+    def _foreign_word(self, sentence: str) -> str | None:
+        """Returns the word that no caption has and that matters most, None if none matters."""
+        words = words_of(sentence)
+        unheard = [word for word in dict.fromkeys(words) if not self._is_known(word)]
+        if not unheard:
+            return None
+        without = [" ".join(other for other in words if other != word) for word in unheard]
+        vectors = self.text_encoder([sentence, *(text or "a person" for text in without)]).pooled
+        changes = dict(zip((1 - vectors[1:] @ vectors[0]).tolist(), unheard, strict=True))
+        return changes[max(changes)] if max(changes) >= TURNS_MEANING else None
+
+    def _is_english(self, word: str) -> bool:
+        """Returns whether a word is one piece of the text encoder's, with an ending or without."""
+        pieces = getattr(self.text_encoder, "pieces", None)
+        if pieces is None or not word.isascii():
+            return True
+        head, *tail = pieces(word)
+        return head.isalpha() and "".join(tail).removeprefix("##") in ("", *_ENDINGS)
+
+    def _is_known(self, word: str) -> bool:
+        """Returns whether captions have a word or another form of it."""
+        words = self.index.words
+        return word in words or any(
+            stem + ending in words for stem in _stems(word) for ending in ("", *_ENDINGS)
+        )
+
+
+def parts_of(sentence: str) -> list[str]:
+    """Returns the movements of a sentence that follow each other, in order."""
+    return [part for part in THEN.split(sentence) if part and part.strip()] or [sentence]
+
+
+def _stems(word: str) -> Iterator[str]:
+    """Yields what a word may be without its ending."""
+    for ending in _ENDINGS:
+        if word.endswith(ending) and len(word) - len(ending) >= 3:
+            stem = word[: -len(ending)]
+            yield stem
+            if len(stem) > 3 and stem[-1] == stem[-2]:
+                yield stem[:-1]
+    yield word
+
+
+def _edits(word: str) -> Iterator[str]:
+    """Yields all strings that differ from a word by one letter, or by two letters exchanged."""
+    letters = "abcdefghijklmnopqrstuvwxyz"
+    for at in range(len(word) + 1):
+        head, tail = word[:at], word[at:]
+        if tail:
+            yield head + tail[1:]
+        if len(tail) > 1:
+            yield head + tail[1] + tail[0] + tail[2:]
+        for letter in letters:
+            yield head + letter + tail
+            if tail:
+                yield head + letter + tail[1:]
+
+
+def _replaced(sentence: str, wrong: str, right: str) -> str:
+    start = sentence.lower().find(wrong)
+    return sentence[:start] + right + sentence[start + len(wrong) :] if start >= 0 else sentence
+
+
+def _outside(sentence: str) -> tuple[str, str] | None:
+    """Returns the first words of what is never moved, and what to say of it."""
+    words = words_of(sentence)
+    text = f" {' '.join(words)} "
+    for phrase, says in _outside_kinds().items():
+        head, hit, _ = text.partition(f" {phrase} ")
+        if hit and "like" not in head.split()[-3:]:
+            return phrase, says
+    return None
+
+
+@cache
+def _outside_kinds() -> Mapping[str, str]:
+    kinds = tomllib.loads(Path(__file__).with_name("outside.toml").read_text(encoding="utf-8"))
+    return {word: kind["says"] for kind in kinds["kind"] for word in kind["words"]}

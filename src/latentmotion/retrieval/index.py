@@ -1,0 +1,380 @@
+"""Index of clips: their latents and captions, in 8 bits, which sampling starts from.
+
+    latents (tokens, width) · embeddings of captions (captions, width) · clips, spans, owners, terms
+
+A file is a safetensors file within zlib; its array `text` is JSON. Indexes are joined: that which
+ships with a model, and those that a user taught (`teach.py`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import zlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from latentmotion.arrays import unit
+from latentmotion.data.clip import Source
+from latentmotion.errors import InputError, ModelError
+from latentmotion.model.card import MOVES_FILE
+from latentmotion.model.config import LatentSpace
+from latentmotion.storage.configuration import from_json, to_json
+from latentmotion.storage.files import atomic_file
+
+FORMAT = "latentmotion moves 1"
+
+_WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
+
+_MOST_BYTES = 1 << 28
+"""Unpacked size of the largest file: some 5,000 hours of clips."""
+
+_LONGEST_TEXT, _MOST_CLIPS, _MOST_CAPTIONS = 1_000, 100_000, 1_000_000
+"""Limits of what a file may hold."""
+
+
+@dataclass(frozen=True)
+class IndexedClip:
+    """A clip in an index."""
+
+    id: str
+    """Unique name."""
+    source: str
+    """Name of its source."""
+    origin: str
+    """The recording that it was cut from and where."""
+    start: int
+    """First row of its latents."""
+    tokens: int
+    """Number of rows."""
+
+
+@dataclass(frozen=True)
+class IndexedCaption:
+    """A sentence about a clip, or about a part of it."""
+
+    text: str
+    """The sentence."""
+    clip: int
+    """Number of the clip."""
+    start: int
+    """First latent token of the part, counted from the clip's first."""
+    end: int
+    """One past its last."""
+    support: int
+    """Number of clips with a caption of nearly the same meaning (`support.py`)."""
+
+
+@dataclass(frozen=True)
+class Neighbor:
+    """A caption near a sentence."""
+
+    caption: IndexedCaption
+    """The caption."""
+    cosine: float
+    """Cosine of their embeddings."""
+    mirrored: bool = False
+    """Whether the caption is near the sentence with left and right swapped."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClipIndex:
+    """Clips, their captions and latents.
+
+    Raises:
+        InputError: Numbers of rows differ, or a caption or clip lies outside.
+    """
+
+    text_encoder: str
+    """Name of the text encoder of the embeddings."""
+    latent_space: str
+    """Fingerprint of the latent space (`fingerprint`)."""
+    sources: tuple[Source, ...]
+    """Owners of the clips, with their terms."""
+    clips: tuple[IndexedClip, ...]
+    """The clips."""
+    captions: tuple[IndexedCaption, ...]
+    """The captions."""
+    latents: Int[np.ndarray, "tokens width"]
+    """Latents of all clips in 8 bits."""
+    latent_scale: Float[np.ndarray, " width"]
+    """Step of each channel, in the denoiser's scale."""
+    embeddings: Int[np.ndarray, "captions _"]
+    """Pooled embeddings in 8 bits; their lengths carry no meaning."""
+    words: Mapping[str, int]
+    """Words of all captions of the data, with the number of clips whose captions have them; also of
+    captions that were left out (`thinning.py`)."""
+
+    def __post_init__(self) -> None:
+        sources = {source.name for source in self.sources}
+        clips_fit = all(
+            clip.start >= 0
+            and 0 < clip.tokens <= len(self.latents) - clip.start
+            and clip.source in sources
+            for clip in self.clips
+        )
+        if len(self.embeddings) != len(self.captions) or not clips_fit:
+            raise InputError("clips and captions of an index do not fit its arrays")
+        for caption in self.captions:
+            known = 0 <= caption.clip < len(self.clips)
+            if not known or not 0 <= caption.start < caption.end <= self.clips[caption.clip].tokens:
+                raise InputError(f"caption {caption.text[:80]!r} of an index lies outside its clip")
+
+    @cached_property
+    def _units(self) -> Float[np.ndarray, "captions width"]:
+        return unit(self.embeddings.astype(np.float32))
+
+    def nearest(self, sentences: Float[np.ndarray, "sides width"], count: int) -> list[Neighbor]:
+        """Returns the captions nearest to a sentence, one for each clip, the nearest first.
+
+        Args:
+            sentences: Pooled embedding of the sentence; and that of the sentence with left and
+                right swapped, if it names a side.
+            count: Number of captions.
+        """
+        cosines = self._units @ unit(sentences).T
+        sides = cosines.argmax(axis=1)
+        best = cosines.max(axis=1)
+        neighbors: dict[int, Neighbor] = {}
+        for row in np.argsort(-best, kind="stable").tolist():
+            if len(neighbors) == count:
+                break
+            caption = self.captions[row]
+            neighbors.setdefault(
+                caption.clip, Neighbor(caption, float(best[row]), bool(sides[row]))
+            )
+        return list(neighbors.values())
+
+    def latents_of(self, caption: IndexedCaption) -> Float[np.ndarray, "tokens width"]:
+        """Returns the latents of the part that a caption tells of, in the denoiser's scale."""
+        first = self.clips[caption.clip].start
+        part = self.latents[first + caption.start : first + caption.end]
+        return part.astype(np.float32) * self.latent_scale
+
+    def about(self, neighbor: Neighbor) -> dict[str, Any]:
+        """Returns which clip a caption tells of, its owner and terms, as JSON can hold them."""
+        caption, clip = neighbor.caption, self.clips[neighbor.caption.clip]
+        source = next(one for one in self.sources if one.name == clip.source)
+        return {
+            "clip": clip.id,
+            "origin": clip.origin,
+            "caption": caption.text,
+            "cosine": round(neighbor.cosine, 4),
+            "mirrored": neighbor.mirrored,
+            "source": source.name,
+            "credit": source.credit,
+            "license": source.license,
+        }
+
+    def joined(self, other: ClipIndex) -> ClipIndex:
+        """Returns one index of the clips of both.
+
+        Raises:
+            InputError: They are of different models.
+        """
+        if (self.text_encoder, self.latent_space) != (other.text_encoder, other.latent_space):
+            raise InputError(
+                "the clips of two indexes were encoded by different models; teach them again"
+            )
+        known = {source.name: source for source in self.sources}
+        renamed = {
+            source.name: source.name
+            if known.get(source.name, source) == source
+            else f"{source.name} (2)"
+            for source in other.sources
+        }
+        sources = [replace(one, name=renamed[one.name]) for one in other.sources]
+        shift, first = len(self.clips), len(self.latents)
+        scale = np.maximum(self.latent_scale, other.latent_scale)
+        latents = [
+            np.round(one.latents * (one.latent_scale / scale)).astype(np.int8)
+            for one in (self, other)
+        ]
+        return ClipIndex(
+            self.text_encoder,
+            self.latent_space,
+            (*self.sources, *(one for one in sources if one not in self.sources)),
+            (
+                *self.clips,
+                *(
+                    replace(clip, start=clip.start + first, source=renamed[clip.source])
+                    for clip in other.clips
+                ),
+            ),
+            (*self.captions, *(replace(c, clip=c.clip + shift) for c in other.captions)),
+            np.concatenate(latents),
+            scale,
+            np.concatenate([self.embeddings, other.embeddings]),
+            dict(Counter(self.words) + Counter(other.words)),
+        )
+
+    def write(self, path: Path) -> None:
+        """Writes the index.
+
+        Raises:
+            InputError: The file cannot be written.
+        """
+        arrays = {
+            name: np.ascontiguousarray(getattr(self, name))
+            for name in ("latents", "latent_scale", "embeddings")
+        }
+        text = {
+            "format": FORMAT,
+            "text_encoder": self.text_encoder,
+            "latent_space": self.latent_space,
+            "sources": [to_json(source) for source in self.sources],
+            "clips": [[*_values(clip)] for clip in self.clips],
+            "captions": [[*_values(caption)] for caption in self.captions],
+            "words": dict(self.words),
+        }
+        about = json.dumps(text, separators=(",", ":"), ensure_ascii=False).encode()
+        content = save({**arrays, "text": np.frombuffer(about, np.uint8)})
+        with atomic_file(path) as temporary:
+            Path(temporary).write_bytes(zlib.compress(content, 9))
+
+
+def _values(row: Any) -> list[Any]:
+    return [getattr(row, field.name) for field in fields(row)]
+
+
+def fingerprint(space: LatentSpace) -> str:
+    """Returns what tells a latent space from others: a hash of its description."""
+    about = json.dumps(to_json(space), sort_keys=True)
+    return hashlib.sha256(about.encode()).hexdigest()[:16]
+
+
+def words_of(sentence: str) -> list[str]:
+    """Returns the words of a sentence, in small letters, without numbers and marks."""
+    return _WORD.findall(sentence.lower())
+
+
+def quantized(
+    vectors: Float[np.ndarray, "rows width"], axis: int
+) -> tuple[Int[np.ndarray, "rows width"], Float[np.ndarray, " _"]]:
+    """Returns vectors in 8 bits, and the steps of rows (axis 1) or channels (axis 0)."""
+    steps = np.abs(vectors).max(axis=axis, initial=1e-6) / 127
+    shown = steps[:, None] if axis == 1 else steps
+    return np.round(vectors / shown).astype(np.int8), steps.astype(np.float32)
+
+
+_DAMAGE = (OSError, SafetensorError, zlib.error, KeyError, TypeError, ValueError, InputError)
+
+
+def read_index(path: Path) -> ClipIndex:
+    """Reads an index.
+
+    Raises:
+        ModelError: The file is missing, damaged or of another version.
+    """
+    try:
+        unpacking = zlib.decompressobj()
+        content = unpacking.decompress(path.read_bytes(), _MOST_BYTES)
+        if not unpacking.eof:
+            raise ValueError(f"cut off, or more than {_MOST_BYTES} bytes")
+        arrays = load(content)
+        text = json.loads(arrays.pop("text").tobytes())
+        if text["format"] != FORMAT:
+            raise ValueError(f"format {str(text['format'])[:40]!r}, expected {FORMAT!r}")
+        clips = tuple(IndexedClip(*_typed(row, (str, str, str, int, int))) for row in text["clips"])
+        kinds = (str, int, int, int, int)
+        captions = tuple(IndexedCaption(*_typed(row, kinds)) for row in text["captions"])
+        _check(arrays, clips, captions)
+        return ClipIndex(
+            str(text["text_encoder"]),
+            str(text["latent_space"]),
+            tuple(from_json(Source, source) for source in text["sources"]),
+            clips,
+            captions,
+            **arrays,
+            words=_counts(text["words"]),
+        )
+    except _DAMAGE as error:
+        raise ModelError(f"{path} is no index of clips, or damaged ({error})") from error
+
+
+def index_file(path: Path) -> Path:
+    """Returns the file of an index, which is given as its folder or as itself.
+
+    Raises:
+        ModelError: There is none.
+    """
+    file = path / MOVES_FILE if path.is_dir() else path
+    if not file.is_file():
+        raise ModelError(
+            f"{path} holds no {MOVES_FILE}; make it: latentmotion teach CLIP SENTENCE -o {path}"
+        )
+    return file
+
+
+def read_joined(paths: Sequence[Path], latent_space: str, text_encoder: str) -> ClipIndex:
+    """Returns one index of several files; files that did not change are read once.
+
+    Args:
+        paths: At least one.
+        latent_space: Fingerprint of the model that is to start from them.
+        text_encoder: Name of its text encoder.
+
+    Raises:
+        ModelError: A file is damaged or was made for another model.
+    """
+    files = tuple((path, path.stat().st_mtime_ns) for path in paths)
+    return _read_joined(files, latent_space, text_encoder)
+
+
+@lru_cache(maxsize=4)
+def _read_joined(
+    files: tuple[tuple[Path, int], ...], latent_space: str, text_encoder: str
+) -> ClipIndex:
+    joined: ClipIndex | None = None
+    for path, _ in files:
+        index = read_index(path)
+        if (index.latent_space, index.text_encoder) != (latent_space, text_encoder):
+            raise ModelError(f"{path} was made for another model; teach its clips to this one")
+        joined = joined.joined(index) if joined else index
+    assert joined is not None
+    return joined
+
+
+def _typed(row: Any, kinds: Sequence[type]) -> list[Any]:
+    if len(row) != len(kinds) or any(
+        type(value) is not kind for value, kind in zip(row, kinds, strict=False)
+    ):
+        raise ValueError(f"a row {str(row)[:80]}")
+    if any(isinstance(value, str) and len(value) > _LONGEST_TEXT for value in row):
+        raise ValueError(f"a text of more than {_LONGEST_TEXT} letters")
+    return list(row)
+
+
+def _counts(words: Any) -> dict[str, int]:
+    if not isinstance(words, dict) or len(words) > _MOST_CAPTIONS:
+        raise ValueError("a list of words")
+    return dict(_typed(row, (str, int)) for row in words.items())
+
+
+def _check(
+    arrays: dict[str, np.ndarray], clips: Sequence[object], captions: Sequence[object]
+) -> None:
+    """Raises ValueError if sizes and kinds of arrays are not those of an index."""
+    if len(clips) > _MOST_CLIPS or len(captions) > _MOST_CAPTIONS:
+        raise ValueError(f"{len(clips)} clips and {len(captions)} captions")
+    expected = {
+        "latents": (np.int8, 2),
+        "latent_scale": (np.float32, 1),
+        "embeddings": (np.int8, 2),
+    }
+    kinds = {name: (array.dtype.type, array.ndim) for name, array in arrays.items()}
+    if kinds != expected or arrays["latents"].shape[1:] != arrays["latent_scale"].shape:
+        raise ValueError(f"arrays {', '.join(sorted(arrays))} of other sizes or types")
+    scale = arrays["latent_scale"]
+    if not np.isfinite(scale).all() or (scale <= 0).any():
+        raise ValueError("a scale that is no positive number")

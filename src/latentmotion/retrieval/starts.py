@@ -1,0 +1,185 @@
+"""Starting from the nearest clip: what sampling begins with where a sentence names a rare movement.
+
+    sentence → nearest captions → latents of their clips, stretched to the length that is wanted
+    z_t = alpha(t) z_0 + sigma(t) epsilon, then the last steps with the sentence itself
+
+A denoiser averages movements away that few clips show; started from such a clip at half of the
+steps it keeps the movement, and sentence, seed and length still shape it (SDEdit, Meng et al. 2022;
+figures in docs/measurements/rare_acts.md). Frequent movements start from pure noise, as before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.arrays import prefix_mask
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.data.clip import mirror_words
+from latentmotion.engine.backend import FeatureEncoder
+from latentmotion.engine.request import Start
+from latentmotion.model.card import ModelCard
+from latentmotion.representation.interface import Representation
+from latentmotion.retrieval.doubts import Doubts, parts_of
+from latentmotion.retrieval.index import ClipIndex, Neighbor
+
+LEAST_COSINE = 0.6
+"""Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
+does, below .60 usually not (trial on 16 sentences, docs/measurements/rare_acts.md)."""
+
+RARE = 150
+"""Support of a caption up to which its movement is rare: with so few clips of 3,700 the denoiser
+often makes another one from noise."""
+
+USUAL = 60.0
+"""Support of a movement that succeeds from noise about as often as from a clip."""
+
+SHARES = ((5, 0.25), (20, 0.5), (RARE, 0.75))
+"""Share of the sampling steps that are left after a start, by the largest support: the more the
+denoiser knows of a movement, the more it may change."""
+
+ALIKE = 0.06
+"""How much farther than the nearest a caption may be for its clip to be another start."""
+
+MOST_CHOICES = 4
+"""Clips among which takes take turns."""
+
+LONGEST_STRETCH = 1.4
+"""Factor by which a clip may be slowed down or sped up; beyond it is repeated or cut."""
+
+
+@dataclass(frozen=True)
+class ClipStart:
+    """Latents of one clip or of several in a row, and what they are of."""
+
+    start: Start
+    """Where sampling starts."""
+    frames: int
+    """Length of the motion."""
+    clips: tuple[dict[str, Any], ...]
+    """Clips with their owners and terms, as JSON can hold them."""
+    advantage: float
+    """How much likelier the motion shows what is asked than one from noise: the cosine of sentence
+    and caption, less where many clips support it."""
+
+    def about(self) -> dict[str, Any]:
+        """Returns what a file says of the start."""
+        return {"from_clips": [*self.clips], "steps_left": self.start.share}
+
+
+@dataclass(frozen=True)
+class ClipStarts:
+    """Chooses starts among the clips of an index."""
+
+    card: ModelCard
+    """The model."""
+    index: ClipIndex
+    """The clips."""
+    text_encoder: TextEncoder
+    """Embeds sentences."""
+    encoder: FeatureEncoder
+    """Encodes mirrored clips."""
+    decode: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    """Latents and mask of frames to features: decodes the clips that are mirrored."""
+    representation: Representation
+    """Mirrors features."""
+
+    @property
+    def doubts(self) -> Doubts:
+        """Finds what sentences ask for that the clips do not show."""
+        return Doubts(self.index, self.text_encoder)
+
+    def neighbors(self, sentence: str, count: int = MOST_CHOICES) -> list[Neighbor]:
+        """Returns the captions nearest to a sentence, the nearest first."""
+        mirrored = mirror_words(sentence)
+        texts = [sentence] if mirrored == sentence else [sentence, mirrored]
+        return self.index.nearest(self.text_encoder(texts).pooled, count)
+
+    def choices(self, sentence: str) -> list[list[Neighbor]]:
+        """Returns clips to start from, for each movement of a sentence that follows another.
+
+        Returns:
+            Nothing where no movement is rare, or where a rare one has no clip near enough.
+        """
+        choices = [_near(self.neighbors(part)) for part in parts_of(sentence)]
+        rare = any(near and is_rare(near[0]) for near in choices)
+        return choices if rare and all(choices) else []
+
+    def start(
+        self, choices: Sequence[Sequence[Neighbor]], frames: int | None, seed: int
+    ) -> ClipStart:
+        """Returns what a motion starts from.
+
+        Args:
+            choices: Clips for each movement of the sentence.
+            frames: Length of the motion; by default that of the clips.
+            seed: Takes turns among them.
+        """
+        chosen = [near[seed % len(near)] for near in choices]
+        shortest, longest = self.card.frames
+        per_token = self.card.latents.frames_per_token or 1
+        parts = [self._latents(neighbor) for neighbor in chosen]
+        if frames is None:
+            frames = sum(map(len, parts)) * per_token
+            frames = min(max(frames, shortest), longest)
+        tokens = self.card.latents.tokens_of(frames)
+        shares = np.cumsum([0, *map(len, parts)]) / sum(map(len, parts))
+        ends = np.round(shares * tokens).astype(int)
+        latents = [
+            stretched(part, max(int(end - start), 1))
+            for part, start, end in zip(parts, ends, ends[1:], strict=False)
+        ]
+        joined = np.concatenate(latents)[:tokens]
+        about = tuple(self.index.about(neighbor) for neighbor in chosen)
+        rarest = min(chosen, key=lambda neighbor: neighbor.caption.support)
+        support = rarest.caption.support
+        share = next((share for most, share in SHARES if support <= most), SHARES[-1][1])
+        advantage = rarest.cosine * USUAL / (USUAL + support)
+        return ClipStart(Start(joined, share), frames, about, advantage)
+
+    def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
+        """Returns the latents of a neighbor's clip, or of its mirror image."""
+        latents = self.index.latents_of(neighbor.caption)
+        if not neighbor.mirrored:
+            return latents
+        frames = len(latents) * (self.card.latents.frames_per_token or 1)
+        features = self.decode(latents[None], prefix_mask([frames]))[0]
+        return self.encoder(self.representation.mirror(features))[: len(latents)]
+
+
+def _near(neighbors: Sequence[Neighbor]) -> list[Neighbor]:
+    """Returns the neighbors that are near enough, and nearly as near as the nearest."""
+    least = max(LEAST_COSINE, neighbors[0].cosine - ALIKE) if neighbors else 1.0
+    return [neighbor for neighbor in neighbors if neighbor.cosine >= least]
+
+
+def is_rare(neighbor: Neighbor) -> bool:
+    """Returns whether few clips show what a caption tells of."""
+    return neighbor.caption.support <= RARE
+
+
+def stretched(
+    latents: Float[np.ndarray, "tokens width"], tokens: int
+) -> Float[np.ndarray, "longer width"]:
+    """Returns latents in another timing: slowed down or sped up a little, else repeated or cut.
+
+    Args:
+        latents: Of a clip.
+        tokens: How many are wanted.
+    """
+    longest, shortest = len(latents) * LONGEST_STRETCH, len(latents) / LONGEST_STRETCH
+    if tokens > longest:
+        repeats = int(np.ceil(tokens / longest))
+        latents = np.concatenate([latents] * repeats)
+    elif tokens < shortest:
+        spare = len(latents) - int(np.floor(tokens * LONGEST_STRETCH))
+        latents = latents[spare // 2 : len(latents) - (spare - spare // 2)]
+    at = np.linspace(0, len(latents) - 1, tokens)
+    low = np.floor(at).astype(int)
+    high = np.minimum(low + 1, len(latents) - 1)
+    part = (at - low)[:, None].astype(latents.dtype)
+    return latents[low] * (1 - part) + latents[high] * part

@@ -1,0 +1,141 @@
+"""The index of clips: support of sentences, files, joining, and what was left out of training."""
+
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import latentmotion.data
+from latentmotion.data.clip import Source
+from latentmotion.errors import InputError, ModelError
+from latentmotion.model.card import MOVES_FILE, SHIPPED
+from latentmotion.retrieval.index import (
+    ClipIndex,
+    IndexedCaption,
+    IndexedClip,
+    index_file,
+    quantized,
+    read_index,
+    words_of,
+)
+from latentmotion.retrieval.starts import LONGEST_STRETCH, stretched
+from latentmotion.retrieval.support import support
+from latentmotion.retrieval.thinning import SAME_OF_CLIP, thinned
+
+OWNER = Source("ours", "CC0", "us")
+
+
+def index_of(captions, vectors, tokens=(4, 6), support=1, owner=OWNER):
+    """An index of clips of these lengths with captions (text, clip)."""
+    starts = np.cumsum([0, *tokens])
+    latents = np.random.default_rng(0).standard_normal((starts[-1], 3)).astype(np.float32)
+    codes, scale = quantized(latents, axis=0)
+    return ClipIndex(
+        "encoder",
+        "space",
+        (owner,),
+        tuple(
+            IndexedClip(f"clip{n}", owner.name, f"take{n}", int(starts[n]), count)
+            for n, count in enumerate(tokens)
+        ),
+        tuple(IndexedCaption(text, clip, 0, tokens[clip], support) for text, clip in captions),
+        codes,
+        scale,
+        quantized(np.array(vectors, np.float32), axis=1)[0],
+        {word: 1 for text, _ in captions for word in words_of(text)},
+    )
+
+
+def test_support_counts_clips_with_a_near_caption_once_each():
+    captions = np.array([[1, 0], [0.99, 0.141], [0, 1]], np.float32)
+    clips = [[0, 1], [1], [2]]
+    assert support(captions, captions, clips).tolist() == [2, 2, 1]
+    assert support(captions[:1], captions, []).tolist() == [0]
+
+
+def test_an_index_is_read_as_it_was_written(tmp_path):
+    index = index_of([("a wave", 0), ("a bow", 1)], [[1, 0], [0, 1]])
+    index.write(tmp_path / MOVES_FILE)
+    again = read_index(index_file(tmp_path))
+    assert again.clips == index.clips and again.captions == index.captions
+    assert again.sources == index.sources and again.words == index.words
+    np.testing.assert_array_equal(again.latents, index.latents)
+    (near,) = again.nearest(np.array([[0.1, 1.0]]), 1)
+    assert near.caption.text == "a bow" and not near.mirrored
+    assert again.about(near)["license"] == "CC0" and again.about(near)["origin"] == "take1"
+
+
+def test_a_sentence_that_is_near_with_sides_swapped_is_of_the_mirror_image():
+    index = index_of([("left", 0), ("up", 1)], [[1, 0, 0], [0, 0, 1]])
+    (near,) = index.nearest(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), 1)
+    assert near.caption.text == "left" and near.mirrored
+
+
+def test_joined_indexes_keep_latents_owners_and_captions():
+    one = index_of([("a wave", 0)], [[1, 0]])
+    other = index_of([("a bow", 1)], [[0, 1]], owner=Source("ours", "MIT", "them"))
+    both = one.joined(other)
+    (near,) = both.nearest(np.array([[0.0, 1.0]]), 1)
+    assert both.about(near)["credit"] == "them" and both.about(near)["license"] == "MIT"
+    expected = other.latents_of(other.captions[0])
+    np.testing.assert_allclose(
+        both.latents_of(near.caption), expected, atol=both.latent_scale.max()
+    )
+
+
+@pytest.mark.parametrize("damage", ["cut", "none", "other", "outside"])
+def test_damaged_files_are_refused(tmp_path, damage):
+    path = tmp_path / MOVES_FILE
+    index = index_of([("a wave", 0)], [[1, 0]])
+    if damage != "none":
+        index.write(path)
+    if damage == "cut":
+        path.write_bytes(path.read_bytes()[:-40])
+    changes = {"other": (b"moves 1", b"moves 9"), "outside": (b'take0",0,4', b'take0",9,4')}
+    if damage in changes:
+        content = zlib.decompress(path.read_bytes())
+        assert changes[damage][0] in content
+        path.write_bytes(zlib.compress(content.replace(*changes[damage])))
+    with pytest.raises(ModelError, match=r"moves\.index"):
+        read_index(index_file(tmp_path))
+
+
+def test_a_caption_outside_of_its_clip_is_refused():
+    index = index_of([("a wave", 0)], [[1, 0]])
+    with pytest.raises(InputError, match="outside"):
+        replace(index, captions=(replace(index.captions[0], end=5),))
+    with pytest.raises(InputError, match="do not fit"):
+        replace(index, captions=())
+
+
+@pytest.mark.parametrize("tokens", [1, 3, 7, 10, 14, 40])
+def test_latents_are_stretched_or_repeated_to_any_length(tokens):
+    latents = np.arange(10, dtype=np.float32)[:, None]
+    timed = stretched(latents, tokens)
+    assert timed.shape == (tokens, 1) and timed.min() >= 0 and timed.max() <= 9
+    if 10 / LONGEST_STRETCH <= tokens <= 10 * LONGEST_STRETCH:
+        assert timed[0, 0] == 0 and timed[-1, 0] == 9 and (np.diff(timed[:, 0]) >= 0).all()
+
+
+def test_thinning_keeps_what_is_rare_and_says_it_once():
+    vectors = [[1, 0, 0], [0.99, 0.1, 0], [0, 1, 0]]
+    assert float(np.dot(vectors[0], vectors[1])) > SAME_OF_CLIP
+    index = thinned(index_of([("a", 1), ("b", 1), ("c", 1)], vectors))
+    assert [caption.text for caption in index.captions] == ["a", "c"]
+    assert [clip.id for clip in index.clips] == ["clip1"] and len(index.latents) == 6
+
+
+def test_no_clip_of_val_or_test_is_in_the_index_that_ships():
+    index = read_index(SHIPPED / "starter" / MOVES_FILE)
+    splits = Path(latentmotion.data.__file__).parent / "splits"
+    texts = [(splits / f"{name}.txt").read_text() for name in ("val", "test")]
+    lines = [line.split() for text in texts for line in text.splitlines()]
+    held_out = {row[1] for row in lines if len(row) == 3}
+    takes = {row[1].rpartition("-")[0] for row in lines if row[:1] == ["snu"]}
+    ids = {clip.id for clip in index.clips}
+    assert len(ids) > 2000 and len(held_out) > 700 and len(takes) > 50
+    assert not ids & held_out
+    assert not {name.rpartition("-")[0] for name in ids if name.startswith("snu-")} & takes
+    assert all(source.license and source.credit for source in index.sources)

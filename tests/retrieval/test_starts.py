@@ -1,0 +1,164 @@
+"""Starting from clips: what the shipped models make of rare and frequent sentences; teaching."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from latentmotion import MotionPipeline
+from latentmotion.cli.main import main
+from latentmotion.errors import InputError, ModelError
+from latentmotion.model.card import MOVES_FILE
+from latentmotion.motion import Motion
+from latentmotion.retrieval.doubts import DoubtWarning
+
+RARE, FREQUENT = "a person does a cartwheel", "a person walks forward"
+
+
+@pytest.fixture(scope="module")
+def fast():
+    return MotionPipeline.from_pretrained("fast", threads=1)
+
+
+def upside_down(motion):
+    """Whether the head is below the pelvis at some time."""
+    return bool((motion.joints[:, 15, 1] < motion.joints[:, 0, 1]).any())
+
+
+def test_a_rare_movement_starts_from_a_clip_and_a_frequent_one_does_not(fast):
+    rare, frequent = fast.batch([RARE, FREQUENT], seeds=[0, 0])
+    (clip,) = rare.metadata["from_clips"]
+    assert "cartwheel" in clip["caption"] and clip["credit"] and clip["license"]
+    assert rare.metadata["steps_left"] == 0.25 and upside_down(rare)
+    assert "from_clips" not in frequent.metadata
+
+
+@pytest.mark.parametrize("model", ["fast", "starter"])
+def test_cartwheels_of_four_seeds_turn_upside_down(fast, model):
+    pipeline = fast if model == "fast" else MotionPipeline.from_pretrained(model, threads=1)
+    steps = None if model == "fast" else 8
+    motions = pipeline.batch([RARE] * 4, seeds=range(4), steps=steps)
+    assert sum(map(upside_down, motions)) >= 3
+    assert len({motion.joints.tobytes() for motion in motions}) == 4
+
+
+def test_a_motion_from_a_clip_is_the_same_alone_and_among_others(fast):
+    together = fast.batch([FREQUENT, RARE, RARE], seconds=3, seeds=[1, 2, 3])
+    alone = fast(RARE, seconds=3, seed=2)
+    np.testing.assert_allclose(together[1].joints, alone.joints, atol=1e-5)
+    assert len(alone) == 60
+
+
+def test_without_clips_motions_are_those_of_pure_noise(fast):
+    noise = fast(RARE, seconds=3, seed=2, from_clips=False)
+    assert "from_clips" not in noise.metadata
+    features = fast.features([RARE], [60], [2])
+    np.testing.assert_allclose(noise.joints, fast.representation.decode(features[0]), atol=1e-5)
+
+
+def test_a_named_side_takes_the_mirror_image_of_the_clip(fast):
+    sides = [
+        fast.clip_starts.neighbors(f"a man limps, his {side} leg is hurt", 1)[0]
+        for side in ("left", "right")
+    ]
+    assert sides[0].caption == sides[1].caption and sides[0].mirrored != sides[1].mirrored
+    motions = fast.batch([f"a man limps, his {side} leg is hurt" for side in ("left", "right")], 4)
+    assert [m.metadata["from_clips"][0]["mirrored"] for m in motions].count(True) == 1
+
+
+def test_movements_in_a_row_start_from_a_clip_each(fast):
+    motion = fast("a person walks forward, then does a cartwheel", seed=0)
+    assert len(motion.metadata["from_clips"]) == 2
+
+
+def test_half_of_the_takes_start_from_clips_and_have_an_advantage(fast):
+    motion = fast.best("she sweeps the floor", 4, seed=0)
+    advantages = [take["advantage"] for take in motion.metadata["best_of"]]
+    assert sum(one > 0 for one in advantages) == 2 and motion.metadata["from_clips"]
+    plain = fast.best("she sweeps the floor", 4, seed=0, from_clips=False)
+    assert not any(take["advantage"] for take in plain.metadata["best_of"])
+
+
+def test_values_of_from_clips_are_counted(fast):
+    with pytest.raises(InputError, match="1 values of from_clips for 2"):
+        fast.batch([RARE, RARE], from_clips=[True])
+
+
+@pytest.mark.parametrize(
+    ("sentence", "about"),
+    [
+        ("a person plays golf", "golf"),
+        ("a dog runs", "dog"),
+        ("wiggle your fingers", "fingers"),
+        ("the economy is growing", "economy"),
+        ("la mujer baila", "mujer"),
+        ("a person walks forward, then plays chess", "chess"),
+    ],
+)
+def test_what_is_not_known_is_said(fast, sentence, about):
+    with pytest.warns(DoubtWarning, match="nearest that I learned"):
+        motion = fast(sentence, seconds=2)
+    (note,) = motion.metadata["notes"]
+    assert f'not sure about "{about}"' in note
+
+
+@pytest.mark.parametrize(
+    "sentence", [FREQUENT, RARE, "someone walks like a dog", "kick twice with the left leg"]
+)
+def test_nothing_is_said_of_what_is_known(fast, sentence):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert "notes" not in fast(sentence, seconds=2).metadata
+
+
+def test_misspelled_words_are_corrected_and_said(fast):
+    with pytest.warns(DoubtWarning, match='read "wlaks" as "walks"'):
+        motion = fast("a person wlaks forward", seconds=2, seed=3)
+    assert motion.caption == "a person wlaks forward"
+    right = fast("a person walks forward", seconds=2, seed=3)
+    np.testing.assert_array_equal(motion.joints, right.joints)
+
+
+def test_a_movement_is_taught_by_showing(fast, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    fast("a person squats down", seconds=3, seed=1).save("shown.npz")
+    sentence = "a person does the blorp"
+    main(["teach", "shown.npz", sentence, "--license", "CC0", "--credit", "me", "-o", "moves"])
+    main(["teach", "shown.npz", "it does the gronk", "--between", "0.5", "2", "-o", "moves"])
+    assert "2 clips, 2 sentences" in capsys.readouterr().out
+    main(["generate", sentence, "--moves", "moves", "-o", "blorp.npz", "--no-clean"])
+    (clip,) = Motion.load("blorp.npz").metadata["from_clips"]
+    assert clip["caption"] == sentence and clip["license"] == "CC0" and clip["credit"] == "me"
+    taught = fast.with_moves("moves")
+    shown = Motion.load("shown.npz").joints
+    lowest = [m.joints[:, 0, 1].min() for m in taught.batch([sentence] * 3, seeds=range(3))]
+    assert max(abs(np.array(lowest) - shown[:, 0, 1].min())) < 0.12
+    # Other sentences start as they did before.
+    again = taught(RARE, seconds=2, seed=1)
+    np.testing.assert_allclose(again.joints, fast(RARE, seconds=2, seed=1).joints, atol=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["teach", "shown.npz"], "sentence"),
+        (["teach", "none.npz", "a wave"], "none.npz"),
+        (["teach", "shown.npz", "a wave", "--between", "2", "9"], "the clip lasts"),
+        (["generate", "a wave", "--moves", "nowhere", "-o", "x.npz"], "latentmotion teach"),
+    ],
+)
+def test_wrong_input_ends_in_one_line(fast, tmp_path, monkeypatch, capsys, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    fast(FREQUENT, seconds=2).save("shown.npz")
+    with pytest.raises(SystemExit) as exit:
+        main(arguments)
+    assert exit.value.code == 2 and said in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["shown.npz"]
+
+
+def test_clips_of_another_model_are_refused(fast, tmp_path):
+    index = replace(fast.clip_starts.index, latent_space="another")
+    index.write(tmp_path / MOVES_FILE)
+    with pytest.raises(ModelError, match="another model"):
+        fast.with_moves(tmp_path)
