@@ -86,7 +86,7 @@ def _seen_from_start(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Returns path and front of the body in right and ahead of the first frame, (frames, 2)."""
     names, joints = motion.skeleton.names, motion.joints.astype(np.float64)
     across = joints[:, names.index("right_hip")] - joints[:, names.index("left_hip")]
-    front = np.stack([-across[:, 2], across[:, 0]], axis=-1)
+    front = np.stack([across[:, 2], -across[:, 0]], axis=-1)
     front /= np.linalg.norm(front, axis=-1, keepdims=True)
     ahead = front[0]
     right = np.array([-ahead[1], ahead[0]])
