@@ -30,7 +30,7 @@ from latentmotion import Motion, MotionPipeline
 from latentmotion.data.dataset import Dataset
 from latentmotion.describe.asked import asked_exactly
 from latentmotion.describe.reading import scene_of
-from latentmotion.instructions.benchmark import OVERALL, Share
+from latentmotion.evaluation.instructions.benchmark import OVERALL, Share
 from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.prompts import GROUPS, Instruction, instructions

@@ -18,8 +18,9 @@ from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
-from latentmotion.instructions import benchmark, ground_truth, motions
-from latentmotion.instructions.prompts import instructions, write_prompts
+from latentmotion.evaluation.instructions import benchmark, ground_truth, motions
+from latentmotion.evaluation.instructions.prompts import instructions, write_prompts
+from latentmotion.instructions import prompts as trained_prompts
 from latentmotion.model.card import CARD_FILE, find_model, read_card
 from latentmotion.storage.files import check_replaceable
 
@@ -129,7 +130,8 @@ class Evaluate:
         else:
             answers = self.generated()
         name, about, takes_of = answers
-        result = benchmark.judge(name, about, instructions(), takes_of, claims)
+        trained = {one.id: one.check for one in trained_prompts.instructions()}
+        result = benchmark.judge(name, about, instructions(), takes_of, claims, trained)
         print(benchmark.table(result))
         if self.output is not None:
             benchmark.write(result, self.output)

@@ -1,1 +1,1 @@
-"""The instruction benchmark: how many motions follow their prompts. NumPy only, no PyTorch."""
+"""Drawn instructions that trainings learn from and their checks; the list that they refuse."""

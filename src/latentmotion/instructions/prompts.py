@@ -1,4 +1,7 @@
-"""Instructions and their checks: a fixed test set that no model is trained on.
+"""Instructions and their checks; the fixed ones are a test set that no model is trained on.
+
+The checks are those by which trainings judge: `latentmotion.evaluation.instructions` measures by
+others.
 
 A check is a small expression, e.g. `kick(right, 2)` or `turn(left, 60, 120)`:
 
@@ -18,7 +21,6 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 from zlib import crc32
 
 import numpy as np
@@ -27,7 +29,6 @@ from latentmotion.data.clip import mirror_words
 from latentmotion.describe.facts import BOTH, LEFT, RIGHT
 from latentmotion.describe.prompting import plain
 from latentmotion.errors import InputError
-from latentmotion.storage.files import atomic_file
 
 SIDES = (LEFT, RIGHT, BOTH, "any")
 DIRECTIONS = ("forward", "backward", LEFT, RIGHT)
@@ -96,9 +97,6 @@ def parse(text: str) -> Check:
     return Check(tuple(terms), ordered)
 
 
-VERSION = 1
-"""Version of the list; figures of different versions do not compare."""
-
 GROUPS = ("side", "turns", "counts", "order", "pace", "posture", "direction", "action")
 """Groups of instructions in the order of reports."""
 
@@ -151,19 +149,3 @@ def instructions() -> tuple[Instruction, ...]:
         )
         for row in csv.DictReader(packaged_text("prompts.csv").splitlines())
     )
-
-
-def write_prompts(path: str | Path, takes: int) -> None:
-    """Writes the list as CSV, with a column of seeds.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
-    columns = ("id", "group", "prompt", "check", "seconds", "seeds")
-    with atomic_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for one in instructions():
-            length = "" if one.seconds is None else f"{one.seconds:g}"
-            seeds = " ".join(map(str, one.seeds(takes)))
-            writer.writerow([one.id, one.group, one.prompt, str(one.check), length, seeds])

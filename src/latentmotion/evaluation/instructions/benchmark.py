@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool
 
-from latentmotion.describe.reading import Scene, scene_of
-from latentmotion.instructions.checking import fulfills
-from latentmotion.instructions.ground_truth import Claim
-from latentmotion.instructions.motions import Joints
-from latentmotion.instructions.prompts import GROUPS, VERSION, Instruction
+from latentmotion.describe.reading import scene_of
+from latentmotion.errors import InputError
+from latentmotion.evaluation.instructions.body import Body
+from latentmotion.evaluation.instructions.detectors import fulfills
+from latentmotion.evaluation.instructions.ground_truth import Claim
+from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
+from latentmotion.evaluation.instructions.prompts import VERSION
+from latentmotion.instructions import checking
+from latentmotion.instructions.prompts import GROUPS, Check, Instruction
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import atomic_folder
@@ -119,6 +123,9 @@ class Benchmark:
     """Figures of the same motions with the checks of other groups' prompts."""
     real: Mapping[str, Share]
     """Figures of real motions whose captions claim the same; empty without data."""
+    trained: Mapping[str, Share]
+    """Figures of the same motions by the checks that trainings and rankings learn from, which
+    are no measure of them; empty where none are given."""
     outcomes: tuple[Outcome, ...]
     """All prompts."""
     real_outcomes: tuple[Outcome, ...] = field(default=())
@@ -133,6 +140,7 @@ def judge(
     instructions: Sequence[Instruction],
     motions: Sequence[Sequence[Joints]],
     real: Sequence[Claim] = (),
+    trained: Mapping[str, Check] | None = None,
 ) -> Benchmark:
     """Checks the motions of every prompt.
 
@@ -142,47 +150,67 @@ def judge(
         instructions: The prompts.
         motions: Takes of each prompt, 20 frames per second.
         real: Claims of real motions.
+        trained: Checks that models were trained by, by the id of the prompt.
 
     Raises:
         InputError: A motion is too short, or not of 22 joints.
     """
-    scenes = [
-        [scene_of(joints) for joints in takes] for takes in counted(motions, "judging prompts")
-    ]
-    outcomes = [outcome_of(one, takes) for one, takes in zip(instructions, scenes, strict=True)]
+    bodies = [[body_of(each) for each in takes] for takes in counted(motions, "judging prompts")]
+    outcomes = [outcome_of(one, takes) for one, takes in zip(instructions, bodies, strict=True)]
     claims = []
     for claim in counted(real, "judging captions"):
-        scene = scene_of(claim.joints)
-        fulfilled, check = fulfills(scene, claim.check), str(claim.check)
-        seconds = scene.facts.seconds
+        body = body_of(claim.joints)
+        fulfilled, check = fulfills(body, claim.check), str(claim.check)
         claims.append(
-            Outcome(claim.clip, claim.group, claim.caption, check, (fulfilled,), (seconds,))
+            Outcome(claim.clip, claim.group, claim.caption, check, (fulfilled,), (body.seconds,))
         )
+    drilled = [
+        replace(
+            outcome,
+            fulfilled=tuple(checking.fulfills(scene_of(m), trained[outcome.id]) for m in takes),
+        )
+        for outcome, takes in zip(outcomes, motions, strict=True)
+        if trained and outcome.id in trained
+    ]
     return Benchmark(
         subject=subject,
         about=about,
         model=shares(outcomes),
-        chance=shares(chance_outcomes(instructions, scenes)),
+        chance=shares(chance_outcomes(instructions, bodies)),
         real=shares(claims),
+        trained=shares(drilled),
         outcomes=tuple(outcomes),
         real_outcomes=tuple(claims),
     )
 
 
-def outcome_of(instruction: Instruction, takes: Sequence[Scene]) -> Outcome:
+def body_of(joints: Joints) -> Body:
+    """Returns the curves of a motion.
+
+    Raises:
+        InputError: It is too short, or not of 22 joints.
+    """
+    if joints.ndim != 3 or joints.shape[1:] != (22, 3) or len(joints) < MIN_FRAMES:
+        raise InputError(
+            f"joints of shape {joints.shape}; expected (frames, 22, 3), {MIN_FRAMES} frames or more"
+        )
+    return Body(joints)
+
+
+def outcome_of(instruction: Instruction, takes: Sequence[Body]) -> Outcome:
     """Checks the takes of a prompt."""
     return Outcome(
         instruction.id,
         instruction.group,
         instruction.prompt,
         str(instruction.check),
-        tuple(fulfills(scene, instruction.check) for scene in takes),
-        tuple(scene.facts.seconds for scene in takes),
+        tuple(fulfills(body, instruction.check) for body in takes),
+        tuple(body.seconds for body in takes),
     )
 
 
 def chance_outcomes(
-    instructions: Sequence[Instruction], scenes: Sequence[Sequence[Scene]]
+    instructions: Sequence[Instruction], bodies: Sequence[Sequence[Body]]
 ) -> list[Outcome]:
     """Checks motions of other groups' prompts, as many as each prompt has, always the same ones."""
     generator = np.random.default_rng(VERSION)
@@ -190,10 +218,10 @@ def chance_outcomes(
     for one in instructions:
         others = [
             takes
-            for other, takes in zip(instructions, scenes, strict=True)
+            for other, takes in zip(instructions, bodies, strict=True)
             if other.group != one.group
         ]
-        rows = generator.integers(len(others), size=len(scenes[0]))
+        rows = generator.integers(len(others), size=len(bodies[0]))
         outcomes.append(outcome_of(one, [others[row][take] for take, row in enumerate(rows)]))
     return outcomes
 
@@ -218,6 +246,7 @@ PAGE_FILE = "instructions.md"
 def table(benchmark: Benchmark) -> str:
     """Returns the figures as a Markdown table, one line per group."""
     head = ["group", "prompts", benchmark.subject, "in some take", "real motions", "other prompts'"]
+    head += ["by what trained it"] if benchmark.trained else []
     lines = [_line(head), "|---" * len(head) + "|"]
     for group, share in benchmark.model.items():
         real = benchmark.real.get(group)
@@ -230,6 +259,7 @@ def table(benchmark: Benchmark) -> str:
                     f"{100 * share.ever:.0f} %",
                     f"{real}, {real.motions} claims" if real else "–",
                     f"{100 * benchmark.chance[group].share:.0f} %",
+                    *([str(benchmark.trained.get(group, "–"))] if benchmark.trained else []),
                 ]
             )
         )
@@ -250,7 +280,8 @@ def markdown(benchmark: Benchmark) -> str:
             table(benchmark),
             f"Motions that do what the prompt says, of {takes} per prompt, with 95 % intervals "
             "(Wilson, takes of a prompt taken as dependent); prompts with a take that does; real "
-            "motions whose captions claim the like; the checks on motions of other prompts.",
+            "motions whose captions claim the like; the checks on motions of other prompts; the "
+            "prompts by the detectors that models are trained by.",
             "\n".join(f"* {line}" for line in about),
             "## Prompts",
             "\n".join(prompts),

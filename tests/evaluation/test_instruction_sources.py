@@ -14,8 +14,12 @@ from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer, write_dataset
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.instructions.ground_truth import claims_of, patterns
-from latentmotion.instructions.motions import GenerationSettings, check_axes, generate_motions
+from latentmotion.evaluation.instructions.ground_truth import claims_of, patterns
+from latentmotion.evaluation.instructions.motions import (
+    GenerationSettings,
+    check_axes,
+    generate_motions,
+)
 from latentmotion.instructions.prompts import Instruction, parse
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.config import Sampling
@@ -211,18 +215,18 @@ def test_labels_claim_instead_of_captions(tmp_path: Path) -> None:
 
 
 SENTENCES = [
-    ("a person turns left and stops", "turn(left, 20, 400)"),
-    ("he veers off to the right", "turn(right, 15, 400)"),
-    ("he walks in a circle", "turn(either, 250, 4000)"),
-    ("she walks in a half circle", "turn(either, 100, 260)"),
+    ("a person turns left and stops", "net(left, 15, 400)"),
+    ("he veers off to the right", "net(right, 10, 400)"),
+    ("he walks in a circle", "net(either, 200, 500) & way(1.5)"),
+    ("she walks in a half circle", "net(either, 110, 260) & way(1)"),
     ("jumps three times", "jump(3)"),
     ("does two squats", "squat(2)"),
     ("a person sits down and then stands up", "sit > stand"),
     ("walks forward and then backwards", "go(forward) > go(backward)"),
-    ("a man walks slowly", "speed(0.1, 0.9)"),
-    ("someone jogs in place", "in_place(0.8) & lift_feet(4, 99)"),
+    ("a man walks slowly", "pace(0.2, 0.95)"),
+    ("someone jogs in place", "on_the_spot"),
     ("he crawls on the floor, crawling", "crawl"),
-    ("walks backward", "move(backward, 0.25)"),
+    ("walks backward", "go(backward)"),
 ]
 
 
@@ -235,10 +239,10 @@ def test_patterns_of_captions(sentence: str, check: str) -> None:
 @pytest.mark.parametrize(
     ("sentence", "never"),
     [
-        ("a person turns left and right", "turn(left, 20, 400)"),
-        ("he walks in a half circle", "turn(either, 250, 4000)"),
-        ("walks slowly, then stops", "speed(0.1, 0.9)"),
-        ("walks forward, then backward", "move(backward, 0.25)"),
+        ("a person turns left and right", "net(right, 15, 400)"),
+        ("he walks in a half circle", "net(either, 200, 500) & way(1.5)"),
+        ("walks slowly, then stops", "pace(0.7, 1.5)"),
+        ("walks forward, then backward", "go(backward)"),
     ],
 )
 def test_patterns_that_must_not_fit(sentence: str, never: str) -> None:

@@ -19,8 +19,9 @@ import numpy as np
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError
-from latentmotion.instructions.motions import MIN_FRAMES, Joints
-from latentmotion.instructions.prompts import Check, packaged_text, parse
+from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
+from latentmotion.evaluation.instructions.prompts import packaged_text
+from latentmotion.instructions.prompts import Check, parse
 
 _NEGATED = re.compile(r"\b(without|not|no|doesn't|never|or|as if|like)\b")
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from latentmotion.errors import InputError
-from latentmotion.instructions.benchmark import (
+from latentmotion.evaluation.instructions.benchmark import (
     OVERALL,
     PAGE_FILE,
     REPORT_FILE,
@@ -27,8 +27,10 @@ from latentmotion.instructions.benchmark import (
     wilson,
     write,
 )
-from latentmotion.instructions.ground_truth import Claim
-from latentmotion.instructions.prompts import GROUPS, VERSION, Instruction, parse, write_prompts
+from latentmotion.evaluation.instructions.body import Body
+from latentmotion.evaluation.instructions.ground_truth import Claim
+from latentmotion.evaluation.instructions.prompts import VERSION, write_prompts
+from latentmotion.instructions.prompts import GROUPS, Instruction, parse
 from tests.support import acted
 
 ASKED = (
@@ -44,7 +46,8 @@ TAKES = ([KICK, KICK], [KICK, acted.kick("right")], [acted.jump(2)] * 2, [acted.
 @pytest.fixture(scope="module")
 def found() -> Benchmark:
     real = [Claim("0001", "he kicks left", "side", parse("kick(left)"), KICK)]
-    return judge("mine", {"motions": "raw"}, ASKED, TAKES, real)
+    trained = {one.id: one.check for one in ASKED[:2]}
+    return judge("mine", {"motions": "raw"}, ASKED, TAKES, real, trained)
 
 
 def rows(*verdicts: str) -> list[np.ndarray]:
@@ -102,6 +105,7 @@ def test_figures_are_by_group_and_overall(found: Benchmark) -> None:
     assert [share.share for share in found.model.values()] == [0.75, 1, 0, 0.625]
     assert found.model["side"].prompts == 2 and found.model[OVERALL].prompts == 4
     assert list(found.real) == ["side", OVERALL] and found.real["side"].share == 1
+    assert list(found.trained) == ["side", OVERALL] and found.trained[OVERALL].share == 0.75
     assert found.real_outcomes[0].id == "0001" and found.real_outcomes[0].prompt == "he kicks left"
 
 
@@ -120,17 +124,16 @@ def test_outcomes_of_one_clip_are_dependent() -> None:
 
 
 def test_chance_takes_motions_of_other_groups(found: Benchmark) -> None:
-    scenes = [[acted.scene("kick")] * 2, [acted.scene("kick")] * 2, [acted.scene("jump")] * 2,
-              [acted.scene("walk, then wave")] * 2]  # fmt: skip
-    chance = chance_outcomes(ASKED, scenes)
+    bodies = [[Body(motion) for motion in takes] for takes in TAKES]
+    chance = chance_outcomes(ASKED, bodies)
     assert [one.fulfilled for one in chance[:2]] == [(False, False)] * 2  # never a kick of its own
-    assert chance == chance_outcomes(ASKED, scenes)
+    assert chance == chance_outcomes(ASKED, bodies)
     assert all(len(one.fulfilled) == 2 for one in chance)
     assert set(found.chance) == set(found.model)
 
 
 def test_an_outcome_has_the_words_of_its_instruction() -> None:
-    one = outcome_of(ASKED[0], [acted.scene("kick")])
+    one = outcome_of(ASKED[0], [Body(KICK)])
     assert (one.id, one.group, one.prompt) == ("side-01", "side", "kick with the left leg")
     assert (one.check, one.fulfilled) == ("kick(left)", (True,))
 

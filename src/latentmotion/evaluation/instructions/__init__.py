@@ -1,0 +1,1 @@
+"""Detectors of the instruction benchmark, which no training, ranking or clean-up knows."""

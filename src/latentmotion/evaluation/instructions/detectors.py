@@ -1,0 +1,383 @@
+"""Where in a motion each act happens: a few lines of kinematics for each, on joints alone.
+
+Written from the prompts of the benchmark, without a look at `latentmotion.describe`, by whose
+detectors models are trained and takes are chosen: what these find is news to a model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from latentmotion.errors import InputError, hint
+from latentmotion.evaluation.instructions.body import FPS, LEFT, RIGHT, Body, Span, spans, swings
+from latentmotion.instructions.prompts import Check, Term
+
+Detector = Callable[[Body, str], list[Span]]
+"""Motion and side (`left`, `right`, `both` or `any`) to where the act happens."""
+
+_OTHER = {LEFT: RIGHT, RIGHT: LEFT}
+
+
+def fulfills(body: Body, check: Check) -> bool:
+    """Returns whether a motion does what a check asks.
+
+    Raises:
+        InputError: There is no such act or condition.
+    """
+    if not check.ordered:
+        return all(_holds(body, term) for term in check.terms)
+    found = [_events(body, term) for term in check.terms]
+    for earlier, later, term in zip(found, found[1:], check.terms[1:], strict=False):
+        if not earlier or not later or earlier[0][0] + 2 > later[-1][0]:
+            return False
+        # What goes on from the start may also come again.
+        if term.name not in _LASTING and later[0][0] <= earlier[0][0]:
+            return False
+    return True
+
+
+def _holds(body: Body, term: Term) -> bool:
+    if term.name in CONDITIONS:
+        return CONDITIONS[term.name](body, term)
+    least, most = term.often
+    return least <= len(_events(body, term)) <= most
+
+
+def _events(body: Body, term: Term) -> list[Span]:
+    if term.name not in ACTS:
+        raise InputError(f"unknown act {term.name!r}; {hint(term.name, [*ACTS, *CONDITIONS])}")
+    side = term.words[0] if term.words else "any"
+    return ACTS[term.name](body, side)
+
+
+def _of_sides(one: Callable[[Body, str], list[Span]]) -> Detector:
+    """Returns a detector of either side from that of one, whose other side must do less of it."""
+
+    def detector(body: Body, side: str) -> list[Span]:
+        if side in _OTHER:
+            found, other = one(body, side), one(body, _OTHER[side])
+            return found if len(found) > len(other) or not other else []
+        return sorted(one(body, LEFT) + one(body, RIGHT))
+
+    return detector
+
+
+def _raise(body: Body, side: str) -> list[Span]:
+    left, right = body.hand(LEFT), body.hand(RIGHT)
+    if side == "both":
+        return swings(np.minimum(left, right), -0.1, 0.08)
+    if side == "any":
+        return swings(np.maximum(left, right), -0.1, 0.08)
+    own, other = (left, right) if side == LEFT else (right, left)
+    up = swings(own, -0.1, 0.08)
+    return [(s, e) for s, e in up if np.mean(other[s:e] > 0.0) < 0.4]
+
+
+def _wave_of(body: Body, side: str) -> list[Span]:
+    """A raised hand that changes its direction across or up and down three times or more."""
+    wrist = body.wrist(side)
+    found = []
+    for start, end in spans(wrist[:, 1] > -0.25, 0.5, 0.2):
+        turns = [_reversals(wrist[start:end, axis], 0.05) for axis in (0, 1)]
+        if max(turns) >= 3 and np.ptp(wrist[start:end], axis=0).max() > 0.1:
+            found.append((start, end))
+    return found
+
+
+def _wave(body: Body, side: str) -> list[Span]:
+    left, right = _wave_of(body, LEFT), _wave_of(body, RIGHT)
+    if side == "any":
+        return sorted(left + right)
+    if side == "both":
+        return left if right else []
+    own, other = (left, right) if side == LEFT else (right, left)
+    return own if sum(e - s for s, e in own) > 1.5 * sum(e - s for s, e in other) else []
+
+
+def _punch_of(body: Body, side: str) -> list[Span]:
+    """A fist that shoots out: the arm gets straight fast, at the height of chest or head."""
+    wrist = body.wrist(side)
+    level = np.hypot(wrist[:, 0], wrist[:, 2]) / body.arm
+    rate = np.gradient(level * body.arm) * FPS
+    found = []
+    for start, end in swings(level, 0.6, 0.72):
+        before = slice(max(start - 6, 0), start + 4)
+        # An arm that is raised swings out, too, but up rather than ahead.
+        rise, out = np.ptp(wrist[before, 1]), np.ptp(level[before]) * body.arm
+        if rate[before].max() > 1.2 and wrist[start:end, 1].max() > -0.35 and rise < 1.3 * out:
+            found.append((start, end))
+    return found
+
+
+def _kick_of(body: Body, side: str) -> list[Span]:
+    """A foot far from the body and off the floor with the leg stretched, the other one standing."""
+    ankle, height = body.ankle(side), body.foot(side)
+    out = np.hypot(ankle[:, 0], ankle[:, 2]) / body.leg
+    straight = np.linalg.norm(ankle, axis=-1) / body.leg
+    standing = body.foot(_OTHER[side]) < 0.15
+    kicked = (height > 0.15) & (out > 0.42) & (straight > 0.8) & standing & (body.height > 0.75)
+    fast = body.stepping(side) + np.abs(np.gradient(height)) * FPS
+    # A runner's trailing foot is bent, a walker's low.
+    return [
+        (s, e)
+        for s, e in spans(kicked, 0.05, 0.3)
+        if fast[max(s - 6, 0) : e + 2].max() > 1.8 and ankle[s:e, 2].max() > -0.25
+    ]
+
+
+def _knee_of(body: Body, side: str) -> list[Span]:
+    """A knee near the height of the hip, the shin hanging, on a standing leg."""
+    standing = (body.knee(_OTHER[side]) > 0.75) & (body.height > 0.8)
+    return swings(np.where(standing, -body.knee(side), -1.0), -0.7, -0.45)
+
+
+def _one_leg_of(body: Body, side: str) -> list[Span]:
+    """A second and more on one foot."""
+    other = _OTHER[side]
+    return spans((body.lifted(other) > 0.1) & (body.foot(side) < 0.1), 1.0, 0.1)
+
+
+def _flights(body: Body) -> list[Span]:
+    """Both feet off the floor, with the pelvis rising and falling."""
+    low = np.minimum(body.foot(LEFT), body.foot(RIGHT))
+    found = []
+    for start, end in spans(low > 0.05, 0.1):
+        around = body.joints[max(start - 5, 0) : end + 5, 0, 1]
+        if around.max() - min(around[0], around[-1]) > 0.05 and end - start < 1.2 * FPS:
+            found.append((start, end))
+    return found
+
+
+def _jump(body: Body, side: str) -> list[Span]:
+    """Flights that begin and end with both feet near each other, unlike a runner's."""
+    found = []
+    for start, end in _flights(body):
+        off, on = max(start - 1, 0), min(end, body.frames - 1)
+        even = min(abs(body.lifted(LEFT)[off]), abs(body.lifted(LEFT)[on])) < 0.13
+        rise = body.joints[start:end, 0, 1].max() - body.joints[[off, on], 0, 1].min()
+        if rise > 0.06 and (even or rise > 0.15):
+            found.append((start, end))
+    return found
+
+
+def _hop_of(body: Body, side: str) -> list[Span]:
+    """Flights from one foot to the same one."""
+    other = _OTHER[side]
+    return [
+        (start, end)
+        for start, end in _flights(body)
+        if min(body.lifted(other)[[max(start - 2, 0), min(end + 1, body.frames - 1)]]) > 0.08
+    ]
+
+
+def _turning(body: Body, side: str) -> list[Span]:
+    """More than 25 degrees at one go."""
+    rate = np.degrees(np.gradient(body.heading)) * FPS
+    found = []
+    for sign in {LEFT: (1,), RIGHT: (-1,)}.get(side, (1, -1)):
+        for start, end in spans(sign * rate > 15, 0.2, 0.2):
+            if abs(body.heading[end - 1] - body.heading[start]) > np.radians(25):
+                found.append((start, end))
+    return sorted(found)
+
+
+def _going(body: Body, side: str) -> list[Span]:
+    """Half a second in one direction of the body: forward, backward, left or right."""
+    ahead, left = body.velocity.T
+    along, across = {
+        "forward": (ahead, left),
+        "backward": (-ahead, left),
+        LEFT: (left, ahead),
+        RIGHT: (-left, ahead),
+    }[side]
+    return spans((along > 0.2) & (along > np.abs(across)), 0.4, 0.2)
+
+
+def _step(body: Body, side: str) -> list[Span]:
+    """A foot that is set 15 cm or more away."""
+    found = []
+    for one in (LEFT, RIGHT):
+        for start, end in spans(body.stepping(one) > 0.4, 0.1, 0.05):
+            place = body.joints[[start, end - 1], 7 + (one == RIGHT)][:, [0, 2]]
+            if np.linalg.norm(place[1] - place[0]) > 0.15:
+                found.append((start, end))
+    return sorted(found)
+
+
+def _sit(body: Body, side: str) -> list[Span]:
+    """A low pelvis with the feet well before it, or on the floor, and the trunk up."""
+    before = np.maximum(body.ankle(LEFT)[:, 2], body.ankle(RIGHT)[:, 2])
+    level = np.minimum(body.knee(LEFT), body.knee(RIGHT)) < 0.5
+    low = (body.height < 0.78) & level & ((before > 0.12) | (body.height < 0.35))
+    return spans(low & (body.pitch < 60), 0.4, 0.2)
+
+
+def _jack(body: Body, side: str) -> list[Span]:
+    """Arms that go up while the legs go apart."""
+    up = swings(np.minimum(body.hand(LEFT), body.hand(RIGHT)), -0.1, 0.1)
+    wide = body.feet_apart
+    return [(s, e) for s, e in up if wide[max(s - 4, 0) : e].max() > 1.5 * wide.min() + 0.1]
+
+
+def _touch_head_of(body: Body, side: str) -> list[Span]:
+    wrist = body.joints[:, 20 + (side == RIGHT)]
+    return spans(np.linalg.norm(wrist - body.head, axis=-1) < 0.28, 0.15, 0.2)
+
+
+def _still(body: Body, side: str) -> list[Span]:
+    return spans((body.speed < 0.2) & (body.busy < 0.45), 0.4, 0.1)
+
+
+def _run(body: Body, side: str) -> list[Span]:
+    return spans(body.speed > 1.8, 0.4, 0.2)
+
+
+def _walk(body: Body, side: str) -> list[Span]:
+    return spans((body.speed > 0.3) & (body.speed < 1.9) & (body.height > 0.8), 0.5, 0.2)
+
+
+def _crawl(body: Body, side: str) -> list[Span]:
+    """Hands and knees on the floor while the body moves."""
+    down = np.maximum(body.shin(LEFT), body.shin(RIGHT)) < 0.3
+    return spans((body.hands_up < 0.3) & down & (body.speed > 0.1), 0.6, 0.3)
+
+
+def _arms_out(body: Body, side: str) -> list[Span]:
+    """Both arms stretched to the sides at the height of the shoulders."""
+    out = [body.wrist(LEFT)[:, 0], -body.wrist(RIGHT)[:, 0]]
+    level = [np.abs(body.hand(each)) < 0.3 for each in (LEFT, RIGHT)]
+    return spans((np.minimum(*out) > 0.7 * body.arm) & level[0] & level[1], 0.3, 0.1)
+
+
+ACTS: dict[str, Detector] = {
+    "raise": _raise,
+    "wave": _wave,
+    "punch": _of_sides(_punch_of),
+    "kick": _of_sides(_kick_of),
+    "knee": _of_sides(_knee_of),
+    "one_leg": _of_sides(_one_leg_of),
+    "hop": _of_sides(_hop_of),
+    "touch_head": _of_sides(_touch_head_of),
+    "jump": _jump,
+    "turn": _turning,
+    "go": _going,
+    "step": _step,
+    "squat": lambda body, side: swings(1 - body.height, 0.12, 0.25),
+    "bow": lambda body, side: swings(body.pitch, 20, 38),
+    "clap": lambda body, side: swings(-body.hands_apart, -0.33, -0.24),
+    "jack": _jack,
+    "sit": _sit,
+    "lie": lambda body, side: spans((body.height < 0.4) & (body.head[:, 1] < 0.55), 0.4),
+    "kneel": lambda body, side: spans(
+        (np.minimum(body.shin(LEFT), body.shin(RIGHT)) < 0.2) & (body.height > 0.35), 0.4
+    ),
+    "crouch": lambda body, side: spans(body.height < 0.82, 0.3, 0.1),
+    "stand": lambda body, side: spans((body.height > 0.9) & (body.pitch < 30), 0.2),
+    "low": lambda body, side: spans(body.height < 0.45, 0.2),
+    "reach_floor": lambda body, side: spans(body.hands_low < 0.35, 0.1),
+    "crawl": _crawl,
+    "arms_out": _arms_out,
+    "on_hips": lambda body, side: spans(body.hands_from_hips < 0.24, 0.4, 0.1),
+    "still": _still,
+    "walk": _walk,
+    "run": _run,
+}
+"""Acts by name."""
+
+_LASTING = {"stand", "still", "walk", "run", "go", "step"}
+"""Acts that also are what a body does before others."""
+
+
+def _net_turn(body: Body, term: Term) -> bool:
+    """From first to last frame between two numbers of degrees, to a side or to either."""
+    net = float(np.degrees(body.heading[-1] - body.heading[0]))
+    net = {LEFT: net, RIGHT: -net}.get(term.words[0] if term.words else "either", abs(net))
+    return term.numbers[0] <= net <= term.numbers[1]
+
+
+def _pace(body: Body, term: Term) -> bool:
+    """Median speed of what moves between two numbers, m/s."""
+    moving = body.speed[body.speed > 0.2]
+    usual = float(np.median(moving)) if len(moving) > 0.25 * body.frames else 0.0
+    return term.numbers[0] <= usual <= term.numbers[1]
+
+
+def _faster(body: Body, term: Term) -> bool:
+    third = body.frames // 3
+    return bool(body.speed[-third:].mean() > 1.3 * body.speed[:third].mean() + 0.1)
+
+
+def _slower(body: Body, term: Term) -> bool:
+    third = body.frames // 3
+    return bool(body.speed[:third].mean() > 1.3 * body.speed[-third:].mean() + 0.1)
+
+
+def _stops(body: Body, term: Term) -> bool:
+    return bool(body.speed[-5:].mean() < 0.3 and body.speed.max() > 0.5)
+
+
+def _on_the_spot(body: Body, term: Term) -> bool:
+    """Feet that are lifted in turn, four times or more, while the body stays."""
+    lifts = [len(swings(body.foot(side), 0.03, 0.07)) for side in (LEFT, RIGHT)]
+    up = [body.foot(side) > 0.05 for side in (LEFT, RIGHT)]
+    in_turn = (up[0] & up[1]).sum() < 0.5 * (up[0] | up[1]).sum()
+    stays = body.away < 1.0 and np.median(body.speed) < 0.5
+    return bool(min(lifts) >= 2 and in_turn and stays)
+
+
+def _both_ways(body: Body, term: Term) -> bool:
+    """Turns to the left and to the right."""
+    return bool(_turning(body, LEFT) and _turning(body, RIGHT))
+
+
+def _returns(body: Body, term: Term) -> bool:
+    """Ends nearer to the start than the farthest point by 40 % or more."""
+    path = body.joints[:, 0][:, [0, 2]]
+    far = np.linalg.norm(path - path[0], axis=-1)
+    return bool(far[-1] < 0.6 * far.max())
+
+
+def _heads(body: Body, term: Term) -> bool:
+    """Two thirds of the path lead in one direction of the body, or to the sides."""
+    ahead, left = body.velocity.T
+    along = {"forward": ahead, "backward": -ahead, LEFT: left, RIGHT: -left, "sideways": abs(left)}
+    return bool(along[term.words[0]].sum() > 0.65 * body.speed.sum())
+
+
+CONDITIONS: dict[str, Callable[[Body, Term], bool]] = {
+    "net": _net_turn,
+    "pace": _pace,
+    "way": lambda body, term: body.way >= term.numbers[0],
+    "stays": lambda body, term: body.away <= term.numbers[0],
+    "faster": _faster,
+    "slower": _slower,
+    "stops": _stops,
+    "on_the_spot": _on_the_spot,
+    "both_ways": _both_ways,
+    "returns": _returns,
+    "heads": _heads,
+    "lasts": lambda body, term: bool(np.mean(body.height < term.numbers[0]) > 0.5),
+    "upright": lambda body, term: bool(np.mean((body.height > 0.88) & (body.pitch < 25)) > 0.9),
+    "hunched": lambda body, term: bool(np.median(body.pitch) > 15 or np.median(body.height) < 0.93),
+    "motionless": lambda body, term: bool(
+        np.mean((body.speed < 0.2) & (body.busy < 0.6)) > 0.85 and np.ptp(body.heading) < 0.5
+    ),
+}
+"""What holds of a whole motion, by name."""
+
+
+def _reversals(curve: np.ndarray, least: float) -> int:
+    """Returns how often a curve changes its direction by `least` or more."""
+    turns, rising, low, high = 0, 0, curve[0], curve[0]
+    for value in curve.tolist():
+        if not rising:
+            low, high = min(low, value), max(high, value)
+            rising = int(value - low > least) - int(high - value > least)
+            extreme = value
+        elif rising * (value - extreme) > 0:
+            extreme = value
+        elif rising * (extreme - value) > least:
+            turns, rising, extreme = turns + 1, -rising, value
+    return turns

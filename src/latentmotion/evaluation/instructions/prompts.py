@@ -1,0 +1,45 @@
+"""The instructions of the benchmark, with checks that no training knows (`checks.csv`)."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+from latentmotion.instructions import prompts
+from latentmotion.instructions.prompts import Instruction, parse
+from latentmotion.storage.files import atomic_file
+
+VERSION = 2
+"""Version of prompts and checks; figures of different versions do not compare."""
+
+
+def packaged_text(name: str) -> str:
+    """Returns a text file of this package."""
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def instructions() -> tuple[Instruction, ...]:
+    """Returns the list."""
+    rows = csv.DictReader(packaged_text("checks.csv").splitlines())
+    checks = {row["id"]: parse(row["check"]) for row in rows}
+    return tuple(replace(one, check=checks[one.id]) for one in prompts.instructions())
+
+
+def write_prompts(path: str | Path, takes: int) -> None:
+    """Writes the list as CSV, with a column of seeds.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    columns = ("id", "group", "prompt", "check", "seconds", "seeds")
+    with atomic_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for one in instructions():
+            length = "" if one.seconds is None else f"{one.seconds:g}"
+            seeds = " ".join(map(str, one.seeds(takes)))
+            writer.writerow([one.id, one.group, one.prompt, str(one.check), length, seeds])
