@@ -3,8 +3,8 @@
     python -m benchmarks.quality.copying fast --captions 40
 
 Captions of rare movements of the index that ships, drawn at random, at their clips' own lengths.
-Distance: mean distance of the joints from the clip's, seen from the pelvis and its heading, frame by
-frame. The clip itself is what the decoder makes of its latents.
+Distance: mean distance of the joints from the clip's, seen from the pelvis and its heading, frame
+by frame. The clip itself is what the decoder makes of its latents.
 """
 
 from __future__ import annotations
@@ -70,9 +70,8 @@ def main(
     print("| steps left | distance from the clip, mm: median | 10 % | 90 % |\n|---|---|---|---|")
     for share, values in distances.items():
         low, middle, high = np.percentile(values, [10, 50, 90])
-        print(
-            f"| {share:.0%}{' (noise)' if share == 1 else ''} | {middle:.0f} | {low:.0f} | {high:.0f} |"
-        )
+        name = "100 %, noise" if share == 1 else f"{100 * share:.0f} %"
+        print(f"| {name} | {middle:.0f} | {low:.0f} | {high:.0f} |")
 
 
 if __name__ == "__main__":

@@ -122,12 +122,12 @@ def test_misspelled_words_are_corrected_and_said(fast):
 def test_a_movement_is_taught_by_showing(fast, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     fast("a person squats down", seconds=3, seed=1).save("shown.npz")
-    sentence = "a person does the blorp"
+    sentence = "a person does the frog"
     main(["teach", "shown.npz", sentence, "--license", "CC0", "--credit", "me", "-o", "moves"])
-    main(["teach", "shown.npz", "it does the gronk", "--between", "0.5", "2", "-o", "moves"])
+    main(["teach", "shown.npz", "someone sits like a toad", "--between", "0.5", "2", "-o", "moves"])
     assert "2 clips, 2 sentences" in capsys.readouterr().out
-    main(["generate", sentence, "--moves", "moves", "-o", "blorp.npz", "--no-clean"])
-    (clip,) = Motion.load("blorp.npz").metadata["from_clips"]
+    main(["generate", sentence, "--moves", "moves", "-o", "frog.npz", "--no-clean"])
+    (clip,) = Motion.load("frog.npz").metadata["from_clips"]
     assert clip["caption"] == sentence and clip["license"] == "CC0" and clip["credit"] == "me"
     taught = fast.with_moves("moves")
     shown = Motion.load("shown.npz").joints
