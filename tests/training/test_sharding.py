@@ -12,7 +12,6 @@ import torch
 from safetensors.numpy import load_file
 from torch import nn
 
-from latentmotion.errors import InputError
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
 from latentmotion.training import sharding
 from latentmotion.training.distributed import DistributedContext, Ranks
@@ -98,10 +97,3 @@ def test_networks_are_sharded_by_size(
 
 def test_processors_share_nothing_of_themselves() -> None:
     assert not sharding.is_sharded(nn.Linear(10, 10), TrainingSettings(), TWO)
-
-
-def test_an_old_pytorch_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "torch.distributed.fsdp", None)
-    network = nn.Linear(2, 2)
-    with pytest.raises(InputError, match=r"cannot share weights.*parallel=replicated"):
-        sharding.shard(network, network, TWO)
