@@ -14,6 +14,8 @@ from functools import partial
 from pathlib import Path
 
 import torch
+import torch.distributed.fsdp  # seconds, once for all ranks
+import torch.utils.tensorboard  # likewise
 
 from latentmotion.networks.build import build
 from latentmotion.training.distributed import DistributedContext, distributed_context
