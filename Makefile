@@ -15,6 +15,11 @@ test:
 	$(VENV)/bin/pip install $(PIP_FLAGS) -e ".[dev]"
 	$(VENV)/bin/python -m pytest -n auto --dist loadfile
 
+# Tests of the rooms that a sentence passes through on its way to a file, in an environment at hand.
+CORE = cleanup condition control describe diffusion engine formats kinematics pipeline representation storage text
+core:
+	$(PYTHON) -m pytest -n auto --dist loadfile $(CORE:%=tests/%)
+
 lint:
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
@@ -26,4 +31,4 @@ docs:
 	$(VENV)/bin/pip install $(PIP_FLAGS) -e ".[docs]"
 	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/python -m mkdocs build --strict --quiet
 
-.PHONY: run test lint docs
+.PHONY: run test core lint docs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,16 @@ CLIENTS = {"LATENTMOTION_BPY", "LATENTMOTION_NODE_MODULES"}
 collect_ignore = [] if CLIENTS & set(os.environ) else ["clients"]
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Prints each reason for skipping once; a reason says what is missing and what adds it."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    reasons = Counter(report.longrepr[2].removeprefix("Skipped: ") for report in skipped)
+    for reason, count in reasons.most_common():
+        terminalreporter.write_line(f"skipped {count}: {reason}")
+    if collect_ignore:
+        terminalreporter.write_line(f"left out tests/clients: set {' and '.join(sorted(CLIENTS))}")
+
+
 # Imported after the hook above, so that what they import is checked too.
 pytest_plugins = ["tests.support.fixtures"]
 
@@ -44,5 +55,7 @@ def shared() -> Path:
     default = Path(__file__).parents[1].parent / "shared"
     folder = Path(os.environ.get("LATENTMOTION_SHARED", default))
     if not (folder / "reference").is_dir():
-        pytest.skip(f"needs the shared folder; set LATENTMOTION_SHARED (looked in {folder})")
+        pytest.skip(
+            f"needs golden numbers and recordings: set LATENTMOTION_SHARED (looked in {folder})"
+        )
     return folder

@@ -329,7 +329,9 @@ def test_the_soak_counts_what_happens(monkeypatch, capsys, tmp_path):
         assert int(happened[event][0]) >= 1
 
 
-@pytest.mark.skipif(shutil.which("caddy") is None, reason="needs caddy, the balancer")
+@pytest.mark.skipif(
+    shutil.which("caddy") is None, reason="needs a balancer (Debian: apt-get install caddy)"
+)
 def test_a_killed_replica_behind_the_balancer_loses_nothing(monkeypatch, capsys, tmp_path):
     told, before = soaked(monkeypatch, capsys, tmp_path)
     assert told.index("the last replica is killed") < told.index("it is ready again")

@@ -129,6 +129,7 @@ def check_command(words: list[str]) -> None:
         others = (
             "export",
             "python",
+            ".ci/run",
             ".venv/bin/pre-commit",
             "curl",
             "docker",

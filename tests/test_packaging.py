@@ -24,6 +24,11 @@ from latentmotion import __version__
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 BUILD = PROJECT["tool"]["hatch"]["build"]["targets"]
+PYTHONS = [
+    name.rpartition(" :: ")[2]
+    for name in PROJECT["project"]["classifiers"]
+    if re.search(r":: 3\.\d+$", name)
+]
 ADDON = ROOT / "src" / "latentmotion" / "blender" / "latentmotion_blender"
 
 
@@ -120,18 +125,43 @@ def test_the_workflow_publishes_tags_without_a_token() -> None:
     triggers = workflow[True]  # how YAML 1.1 reads `on`
     assert triggers == {"push": {"tags": ["v[0-9]*"]}}
     jobs = workflow["jobs"]
-    assert [jobs[name].get("needs") for name in ("build", "install", "publish")] == [
-        None,
-        "build",
-        "install",
-    ]
+    order = {name: job.get("needs") for name, job in jobs.items()}
+    assert order == {"build": None, "install": "build", "publish": "install", "release": "publish"}
     rights = {name: job["permissions"] for name, job in jobs.items() if "permissions" in job}
     assert workflow["permissions"] == {"contents": "read"}
-    assert rights == {"publish": {"id-token": "write"}}
+    assert rights == {"publish": {"id-token": "write"}, "release": {"contents": "write"}}
     assert "secrets." not in (ROOT / ".github/workflows/publish.yml").read_text(encoding="utf-8")
-    tried = jobs["install"]["strategy"]["matrix"]["python"]
-    named = [text.rpartition(" :: ")[2] for text in PROJECT["project"]["classifiers"]]
-    assert tried == [text for text in named if re.fullmatch(r"3\.\d+", text)]
+    assert jobs["install"]["strategy"]["matrix"]["python"] == PYTHONS
+
+
+def test_the_workflow_of_tests_has_every_system_and_python() -> None:
+    workflow = parsed(".github/workflows/test.yml")
+    assert set(workflow[True]) == {"push", "pull_request"}
+    assert workflow["permissions"] == {"contents": "read"}
+    jobs = workflow["jobs"]
+    assert [step["run"] for step in jobs["gate"]["steps"] if "run" in step] == [".ci/run"]
+    core = jobs["core"]["strategy"]["matrix"]
+    assert core["python"] == PYTHONS
+    assert core["include"] == [{"python": PYTHONS[0], "resolution": "lowest-direct"}]
+    make = (ROOT / "Makefile").read_text(encoding="utf-8")
+    rooms = re.search(r"^CORE = (.+)$", make, re.M)
+    assert rooms and all((ROOT / "tests" / room).is_dir() for room in rooms[1].split())
+
+
+def test_actions_and_images_are_pinned_by_digest() -> None:
+    pattern = re.compile(r"^\s*(?:- )?(?:uses:|image:|FROM) (\S+)", re.M)
+    named = [
+        name
+        for folder in (".github/workflows", "packaging")
+        for path in (ROOT / folder).iterdir()
+        if path.suffix in (".yml", ".yaml") or path.name.startswith("Containerfile")
+        for name in pattern.findall(path.read_text(encoding="utf-8"))
+    ]
+    assert len(named) > 15
+    for name in named:
+        assert re.search(r"@(sha256:[0-9a-f]{64}|[0-9a-f]{40})$", name), name
+    images = [name for name in named if name.startswith("python:")]
+    assert len(set(images)) == 1
 
 
 @pytest.mark.parametrize("name", ["Containerfile", "Containerfile.command"])

@@ -54,7 +54,7 @@ def captions(count: int, shared: Path | None) -> list[str]:
 @pytest.fixture(scope="module")
 def answered(web_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     if shutil.which("node") is None:
-        pytest.skip("needs Node")
+        pytest.skip("needs Node.js (Debian: apt-get install nodejs npm)")
     if not (PACKAGE / "node_modules" / "onnxruntime-web").is_dir():
         pytest.skip("needs the package's dependencies: cd packages/web && npm ci")
     shared = os.environ.get("LATENTMOTION_SHARED")
@@ -125,7 +125,7 @@ def test_errors_say_what_was_expected(answered: dict[str, Any]):
 
 def test_a_model_of_labels_takes_them_in_node(student: Path, labels_folder: Path):
     if shutil.which("node") is None or not (PACKAGE / "node_modules").is_dir():
-        pytest.skip("needs Node, and the package's dependencies: cd packages/web && npm ci")
+        pytest.skip("needs Node.js, and the package's dependencies: cd packages/web && npm ci")
     program = f"""
     import {{ load }} from "{PACKAGE}/src/node.js";
     const lm = await load("{labels_folder}");

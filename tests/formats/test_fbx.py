@@ -181,7 +181,7 @@ def test_folders_with_fbx_need_blender_at_once(reading: Path, tmp_path: Path, mo
         next(OwnMotions(reading, Source("own", "mine", "me")).recordings())
 
 
-@pytest.mark.skipif(not REAL, reason="set LATENTMOTION_BLENDER to try the true one")
+@pytest.mark.skipif(not REAL, reason="needs Blender: set LATENTMOTION_BLENDER to its program")
 def test_blender_reads_what_it_wrote(motion: Motion, tmp_path: Path):
     motion.save(tmp_path / "a.fbx", fps=30)
     (back,) = formats.load(tmp_path / "a.fbx")
@@ -190,7 +190,7 @@ def test_blender_reads_what_it_wrote(motion: Motion, tmp_path: Path):
     np.testing.assert_allclose(back.joints, meant.joints, atol=1e-4)
 
 
-@pytest.mark.skipif(not REAL, reason="set LATENTMOTION_BLENDER to try the true one")
+@pytest.mark.skipif(not REAL, reason="needs Blender: set LATENTMOTION_BLENDER to its program")
 def test_blender_writes_fbx(motion: Motion, tmp_path: Path):
     motion.save(tmp_path / "a.fbx")
     content = (tmp_path / "a.fbx").read_bytes()

@@ -164,9 +164,11 @@ def test_khronos_validator(path: Path, tmp_path: Path):
         ".then(r => console.log(JSON.stringify(r.issues)))"
     )
     if node is None:
-        pytest.skip("needs Node.js")
+        pytest.skip("needs Node.js (Debian: apt-get install nodejs npm)")
     run = subprocess.run([node, "-e", script, str(path)], capture_output=True, text=True)
     if "Cannot find module" in run.stderr:
-        pytest.skip("needs npm's gltf-validator; set NODE_PATH to its node_modules")
+        pytest.skip(
+            "needs gltf-validator: npm install gltf-validator, set NODE_PATH to its node_modules"
+        )
     issues = json.loads(run.stdout)
     assert (issues["numErrors"], issues["numWarnings"], issues["numInfos"]) == (0, 0, 0)

@@ -32,6 +32,16 @@ def test_networks_and_graphs_make_the_same_features() -> None:
             np.testing.assert_allclose(one, other, atol=1e-4)
 
 
+def test_networks_and_graphs_of_a_student_make_the_same_features(student: Path) -> None:
+    graphs, networks = MotionPipeline.from_pretrained(student), torch_pipeline(student)
+    for steps in (2, 8):
+        arguments = ["1", "4"], FRAMES, SEEDS, steps, 2.0
+        expected, found = graphs.features(*arguments), networks.features(*arguments)
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-4)
+    assert networks("1", seconds=1.0).metadata["steps"] == 8
+
+
 def test_the_encoder_of_a_card_is_found_among_the_shipped(tmp_path: Path) -> None:
     model = load_model(find_model("starter"))
     save_model(tmp_path / "model", model)

@@ -12,7 +12,6 @@ import torch
 from safetensors.torch import load_file
 
 from latentmotion.errors import InputError
-from latentmotion.export.package import package_model
 from latentmotion.model.card import find_model, read_card, shipped_models
 from latentmotion.model.config import FewStepConfig
 from latentmotion.model.version_1 import KEYS, upgraded, upgraded_weights
@@ -33,7 +32,7 @@ SETTINGS = short_distillation(
 
 
 @pytest.fixture(scope="module")
-def student(
+def distilled(
     figures: Path, unconditional_run: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
     """The run folder of a distillation, whose snapshot and trajectories are kept."""
@@ -50,16 +49,11 @@ def test_shipped_models_are_read_in_both_versions(name: str, tmp_path: Path) -> 
     assert read_card(tmp_path) == card
 
 
-@pytest.mark.usefixtures("without_pullback")
-def test_a_model_folder_of_version_1_generates_the_same(
-    student: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("latentmotion.export.package.MOST_FUSED", 1)
-    card = read_card(student / "model")
-    package_model(student / "model", card, None, tmp_path / "new")
-    shutil.copytree(tmp_path / "new", tmp_path / "old")
+def test_a_model_folder_of_version_1_generates_the_same(student: Path, tmp_path: Path) -> None:
+    for name in ("new", "old"):
+        shutil.copytree(student, tmp_path / name)
     write_version_1_model(tmp_path / "old")
-    assert [path.name for path in (tmp_path / "old").glob("walk_*")] == ["walk_1.onnx"]
+    assert [path.name for path in (tmp_path / "old").glob("walk_*")] == ["walk_2.onnx"]
     assert read_card(tmp_path / "old") == read_card(tmp_path / "new")
     for fused in (True, False):
         motions = []
@@ -69,14 +63,14 @@ def test_a_model_folder_of_version_1_generates_the_same(
                     path.unlink()
             pipeline = MotionPipeline.from_pretrained(tmp_path / name)
             assert bool(pipeline.backend.fused) == fused
-            motions.append(pipeline(seconds=1.0, seed=3, steps=1).joints)
+            motions.append(pipeline("3", seconds=1.0, seed=3, steps=2).joints)
         np.testing.assert_array_equal(*motions, err_msg=f"fused {fused}")
     weights = (load_model(tmp_path / name).denoiser.state_dict() for name in ("new", "old"))
     assert all(torch.equal(*pair) for pair in zip(*(w.values() for w in weights), strict=True))
 
 
 def test_a_run_folder_of_version_1_is_resumed(
-    student: Path, figures: Path, unconditional_run: Path, tmp_path: Path
+    distilled: Path, figures: Path, unconditional_run: Path, tmp_path: Path
 ) -> None:
     teacher, run = unconditional_run / "model", tmp_path / "run"
     with killed_at(5):
@@ -89,7 +83,7 @@ def test_a_run_folder_of_version_1_is_resumed(
     found = load_file(
         distill(SETTINGS, figures, teacher, None, run, CONTEXT) / "weights.safetensors"
     )
-    whole = load_file(student / "model" / "weights.safetensors")
+    whole = load_file(distilled / "model" / "weights.safetensors")
     assert found.keys() == whole.keys()
     assert all(torch.equal(found[name], whole[name]) for name in whole)
     assert (run / "ways.safetensors").read_bytes() == kept

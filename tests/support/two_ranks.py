@@ -10,9 +10,12 @@ import os
 import socket
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import torch
+import torch.distributed.fsdp  # seconds, once for all ranks
+import torch.utils.tensorboard  # likewise
 
 from latentmotion.networks.build import build
 from latentmotion.training.distributed import DistributedContext, distributed_context
@@ -24,9 +27,21 @@ from tests.support.small_training import CHANGES, LetterCount, killed_at, small
 TRANSFORMER = {**CHANGES["denoiser.transformer"], "dropout": 0.0}  # type: ignore[dict-item]
 
 
+EPSILON = 1e-3
+"""AdamW's, in place of 1e-8.
+
+AdamW divides a gradient by its own size + epsilon. The bias of an attention's keys changes no
+softmax: its gradient is zero in exact arithmetic and rounding in floats, which AdamW with 1e-8
+scales up to whole steps. With this epsilon, gradients that differ by rounding, 1e-7 of a norm
+clipped to 1, move a weight by at most rate · 1e-7 / 1e-3 apart, on every processor; and a gradient
+that is wrong by a factor, which AdamW would hide, shows.
+"""
+
+
 def main() -> None:
     """Trains all."""
     torch.set_num_threads(1)
+    torch.optim.AdamW = partial(torch.optim.AdamW, eps=EPSILON)  # type: ignore[misc]
     folder = Path(sys.argv[1])
     data = write_moving_figures(folder / "figures")
 

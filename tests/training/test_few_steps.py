@@ -27,7 +27,6 @@ from latentmotion.diffusion.schedule import (
     StepCondition,
 )
 from latentmotion.errors import InputError, ModelError
-from latentmotion.export.package import package_model
 from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.instructions.prompts import instructions
 from latentmotion.model.config import DenoiserConfig, FewStepConfig, TransformerConfig
@@ -304,25 +303,6 @@ def test_training_brings_leaps_nearer_to_the_teachers(
     # A quarter of the way is straight enough to begin with.
     for name in ("student_rms_of_1", "student_rms_of_2"):
         assert found[name] < 0.95 * first[name], name
-
-
-@pytest.mark.usefixtures("without_pullback")
-def test_it_generates_alike_on_pytorch_and_exported(
-    student: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from latentmotion import MotionPipeline
-
-    monkeypatch.setattr("latentmotion.export.package.MOST_FUSED", 1)  # others go step by step
-    eager = torch_pipeline(student)
-    package_model(student, eager.card, None, tmp_path / "student")
-    exported = MotionPipeline.from_pretrained(tmp_path / "student", "onnxruntime")
-    for steps in (1, 2, 4):
-        arguments = ["", ""], [16, 24], [0, 1], steps, 2.0
-        for one, other in zip(
-            eager.features(*arguments), exported.features(*arguments), strict=True
-        ):
-            np.testing.assert_allclose(one, other, atol=0.02)
-    assert exported("", seconds=1.0).metadata["steps"] == 4
 
 
 def test_what_it_has_not_learned_is_refused(student: Path) -> None:

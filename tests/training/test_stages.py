@@ -134,18 +134,17 @@ def environment() -> dict[str, str]:
     return {**os.environ, "OMP_NUM_THREADS": "1", "CUDA_VISIBLE_DEVICES": ""}
 
 
-def test_a_killed_run_goes_on_bit_for_bit(figures: Path, tmp_path: Path) -> None:
-    def start(when: str, name: str) -> int:
-        words = [sys.executable, "-c", KILLED, when, *command(figures, tmp_path / name)]
+def test_a_killed_run_goes_on_bit_for_bit(figures: Path, vae_run: Path, tmp_path: Path) -> None:
+    def start(when: str) -> int:
+        words = [sys.executable, "-c", KILLED, when, *command(figures, tmp_path)]
         return subprocess.run(words, env=environment(), capture_output=True).returncode
 
-    assert start("never 0", "whole") == 0
-    assert start("step 3", "parts") == -9
-    assert start("snapshot 6", "parts") == -9
-    assert not (tmp_path / "parts" / "model").exists()
-    assert start("never 0", "parts") == 0
-    assert weights(tmp_path / "whole") == weights(tmp_path / "parts")
-    assert read_journal(tmp_path / "whole") == read_journal(tmp_path / "parts")
+    assert start("step 3") == -9
+    assert start("snapshot 6") == -9
+    assert not (tmp_path / "model").exists()
+    assert start("never 0") == 0
+    assert weights(vae_run) == weights(tmp_path)
+    assert read_journal(vae_run) == read_journal(tmp_path)
 
 
 TORCHRUN = [sys.executable, "-m", "torch.distributed.run", "--standalone"]

@@ -12,7 +12,6 @@ import torch
 from torch import nn
 from torch.distributed.device_mesh import init_device_mesh
 
-from latentmotion.errors import InputError
 from latentmotion.gpu.device import GPU
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings
@@ -54,17 +53,9 @@ def shard(module: nn.Module, network: nn.Module, context: DistributedContext) ->
         module: Whose forward uses the network; the network itself, or what holds it.
         network: What is shared. Other weights of `module` stay whole.
         context: The ranks.
-
-    Raises:
-        InputError: This PyTorch cannot.
     """
-    try:
-        from torch.distributed.fsdp import fully_shard
-    except ImportError as error:
-        raise InputError(
-            f"PyTorch {torch.__version__} cannot share weights among ranks: expected 2.6 or later; "
-            "update it, or use parallel=replicated"
-        ) from error
+    from torch.distributed.fsdp import fully_shard  # most of a second
+
     mesh = init_device_mesh(context.device.type, (context.ranks.world,))
     lists = (part for part in reversed(list(network.modules())) if isinstance(part, nn.ModuleList))
     layers = [layer for part in lists for layer in part if not isinstance(layer, nn.ModuleList)]
