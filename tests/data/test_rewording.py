@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import lzma
 import re
 from importlib.resources import files
 from pathlib import Path
@@ -144,7 +145,8 @@ def sides(text: str) -> set[str]:
 
 
 def test_written_wordings_keep_sides_and_are_of_no_benchmark() -> None:
-    table = files("latentmotion.describe").joinpath("wordings.tsv").read_text("utf-8")
+    packed = files("latentmotion.describe").joinpath("wordings.tsv.xz").read_bytes()
+    table = lzma.decompress(packed).decode()
     rows = [line.split("\t") for line in table.splitlines()[1:]]
     assert len(rows) > 500
     asked = {one.prompt for one in instructions()}

@@ -124,7 +124,7 @@ def test_a_movement_is_taught_by_showing(fast, tmp_path, monkeypatch, capsys):
     fast("a person squats down", seconds=3, seed=1).save("shown.npz")
     sentence = "a person does the frog"
     main(["teach", "shown.npz", sentence, "--license", "CC0", "--credit", "me", "-o", "moves"])
-    main(["teach", "shown.npz", "someone sits like a toad", "--between", "0.5", "2", "-o", "moves"])
+    main(["teach", "shown.npz", "someone sits like a frog", "--between", "0.5", "2", "-o", "moves"])
     assert "2 clips, 2 sentences" in capsys.readouterr().out
     main(["generate", sentence, "--moves", "moves", "-o", "frog.npz", "--no-clean"])
     (clip,) = Motion.load("frog.npz").metadata["from_clips"]

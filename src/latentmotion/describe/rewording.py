@@ -6,13 +6,14 @@
 
 The subject, the form of the verb, synonyms, counts as digits and the links between clauses may
 change; actions, their order, sides, directions and counts stay. A sentence that is not understood
-word by word (`clauses.py`) gets another subject at most. Captions of `wordings.tsv` have wordings
-that language models wrote one by one, too: `caption<TAB>wording|wording|…`; a clause of a longer
+word by word (`clauses.py`) gets another subject at most. Captions of `wordings.tsv.xz` have
+wordings that language models wrote one by one, too: `caption<TAB>wording|…`; a clause of a longer
 caption takes those of the caption that it would be alone.
 """
 
 from __future__ import annotations
 
+import lzma
 import re
 from dataclasses import replace
 from functools import cache
@@ -120,7 +121,7 @@ def rewordings(sentence: str, generator: np.random.Generator, count: int) -> lis
 
 
 def written_wordings(sentence: str) -> tuple[str, ...]:
-    """Returns the wordings of a caption in `wordings.tsv`; none if it is not there.
+    """Returns the wordings of a caption in `wordings.tsv.xz`; none if it is not there.
 
     Subject and form of the verb do not matter: "a man kneels" and "kneeling" are one caption.
     """
@@ -130,7 +131,8 @@ def written_wordings(sentence: str) -> tuple[str, ...]:
 @cache
 def _written() -> dict[str, tuple[str, ...]]:
     """Returns written wordings by the predicate of the caption that they are of."""
-    table = files("latentmotion.describe").joinpath("wordings.tsv").read_text("utf-8")
+    packed = files("latentmotion.describe").joinpath("wordings.tsv.xz").read_bytes()
+    table = lzma.decompress(packed).decode()
     rows = (line.split("\t") for line in table.splitlines() if not line.startswith("#"))
     return {_predicate(caption): tuple(texts.split("|")) for caption, texts in rows}
 
