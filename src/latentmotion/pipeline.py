@@ -100,8 +100,8 @@ class MotionPipeline:
     encoder: Session | None = None
     """Network: normalized features, mask → latents; None where there is none, so that motions
     cannot start from clips."""
-    moves: tuple[Path, ...] = ()
-    """Files of clips that motions of rare movements start from."""
+    moves: tuple[Path | ClipIndex, ...] = ()
+    """Indexes of clips that motions of rare movements start from, or their files."""
 
     def __repr__(self) -> str:
         sampling, task = self.card.sampling, self.card.task
@@ -160,11 +160,12 @@ class MotionPipeline:
             moves=moves[:1] if moves else (),
         )
 
-    def with_moves(self, *folders: str | Path) -> MotionPipeline:
-        """Returns the pipeline with further clips to start from (`latentmotion teach`).
+    def with_moves(self, *moves: str | Path | ClipIndex) -> MotionPipeline:
+        """Returns the pipeline with further clips to start from.
 
         Args:
-            folders: Folders or files; their clips come before those that ship.
+            moves: Folders or files that `latentmotion teach` wrote, or what `taught` returns; their
+                clips come before those that ship.
 
         Raises:
             ModelError: A file is missing, damaged, or of another model; or this model has no
@@ -172,20 +173,10 @@ class MotionPipeline:
         """
         from latentmotion.retrieval.index import index_file
 
-        files = tuple(index_file(Path(folder)) for folder in folders)
-        pipeline = replace(self, moves=(*files, *self.moves))
+        given = tuple(index_file(Path(m)) if isinstance(m, str | Path) else m for m in moves)
+        pipeline = replace(self, moves=(*given, *self.moves))
         _ = pipeline.clip_starts  # read now, so that an error comes here
         return pipeline
-
-    @classmethod
-    def load(cls, *arguments: Any, **named: Any) -> MotionPipeline:
-        """Old name of `from_pretrained`, which takes the same arguments."""
-        warnings.warn(
-            "MotionPipeline.load is now from_pretrained; the old name goes with the next release",
-            DeprecationWarning,
-            stacklevel=2,
-        )
-        return cls.from_pretrained(*arguments, **named)
 
     def __call__(
         self,
@@ -347,11 +338,11 @@ class MotionPipeline:
         """
         if not self.moves or not isinstance(self.condition, SentenceCondition):
             return None
-        from latentmotion.retrieval.index import fingerprint, read_joined
+        from latentmotion.retrieval.index import fingerprint, joined
         from latentmotion.retrieval.starts import ClipStarts
 
         text_encoder, backend = self.condition.encoder, self.backend
-        index = read_joined(self.moves, fingerprint(self.card.latents), text_encoder.name)
+        index = joined(self.moves, fingerprint(self.card.latents), text_encoder.name)
 
         def decode(latents: np.ndarray, frames: np.ndarray) -> np.ndarray:
             return backend.to_host(

@@ -14,7 +14,7 @@ from latentmotion.data.recording import features_of
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT, MOVES_FILE
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.retrieval.index import ClipIndex, index_file, read_joined
+from latentmotion.retrieval.index import ClipIndex, index_file, joined
 from latentmotion.retrieval.teach import ShownClip
 from latentmotion.storage.files import check_writable
 
@@ -92,4 +92,4 @@ class Teach:
         if not (self.output / MOVES_FILE).exists():
             return None
         file = index_file(self.output)
-        return read_joined([file], index.latent_space, index.text_encoder)
+        return joined([file], index.latent_space, index.text_encoder)

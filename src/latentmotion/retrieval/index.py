@@ -316,33 +316,32 @@ def index_file(path: Path) -> Path:
     return file
 
 
-def read_joined(paths: Sequence[Path], latent_space: str, text_encoder: str) -> ClipIndex:
-    """Returns one index of several files; files that did not change are read once.
+def joined(moves: Sequence[Path | ClipIndex], latent_space: str, text_encoder: str) -> ClipIndex:
+    """Returns one index of several, or of their files.
 
     Args:
-        paths: At least one.
+        moves: At least one.
         latent_space: Fingerprint of the model that is to start from them.
         text_encoder: Name of its text encoder.
 
     Raises:
-        ModelError: A file is damaged or was made for another model.
+        ModelError: A file is damaged, or an index was made for another model.
     """
-    files = tuple((path, path.stat().st_mtime_ns) for path in paths)
-    return _read_joined(files, latent_space, text_encoder)
+    together: ClipIndex | None = None
+    for one in moves:
+        index = one if isinstance(one, ClipIndex) else _read_once(one, one.stat().st_mtime_ns)
+        if (index.latent_space, index.text_encoder) != (latent_space, text_encoder):
+            name = one if isinstance(one, Path) else "an index"
+            raise ModelError(f"{name} was made for another model; teach its clips to this one")
+        together = together.joined(index) if together else index
+    assert together is not None
+    return together
 
 
 @lru_cache(maxsize=4)
-def _read_joined(
-    files: tuple[tuple[Path, int], ...], latent_space: str, text_encoder: str
-) -> ClipIndex:
-    joined: ClipIndex | None = None
-    for path, _ in files:
-        index = read_index(path)
-        if (index.latent_space, index.text_encoder) != (latent_space, text_encoder):
-            raise ModelError(f"{path} was made for another model; teach its clips to this one")
-        joined = joined.joined(index) if joined else index
-    assert joined is not None
-    return joined
+def _read_once(path: Path, changed: int) -> ClipIndex:
+    """Reads a file that did not change since it was read last only once."""
+    return read_index(path)
 
 
 def _typed(row: Any, kinds: Sequence[type]) -> list[Any]:

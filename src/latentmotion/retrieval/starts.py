@@ -35,6 +35,9 @@ RARE = 150
 """Support of a caption up to which its movement is rare: with so few clips of 3,700 the denoiser
 often makes another one from noise."""
 
+UNRELATED = 0.55
+"""Cosine up to which a caption says nothing of what a sentence asks for."""
+
 USUAL = 60.0
 """Support of a movement that succeeds from noise about as often as from a clip."""
 
@@ -63,8 +66,8 @@ class ClipStart:
     clips: tuple[dict[str, Any], ...]
     """Clips with their owners and terms, as JSON can hold them."""
     advantage: float
-    """How much likelier the motion shows what is asked than one from noise: the cosine of sentence
-    and caption, less where many clips support it."""
+    """How much likelier the motion shows what is asked than one from noise, 0 to 1: the nearness of
+    sentence and caption, less where many clips support it."""
 
     def about(self) -> dict[str, Any]:
         """Returns what a file says of the start."""
@@ -138,7 +141,8 @@ class ClipStarts:
         rarest = min(chosen, key=lambda neighbor: neighbor.caption.support)
         support = rarest.caption.support
         share = next((share for most, share in SHARES if support <= most), SHARES[-1][1])
-        advantage = rarest.cosine * USUAL / (USUAL + support)
+        likely = max(rarest.cosine - UNRELATED, 0.0) / (1 - UNRELATED)
+        advantage = likely * USUAL / (USUAL + support)
         return ClipStart(Start(joined, share), frames, about, advantage)
 
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
