@@ -40,7 +40,8 @@ MORE_VERBS = (
     (
         "punch",
         (
-            r"hooks?|box(?:es|ing)?|boxer fights|shadow-?box\w*|spar(?:s|ring)|fight(?:s|ing)?",
+            # A box after an article or an adjective is a thing.
+            r"hooks?|^box|boxing|(?:person|someone|woman|man|guy|he|she) boxes|boxer fights|shadow-?box\w*|spar(?:s|ring)|fight(?:s|ing)?",
             r"(?:hits?|hitting|strikes?|striking)(?= .*(?:fist|hand|arm|left|right))",
         ),
     ),
@@ -85,6 +86,9 @@ _WORDS = (
     (r"\b(?:hurr(?:y|ies|ying)|rush(?:es|ing)?|strid\w+ .*quickly)\b", "walks quickly"),
     (r"\b(?:ambl|saunter|plod|stroll)\w*", "walks slowly"),
     (r"\bwithout turning(?: around)?\b", "straight"),
+    # What is not to happen is claimed by nothing, and corrected towards nothing.
+    (r"\b(?:(?:do|does|is|will|can)(?: not|n't)|never|not|without|no|isn't|won't|can't)\b"
+     r"(?:(?! (?:but|just) )[^,.;])*", ""),
 )  # fmt: skip
 """Words of users and plainer ones."""
 

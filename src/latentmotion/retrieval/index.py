@@ -357,7 +357,8 @@ def _typed(row: Any, kinds: Sequence[type]) -> list[Any]:
 def _counts(words: Any) -> dict[str, int]:
     if not isinstance(words, dict) or len(words) > _MOST_CAPTIONS:
         raise ValueError("a list of words")
-    return dict(_typed(row, (str, int)) for row in words.items())
+    rows = [_typed(row, (str, int)) for row in words.items()]
+    return {str(word): int(count) for word, count in rows}
 
 
 def _check(
