@@ -41,7 +41,8 @@ MORE_VERBS = (
         "punch",
         (
             # A box after an article or an adjective is a thing.
-            r"hooks?|^box|boxing|(?:person|someone|woman|man|guy|he|she) boxes|boxer fights|shadow-?box\w*|spar(?:s|ring)|fight(?:s|ing)?",
+            r"hooks?|^box|boxing|boxer fights|shadow-?box\w*|spar(?:s|ring)|fight(?:s|ing)?",
+            r"(?:person|someone|woman|man|guy|he|she) boxes",
             r"(?:hits?|hitting|strikes?|striking)(?= .*(?:fist|hand|arm|left|right))",
         ),
     ),
