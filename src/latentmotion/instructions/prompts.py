@@ -122,11 +122,6 @@ class Instruction:
         return [int(sequence.generate_state(1)[0]) for sequence in sequences]
 
 
-def packaged_text(name: str) -> str:
-    """Returns a text file of this package."""
-    return files("latentmotion.instructions").joinpath(name).read_text(encoding="utf-8")
-
-
 @cache
 def refused_captions() -> frozenset[str]:
     """Returns the sentences and their mirror images as plain text, which no caption may equal."""
@@ -139,6 +134,7 @@ def refused_captions() -> frozenset[str]:
 @cache
 def instructions() -> tuple[Instruction, ...]:
     """Returns the list."""
+    table = files("latentmotion.instructions").joinpath("prompts.csv").read_text(encoding="utf-8")
     return tuple(
         Instruction(
             id=row["id"],
@@ -147,5 +143,5 @@ def instructions() -> tuple[Instruction, ...]:
             check=parse(row["check"]),
             seconds=float(row["seconds"]) if row["seconds"] else None,
         )
-        for row in csv.DictReader(packaged_text("prompts.csv").splitlines())
+        for row in csv.DictReader(table.splitlines())
     )

@@ -18,7 +18,7 @@ VERSION = 2
 
 def packaged_text(name: str) -> str:
     """Returns a text file of this package."""
-    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return files("latentmotion.evaluation.instructions").joinpath(name).read_text(encoding="utf-8")
 
 
 @cache
