@@ -17,7 +17,7 @@ _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
 
 
 @dataclass(frozen=True)
-class Clean:
+class Clean(options.Reading):
     """Clean up a motion: hold standing feet, remove jitter, put the figure on the floor.
 
     Example: latentmotion clean walk.npz -o walk.bvh --no-smooth
@@ -63,6 +63,6 @@ class Clean:
         for path in self.output:
             formats.check_ending(path)
             check_writable(path)
-        motions = cleaned(formats.load(self.file), steps)
+        motions = cleaned(formats.load(self.file, self.stated()), steps)
         written = [target for path in self.output for target in formats.save(path, motions)]
         print("\n".join(f"wrote {path}" for path in written))

@@ -10,7 +10,6 @@ from latentmotion.blender.build import build_zip, own_command
 from latentmotion.cli import options
 from latentmotion.errors import InputError
 from latentmotion.kinematics import draft
-from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import Skeleton, check_fps
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.retarget.rig_files import open_rig
@@ -18,7 +17,7 @@ from latentmotion.storage.files import check_writable
 
 
 @dataclass(frozen=True)
-class Retarget:
+class Retarget(options.Reading):
     """Retarget motions to your own character: any skeleton in .glb, .gltf, .vrm, .fbx, .bvh, .asf.
 
     The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,
@@ -35,12 +34,11 @@ class Retarget:
     output: options.OptionalOutput = None
     """File to write: .glb, .gltf or .fbx for the character with the animations added, .bvh for its
     skeleton (one file per motion)."""
-    map: options.JointMapFile = None
     draft_map: options.DraftMapFile = None
     root_motion: transfer.RootMotion = "pelvis"
     """What the path along the floor moves: the pelvis, the root bone of a rig that has one above
     the pelvis, as Unreal expects, or nothing (in place)."""
-    fps: float | None = None
+    output_fps: float | None = None
     """Frames per second of the animations; by default those of the motions."""
 
     def run(self) -> None:
@@ -54,14 +52,14 @@ class Retarget:
             return
         if self.output is None or not self.files:
             raise InputError("name motion files and -o FILE, or --draft-map FILE")
-        if self.fps is not None:
-            check_fps(self.fps)
+        if self.output_fps is not None:
+            check_fps(self.output_fps)
         check_writable(self.output)
-        rig = read_rig(self.to, None if self.map is None else load_joint_map(self.map))
+        rig = read_rig(self.to, stated=self.stated())
         transfer.check_output(rig, self.output)
         if self.root_motion == "root":
             transfer.check_root_bone(rig)
-        motions = [motion for file in self.files for motion in formats.load(file)]
+        motions = [motion for file in self.files for motion in formats.load(file, self.stated())]
         joints, body = rig.skeleton.names, rig.body
         spine = ", ".join(joints[joint] for joint in body.spine) or "none"
         moved = {*body.joints.values(), body.pelvis, *body.spine, *body.neck}
@@ -74,7 +72,9 @@ class Retarget:
         # Animations are named by their captions, else by the first file.
         names = [motion.caption or self.files[0].stem for motion in motions]
         names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
-        written = transfer.write(self.output, rig, motions, self.fps, names, self.root_motion)
+        written = transfer.write(
+            self.output, rig, motions, self.output_fps, names, self.root_motion
+        )
         print("\n".join(f"wrote {path}" for path in written))
 
 

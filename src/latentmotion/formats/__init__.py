@@ -8,14 +8,20 @@ from __future__ import annotations
 import difflib
 import importlib
 import json
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from latentmotion.errors import DataError, InputError
+from latentmotion.errors import DataError, InputError, ReadingWarning
 from latentmotion.motion import Motion
 from latentmotion.plugins import plugin, plugin_names
 from latentmotion.storage.files import check_writable
+
+if TYPE_CHECKING:
+    from latentmotion.formats.takes import SkeletonTake
+    from latentmotion.kinematics.standing import Stated
 
 ENDINGS: Mapping[str, str] = MappingProxyType(
     {
@@ -117,8 +123,43 @@ def check_text(motions: Sequence[Motion], target: Path) -> None:
                 ) from error
 
 
-def load(path: str | Path) -> list[Motion]:
-    """Reads all motions of a file.
+def load(path: str | Path, stated: Stated | None = None) -> list[Motion]:
+    """Reads all motions of a file, in meters, y up.
+
+    This is the one place where files become motions: unit, up axis, names and rate are what is
+    stated, else what the file says, else what the body shows, which is told as a guess.
+
+    Args:
+        path: The file.
+        stated: What the user says about it.
+
+    Raises:
+        DataError: The names of its joints are unknown, or its size or pose is nobody's.
+        FileFormatError: The file is damaged or not of its kind.
+        InputError: The ending cannot be read, or there is no such file.
+
+    Warns:
+        ReadingWarning: Something is a guess, or a small mistake was passed over.
+    """
+    from latentmotion.formats.takes import standing_motion
+
+    source = Path(path)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", ReadingWarning)
+        try:
+            trusted = stated is None and source.suffix.lower() != ".npy"  # bare joints say nothing
+            motions = [standing_motion(take, stated, trusted) for take in read(source)]
+        except (InputError, DataError) as error:  # of what it holds
+            named = str(error).startswith(str(source)) or not source.is_file()
+            raise type(error)(str(error) if named else f"{source}: {error}") from error
+    for text, category in dict.fromkeys((str(one.message), one.category) for one in told):
+        named = category is not ReadingWarning or text.startswith(str(source))
+        warnings.warn(text if named else f"{source}: {text}", category, stacklevel=2)
+    return motions
+
+
+def read(path: str | Path) -> list[SkeletonTake | Motion]:
+    """Reads the takes of a file as they are in it.
 
     Raises:
         FileFormatError: The file is damaged or not of its kind.
@@ -128,10 +169,7 @@ def load(path: str | Path) -> list[Motion]:
     reader = _function(source, READABLE, "read")
     if not source.is_file():
         raise InputError(f"there is no file {source}")
-    try:
-        return reader(source)
-    except (InputError, DataError) as error:  # of what it holds
-        raise type(error)(f"{source}: {error}") from error
+    return reader(source)
 
 
 def check_ending(path: str | Path) -> None:

@@ -7,6 +7,7 @@ A joint's rotation is the product of its rotation channels in the order they are
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,12 +15,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import FileFormatError
+from latentmotion.errors import FileFormatError, ReadingWarning
 from latentmotion.formats.checks import (
     check_filled,
     checked_animation,
     checked_rate,
-    meters_per_unit,
     numbers,
     read_lines,
     table,
@@ -27,6 +27,7 @@ from latentmotion.formats.checks import (
 )
 from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
 from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.standing import meters_per_unit
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.limits import MOST_JOINTS
 from latentmotion.storage.reading import blamed_on
@@ -227,9 +228,13 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
     count, fps, body = _read_timing(Path(path), lines, start)
     columns = [(joint, *channel) for joint, node in enumerate(nodes) for channel in node.channels]
     values = table(path, lines, body, len(columns))
-    if len(values) != count:
+    if abs(len(values) - count) > 1:
         problem = f"found {len(values)} frames, expected {count} as 'Frames:' says"
         raise FileFormatError(path, problem, len(lines))
+    if len(values) != count:  # one off, as in Rokoko's exports
+        problem = f"found {len(values)} frames, of which 'Frames:' says {count}; all are read"
+        warnings.warn(f"{path}: {problem}", ReadingWarning, stacklevel=2)
+        count = len(values)
     check_filled(path, count, len(nodes), values.size)
     offsets = scale * np.array([node.offset for node in nodes])
     translations = np.repeat(offsets[None], count, axis=0)

@@ -24,9 +24,9 @@ from latentmotion.errors import FileFormatError
 from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.gltf_document import Document
+from latentmotion.formats.takes import SkeletonTake
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
 from latentmotion.kinematics.skeleton import Animation
-from latentmotion.motion import Motion
 from latentmotion.storage.limits import MOST_DEPTH, MOST_JOINTS, MOST_NODES, MOST_NUMBER
 from latentmotion.storage.reading import blamed_on
 
@@ -73,24 +73,21 @@ def damage(path: Path) -> Iterator[None]:
         raise FileFormatError(path, f"damaged glTF: {error!r:.300}") from error
 
 
-def read_takes(path: str | Path) -> list[Motion]:
-    """Reads all animations as motions, with the captions of files that `gltf.write` wrote.
+def read_takes(path: str | Path) -> list[SkeletonTake]:
+    """Reads all animations, with the captions of files that `gltf.write` wrote.
 
     Raises:
         FileFormatError: The file is damaged.
-        DataError: No joint map fits the skeleton.
     """
-    from latentmotion.formats.takes import motion_of
-
     document = Document.read(path)
     animations, declared = animations_of(document)
     with blamed_on(path):
         notes = [take.get("extras") for take in document.json.get("animations", [])]
         notes = notes if len(notes) == len(animations) else [None] * len(animations)
-        return [
-            motion_of(animation, note if isinstance(note, dict) else {}, declared)
-            for animation, note in zip(animations, notes, strict=True)
-        ]
+    return [
+        SkeletonTake(animation, note if isinstance(note, dict) else {}, declared)
+        for animation, note in zip(animations, notes, strict=True)
+    ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ Names are looked up in `bone_names.py`; the tree gives pelvis, chest, spine and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise, product
@@ -296,6 +296,16 @@ def to_humanml3d(
         for source, weight in weights_of(entries[name]).items():
             weights[row, _column(columns, skeleton.names, name, source)] += weight
     return np.einsum("hj,fjc->fhc", weights, animation.joints(), optimize=True)
+
+
+def fitting_map(joint_maps: Iterable[JointMap], names: Sequence[str]) -> JointMap | None:
+    """Returns the first of some joint maps of which a skeleton has a joint, if any."""
+    known = set(_columns(names))
+    for joint_map in joint_maps:
+        sources = (source for entry in _entries(joint_map).values() for source in weights_of(entry))
+        if any(source in known or without_namespace(source) in known for source in sources):
+            return joint_map
+    return None
 
 
 def load_joint_map(path: str | Path) -> JointMap:

@@ -252,6 +252,11 @@ class Animation:
     def __len__(self) -> int:
         return len(self.rotations)
 
+    @classmethod
+    def at_rest(cls, skeleton: Skeleton) -> Animation:
+        """Returns the rest pose as one frame, the root at the origin."""
+        return cls(skeleton, np.tile(np.eye(3), (1, len(skeleton), 1, 1)), np.zeros((1, 3)), 20.0)
+
     def joints(self) -> Float[np.ndarray, "frames joints 3"]:
         """Returns global joint positions, meters."""
         return self.skeleton.forward_kinematics(

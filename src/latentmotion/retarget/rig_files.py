@@ -26,7 +26,7 @@ from jaxtyping import Float
 from latentmotion.errors import InputError
 from latentmotion.formats import fbx
 from latentmotion.formats.asf_amc import figure_skeleton, read_asf
-from latentmotion.formats.bvh import continuous_euler, read_hierarchy, write_bvh
+from latentmotion.formats.bvh import continuous_euler, read_bvh, read_hierarchy, write_bvh
 from latentmotion.formats.checks import read_lines
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import Scene, damage
@@ -72,6 +72,11 @@ class RigFile(Protocol):
     @property
     def unit(self) -> float | None:
         """Meters per unit, where the file says so."""
+        ...
+
+    @property
+    def animation(self) -> Animation | None:
+        """Its own frames, in its axes and unit, where the rest pose alone does not say enough."""
         ...
 
     @property
@@ -128,6 +133,7 @@ class GltfFile:
     """
 
     unit = 1.0
+    animation = None
     endings: tuple[str, ...] = (".glb", ".gltf", ".fbx")
 
     def __init__(self, path: Path) -> None:
@@ -212,7 +218,7 @@ class FbxFile(GltfFile):
 
 
 class BvhFile:
-    """A BVH file. Its rest pose is the one in which all its angles are 0.
+    """A BVH file. Its frames say where it stands; in its rest pose all its angles are 0.
 
     Args:
         path: The file.
@@ -230,17 +236,8 @@ class BvhFile:
         lines = read_lines(path)
         self.nodes, start = read_hierarchy(path, lines)
         self.head = lines[:start]
-        offsets = np.array([node.offset for node in self.nodes], dtype=np.float64)
-        self.root = offsets[0].copy()
-        offsets[0] = 0
-        with blamed_on(path):
-            self.skeleton = Skeleton(
-                name=path.stem,
-                names=tuple(node.name for node in self.nodes),
-                parents=tuple(node.parent for node in self.nodes),
-                offsets=offsets,
-                end_sites=tuple(joint for joint, node in enumerate(self.nodes) if node.is_end),
-            )
+        self.animation = read_bvh(path, 1.0)
+        self.skeleton, self.root = self.animation.skeleton, np.asarray(self.nodes[0].offset)
         self.movable = frozenset(
             joint
             for joint, node in enumerate(self.nodes)
@@ -284,6 +281,7 @@ class AsfFile:
         FileFormatError: It is damaged.
     """
 
+    animation = None
     declared: Mapping[str, int] = {}
     endings = (".bvh",)
     movable = frozenset({0})
