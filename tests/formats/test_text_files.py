@@ -10,7 +10,7 @@ import pytest
 from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats import npz
-from latentmotion.formats.bvh import continuous_euler, hierarchy_lines, read_hierarchy
+from latentmotion.formats.bvh import BvhLayout, continuous_euler, hierarchy_lines, read_hierarchy
 from latentmotion.formats.checks import (
     numbers,
     read_lines,
@@ -153,7 +153,7 @@ def test_endings_that_cannot_be_written(tmp_path: Path, name: str, message: str)
 def test_a_hierarchy_there_and_back(tmp_path: Path) -> None:
     offsets = np.array([[0, 0, 0], [0.1, 0.2, 0], [0, -0.5, 0.25], [-0.1, 0.2, 0.0]])
     skeleton = Skeleton("s", ("hips", "a", "a_end", "b"), (-1, 0, 1, 0), offsets, end_sites=(2,))
-    lines = ["HIERARCHY", *hierarchy_lines(skeleton, {0, 3}, "ZXY"), "MOTION"]
+    lines = ["HIERARCHY", *hierarchy_lines(skeleton, {0, 3}, BvhLayout()), "MOTION"]
     nodes, start = read_hierarchy(tmp_path, lines)
     assert start == len(lines)
     joints = [node for node in nodes if not node.is_end]

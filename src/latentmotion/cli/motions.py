@@ -62,12 +62,9 @@ class Retarget(options.Reading):
         motions = [motion for file in self.files for motion in formats.load(file, self.stated())]
         joints, body = rig.skeleton.names, rig.body
         spine = ", ".join(joints[joint] for joint in body.spine) or "none"
-        moved = {*body.joints.values(), body.pelvis, *body.spine, *body.neck}
         print(
             f"{rig.file.path}: {len(joints)} joints, names of {body.names}, in {rig.unit()}, "
-            f"legs of {rig.leg:.2f} m\n"
-            f"pelvis {joints[body.pelvis]!r}, spine {spine}, "
-            f"{len(joints) - len(moved)} joints stay at rest (fingers, twists, tips)"
+            f"legs of {rig.leg:.2f} m, pelvis {joints[body.pelvis]!r}, spine {spine}"
         )
         # Animations are named by their captions, else by the first file.
         names = [motion.caption or self.files[0].stem for motion in motions]

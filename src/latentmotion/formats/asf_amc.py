@@ -261,9 +261,9 @@ def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 12
 
 
 def find_asf(amc: str | Path) -> Path:
-    """Returns the skeleton of a motion: the ASF whose name the motion's begins with, or the only one.
+    """Returns the skeleton of a motion: the ASF whose name the motion's begins with, or the only.
 
-    It lies beside the motion, or in the nearest folder above that has any, up to two.
+    It lies beside the motion, or in the nearest of two folders above that has any.
 
     Raises:
         FileFormatError: There is none, or several of other names.

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.errors import FileFormatError, ReadingWarning
+from latentmotion.formats import bvh
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh, write_bvh
+from latentmotion.formats.engines import ENGINES
 from latentmotion.kinematics.humanoid import find_humanoid, fitting_map, to_humanml3d
 from latentmotion.kinematics.recorded import Recorded
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation
@@ -36,13 +38,19 @@ _LAYOUTS = (".amass", ".smplx", ".smpl")
 def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     """Writes one BVH file for each motion: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on.
 
+    A motion that was read from a skeleton is written on that one, with all its joints.
+
     Raises:
         InputError: The folder cannot be written.
     """
     paths = numbered(Path(path), len(motions))
-    animations = [motion.animation() for motion in counted(motions, "finding rotations")]
+    animations = [
+        motion.recorded.animation if motion.recorded else motion.animation()
+        for motion in counted(motions, "finding rotations")
+    ]
     for target, animation in zip(paths, animations, strict=True):
-        write_bvh(target, animation)
+        layouts = (one.bvh for name, one in ENGINES.items() if name == animation.skeleton.name)
+        write_bvh(target, animation, next(layouts, bvh.OURS))
     return paths
 
 

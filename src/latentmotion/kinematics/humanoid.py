@@ -298,6 +298,27 @@ def to_humanml3d(
     return np.einsum("hj,fjc->fhc", weights, animation.joints(), optimize=True)
 
 
+_FINGERS = {"thumb": "thumb", "index": "index", "middle": "middle", "ring": "ring"} | dict.fromkeys(
+    ("pinky", "little"), "little"
+)
+"""Words for fingers in the names of bones."""
+
+
+def fingers_below(body: Humanoid, wrist: str) -> dict[str, list[int]]:
+    """Returns the bones of each finger below a wrist by its name, outward, without tips.
+
+    Bones of the palm, and an exporter's end bones, are left out: programs differ in these.
+    """
+    skeleton, found = body.skeleton, {}
+    for joint, name in enumerate(skeleton.names):
+        word = next((word for word in _FINGERS if word in name.lower()), None)
+        palm = "metacarpal" in name.lower() or "palm" in name.lower()
+        tip = joint in skeleton.end_sites or not skeleton.children(joint)
+        if word and not palm and not tip and body.joints[wrist] in body.lines[joint][1:]:
+            found.setdefault(_FINGERS[word], []).append(joint)
+    return found
+
+
 def fitting_map(joint_maps: Iterable[JointMap], names: Sequence[str]) -> JointMap | None:
     """Returns the first of some joint maps of which a skeleton has a joint, if any."""
     known = set(_columns(names))

@@ -78,7 +78,7 @@ _SQUARE = np.radians(10)
 """A rest pose that faces an axis to within this angle is taken to face it."""
 
 Joints = Float[np.ndarray, "frames joints 3"]
-Rotations = Float[np.ndarray, "joints 3 3"]
+Rotations = Float[np.ndarray, "bones 3 3"]
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.errors import ReadingWarning
 from latentmotion.kinematics.bone_names import SIDES, JointMap
 from latentmotion.kinematics.humanoid import Humanoid, find_humanoid, fitting_map, to_humanml3d
-from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
 from latentmotion.kinematics.standing import (
     METERS_PER_UNIT,
     NOTHING,
@@ -93,8 +93,10 @@ class Rig:
         up = np.array([0, self.floor, 0])
         animation = replace(animation, root_positions=animation.root_positions + up)
         if self.body.skeleton.names != self.file.skeleton.names:
-            rotations, translations = self._hung_as_in_file(animation)
-            animation = replace(animation, rotations=rotations, translations=translations)
+            back = np.argsort(self.order)  # feet hang where they do in the file
+            world = animation.skeleton.world_rotations(animation.rotations)[:, back]
+            places = animation.joints()[:, back]
+            animation = posed(self._upright_file, world, places, animation.fps)
         if self.bases is not None:
             animation = rebased(animation, np.swapaxes(self.bases, -1, -2))
         found = in_axes(animation, self.axes.T, 1 / self.meters)
@@ -103,16 +105,11 @@ class Rig:
             translations = np.repeat(found.skeleton.offsets[None], len(found), axis=0)
         return replace(found, skeleton=own, translations=translations)
 
-    def _hung_as_in_file(self, animation: Animation) -> tuple[np.ndarray, np.ndarray]:
-        """Returns rotations and translations relative to the parents in the file."""
-        back = np.argsort(self.order)
-        skeleton, parents = self.file.skeleton, list(self.file.skeleton.parents[1:])
-        world = animation.skeleton.world_rotations(animation.rotations)[:, back]
-        joints = animation.joints()[:, back]
-        translations = np.zeros_like(joints)
-        steps = joints[:, 1:] - joints[:, parents]
-        translations[:, 1:] = np.einsum("tjab,tja->tjb", world[:, parents], steps)
-        return skeleton.local_rotations(world), translations
+    @property
+    def _upright_file(self) -> Skeleton:
+        """The skeleton of the file in meters, y up, facing +z."""
+        offsets = self.meters * np.asarray(self.file.skeleton.offsets) @ self.axes
+        return replace(self.file.skeleton, offsets=offsets)
 
     def unit(self) -> str:
         """Returns the name of the file's unit of length."""
