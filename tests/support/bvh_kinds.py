@@ -1,4 +1,4 @@
-"""BVH files as programs write them: one body that walks, in each kind of unit, axes and rest pose."""
+"""BVH files as programs write them: one walk in each kind of unit, axes and rest pose."""
 
 from __future__ import annotations
 

@@ -87,5 +87,9 @@ def _path_length(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> fl
 
 
 def _sliding(motion: Motion) -> float:
-    floor = float(np.percentile(motion.joints[..., 1].min(axis=1), 5))
-    return foot_sliding(motion.joints, motion.fps, motion.skeleton, floor)
+    return foot_sliding(motion.joints, motion.fps, motion.skeleton, floor_under(motion.joints))
+
+
+def floor_under(joints: Float[np.ndarray, "frames joints 3"]) -> float:
+    """Returns the height of what feet stand on, roughly: where the lowest joint is often."""
+    return float(np.percentile(joints[..., 1].min(axis=1), 5))

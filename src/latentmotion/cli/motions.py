@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from latentmotion import formats
 from latentmotion.blender.build import build_zip, own_command
+from latentmotion.cleanup.changes import floor_under
 from latentmotion.cli import options
 from latentmotion.errors import InputError
 from latentmotion.kinematics import draft
-from latentmotion.kinematics.skeleton import Skeleton, check_fps
-from latentmotion.retarget import read_rig, transfer
+from latentmotion.kinematics.bone_names import SIDES
+from latentmotion.kinematics.plausibility import foot_sliding
+from latentmotion.kinematics.skeleton import Animation, Skeleton, check_fps
+from latentmotion.motion import Motion
+from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.rig_files import open_rig
 from latentmotion.storage.files import check_writable
 
@@ -69,10 +75,28 @@ class Retarget(options.Reading):
         # Animations are named by their captions, else by the first file.
         names = [motion.caption or self.files[0].stem for motion in motions]
         names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
-        written = transfer.write(
-            self.output, rig, motions, self.output_fps, names, self.root_motion
-        )
+        moving = transfer.retargeted(rig, motions, self.output_fps, self.root_motion)
+        written = transfer.write_animations(self.output, rig, moving, names)
+        for motion, animation in zip(motions, moving, strict=True):
+            print(_figures(rig, motion, animation))
         print("\n".join(f"wrote {path}" for path in written))
+
+
+def _figures(rig: Rig, motion: Motion, animation: Animation) -> str:
+    """Returns how a motion is on a character, in one line."""
+    joints, at = animation.joints(), rig.body.joints
+    left, right = (
+        tuple(at[name] for name in (f"{side}_ankle", f"{side}_foot") if name in at)
+        for side in SIDES
+    )
+    feet = replace(rig.skeleton, left_foot=left, right_foot=right)
+    slid = foot_sliding(motion.joints, motion.fps, motion.skeleton, floor_under(motion.joints))
+    slides = foot_sliding(joints, animation.fps, feet, floor_under(joints))
+    turned = np.abs(animation.rotations - animation.rotations[:1]).max(axis=(0, 2, 3)) > 1e-4
+    return (
+        f"{int(turned.sum())} bones turn; lowest point {100 * joints[..., 1].min():.1f} cm above "
+        f"the floor; feet slide {100 * slid:.1f} → {100 * slides:.1f} cm/s"
+    )
 
 
 def write_draft(path: Path, skeleton: Skeleton) -> None:

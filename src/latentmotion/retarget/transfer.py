@@ -170,12 +170,28 @@ def write(
     check_output(rig, target)
     if not motions:
         raise InputError(f"no motion to write to {target}, expected at least one")
-    motions = motions if fps is None else [motion.resampled(fps) for motion in motions]
     names = names or [motion.caption or f"take {n}" for n, motion in enumerate(motions, 1)]
-    animations = [
+    return write_animations(target, rig, retargeted(rig, motions, fps, root_motion), names)
+
+
+def retargeted(
+    rig: Rig,
+    motions: Sequence[Motion],
+    fps: float | None = None,
+    root_motion: RootMotion = "pelvis",
+) -> list[Animation]:
+    """Returns what motions are on a rig; see `write`."""
+    motions = motions if fps is None else [motion.resampled(fps) for motion in motions]
+    return [
         with_root_motion(retarget(motion, rig), rig, root_motion)
         for motion in counted(motions, "retargeting")
     ]
+
+
+def write_animations(
+    target: Path, rig: Rig, animations: Sequence[Animation], names: Sequence[str]
+) -> list[Path]:
+    """Writes a rig with animations of it; see `write`."""
     if target.suffix.lower() in rig.file.endings:
         takes = [Take(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)]
         return rig.file.write(target, takes)
