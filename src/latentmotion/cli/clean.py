@@ -76,9 +76,9 @@ class Clean(options.Reading):
         before = formats.load(self.file, self.stated())
         motions = cleaned(before, steps)
         written = [target for path in self.output for target in self._write(path, motions)]
+        print("\n".join(f"wrote {path}" for path in written))
         for old, new in zip(before, motions, strict=True):
             tell(Changes.of(old, new), in_place=self.in_place)
-        print("\n".join(f"wrote {path}" for path in written))
 
     def _write(self, path: Path, motions: list[Motion]) -> list[Path]:
         if self.skeleton == "ours":

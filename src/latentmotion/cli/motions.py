@@ -77,9 +77,9 @@ class Retarget(options.Reading):
         names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
         moving = transfer.retargeted(rig, motions, self.output_fps, self.root_motion)
         written = transfer.write_animations(self.output, rig, moving, names)
+        print("\n".join(f"wrote {path}" for path in written))
         for motion, animation in zip(motions, moving, strict=True):
             print(_figures(rig, motion, animation))
-        print("\n".join(f"wrote {path}" for path in written))
 
 
 def _figures(rig: Rig, motion: Motion, animation: Animation) -> str:

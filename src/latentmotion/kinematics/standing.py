@@ -185,7 +185,7 @@ def find_standing(
     meters, guesses = _unit(leg, stated, declared, any_size)
     feet = (left[2] + right[2]) / 2
     upward = direction(joints[:, index("head")] - feet)
-    up, about_up = _up(upward, stated)
+    up, about_up = (stated.up, []) if stated.up is not None else up_axis(upward)
     guesses += about_up
     _check_sides(left, right, joints[:, index("neck")] - joints[:, 0], leg)
     return Standing(meters, up, leg * meters, tuple(guesses))
@@ -224,10 +224,16 @@ def _unit(
     return meters, [f"lengths are taken for {called}, by legs of {leg * meters:.2f} m (or --unit)"]
 
 
-def _up(upward: Float[np.ndarray, "frames 3"], stated: Stated) -> tuple[str, list[str]]:
+def up_axis(upward: Float[np.ndarray, "frames 3"]) -> tuple[str, list[str]]:
+    """Returns the axis along which a body stands in most frames, and what of it is a guess.
+
+    Args:
+        upward: Unit vectors from feet to head.
+
+    Raises:
+        DataError: It stands along none.
+    """
     shares = {name: float((upward @ axes[:, 1] > _UPRIGHT).mean()) for name, axes in AXES.items()}
-    if stated.up is not None:
-        return stated.up, []
     if shares["y"] >= _MOST:
         return "y", []
     best = max(shares, key=shares.__getitem__)
