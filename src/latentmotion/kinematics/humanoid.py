@@ -88,6 +88,25 @@ class Humanoid:
                     )
 
     @cached_property
+    def rehung(self) -> dict[int, int]:
+        """Joints that hang elsewhere than bodies' do, and the joint that moves them in a body.
+
+        IK moves feet that hang on no shank; Rigify's arms hang on no chest.
+        """
+        found = {
+            self.joints[ankle]: self.joints[ankle.replace("ankle", "knee")]
+            for ankle in self.free_feet
+        }
+        chains = [[f"{side}_collar", f"{side}_shoulder"] for side in SIDES] + [["neck", "head"]]
+        for chain in chains:
+            above = self.chest
+            for joint in (self.joints[name] for name in chain if name in self.joints):
+                if above not in self.lines[joint] and joint not in self.lines[above]:
+                    found[joint] = above
+                above = joint
+        return found
+
+    @cached_property
     def free_feet(self) -> tuple[str, ...]:
         """Ankles that hang elsewhere than on their shank, as feet that IK moves do."""
         free, rest = [], self.skeleton.rest_joints()
@@ -119,7 +138,17 @@ class Humanoid:
             "neck" if "neck" in self.joints else "head"
         ]
         joints = [self.joints[top] for top in tops if top in self.joints]
-        return self._shared([self.skeleton.parents[joint] for joint in joints])
+        shared = self._shared([max(self.skeleton.parents[joint], 0) for joint in joints])
+        hips = {joint for side in SIDES for joint in self.lines[self.joints[f"{side}_hip"]]}
+        if shared not in hips:
+            return shared
+        # Where arms hang on what carries the legs too: of the spine, what is nearest to them.
+        spine = {above for joint in joints for above in self.lines[joint][1:]} - hips
+        spine -= {self.joints.get(name) for name in ("neck", "left_collar", "right_collar")}
+        rest = self.skeleton.rest_joints()
+        middle = np.mean([rest[self.joints[f"{side}_shoulder"]] for side in SIDES], axis=0)
+        distances = {joint: float(np.linalg.norm(rest[joint] - middle)) for joint in spine}
+        return min(distances, key=distances.__getitem__, default=shared)
 
     @cached_property
     def spine(self) -> tuple[int, ...]:
@@ -212,7 +241,7 @@ def find_humanoid(
     if declared:
         bones = {plain(name): joint for name, joint in declared.items()}
         joints = {ours: bones[name[0]] for ours, name in VRM.items() if name[0] in bones}
-        return Humanoid(skeleton, joints, "VRM")
+        return Humanoid(skeleton, _with_ends(skeleton, joints), "VRM")
     match = match_names(skeleton.names)
     if match.missing and (added := find_joint_map(skeleton.names)):
         return _mapped(skeleton, added)
@@ -221,7 +250,18 @@ def find_humanoid(
             f"unknown names of joints; of the {len(skeleton)} found these look most like limbs: "
             f"{nearest(skeleton.names)}; {_HOW_TO_MAP}"
         )
-    return Humanoid(skeleton, match.joints, match.convention)
+    return Humanoid(skeleton, _with_ends(skeleton, match.joints), match.convention)
+
+
+def _with_ends(skeleton: Skeleton, joints: Mapping[str, int]) -> Mapping[str, int]:
+    """Returns joints with wrists and ankles of other names: where forearm and shank end."""
+    ends = dict(joints)
+    for side, (upper, end) in product(SIDES, (("elbow", "wrist"), ("knee", "ankle"))):
+        below = skeleton.children(joints.get(f"{side}_{upper}", -1))
+        if f"{side}_{end}" not in joints and f"{side}_{upper}" in joints and below:
+            lengths = np.linalg.norm(np.asarray(skeleton.offsets)[list(below)], axis=-1)
+            ends[f"{side}_{end}"] = below[int(lengths.argmax())]
+    return ends
 
 
 def _mapped(skeleton: Skeleton, joint_map: JointMap) -> Humanoid:

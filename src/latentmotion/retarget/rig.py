@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.cleanup.contacts import foot_contacts
-from latentmotion.errors import ReadingWarning
+from latentmotion.errors import DataError, ReadingWarning
 from latentmotion.kinematics.bone_names import SIDES, JointMap
 from latentmotion.kinematics.humanoid import Humanoid, find_humanoid, fitting_map, to_humanml3d
 from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
@@ -75,7 +75,7 @@ class Rig:
 
     @property
     def skeleton(self) -> Skeleton:
-        """Rest pose in meters, y up, facing +z; feet hang on their legs, unlike in some files."""
+        """Rest pose in meters, y up, facing +z; feet and arms hang as bodies' do."""
         return self.body.skeleton
 
     @property
@@ -215,8 +215,16 @@ def make_rig(file: RigFile, body: Humanoid, stated: Stated = NOTHING) -> Rig:
     """
     if file.animation is not None:
         return _moving_rig(file, file.animation, body, stated)
-    body, order = _with_feet_on_legs(body)
-    rest_pose = RestPose.of(body)
+    body, order = _hung_as_bodies_do(body)
+    try:
+        rest_pose = RestPose.of(body)
+    except DataError as error:
+        if file.mirrored:
+            raise DataError(
+                "the rig is mirrored: a node above its bones, or a bone, has a negative scale; "
+                "apply the scale in the program that wrote it (Blender: Ctrl+A, All Transforms)"
+            ) from error
+        raise
     rest = to_humanml3d(Animation.at_rest(body.skeleton), body.joint_map())
     standing = find_standing(rest, replace(stated, up="y"), file.unit, any_size=True)
     skeleton = in_axes(Animation.at_rest(body.skeleton), rest_pose.axes, standing.meters).skeleton
@@ -266,14 +274,14 @@ def _moving_rig(file: RigFile, animation: Animation, body: Humanoid, stated: Sta
     )
 
 
-def _with_feet_on_legs(body: Humanoid) -> tuple[Humanoid, tuple[int, ...]]:
-    """Returns a body whose feet hang on their shanks, and each joint's index before."""
+def _hung_as_bodies_do(body: Humanoid) -> tuple[Humanoid, tuple[int, ...]]:
+    """Returns a body whose feet hang on its shanks and arms on its chest, and indices before."""
     old, count = body.skeleton, len(body.skeleton)
-    if not body.free_feet:
+    if not body.rehung:
         return body, tuple(range(count))
     parents, rest = list(old.parents), old.rest_joints()
-    for ankle in body.free_feet:
-        parents[body.joints[ankle]] = body.joints[ankle.replace("ankle", "knee")]
+    for joint, above in body.rehung.items():
+        parents[joint] = above
     order = [0]
     for joint in order:  # grows: children after their parents
         order += [child for child in range(count) if parents[child] == joint]

@@ -80,6 +80,11 @@ class RigFile(Protocol):
         ...
 
     @property
+    def mirrored(self) -> bool:
+        """Whether scales mirror its joints."""
+        ...
+
+    @property
     def movable(self) -> frozenset[int]:
         """Joints that the file can translate as well as rotate."""
         ...
@@ -142,6 +147,8 @@ class GltfFile:
         with damage(path):
             self.scene = Scene(self.document, path)
             self.declared = self.scene.declared()
+            frames = (self.scene.rest_frame(bone) for bone in self.scene.bones)
+            self.mirrored = any(np.linalg.det(linear) < 0 for _, _, linear in frames)
         self.skeleton = self.scene.skeleton
         self.root = self.scene.rest.positions[0]
         self.movable = frozenset(range(len(self.skeleton)))
@@ -154,6 +161,8 @@ class GltfFile:
         if path.suffix.lower() == ".fbx":
             return fbx.convert(partial(self.write, takes=takes), path, takes[0].animation.fps)
         document = deepcopy(self.document)
+        for node, entry in self.scene.entries_at_rest():
+            document.json["nodes"][node] = entry
         names = {take.name for take in takes}
         animations = document.json.get("animations", [])
         animations = [entry for entry in animations if entry.get("name") not in names]
@@ -227,7 +236,7 @@ class BvhFile:
         FileFormatError: It is damaged.
     """
 
-    unit = None
+    unit, mirrored = None, False
     declared: Mapping[str, int] = {}
     endings = (".bvh",)
 
@@ -281,7 +290,7 @@ class AsfFile:
         FileFormatError: It is damaged.
     """
 
-    animation = None
+    animation, mirrored = None, False
     declared: Mapping[str, int] = {}
     endings = (".bvh",)
     movable = frozenset({0})
