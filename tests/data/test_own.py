@@ -10,6 +10,7 @@ import pytest
 from latentmotion import formats
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Source
+from latentmotion.data.file_names import captions_of_names
 from latentmotion.data.prepare import Preparation, encode_all
 from latentmotion.data.recording import Dropped, Recording, files_below
 from latentmotion.data.sources.own import OwnMotions
@@ -251,3 +252,30 @@ def test_a_draft_is_of_the_first_unknown_skeleton(tmp_path: Path) -> None:
     with_map = OwnMotions(tmp_path, SOURCE, stated=Stated(joint_maps=(load_joint_map(draft),)))
     dropped = [item for item in with_map.recordings() if isinstance(item, Dropped)]
     assert [item.id for item in dropped] == []
+
+
+def test_names_of_files_become_sentences() -> None:
+    found = captions_of_names(
+        ["dataset-1_bow_angry_001.bvh", "b/dataset-1_wave_002.bvh", "dataset-1_leftKick_003.bvh"]
+    )
+    assert list(found.values()) == [
+        "a person bows angrily",
+        "a person waves",
+        "a person kicks left",
+    ]
+    mixed = ["bvh_test.bvh", "jesse_dance.bvh", "WalkForward.fbx", "walk_and_wave.glb", "idle.bvh"]
+    assert list(captions_of_names(mixed).values()) == [
+        *("", "a person dances", "a person walks forward", "a person walks and waves", "idle"),
+    ]
+    alike = captions_of_names(["walk_01.bvh", "walk_02.bvh"])
+    assert set(alike.values()) == {"a person walks"}
+
+
+def test_a_caption_without_an_end_lasts_until_the_end(tmp_path: Path) -> None:
+    write_own(tmp_path, ["walk"])
+    table = tmp_path / "captions.csv"
+    table.write_text("file,caption,from,to\nwalk.bvh,he waves,1.5,\n")
+    (item,) = OwnMotions(tmp_path, SOURCE, table).recordings()
+    assert isinstance(item, Recording)
+    (sentence,) = item.label.sentences
+    assert sentence.start == 1.5 and sentence.end == pytest.approx(len(item.joints) / 20)

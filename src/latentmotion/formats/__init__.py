@@ -33,6 +33,7 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".bvh": "latentmotion.formats.takes:write_bvh_files",
         ".glb": "latentmotion.formats.gltf:write",
         ".gltf": "latentmotion.formats.gltf:write",
+        ".vrma": "latentmotion.formats.vrma:write",
         **dict.fromkeys((".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd:write"),
         ".fbx": "latentmotion.formats.fbx:write",
         ".html": "latentmotion.viewer.page:write_page",
@@ -51,6 +52,7 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".bvh": "latentmotion.formats.takes:read_bvh_file",
         ".glb": "latentmotion.formats.gltf_reader:read_takes",
         ".gltf": "latentmotion.formats.gltf_reader:read_takes",
+        ".vrma": "latentmotion.formats.gltf_reader:read_takes",
         ".fbx": "latentmotion.formats.fbx:read_takes",
         ".amc": "latentmotion.formats.takes:read_amc_file",
         **dict.fromkeys(
@@ -59,6 +61,12 @@ READABLE: Mapping[str, str] = MappingProxyType(
     }
 )
 """Each ending of ours that can be read, with the `module:function` that reads it."""
+
+
+_MARKERS = (
+    "C3D holds markers on the skin, not joints: solve a skeleton in your system's program (Vicon "
+    "Nexus or Shogun, OptiTrack Motive, Qualisys) or in MotionBuilder, and export BVH or FBX"
+)
 
 
 def readable() -> tuple[str, ...]:
@@ -196,6 +204,10 @@ def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:
         added = getattr(plugin("latentmotion.formats", ending[1:]), verb, None)
         if added is not None:
             return added
+        if ending == ".c3d":
+            raise InputError(
+                f"{path} cannot be {'written' if verb == 'write' else 'read'}: {_MARKERS}"
+            )
         near = difflib.get_close_matches(ending, endings, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
         others = [f".{name}" for name in plugin_names("latentmotion.formats")]

@@ -162,8 +162,14 @@ class Scene:
 
     def humanoid(self) -> dict[str, int]:
         """Returns the nodes that VRM's extension names, 1.0 or 0.x, by these names."""
-        bones = self._extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
-        nodes = {name: bone["node"] for name, bone in bones.items()}
+        nodes = {
+            name: bone["node"]
+            for extension in ("VRMC_vrm", "VRMC_vrm_animation")
+            for name, bone in self._extensions.get(extension, {})
+            .get("humanoid", {})
+            .get("humanBones", {})
+            .items()
+        }
         older = self._extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
         return nodes | {bone["bone"]: bone["node"] for bone in older}
 

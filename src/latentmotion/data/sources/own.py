@@ -1,7 +1,8 @@
 """Your own motion capture: files with captions beside them, in a CSV, or labels.
 
     walk.bvh + walk.txt     one sentence a line; HumanML3D's `sentence#tokens#from#to` works too
-    captions.csv            columns file, caption; also: from, to (seconds), split, action
+    captions.csv            columns file, caption; also: from, to (seconds; by default the end),
+                            split, action
     LABEL/take.bvh          where folders are labels: each file is of that action
     test/LABEL/take.bvh     and of that split, if the first folder is train, val or test
 
@@ -166,6 +167,7 @@ class OwnMotions:
             )
             for number, joints in enumerate(takes, 1):
                 taken = label if len(takes) == 1 else replace(label, id=f"{label.id}-{number}")
+                taken = _until_the_end(taken, len(joints) / FPS)
                 yield from _without_glitches(Recording(taken, joints))
 
     def unknown_skeleton(self) -> Skeleton | None:
@@ -215,6 +217,19 @@ class OwnMotions:
                 joints = joints[1:]
             takes.append(at_rate(joints, FPS, motion.fps))
         return takes
+
+
+def _until_the_end(label: Label, seconds: float) -> Label:
+    """Returns a label whose sentences without an end last until the end of the motion."""
+
+    def ended(sentences: Iterable[TaggedSentence]) -> tuple[TaggedSentence, ...]:
+        return tuple(replace(one, end=seconds) if math.isinf(one.end) else one for one in sentences)
+
+    return replace(
+        label,
+        sentences=ended(label.sentences),
+        mirrored_sentences=ended(label.mirrored_sentences),
+    )
 
 
 def _without_glitches(recording: Recording) -> Iterator[Recording | Dropped]:
@@ -311,6 +326,8 @@ def _read_csv(path: Path) -> dict[str, _Annotations]:
         known = by_file[(motion.with_suffix("") if is_motion else motion).as_posix()]
         if cells["caption"]:
             start, end = (_seconds(cells[name], where) for name in ("from", "to"))
+            if start > 0 and not cells["to"]:  # until the end, once that is known
+                end = math.inf
             known.sentences.append(TaggedSentence(cells["caption"], "", start, end))
         known.action = cells["action"] or known.action
         if cells["split"]:
