@@ -76,3 +76,7 @@ class MissingExtraError(LatentMotionError):
 
 class MissingProgramError(LatentMotionError):
     """A feature that runs another program, which was not found."""
+
+
+class ReadingWarning(UserWarning):
+    """A motion file was read by a guess, or in spite of a small mistake in it."""

@@ -19,6 +19,8 @@ from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS
 if TYPE_CHECKING:
     from latentmotion.cleanup import CleanUp
     from latentmotion.control.goals import Reach
+    from latentmotion.kinematics.recorded import Recorded
+    from latentmotion.kinematics.standing import Stated
 
 
 _OF_FRAMES = ("goals", "spans", "foot_sliding", "turn", "count")
@@ -45,6 +47,8 @@ class Motion:
     """Any values that JSON can hold: model, seed, guidance, rights, weights_license."""
     goals: tuple[Reach, ...] = ()
     """Places of joints to which clean-up yields."""
+    recorded: Recorded | None = field(default=None, init=False, repr=False)
+    """The animation it was read from, with all its joints; None once its joints are others."""
 
     def __post_init__(self) -> None:
         with np.errstate(over="ignore"):  # told below
@@ -81,6 +85,12 @@ class Motion:
         """Duration in seconds."""
         return len(self) / self.fps
 
+    def with_recorded(self, recorded: Recorded | None) -> Motion:
+        """Returns the motion with the animation whose joints it has."""
+        motion = replace(self)
+        object.__setattr__(motion, "recorded", recorded)
+        return motion
+
     def animation(self) -> Animation:
         """Returns the local rotations whose forward kinematics are these joints."""
         return self._solved
@@ -99,7 +109,7 @@ class Motion:
         motion = replace(self, joints=animation.joints().astype(np.float32), fps=animation.fps)
         # Its rotations are known, so writers need not solve for them again.
         motion.__dict__["_solved"] = animation
-        return motion
+        return motion.with_recorded(self.recorded and self.recorded.resampled(fps))
 
     def cut(self, start: float = 0.0, end: float | None = None) -> Motion:
         """Returns the part between two times, where and as it was.
@@ -118,7 +128,8 @@ class Motion:
                 f"cut from {start:g} to {last:g} s: expected times in order, from 0 to "
                 f"{self.seconds:g} s, at least a frame apart"
             )
-        return self._edited(self.joints[first:stop], self.caption)
+        part = self._edited(self.joints[first:stop], self.caption)
+        return part.with_recorded(self.recorded and self.recorded.cut(first, stop))
 
     def joined(self, *others: Motion) -> Motion:
         """Returns motions one after the other, each from where the one before ends, facing its way.
@@ -181,16 +192,25 @@ class Motion:
         return formats.save(path, [self], fps)
 
     @classmethod
-    def load(cls, path: str | Path) -> Motion:
+    def load(cls, path: str | Path, stated: Stated | None = None) -> Motion:
         """Reads the first motion of a file that `save` can write and that holds joints.
 
+        Args:
+            path: The file.
+            stated: Unit, up axis, frame rate and joint maps, where the file or what the body shows
+                is wrong.
+
         Raises:
+            DataError: The names of its joints are unknown, or its size or pose is nobody's.
             FileFormatError: The file is damaged or not of its kind.
             InputError: The ending is not readable, or there is no such file.
+
+        Warns:
+            ReadingWarning: Unit or axes are a guess.
         """
         from latentmotion import formats
 
-        return formats.load(path)[0]
+        return formats.load(path, stated)[0]
 
     @cached_property
     def _solved(self) -> Animation:
@@ -245,7 +265,12 @@ def cleaned(motions: Sequence[Motion], steps: CleanUp | None = None) -> list[Mot
     from latentmotion.cleanup import CleanUp, clean_batch
 
     steps = CleanUp() if steps is None else steps
-    found = clean_batch(motions, steps)
+    found = [
+        after.with_recorded(
+            before.recorded and before.recorded.following(before.joints, after.joints)
+        )
+        for before, after in zip(motions, clean_batch(motions, steps), strict=True)
+    ]
     if steps.in_place or not any(motion.goals for motion in motions):
         return found
     from latentmotion.control.direct import at_goals

@@ -80,7 +80,7 @@ def test_check_tells_what_raw_folders_lack(raw: Path, capsys: pytest.CaptureFixt
         ("data prepare cmu --trials @trials --humanml3d @mine -o @out", "lacks index.csv"),
         (CMU.replace("@cmu", "@mine"), "has no manifest.json"),
         ("data prepare own @mine --fps 2 -o @out", "too few"),
-        ("data prepare own @mine --unit meters -o @out", "check the unit of length"),
+        ("data prepare own @mine --unit meters -o @out", "--unit meters makes its legs"),
         ("data merge -o @out", "nothing to merge"),
     ],
 )

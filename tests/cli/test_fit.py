@@ -24,9 +24,11 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
 
 
 def test_keypoints_become_a_file(recorded: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["fit", "points.npy", "--fps", "20", "--runtime", "onnxruntime", "-o", "out.npz"])
+    words = ["fit", "points.npy", "--fps", "20", "--layout", "coco_17"]
+    main([*words, "--runtime", "onnxruntime", "-o", "out.npz"])
     printed = capsys.readouterr().out
     assert printed.startswith("noise ") and "wrote out.npz" in printed
+    assert "joints moved" in printed.splitlines()[-1]
     motion = Motion.load("out.npz")
     assert len(motion) == 30
     assert np.linalg.norm(motion.joints - recorded, axis=-1).mean() < 0.1
@@ -36,10 +38,11 @@ def test_keypoints_become_a_file(recorded: np.ndarray, capsys: pytest.CaptureFix
     ("words", "reason"),
     [
         (["fit", "points.npy"], "give it with --fps"),
+        (["fit", "points.npy", "--fps", "20"], "coco_17 or h36m"),
         (["fit", "none.npy", "--fps", "20"], "there is no file none.npy"),
         (["fit", "walk.npz"], "holds a motion, not what a tracker saw"),
         (["fit", "points.npy", "--fps", "20", "-o", "out.xyz"], "'.xyz'"),
-        (["fit", "points.npy", "--fps", "20", "--names", "body_25"], "25 keypoints"),
+        (["fit", "points.npy", "--fps", "20", "--layout", "body_25"], "25 keypoints"),
         (["fit", "points.npy", "--fps", "20", "--runtime", "pytorch"], "onnxruntime or openvino"),
         (["edit", "walk.npz", "a", "--between", "0", "1", "--parts", "arm"], "--parts 'arm'"),
     ],

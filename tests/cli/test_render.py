@@ -93,7 +93,7 @@ def test_several_files_are_takes_of_the_first_ones_rate(files: Path, tmp_path: P
 
 @pytest.mark.parametrize(("fps", "frames"), [(30, 17), (60, 28)])
 def test_a_gif_is_as_long_as_the_motion_at_any_rate(files, tmp_path, fps: int, frames: int):
-    draw(files / "walk.npz", "-o", tmp_path / "a.gif", "--size", 96, "--fps", fps)
+    draw(files / "walk.npz", "-o", tmp_path / "a.gif", "--size", 96, "--output-fps", fps)
     masks, milliseconds = gif_frames(tmp_path / "a.gif")
     assert len(masks) == frames
     assert min(milliseconds) >= 20
@@ -156,7 +156,7 @@ def test_a_path_has_figures_that_fade(files: Path, tmp_path: Path):
         (["walk.npz", "-o", "a.mp4", "--size", "90000"], "an even number"),
         (["walk.npz", "-o", "a.png", "--size", "3"], "pixels wide"),
         (["walk.npz", "-o", "a.png", "--figures", "0"], "at least 1"),
-        (["walk.npz", "-o", "a.gif", "--fps", "0"], "fps is 0"),
+        (["walk.npz", "-o", "a.gif", "--output-fps", "0"], "fps is 0"),
         (["blob.npz", "-o", "a.gif"], "a body with left_hip"),
         (["blob.npz", "-o", "a.png"], "a body with left_hip"),
     ],

@@ -109,7 +109,7 @@ def test_somebody_who_sits_with_legs_unseen_has_feet_on_the_floor(generate: Moti
 def test_other_rates_and_layouts_are_fitted(generate: MotionPipeline, walk: np.ndarray) -> None:
     fast = Motion(walk).resampled(50)
     points = np.einsum("kj,tjc->tkc", joint_weights(LAYOUTS["coco_17"]), fast.joints)
-    fitted = generate.fit(points, fps=50)
+    fitted = generate.fit(points, fps=50, names=LAYOUTS["coco_17"])
     count = min(len(fitted), len(walk))
     assert abs(len(fitted) - len(walk)) <= 1
     assert np.linalg.norm(fitted.joints[:count] - walk[:count], axis=-1).mean() < 0.05

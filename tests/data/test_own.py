@@ -10,6 +10,7 @@ import pytest
 from latentmotion import formats
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Source
+from latentmotion.data.file_names import captions_of_names
 from latentmotion.data.prepare import Preparation, encode_all
 from latentmotion.data.recording import Dropped, Recording, files_below
 from latentmotion.data.sources.own import OwnMotions
@@ -17,6 +18,7 @@ from latentmotion.errors import DataError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
+from latentmotion.kinematics.standing import Stated
 from latentmotion.motion import Motion
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.mocap_folders import swaying, with_t_pose, write_own
@@ -87,7 +89,7 @@ def test_missing_folder_table_and_files(tmp_path: Path) -> None:
 def test_the_rate_given_beats_the_file(tmp_path: Path) -> None:
     write_own(tmp_path, ["walk"], fps=60.0)
     for fps, step in ((None, 3), (20.0, 1)):
-        (item,) = OwnMotions(tmp_path, SOURCE, fps=fps).recordings()
+        (item,) = OwnMotions(tmp_path, SOURCE, stated=Stated(fps=fps)).recordings()
         assert isinstance(item, Recording)
         expected = swaying(150, 60.0).joints()[::step]
         np.testing.assert_allclose(item.joints, expected, atol=1e-4)
@@ -104,7 +106,9 @@ def test_unknown_skeletons_need_a_map(tmp_path: Path) -> None:
     assert "unknown names" in item.reason
     path = tmp_path / "map.json"
     path.write_text(json.dumps(dict(zip(HUMANML3D.names, names, strict=True))))
-    (item,) = OwnMotions(tmp_path, SOURCE, joint_map=load_joint_map(path)).recordings()
+    (item,) = OwnMotions(
+        tmp_path, SOURCE, stated=Stated(joint_maps=(load_joint_map(path),))
+    ).recordings()
     assert isinstance(item, Recording)
     np.testing.assert_allclose(item.joints, animation.joints(), atol=1e-4)
 
@@ -245,6 +249,33 @@ def test_a_draft_is_of_the_first_unknown_skeleton(tmp_path: Path) -> None:
     draft, said = tmp_path / "map.json", ["data", "prepare", "own", str(tmp_path)]
     main([*said, "-o", str(tmp_path / "out"), "--draft-map", str(draft)])
     assert not (tmp_path / "out").exists()
-    with_map = OwnMotions(tmp_path, SOURCE, joint_map=load_joint_map(draft))
+    with_map = OwnMotions(tmp_path, SOURCE, stated=Stated(joint_maps=(load_joint_map(draft),)))
     dropped = [item for item in with_map.recordings() if isinstance(item, Dropped)]
     assert [item.id for item in dropped] == []
+
+
+def test_names_of_files_become_sentences() -> None:
+    found = captions_of_names(
+        ["dataset-1_bow_angry_001.bvh", "b/dataset-1_wave_002.bvh", "dataset-1_leftKick_003.bvh"]
+    )
+    assert list(found.values()) == [
+        "a person bows angrily",
+        "a person waves",
+        "a person kicks left",
+    ]
+    mixed = ["bvh_test.bvh", "jesse_dance.bvh", "WalkForward.fbx", "walk_and_wave.glb", "idle.bvh"]
+    assert list(captions_of_names(mixed).values()) == [
+        *("", "a person dances", "a person walks forward", "a person walks and waves", "idle"),
+    ]
+    alike = captions_of_names(["walk_01.bvh", "walk_02.bvh"])
+    assert set(alike.values()) == {"a person walks"}
+
+
+def test_a_caption_without_an_end_lasts_until_the_end(tmp_path: Path) -> None:
+    write_own(tmp_path, ["walk"])
+    table = tmp_path / "captions.csv"
+    table.write_text("file,caption,from,to\nwalk.bvh,he waves,1.5,\n")
+    (item,) = OwnMotions(tmp_path, SOURCE, table).recordings()
+    assert isinstance(item, Recording)
+    (sentence,) = item.label.sentences
+    assert sentence.start == 1.5 and sentence.end == pytest.approx(len(item.joints) / 20)

@@ -9,7 +9,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from latentmotion.errors import FileFormatError, InputError
+from latentmotion.errors import FileFormatError, InputError, ReadingWarning
 from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.kinematics.rotations import matrix_from_euler
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
@@ -90,9 +90,9 @@ def test_units(tmp_path, unit, meters):
     assert animation.root_positions[0, 1] == pytest.approx(9 * meters)
 
 
-@pytest.mark.parametrize("unit", ["furlongs", 0, -1.0, float("nan")])
+@pytest.mark.parametrize("unit", ["furlongs", 0, -1.0, float("nan"), "0", "-0.01"])
 def test_unknown_unit(tmp_path, unit):
-    with pytest.raises(InputError, match="centimeters"):
+    with pytest.raises(InputError, match="meters"):
         read_bvh(put(tmp_path, ARM), unit=unit)
 
 
@@ -138,8 +138,8 @@ DAMAGE = {
     "truncated in the hierarchy": (ARM[: ARM.index("End Site")], 9, "truncated"),
     "truncated before motion": (ARM[: ARM.index("MOTION")], 15, "truncated"),
     "truncated after motion": (ARM[: ARM.index("Frames")], 16, "truncated"),
-    "a frame missing": (ARM[: ARM.index("1 2 3")], 19, "found 1 frames, expected 2"),
-    "a frame too many": (ARM + "1 2 3 90 0 0 90 0 0\n", 21, "found 3 frames, expected 2"),
+    "frames missing": (ARM.replace("Frames: 2", "Frames: 4"), 20, "found 2 frames, expected 4"),
+    "frames too many": (ARM + 2 * "1 2 3 90 0 0 90 0 0\n", 22, "found 4 frames, expected 2"),
     "a frame cut short": (ARM[:-7], 20, "found 6 numbers, expected 9"),
     "too many channels": (ARM.replace("1 2 3", "1 2 3 4"), 20, "found 10 numbers, expected 9"),
     "not a number": (ARM.replace("1 2 3", "1 2 x"), 20, "'x'"),
@@ -170,6 +170,13 @@ def test_damage_is_named_with_file_and_line(tmp_path, damage):
     assert error.value.path == path
     assert error.value.line == line
     assert str(error.value).startswith(f"{path}:" if line is None else f"{path}:{line}:")
+
+
+@pytest.mark.parametrize("stated", [1, 3])
+def test_frames_that_are_one_more_or_less_than_stated_are_all_read(tmp_path, stated):
+    path = put(tmp_path, ARM.replace("Frames: 2", f"Frames: {stated}"))
+    with pytest.warns(ReadingWarning, match=f"found 2 frames, of which 'Frames:' says {stated}"):
+        assert len(read_bvh(path)) == 2
 
 
 def test_missing_file_and_folder(tmp_path):

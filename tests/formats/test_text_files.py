@@ -10,14 +10,14 @@ import pytest
 from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats import npz
-from latentmotion.formats.bvh import continuous_euler, hierarchy_lines, read_hierarchy
+from latentmotion.formats.bvh import BvhLayout, continuous_euler, hierarchy_lines, read_hierarchy
 from latentmotion.formats.checks import (
     numbers,
     read_lines,
     table,
     whole_rate,
 )
-from latentmotion.formats.takes import motion_of, numbered, read_bvh_file, write_bvh_files
+from latentmotion.formats.takes import SkeletonTake, motion_of, numbered, write_bvh_files
 from latentmotion.kinematics.rotations import matrix_from_axis_angle, matrix_from_euler
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation, Skeleton
 from latentmotion.motion import Motion
@@ -93,7 +93,7 @@ def test_takes_are_numbered_before_their_ending(name: str, count: int, names: li
 def test_our_own_skeletons_are_known_by_their_joints(skeleton: Skeleton) -> None:
     rotations = np.tile(np.eye(3), (2, len(skeleton), 1, 1))
     animation = Animation(skeleton, rotations, np.ones((2, 3)), 25.0)
-    found = motion_of(animation, {"caption": 7, "fps": 1, "seed": 3})
+    found = motion_of(SkeletonTake(animation, {"caption": 7, "fps": 1, "seed": 3}))
     assert found.skeleton is skeleton and found.fps == 25
     assert found.caption == "7" and dict(found.metadata) == {"seed": 3}
     np.testing.assert_allclose(found.joints[1], skeleton.rest_joints() + 1, atol=1e-6)
@@ -104,7 +104,7 @@ def test_takes_as_bvh_files(tmp_path: Path) -> None:
     paths = write_bvh_files(tmp_path / "out.bvh", motions)
     assert [path.name for path in paths] == ["out-1.bvh", "out-2.bvh"]
     for path, motion in zip(paths, motions, strict=True):
-        (back,) = read_bvh_file(path)
+        (back,) = formats.load(path)
         assert back.skeleton is HUMANML3D
         np.testing.assert_allclose(back.joints, motion.joints, atol=2e-3)
 
@@ -153,7 +153,7 @@ def test_endings_that_cannot_be_written(tmp_path: Path, name: str, message: str)
 def test_a_hierarchy_there_and_back(tmp_path: Path) -> None:
     offsets = np.array([[0, 0, 0], [0.1, 0.2, 0], [0, -0.5, 0.25], [-0.1, 0.2, 0.0]])
     skeleton = Skeleton("s", ("hips", "a", "a_end", "b"), (-1, 0, 1, 0), offsets, end_sites=(2,))
-    lines = ["HIERARCHY", *hierarchy_lines(skeleton, {0, 3}, "ZXY"), "MOTION"]
+    lines = ["HIERARCHY", *hierarchy_lines(skeleton, {0, 3}, BvhLayout()), "MOTION"]
     nodes, start = read_hierarchy(tmp_path, lines)
     assert start == len(lines)
     joints = [node for node in nodes if not node.is_end]

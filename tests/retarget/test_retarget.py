@@ -169,6 +169,7 @@ def z_up(path: Path, unit: float) -> Path:
     return path
 
 
+@pytest.mark.filterwarnings("ignore:.*a guess:latentmotion.errors.ReadingWarning")
 @pytest.mark.parametrize(
     ("unit", "name"), [(0.01, "centimeters"), (0.0254, "inches"), (1, "meters")]
 )

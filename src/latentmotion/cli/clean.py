@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp
+from latentmotion.cleanup.changes import Changes
+from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.cli import options
-from latentmotion.motion import cleaned
+from latentmotion.errors import ReadingWarning
+from latentmotion.motion import Motion, cleaned
+from latentmotion.retarget import read_rig, transfer
 from latentmotion.storage.files import check_writable
 
 _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
 
 
 @dataclass(frozen=True)
-class Clean:
+class Clean(options.Reading):
     """Clean up a motion: hold standing feet, remove jitter, put the figure on the floor.
+
+    A BVH file that is cleaned into a BVH file keeps its skeleton, its unit and its axes.
 
     Example: latentmotion clean walk.npz -o walk.bvh --no-smooth
     """
@@ -26,6 +34,8 @@ class Clean:
     file: Annotated[options.File, arg(help=_INPUT)]
     output: options.Outputs
     """Files to write; the extension selects the format."""
+    skeleton: Literal["own", "ours"] = "own"
+    """Skeleton of a BVH file that is written: the file's own with all its joints, or our 22."""
     exact_count: bool = True
     """Make a motion that was written raw do an act as often as its sentence says, unless its
     length was given."""
@@ -63,6 +73,27 @@ class Clean:
         for path in self.output:
             formats.check_ending(path)
             check_writable(path)
-        motions = cleaned(formats.load(self.file), steps)
-        written = [target for path in self.output for target in formats.save(path, motions)]
+        before = formats.load(self.file, self.stated())
+        motions = cleaned(before, steps)
+        written = [target for path in self.output for target in self._write(path, motions)]
         print("\n".join(f"wrote {path}" for path in written))
+        for old, new in zip(before, motions, strict=True):
+            tell(Changes.of(old, new), in_place=self.in_place)
+
+    def _write(self, path: Path, motions: list[Motion]) -> list[Path]:
+        if self.skeleton == "ours":
+            return formats.save(path, [motion.with_recorded(None) for motion in motions])
+        endings = {path.suffix.lower(), self.file.suffix.lower()}
+        if endings == {".bvh"} and all(motion.recorded for motion in motions):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ReadingWarning)  # told when it was read
+                rig = read_rig(self.file, stated=self.stated())
+            return transfer.write(path, replace(rig, floor=0.0), motions)
+        return formats.save(path, motions)
+
+
+def tell(changes: Changes, in_place: bool = False) -> None:
+    """Prints what a clean-up did; a warning where that is much."""
+    print(changes.text)
+    if changes.problem and not in_place:
+        warnings.warn(changes.problem, CleanUpWarning, stacklevel=2)

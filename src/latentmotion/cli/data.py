@@ -33,7 +33,6 @@ from latentmotion.data.store import MANIFEST
 from latentmotion.describe.reading import Windows
 from latentmotion.errors import InputError, hint
 from latentmotion.instructions.prompts import refused_captions
-from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.plugins import plugin, plugin_names
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation, representation_named
@@ -200,7 +199,7 @@ class PrepareUestc:
 
 
 @dataclass(frozen=True)
-class PrepareLabelled:
+class PrepareLabelled(options.Reading):
     """Take motion files in folders named after their actions: LABEL/take.bvh."""
 
     folder: options.Folder
@@ -209,9 +208,6 @@ class PrepareLabelled:
     output: options.PreparedOutput
     representation: Literal["humanml3d", "smpl"] = "humanml3d"
     """Features of the motions: HumanML3D's 263 or SMPL's 150."""
-    fps: options.Fps = None
-    unit: options.LengthUnit = "centimeters"
-    map: options.JointMapFile = None
     draft_map: options.DraftMapFile = None
     val: Val = 0.05
     test: Test = 0.05
@@ -227,9 +223,7 @@ class PrepareLabelled:
         motions = OwnMotions(
             folder=self.folder,
             source=source,
-            fps=self.fps,
-            unit=self.unit,
-            joint_map=load_joint_map(self.map) if self.map else None,
+            stated=self.stated(),
             val=self.val,
             test=self.test,
             labelled=True,
@@ -238,14 +232,14 @@ class PrepareLabelled:
             _draft(motions, self.draft_map)
             return
         representation = representation_named(self.representation)
-        settings = _settings_of(motions, None, self.map)
+        settings = _settings_of(motions, None, self)
         _Files(self.output, source, motions.groups, settings, representation).prepare(
             self.shard, self.dask
         )
 
 
 @dataclass(frozen=True)
-class PrepareOwn:
+class PrepareOwn(options.Reading):
     """Take your own BVH, FBX, GLB, AMC, USD or NPZ files, with captions beside them or in a CSV."""
 
     folder: options.Folder
@@ -254,9 +248,6 @@ class PrepareOwn:
     captions: Path | None = None
     """CSV file with the columns file and caption, and optionally from, to (seconds), split,
     action."""
-    fps: options.Fps = None
-    unit: options.LengthUnit = "centimeters"
-    map: options.JointMapFile = None
     draft_map: options.DraftMapFile = None
     val: Val = 0.05
     test: Test = 0.05
@@ -275,9 +266,7 @@ class PrepareOwn:
             folder=self.folder,
             source=source,
             captions=self.captions,
-            fps=self.fps,
-            unit=self.unit,
-            joint_map=load_joint_map(self.map) if self.map else None,
+            stated=self.stated(),
             val=self.val,
             test=self.test,
             generated=self.generated,
@@ -285,7 +274,7 @@ class PrepareOwn:
         if self.draft_map:
             _draft(motions, self.draft_map)
             return
-        settings = _settings_of(motions, self.captions, self.map)
+        settings = _settings_of(motions, self.captions, self)
         _Files(self.output, source, motions.groups, settings).prepare(self.shard, self.dask)
 
 
@@ -439,7 +428,7 @@ class Compose:
 
 
 @dataclass(frozen=True)
-class Describe:
+class Describe(options.Reading):
     """Measure what motions do and write it as captions.
 
     A prepared folder becomes a prepared folder with more captions. A folder of BVH, FBX, GLB, AMC
@@ -466,9 +455,6 @@ class Describe:
     """Most windows of each category of single action ("kick with the left leg") that get prompts.
     With any, whole clips get no measured sentences, and parts only if they show few acts."""
     seed: options.Seed = 0
-    fps: options.Fps = None
-    unit: options.LengthUnit = "centimeters"
-    map: options.JointMapFile = None
 
     def run(self) -> None:
         """Writes the captions."""
@@ -487,9 +473,7 @@ class Describe:
             motions = OwnMotions(
                 self.folder,
                 Source("own", "unknown", ""),
-                fps=self.fps,
-                unit=self.unit,
-                joint_map=load_joint_map(self.map) if self.map else None,
+                stated=self.stated(),
             )
             self.write_csv(described.describe_files(motions, self.seed, self.check, self.names))
             return
@@ -545,16 +529,14 @@ def _prepare_official(
     print(f"wrote {output}")
 
 
-def _settings_of(motions: OwnMotions, captions: Path | None, joint_map: Path | None) -> Any:
+def _settings_of(motions: OwnMotions, captions: Path | None, reading: options.Reading) -> Any:
     """Returns what decides how motion files are read, as plain values."""
     return {
         "source": motions.source.name,
         "captions": captions and sha256(captions),
-        "map": joint_map and sha256(joint_map),
-        **{
-            name: getattr(motions, name)
-            for name in ("fps", "unit", "val", "test", "labelled", "generated")
-        },
+        "map": [sha256(path) for path in reading.map],
+        **{name: getattr(reading, name) for name in ("fps", "unit", "up")},
+        **{name: getattr(motions, name) for name in ("val", "test", "labelled", "generated")},
     }
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
+from latentmotion.cli import options
 from latentmotion.cli.options import Guidance, Outputs, RuntimeChoice, Seed, Steps, Threads
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT
@@ -23,7 +24,7 @@ _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Filling:
+class _Filling(options.Reading):
     """Options of both verbs."""
 
     output: Outputs = (Path("motion.npz"),)
@@ -71,7 +72,7 @@ class Edit(_Filling):
             InputError: A file, a time or a number cannot be used.
             ModelError: The model cannot be loaded or cannot direct motions.
         """
-        generate, motion = self._pipeline(), Motion.load(self.file)
+        generate, motion = self._pipeline(), Motion.load(self.file, self.stated())
         edited = generate.edit(
             motion,
             self.prompt,
@@ -106,7 +107,7 @@ class Between(_Filling):
             ModelError: The model cannot be loaded or cannot direct motions.
         """
         generate = self._pipeline()
-        start, end = Motion.load(self.start), Motion.load(self.end)
+        start, end = (Motion.load(file, self.stated()) for file in (self.start, self.end))
         joined = generate.between(
             start, end, self.seconds, self.prompt, self.seed, self.steps, self.guidance
         )

@@ -8,7 +8,6 @@ from pathlib import Path
 from latentmotion.cli import options
 from latentmotion.data.clip import Source
 from latentmotion.data.sources.own import OwnMotions
-from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.model.card import CARD_FILE, find_model
 from latentmotion.storage.files import check_replaceable
 from latentmotion.training.distributed import distributed_context
@@ -17,7 +16,7 @@ from latentmotion.training.finetune import FineTuning, finetune
 
 
 @dataclass(frozen=True)
-class FineTune:
+class FineTune(options.Reading):
     """Teach a model the movements of your own clips: prepare, train, distill, export.
 
     The same command again resumes a stopped run, which is kept in OUTPUT.run.
@@ -36,9 +35,6 @@ class FineTune:
     """Name, run folder or model folder of the model to train on; not a distilled one."""
     few_steps: bool = True
     """Distill the result to 1, 2 and 4 sampling steps, as the default model is."""
-    fps: options.Fps = None
-    unit: options.LengthUnit = "centimeters"
-    map: options.JointMapFile = None
     license: str = "unknown"
     """Terms under which the clips, and models trained on them, may be used."""
     credit: str = ""
@@ -60,9 +56,7 @@ class FineTune:
             folder=self.folder,
             source=Source("own", self.license, self.credit),
             captions=self.captions,
-            fps=self.fps,
-            unit=self.unit,
-            joint_map=load_joint_map(self.map) if self.map else None,
+            stated=self.stated(),
             test=0.0,
         )
         settings = with_changes(FineTuning(few_steps=self.few_steps), self.set)

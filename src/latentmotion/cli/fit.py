@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
-from latentmotion.cleanup import CleanUp
+from latentmotion.cleanup.changes import Changes
+from latentmotion.cli.clean import tell
 from latentmotion.cli.options import Outputs, RuntimeChoice, Threads
 from latentmotion.errors import InputError
 from latentmotion.formats.keypoints import ENDINGS, Stated, read_keypoints
@@ -17,8 +18,11 @@ from latentmotion.model.card import DEFAULT
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import check_writable
 
-_INPUT = f"Keypoints, meters or pixels: {' '.join(ENDINGS)}."
-Layout = Literal["humanml3d", "coco_17", "body_25", "mediapipe_33"]
+_INPUT = f"Keypoints: {' '.join(ENDINGS)}, or a folder with a .json for each frame."
+Layout = Literal[
+    *("humanml3d", "coco_17", "coco_18", "coco_133", "body_25", "halpe_26", "halpe_136"),
+    *("h36m", "mediapipe_33"),
+]
 
 
 @dataclass(frozen=True)
@@ -33,10 +37,12 @@ class Fit:
     """Files to write; the extension selects the format."""
     fps: float | None = None
     """Frames per second of the recording, if the file does not say."""
-    names: Layout | None = None
+    layout: Layout | None = None
     """Layout of the keypoints, if the file has no names."""
-    up: Literal["y", "-y", "z"] = "y"
-    """Axis that points up in the file; MediaPipe's world landmarks have -y."""
+    unit: str | None = None
+    """Unit of length of points in 3D, a name or meters per unit; by default by the limbs."""
+    up: Literal["y", "-y", "z", "-z", "x", "-x"] | None = None
+    """Axis that points up, of points in 3D; by default y, if the figure stands so."""
     size: tuple[float, float] | None = None
     """Width and height of the picture, pixels."""
     focal: float | None = None
@@ -62,12 +68,13 @@ class Fit:
             check_writable(path)
         if self.runtime == "pytorch":
             raise InputError("--runtime pytorch: motions are fitted on onnxruntime or openvino")
-        stated = Stated(self.fps, self.names, self.size, self.focal, self.up)
+        stated = Stated(self.fps, self.layout, self.size, self.focal, self.up, self.unit)
         keypoints = read_keypoints(self.file, stated)
         generate = MotionPipeline.from_pretrained(self.model, self.runtime, self.threads)
         motion = generate.fit(keypoints, noise=self.noise)
+        fitted = motion
         if self.clean:
-            motion = motion.cleaned(CleanUp(floor=keypoints.flat))
+            motion = motion.cleaned()
         found = motion.metadata["fit"]
         print(
             f"noise {100 * found['noise']:.1f} cm, {100 * found['dropped']:.1f} % of the points "
@@ -75,3 +82,4 @@ class Fit:
         )
         written = [file for path in self.output for file in formats.save(path, [motion])]
         print("\n".join(f"wrote {path}" for path in written))
+        tell(Changes.of(fitted, motion))

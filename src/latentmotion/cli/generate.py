@@ -20,7 +20,7 @@ from latentmotion.engine.backend import ON_CPU, ExecutionOptions
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import open_decoder, thread_limit
 from latentmotion.errors import InputError, MissingExtraError, ModelError
-from latentmotion.formats.engines import ENDINGS, ENGINES, EngineName, for_engine
+from latentmotion.formats.engines import ENGINES, EngineName, for_engine
 from latentmotion.kinematics import smpl
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_or_download, read_card
@@ -115,8 +115,9 @@ class Generate:
     in_place: bool = False
     """Remove the root's path along the floor, as game engines expect."""
     preset: EngineName | None = None
-    """Write figures with a game engine's names of bones, root motion on a root bone, and 30 frames
-    per second unless --fps says otherwise; for .glb, .gltf, .fbx and .bvh."""
+    """Write figures for other programs. unreal, unity: the engine's names of bones, root motion on
+    a root bone; .glb, .gltf, .fbx and .bvh. lafan, cmu: .bvh as readers of these data sets expect
+    it. 30 frames per second (cmu: 120) unless --fps says otherwise."""
     fps: float | None = None
     """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
     json: options.PrintJson = False
@@ -143,8 +144,9 @@ class Generate:
         for path in outputs:
             formats.check_ending(path)
             check_writable(path)
-            if self.preset and path.suffix.lower() not in ENDINGS:
-                expected = f"expected one of {', '.join(ENDINGS)}"
+            endings = ENGINES[self.preset].endings if self.preset else ()
+            if endings and path.suffix.lower() not in endings:
+                expected = f"expected {' or '.join(endings)}"
                 raise InputError(f"--preset {self.preset} cannot be written as {path}; {expected}")
         motions = self._generated(prompts, scene, goals)
         if self.clean:

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from latentmotion import formats
 from latentmotion.blender.build import build_zip, own_command
+from latentmotion.cleanup.changes import floor_under
 from latentmotion.cli import options
 from latentmotion.errors import InputError
 from latentmotion.kinematics import draft
-from latentmotion.kinematics.humanoid import load_joint_map
-from latentmotion.kinematics.skeleton import Skeleton, check_fps
-from latentmotion.retarget import read_rig, transfer
+from latentmotion.kinematics.bone_names import SIDES
+from latentmotion.kinematics.plausibility import foot_sliding
+from latentmotion.kinematics.skeleton import Animation, Skeleton, check_fps
+from latentmotion.motion import Motion
+from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.rig_files import open_rig
 from latentmotion.storage.files import check_writable
 
 
 @dataclass(frozen=True)
-class Retarget:
+class Retarget(options.Reading):
     """Retarget motions to your own character: any skeleton in .glb, .gltf, .vrm, .fbx, .bvh, .asf.
 
     The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,
@@ -35,12 +40,11 @@ class Retarget:
     output: options.OptionalOutput = None
     """File to write: .glb, .gltf or .fbx for the character with the animations added, .bvh for its
     skeleton (one file per motion)."""
-    map: options.JointMapFile = None
     draft_map: options.DraftMapFile = None
     root_motion: transfer.RootMotion = "pelvis"
     """What the path along the floor moves: the pelvis, the root bone of a rig that has one above
     the pelvis, as Unreal expects, or nothing (in place)."""
-    fps: float | None = None
+    output_fps: float | None = None
     """Frames per second of the animations; by default those of the motions."""
 
     def run(self) -> None:
@@ -54,28 +58,45 @@ class Retarget:
             return
         if self.output is None or not self.files:
             raise InputError("name motion files and -o FILE, or --draft-map FILE")
-        if self.fps is not None:
-            check_fps(self.fps)
+        if self.output_fps is not None:
+            check_fps(self.output_fps)
         check_writable(self.output)
-        rig = read_rig(self.to, None if self.map is None else load_joint_map(self.map))
+        rig = read_rig(self.to, stated=self.stated())
         transfer.check_output(rig, self.output)
         if self.root_motion == "root":
             transfer.check_root_bone(rig)
-        motions = [motion for file in self.files for motion in formats.load(file)]
+        motions = [motion for file in self.files for motion in formats.load(file, self.stated())]
         joints, body = rig.skeleton.names, rig.body
         spine = ", ".join(joints[joint] for joint in body.spine) or "none"
-        moved = {*body.joints.values(), body.pelvis, *body.spine, *body.neck}
         print(
             f"{rig.file.path}: {len(joints)} joints, names of {body.names}, in {rig.unit()}, "
-            f"legs of {rig.leg:.2f} m\n"
-            f"pelvis {joints[body.pelvis]!r}, spine {spine}, "
-            f"{len(joints) - len(moved)} joints stay at rest (fingers, twists, tips)"
+            f"legs of {rig.leg:.2f} m, pelvis {joints[body.pelvis]!r}, spine {spine}"
         )
         # Animations are named by their captions, else by the first file.
         names = [motion.caption or self.files[0].stem for motion in motions]
         names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
-        written = transfer.write(self.output, rig, motions, self.fps, names, self.root_motion)
+        moving = transfer.retargeted(rig, motions, self.output_fps, self.root_motion)
+        written = transfer.write_animations(self.output, rig, moving, names)
         print("\n".join(f"wrote {path}" for path in written))
+        for motion, animation in zip(motions, moving, strict=True):
+            print(_figures(rig, motion, animation))
+
+
+def _figures(rig: Rig, motion: Motion, animation: Animation) -> str:
+    """Returns how a motion is on a character, in one line."""
+    joints, at = animation.joints(), rig.body.joints
+    left, right = (
+        tuple(at[name] for name in (f"{side}_ankle", f"{side}_foot") if name in at)
+        for side in SIDES
+    )
+    feet = replace(rig.skeleton, left_foot=left, right_foot=right)
+    slid = foot_sliding(motion.joints, motion.fps, motion.skeleton, floor_under(motion.joints))
+    slides = foot_sliding(joints, animation.fps, feet, floor_under(joints))
+    turned = np.abs(animation.rotations - animation.rotations[:1]).max(axis=(0, 2, 3)) > 1e-4
+    return (
+        f"{int(turned.sum())} bones turn; lowest point {100 * joints[..., 1].min():.1f} cm above "
+        f"the floor; feet slide {100 * slid:.1f} → {100 * slides:.1f} cm/s"
+    )
 
 
 def write_draft(path: Path, skeleton: Skeleton) -> None:

@@ -32,6 +32,7 @@ OPTIONS: dict[str, dict[str, str]] = {
     "data compose": _OUT,
     "data describe": {**_OUT, **_MAP},
     "finetune": _MAP,
+    "fit": {"--names": "--layout"},
     "train decoder": {"--vae": "--model"},
     "train text-encoder": {"--batch": "--batch-size"},
 }

@@ -5,6 +5,7 @@ A field of such a type needs no docstring, unless the type leaves the help text 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,6 +14,8 @@ from tyro.conf import Positional, UseAppendAction, arg
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine.backend import Launch, Precision
 from latentmotion.evaluation.protocol import ProtocolName
+from latentmotion.kinematics.humanoid import load_joint_map
+from latentmotion.kinematics.standing import METERS_PER_UNIT, NOTHING, Stated
 
 Output = Annotated[Path, arg(aliases=["-o"])]
 """File or folder to write; the verb says which."""
@@ -134,17 +137,46 @@ Goals = UseAppendAction[tuple[str, ...]]
 Changes = UseAppendAction[tuple[str, ...]]
 """Settings by `--set part.key=value`; the verb gives an example."""
 
-Fps = Annotated[
-    float | None,
-    arg(help="Native frames per second, if the files state it wrongly or not at all."),
-]
 
-LengthUnit = Annotated[str, arg(help="Unit of length of BVH files.")]
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """Options of every command that reads motion files, with one meaning."""
 
-JointMapFile = Annotated[
-    Path | None,
-    arg(help="JSON file that says which joints of an unknown skeleton are ours: a joint map."),
-]
+    unit: Annotated[
+        str | None,
+        arg(
+            help=f"Unit of length of the motion files: {' '.join(METERS_PER_UNIT)}, or a number, "
+            "meters per unit; by default what the file says, else guessed by the legs."
+        ),
+    ] = None
+    up: Annotated[
+        Literal["y", "-y", "z", "-z", "x", "-x"] | None,
+        arg(help="Axis that points up in the motion files; by default y, if the figure stands so."),
+    ] = None
+    fps: Annotated[
+        float | None,
+        arg(help="Frames per second of the motion files, if they state it wrongly or not at all."),
+    ] = None
+    map: Annotated[
+        tuple[Path, ...],
+        arg(
+            help="JSON files, joint maps, that say which joints of an unknown skeleton are ours; "
+            "each file is read by the first one that has joints of it."
+        ),
+    ] = ()
+
+    def stated(self) -> Stated | None:
+        """Returns what the user says about the files; None where that is nothing.
+
+        Raises:
+            FileFormatError: A joint map cannot be read.
+            InputError: A number or a name is none.
+        """
+        maps = tuple(load_joint_map(path) for path in self.map)
+        stated = Stated(self.unit, self.up, self.fps, maps)
+        return None if stated == NOTHING else stated
+
+
 DraftMapFile = Annotated[
     Path | None,
     arg(help="Write a guess of a joint map here, and nothing else; correct it, pass it by --map."),

@@ -14,7 +14,6 @@ from tyro.conf import arg
 from latentmotion import formats
 from latentmotion.cli import options
 from latentmotion.errors import InputError
-from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.motion import Motion
 from latentmotion.render import Style, View
@@ -39,7 +38,7 @@ _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a 
 
 
 @dataclass(frozen=True)
-class Render:
+class Render(options.Reading):
     """Draw motions as a video, a GIF, a picture strip or a page, with a figure of your choice.
 
     Examples:
@@ -56,14 +55,13 @@ class Render:
     """Who is drawn: `mannequin`, the body of .glb and .usd files, which pictures have by default;
     `stick`; `person`, drawn on pages alone, which have it by default; or a character of yours
     (.glb, .gltf, .vrm, .fbx), as a surface of one color."""
-    map: options.JointMapFile = None
     style: Style = "row"
     """Strips: figures in a row, or fading along the path."""
     figures: int = 9
     """Strips: figures per take."""
     camera: View = "follow"
     """Videos: the camera follows the person, or stands still and sees the whole path."""
-    fps: float | None = None
+    output_fps: float | None = None
     """Videos: frames per second; by default those of the first file, at most 30."""
     size: int | None = None
     """Pixels: height of videos (default 512) or width of strips (default 1280)."""
@@ -78,8 +76,8 @@ class Render:
         """
         if not self.files:
             raise InputError("no motion file given; try: latentmotion render walk.npz -o walk.mp4")
-        if self.fps is not None:
-            check_fps(self.fps)
+        if self.output_fps is not None:
+            check_fps(self.output_fps)
         for path in self.output:
             if path.suffix.lower() not in _VIDEOS + _PICTURES + _PAGES:
                 known = " ".join(_VIDEOS + _PICTURES + _PAGES)
@@ -90,7 +88,7 @@ class Render:
             if path.suffix.lower() not in _PAGES:
                 import_module("latentmotion.render.painter")  # no Pillow: told before all else
         figure = self._figure()
-        motions = [motion for path in self.files for motion in formats.load(path)]
+        motions = [motion for path in self.files for motion in formats.load(path, self.stated())]
         for path in self.output:
             if path.suffix.lower() in _PICTURES:
                 from latentmotion.render import strip
@@ -100,7 +98,7 @@ class Render:
             elif path.suffix.lower() in _VIDEOS:
                 from latentmotion.render import video
 
-                fps = min(motions[0].fps, _SMOOTH) if self.fps is None else self.fps
+                fps = min(motions[0].fps, _SMOOTH) if self.output_fps is None else self.output_fps
                 takes = [motion.resampled(fps) for motion in motions]
                 video.write(
                     path, takes, 512 if self.size is None else self.size, self.camera, figure
@@ -135,7 +133,7 @@ class Render:
                 f"--figure {self.figure}: there is no such file; expected mannequin, stick, person "
                 "or the file of a character (.glb, .gltf, .vrm, .fbx)"
             )
-        return CharacterFigure(read_rig(character, load_joint_map(self.map) if self.map else None))
+        return CharacterFigure(read_rig(character, stated=self.stated()))
 
 
 def skinned(motions: Sequence[Motion], figure: Figure) -> page.Skinned:

@@ -79,7 +79,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Nearest:
+class Nearest(options.Reading):
     """Report the clips of the training data that are nearest to a motion.
 
     Example: latentmotion nearest walk.bvh -n 5
@@ -101,7 +101,7 @@ class Nearest:
             ModelError: The scorer cannot be loaded.
         """
         scorer = Scorer.load(self.scorer)
-        motions = formats.load(self.motion)
+        motions = formats.load(self.motion, self.stated())
         if self.data is not None:
             training = training_vectors(Dataset.load(self.data), scorer)
         else:

@@ -12,6 +12,7 @@ their speed. Recordings longer than the model's motions are fitted in windows th
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Any
@@ -24,8 +25,8 @@ from latentmotion.control.generator import Generator, decoders_of
 from latentmotion.control.jacobian import joint_features
 from latentmotion.control.observe import Observation, robust, tilt
 from latentmotion.control.reach import DecodedMotion
-from latentmotion.errors import InputError
-from latentmotion.kinematics.keypoints import Keypoints, joint_weights
+from latentmotion.errors import InputError, ReadingWarning
+from latentmotion.kinematics.keypoints import LIMBS, Keypoints, grounded, joint_weights, limb_ratio
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
@@ -74,15 +75,6 @@ _OUTLIER = 6.0
 
 _FIELD_OF_VIEW = 60.0
 """Degrees that a picture of unknown focal length shows from side to side."""
-
-_BONES = tuple(
-    (f"{side}_{start}", f"{side}_{end}")
-    for side in ("left", "right")
-    for start, end in zip(
-        ("hip", "knee", "shoulder", "elbow"), ("knee", "ankle", "elbow", "wrist"), strict=True
-    )
-)
-"""Limbs by which a body is measured."""
 
 _UPRIGHT = (("mid_shoulder", "mid_hip", 0.5), ("mid_shoulder", "mid_ankle", 1.3))
 """Bones that show how far away a person is, with their lengths in meters."""
@@ -177,6 +169,14 @@ class Scene:
         positions = np.arange(len(points)) * fps / keypoints.fps
         frames = int((len(points) - 1) * fps / keypoints.fps + 1e-6) + 1
         if not keypoints.flat:
+            points, guessed = grounded(points, names, keypoints.fps)
+            if guessed:
+                warnings.warn(
+                    "a guess: the hips of all points are at the origin, so the path along the "
+                    "floor is what keeps standing feet in place",
+                    ReadingWarning,
+                    stacklevel=3,
+                )
             own = white_noise(points)
             scale = body_scale(points, names, own)
             own = own * scale if noise is None else noise * scale
@@ -235,20 +235,12 @@ def body_scale(
     Raises:
         InputError: They are such that the points cannot be meters.
     """
-    lengths, ratios = np.linalg.norm(HUMANML3D.offsets, axis=-1), []
-    for start, end in _BONES:
-        if start in names and end in names:
-            bone = points[:, names.index(end)] - points[:, names.index(start)]
-            # Noise makes bones longer.
-            square = float(np.median(np.nan_to_num((bone**2).sum(axis=1), nan=np.inf)))
-            own = np.sqrt(max(square - 6 * noise**2, 1e-12))
-            ratios.append(lengths[HUMANML3D.names.index(end)] / own)
-    ratios = [ratio for ratio in ratios if ratio > 1e-9]
-    scale = float(np.median(ratios)) if ratios else 1.0
+    ratio = limb_ratio(points, names, noise)
+    scale = 1 / ratio if ratio else 1.0
     if not 0.5 < scale < 2.5:
         raise InputError(
             f"limbs are {1 / scale:.3g} times as long as an adult's: expected points in meters, "
-            "y up; for pixels give two coordinates"
+            "y up: give the unit of a file with --unit; for pixels give two coordinates"
         )
     return scale if abs(scale - 1) > max(0.03, noise) else 1.0
 
@@ -262,7 +254,7 @@ def camera_distance(
         InputError: Neither trunk nor limbs were seen.
     """
     lengths = np.linalg.norm(HUMANML3D.offsets, axis=-1)
-    pairs = [(a, b, lengths[HUMANML3D.names.index(b)]) for a, b in _BONES if {a, b} <= set(names)]
+    pairs = [(a, b, lengths[HUMANML3D.names.index(b)]) for a, b in LIMBS if {a, b} <= set(names)]
     sizes = [
         np.linalg.norm(points[:, names.index(b)] - points[:, names.index(a)], axis=-1) / length
         for a, b, length in pairs

@@ -21,15 +21,16 @@ from jaxtyping import Float
 from latentmotion.data import singles
 from latentmotion.data.clip import Caption, fit_sentences
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.file_names import captions_of_names
 from latentmotion.data.prepare import REPORT, Report, encode_all, parts_of, read_report
 from latentmotion.data.recording import FPS, Dropped
-from latentmotion.data.sources.own import OwnMotions
+from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
 from latentmotion.describe.agreement import check as check_agreement
 from latentmotion.describe.prompting import plain
 from latentmotion.describe.reading import Windows, caption_windows, describe
 from latentmotion.describe.rewording import rewordings as reworded_texts
-from latentmotion.describe.sentences import plain_action, sentences
+from latentmotion.describe.sentences import sentences
 from latentmotion.errors import DataError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.storage.configuration import write_json
@@ -229,6 +230,9 @@ def describe_files(
         DataError: There is no such folder or no motion file in it.
     """
     rows: list[FileRow | Dropped] = []
+    paths = find_motions(motions.folder)
+    files = [f"{name}{path.suffix}" for name, path in paths.items()]
+    named = captions_of_names(files) if names else {}
     for item in encode_all(motions.recordings(), HUMANML3D_FEATURES):
         if isinstance(item, Dropped):
             rows.append(item)
@@ -243,7 +247,7 @@ def describe_files(
                 rows.append(Dropped(file, "caption", f"{text!r}, but {reason}"))
             else:
                 rows.append(FileRow(file, text, *_seconds(start, end, frames, item.label.start)))
-        action = plain_action(Path(file).stem) if names else ""
+        action = named.get(file, "")
         if action and (reason := contradiction(action, joints)):
             rows.append(Dropped(item.label.id, "caption", f"name {action!r}, but {reason}"))
             action = ""

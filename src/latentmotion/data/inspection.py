@@ -42,7 +42,9 @@ def inspect_folder(folder: Path) -> list[str]:
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; {_EXPECTED}")
     annotated, lines = list(_annotations_and_poses(folder)), []
+    trials: set[Path] = set()
     with suppress(DataError):
+        trials = set(find_trials(folder).values())
         lines += list(_cmu(folder))
     with suppress(DataError):
         lines += [
@@ -56,17 +58,22 @@ def inspect_folder(folder: Path) -> list[str]:
             f"SNU: {len(takes)} takes on its skeletons, {labels} files of annotations",
             f"next: latentmotion data prepare snu {folder} -o OUT",
         ]
-    if lines:
+    if lines and not trials:
         return [*annotated, *lines]
     with suppress(DataError):
-        motions = find_motions(folder)
-        captioned = sum(path.with_suffix(".txt").is_file() for path in motions.values())
-        lines = [f"motion files: {len(motions)}, of which {captioned} have captions beside them"]
-        if captioned < len(motions) and not any(folder.glob("*.csv")):
+        motions = [path for path in find_motions(folder).values() if path not in trials]
+        captioned = sum(path.with_suffix(".txt").is_file() for path in motions)
+        if motions:
+            other = "other " if trials else ""
             lines.append(
-                "  missing: captions (NAME.txt beside NAME.bvh, or a CSV with file,caption)"
+                f"{other}motion files: {len(motions)}, of which {captioned} have captions beside "
+                "them"
             )
-        lines.append(f"next: latentmotion data prepare own {folder} -o OUT")
+            if captioned < len(motions) and not any(folder.glob("*.csv")):
+                lines.append(
+                    "  missing: captions (NAME.txt beside NAME.bvh, or a CSV with file,caption)"
+                )
+            lines.append(f"next: latentmotion data prepare own {folder} -o OUT")
     if not annotated and not lines:
         raise DataError(f"{folder}: found nothing known; {_EXPECTED}")
     return [*annotated, *lines]

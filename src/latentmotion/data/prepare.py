@@ -54,8 +54,8 @@ class Part:
 
     def row(self) -> str:
         """Returns its row of a report's table."""
-        numbers = f"{self.clips:>8}{self.captions:>10}{self.hours:>8.3f}"
-        return f"{self.source:<12}{self.split:<8}{numbers}"
+        numbers = f"{self.clips:>8} {self.captions:>10} {self.hours:>8.3f}"
+        return f"{self.source:<12} {self.split:<8}{numbers}"
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Report:
 
     def table(self) -> str:
         """Returns the figures by source and split."""
-        head = f"{'source':<12}{'split':<8}{'clips':>8}{'captions':>10}{'hours':>8}"
+        head = f"{'source':<12} {'split':<8}{'clips':>8} {'captions':>10} {'hours':>8}"
         clips, captions = sum(p.clips for p in self.parts), sum(p.captions for p in self.parts)
         total = Part("all", "", clips, captions, sum(p.hours for p in self.parts))
         return "\n".join([head, *(part.row() for part in (*self.parts, total))])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +17,6 @@ from jaxtyping import Float
 
 from latentmotion.data.clip import Split, TaggedSentence
 from latentmotion.errors import DataError, InputError
-from latentmotion.kinematics.bone_names import JointMap
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import Animation
@@ -173,35 +172,43 @@ def files_below(folder: Path, endings: Collection[str]) -> list[Path]:
 
 
 def joints_at(
-    animation: Animation,
-    fps: float,
-    native_fps: float,
-    joint_map: JointMap | None = None,
-    declared: Mapping[str, int] | None = None,
+    animation: Animation, fps: float, native_fps: float
 ) -> Float[np.ndarray, "frames joints 3"]:
-    """Returns HumanML3D's joints of an animation at another frame rate.
+    """Returns HumanML3D's joints of an animation at another frame rate; see `at_rate`.
 
     Args:
-        animation: Any skeleton.
+        animation: A skeleton of known names, meters, y up.
         fps: Frames per second wanted.
         native_fps: Frames per second of the animation (files often say it wrongly).
-        joint_map: How to find the joints; found by the skeleton's names if absent.
-        declared: VRM's names of its joints, where the file itself has them.
+    """
+    step = whole_step(fps, native_fps)
+    if step is not None:
+        return to_humanml3d(every(animation, step))
+    return at_rate(to_humanml3d(animation), fps, native_fps)
+
+
+def at_rate(
+    joints: Float[np.ndarray, "frames joints 3"], fps: float, native_fps: float
+) -> Float[np.ndarray, "times joints 3"]:
+    """Returns joints at another frame rate.
+
+    Args:
+        joints: Positions.
+        fps: Frames per second wanted.
+        native_fps: Frames per second of the joints.
 
     Returns:
         Joints: frame i is taken at i/fps seconds, so that the first frame always stays.
 
     Raises:
-        DataError: The animation has a lower frame rate than a third of the wanted one.
+        DataError: They have a lower frame rate than a third of the wanted one.
     """
     if native_fps * 3 < fps:
         raise DataError(
             f"{native_fps:g} frames per second are too few for {fps:g}; check the rate given"
         )
     step = whole_step(fps, native_fps)
-    if step is not None:
-        return to_humanml3d(every(animation, step), joint_map, declared)
-    return interpolate(to_humanml3d(animation, joint_map, declared), native_fps / fps)
+    return interpolate(joints, native_fps / fps) if step is None else joints[::step]
 
 
 def whole_step(fps: float, native_fps: float) -> int | None:

@@ -8,14 +8,20 @@ from __future__ import annotations
 import difflib
 import importlib
 import json
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from latentmotion.errors import DataError, InputError
+from latentmotion.errors import DataError, InputError, ReadingWarning
 from latentmotion.motion import Motion
 from latentmotion.plugins import plugin, plugin_names
 from latentmotion.storage.files import check_writable
+
+if TYPE_CHECKING:
+    from latentmotion.formats.takes import SkeletonTake
+    from latentmotion.kinematics.standing import Stated
 
 ENDINGS: Mapping[str, str] = MappingProxyType(
     {
@@ -27,6 +33,7 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".bvh": "latentmotion.formats.takes:write_bvh_files",
         ".glb": "latentmotion.formats.gltf:write",
         ".gltf": "latentmotion.formats.gltf:write",
+        ".vrma": "latentmotion.formats.vrma:write",
         **dict.fromkeys((".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd:write"),
         ".fbx": "latentmotion.formats.fbx:write",
         ".html": "latentmotion.viewer.page:write_page",
@@ -45,6 +52,7 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".bvh": "latentmotion.formats.takes:read_bvh_file",
         ".glb": "latentmotion.formats.gltf_reader:read_takes",
         ".gltf": "latentmotion.formats.gltf_reader:read_takes",
+        ".vrma": "latentmotion.formats.gltf_reader:read_takes",
         ".fbx": "latentmotion.formats.fbx:read_takes",
         ".amc": "latentmotion.formats.takes:read_amc_file",
         **dict.fromkeys(
@@ -53,6 +61,12 @@ READABLE: Mapping[str, str] = MappingProxyType(
     }
 )
 """Each ending of ours that can be read, with the `module:function` that reads it."""
+
+
+_MARKERS = (
+    "C3D holds markers on the skin, not joints: solve a skeleton in your system's program (Vicon "
+    "Nexus or Shogun, OptiTrack Motive, Qualisys) or in MotionBuilder, and export BVH or FBX"
+)
 
 
 def readable() -> tuple[str, ...]:
@@ -117,8 +131,43 @@ def check_text(motions: Sequence[Motion], target: Path) -> None:
                 ) from error
 
 
-def load(path: str | Path) -> list[Motion]:
-    """Reads all motions of a file.
+def load(path: str | Path, stated: Stated | None = None) -> list[Motion]:
+    """Reads all motions of a file, in meters, y up.
+
+    This is the one place where files become motions: unit, up axis, names and rate are what is
+    stated, else what the file says, else what the body shows, which is told as a guess.
+
+    Args:
+        path: The file.
+        stated: What the user says about it.
+
+    Raises:
+        DataError: The names of its joints are unknown, or its size or pose is nobody's.
+        FileFormatError: The file is damaged or not of its kind.
+        InputError: The ending cannot be read, or there is no such file.
+
+    Warns:
+        ReadingWarning: Something is a guess, or a small mistake was passed over.
+    """
+    from latentmotion.formats.takes import standing_motion
+
+    source = Path(path)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", ReadingWarning)
+        try:
+            trusted = stated is None and source.suffix.lower() != ".npy"  # bare joints say nothing
+            motions = [standing_motion(take, stated, trusted) for take in read(source)]
+        except (InputError, DataError) as error:  # of what it holds
+            named = str(error).startswith(str(source)) or not source.is_file()
+            raise type(error)(str(error) if named else f"{source}: {error}") from error
+    for text, category in dict.fromkeys((str(one.message), one.category) for one in told):
+        named = category is not ReadingWarning or text.startswith(str(source))
+        warnings.warn(text if named else f"{source}: {text}", category, stacklevel=2)
+    return motions
+
+
+def read(path: str | Path) -> list[SkeletonTake | Motion]:
+    """Reads the takes of a file as they are in it.
 
     Raises:
         FileFormatError: The file is damaged or not of its kind.
@@ -128,10 +177,7 @@ def load(path: str | Path) -> list[Motion]:
     reader = _function(source, READABLE, "read")
     if not source.is_file():
         raise InputError(f"there is no file {source}")
-    try:
-        return reader(source)
-    except (InputError, DataError) as error:  # of what it holds
-        raise type(error)(f"{source}: {error}") from error
+    return reader(source)
 
 
 def check_ending(path: str | Path) -> None:
@@ -158,6 +204,10 @@ def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:
         added = getattr(plugin("latentmotion.formats", ending[1:]), verb, None)
         if added is not None:
             return added
+        if ending == ".c3d":
+            raise InputError(
+                f"{path} cannot be {'written' if verb == 'write' else 'read'}: {_MARKERS}"
+            )
         near = difflib.get_close_matches(ending, endings, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
         others = [f".{name}" for name in plugin_names("latentmotion.formats")]

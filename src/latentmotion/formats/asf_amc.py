@@ -10,6 +10,7 @@ left knee); a bone without children ends in an end site, `<bone>_end`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -260,13 +261,20 @@ def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 12
 
 
 def find_asf(amc: str | Path) -> Path:
-    """Returns the skeleton beside a motion: the ASF whose name the motion's begins with.
+    """Returns the skeleton of a motion: the ASF whose name the motion's begins with, or the only.
+
+    It lies beside the motion, or in the nearest of two folders above that has any.
 
     Raises:
         FileFormatError: There is none, or several of other names.
     """
     path = Path(amc).absolute()
-    beside = sorted(p for p in path.parent.iterdir() if p.suffix.lower() == ".asf")
+    folders = (
+        sorted(p for p in folder.iterdir() if p.suffix.lower() == ".asf")
+        for folder in list(path.parents)[:3]
+        if os.access(folder, os.R_OK)
+    )
+    beside = next(filter(None, folders), [])
     named = [asf for asf in beside if path.stem.startswith(asf.stem)]
     if named or len(beside) == 1:
         return max(named or beside, key=lambda asf: len(asf.stem))

@@ -50,10 +50,19 @@ def write_glb(source: str, target: str) -> None:
     """Converts an `.fbx`; its rate becomes the scene's while it is read."""
     with Path(source).open("rb") as file:
         binary = file.read(18) == b"Kaydara FBX Binary"
+    importers = []
     if binary and "fbx" in dir(bpy.ops.import_scene):
-        bpy.ops.import_scene.fbx(filepath=source)
-    else:  # text, which only the newer importer reads
-        bpy.ops.wm.fbx_import(filepath=source)
+        importers.append(bpy.ops.import_scene.fbx)
+    if "fbx_import" in dir(bpy.ops.wm):  # of text too, and of lamps, at which the other fails
+        importers.append(bpy.ops.wm.fbx_import)
+    for number, read in enumerate(importers, 1):
+        try:
+            read(filepath=source)
+            break
+        except (RuntimeError, AttributeError, TypeError):
+            if number == len(importers):
+                raise
+            bpy.ops.wm.read_factory_settings(use_empty=True)
     wanted = {
         "export_animation_mode": "ACTIONS",
         "export_force_sampling": True,

@@ -24,13 +24,10 @@ from jaxtyping import Float
 
 from latentmotion.arrays import cross, unit
 from latentmotion.errors import FileFormatError
-from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
 from latentmotion.storage.limits import MOST_FRAMES
 
 _AHEAD, _UP = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
-
-_STILL = 1e-5
-"""Meters up to which a joint counts as staying where its parent carries it."""
 
 _LEAST_FPS, _MOST_FPS = 8.0, 1000.0
 """Rates that keys can have been sampled at; others are those of keys set by hand."""
@@ -62,13 +59,7 @@ def plain_skeleton(
 def plain_animation(skeleton: Skeleton, rest: WorldPose, moved: WorldPose, fps: float) -> Animation:
     """Returns the animation of `plain_skeleton`; translations only where joints move apart."""
     world = moved.rotations @ np.swapaxes(rest.rotations, -1, -2)
-    inner = list(skeleton.parents[1:])
-    rotations, offsets = world.copy(), np.zeros_like(moved.positions)
-    rotations[:, 1:] = np.swapaxes(world[:, inner], -1, -2) @ world[:, 1:]
-    steps = moved.positions[:, 1:] - moved.positions[:, inner]
-    offsets[:, 1:] = np.einsum("tjab,tja->tjb", world[:, inner], steps)
-    translations = offsets if np.abs(offsets - skeleton.offsets).max() > _STILL else None
-    return Animation(skeleton, rotations, moved.positions[:, 0].copy(), fps, translations)
+    return posed(skeleton, world, moved.positions, fps)
 
 
 def even_rate(

@@ -7,6 +7,7 @@ A joint's rotation is the product of its rotation channels in the order they are
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,12 +15,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import FileFormatError
+from latentmotion.errors import FileFormatError, ReadingWarning
 from latentmotion.formats.checks import (
     check_filled,
     checked_animation,
     checked_rate,
-    meters_per_unit,
     numbers,
     read_lines,
     table,
@@ -27,6 +27,7 @@ from latentmotion.formats.checks import (
 )
 from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
 from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.standing import meters_per_unit
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.limits import MOST_JOINTS
 from latentmotion.storage.reading import blamed_on
@@ -81,39 +82,39 @@ def read_hierarchy(path: Path, lines: Sequence[str]) -> tuple[list[Node], int]:
 
 
 def hierarchy_lines(
-    skeleton: Skeleton, moving: Collection[int], order: str, joint: int = 0
+    skeleton: Skeleton, moving: Collection[int], layout: BvhLayout, joint: int = 0
 ) -> list[str]:
-    """Returns the lines of a joint's block and of all below it, in centimeters.
+    """Returns the lines of a joint's block and of all below it.
 
     Args:
         skeleton: The tree of joints.
         moving: Joints that get position channels.
-        order: The axes of the rotation channels, first to last.
+        layout: Rotation order and unit.
         joint: The joint.
     """
     children = skeleton.children(joint)
     positions = [f"{axis}position" for axis in "XYZ"] if joint in moving else []
-    channels = positions + [f"{axis}rotation" for axis in order]
-    inside = [_offset(skeleton, joint), f"CHANNELS {len(channels)} {' '.join(channels)}"]
+    channels = positions + [f"{axis}rotation" for axis in layout.order]
+    inside = [_offset(skeleton, joint, layout), f"CHANNELS {len(channels)} {' '.join(channels)}"]
     for child in children:
         is_end = child in skeleton.end_sites
-        below = hierarchy_lines(skeleton, moving, order, child) if not is_end else []
-        inside += below or _end_site(skeleton, child)
+        below = hierarchy_lines(skeleton, moving, layout, child) if not is_end else []
+        inside += below or _end_site(skeleton, child, layout)
     if not children:
         # BVH requires a tip. The true one is unknown; half the bone before it looks right.
-        inside += _end_site(skeleton, joint, share=0.5)
+        inside += _end_site(skeleton, joint, layout, share=0.5)
     name = "_".join(skeleton.names[joint].split())
     return [f"{'JOINT' if joint else 'ROOT'} {name}", "{", *("\t" + s for s in inside), "}"]
 
 
-def _end_site(skeleton: Skeleton, joint: int, share: float = 1.0) -> list[str]:
-    return ["End Site", "{", "\t" + _offset(skeleton, joint, share), "}"]
+def _end_site(skeleton: Skeleton, joint: int, layout: BvhLayout, share: float = 1.0) -> list[str]:
+    return ["End Site", "{", "\t" + _offset(skeleton, joint, layout, share), "}"]
 
 
-def _offset(skeleton: Skeleton, joint: int, share: float = 1.0) -> str:
-    centimeters = np.round(100 * share * np.asarray(skeleton.offsets[joint], np.float64), 6)
+def _offset(skeleton: Skeleton, joint: int, layout: BvhLayout, share: float = 1.0) -> str:
+    units = np.round(share / layout.meters * np.asarray(skeleton.offsets[joint], np.float64), 6)
     # Adding zero makes 0 of the -0 that rounding leaves.
-    return "OFFSET " + " ".join(f"{value:.6f}" for value in centimeters + 0.0)
+    return "OFFSET " + " ".join(f"{value:.6f}" for value in units + 0.0)
 
 
 class _Reader:
@@ -196,8 +197,19 @@ class _Reader:
             raise FileFormatError(self.path, problem, self._line)
 
 
-WRITTEN_ORDER = "ZXY"
-"""Rotation order of the files we write: an upright body is far from its singularity."""
+@dataclass(frozen=True)
+class BvhLayout:
+    """How a BVH file is written."""
+
+    order: str = "ZXY"
+    """Axes of the rotation channels; with ZXY an upright body is far from the singularity."""
+    meters: float = 0.01
+    """Meters per unit."""
+
+
+OURS = BvhLayout()
+"""The layout of the files that we write."""
+
 
 _SAME = 1e-7
 """Meters up to which a joint counts as staying at its offset."""
@@ -227,9 +239,13 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
     count, fps, body = _read_timing(Path(path), lines, start)
     columns = [(joint, *channel) for joint, node in enumerate(nodes) for channel in node.channels]
     values = table(path, lines, body, len(columns))
-    if len(values) != count:
+    if abs(len(values) - count) > 1:
         problem = f"found {len(values)} frames, expected {count} as 'Frames:' says"
         raise FileFormatError(path, problem, len(lines))
+    if len(values) != count:  # one off, as in Rokoko's exports
+        problem = f"found {len(values)} frames, of which 'Frames:' says {count}; all are read"
+        warnings.warn(f"{path}: {problem}", ReadingWarning, stacklevel=2)
+        count = len(values)
     check_filled(path, count, len(nodes), values.size)
     offsets = scale * np.array([node.offset for node in nodes])
     translations = np.repeat(offsets[None], count, axis=0)
@@ -259,8 +275,8 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
     return checked_animation(path, animation)
 
 
-def write_bvh(path: str | Path, animation: Animation) -> None:
-    """Writes an animation as BVH in centimeters, angles unwrapped so that curves never jump.
+def write_bvh(path: str | Path, animation: Animation, layout: BvhLayout = OURS) -> None:
+    """Writes an animation as BVH, by default in centimeters, angles unwrapped so as not to jump.
 
     Leaf joints get an end site, which BVH requires; joints with animated offsets get position
     channels.
@@ -268,6 +284,7 @@ def write_bvh(path: str | Path, animation: Animation) -> None:
     Args:
         path: The file, replaced only when all is written.
         animation: The animation.
+        layout: Rotation order and unit.
 
     Raises:
         InputError: The folder does not exist or cannot be written.
@@ -279,19 +296,19 @@ def write_bvh(path: str | Path, animation: Animation) -> None:
         away = np.abs(animation.translations - skeleton.offsets).max((0, 2))
         moving |= {joint for joint in joints if away[joint] > _SAME}
     rotations = np.asarray(animation.rotations[:, joints], np.float64)
-    angles = continuous_euler(rotations, WRITTEN_ORDER)
+    angles = continuous_euler(rotations, layout.order)
     columns = []
     for number, joint in enumerate(joints):
         if joint in moving:
             track = animation.translations
             positions = animation.root_positions if not joint or track is None else track[:, joint]
-            columns.append(100 * np.asarray(positions, np.float64))
+            columns.append(np.asarray(positions, np.float64) / layout.meters)
         columns.append(np.rad2deg(angles[:, number]))
     # Adding zero makes 0 of the -0 that rounding leaves.
     rows = np.round(np.concatenate(columns, axis=1), 6) + 0.0
     template = " ".join(["%.6f"] * rows.shape[1])
     with atomic_file(path) as temporary:
-        lines = ["HIERARCHY", *hierarchy_lines(skeleton, moving, WRITTEN_ORDER), "MOTION"]
+        lines = ["HIERARCHY", *hierarchy_lines(skeleton, moving, layout), "MOTION"]
         lines += [f"Frames: {len(rows)}", f"Frame Time: {1 / animation.fps:.8f}"]
         lines += [template % tuple(row) for row in rows.tolist()]
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import FileFormatError, InputError
+from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.skeleton import Animation
 from latentmotion.storage.limits import (
     FARTHEST,
@@ -66,33 +66,6 @@ def checked_animation(path: str | Path, animation: Animation) -> Animation:
         problem = f"holds numbers that are not finite, or places beyond {FARTHEST:,.0f} m"
         raise FileFormatError(path, f"{problem}; repair it, or check its unit of length")
     return animation
-
-
-METERS_PER_UNIT = {
-    "meters": 1.0,
-    "centimeters": 0.01,
-    "millimeters": 0.001,
-    "inches": 0.0254,
-    "feet": 0.3048,
-    "cmu": 0.0254 / 0.45,
-}
-"""Units of length by name; `cmu` is the ASF unit that the MotionBuilder-friendly BVHs keep."""
-
-
-def meters_per_unit(unit: str | float) -> float:
-    """Returns how many meters one unit is.
-
-    Args:
-        unit: A name from `METERS_PER_UNIT`, or the number itself.
-
-    Raises:
-        InputError: The name is unknown or the number is not positive.
-    """
-    scale = METERS_PER_UNIT.get(unit, 0.0) if isinstance(unit, str) else float(unit)
-    if not (np.isfinite(scale) and scale > 0):
-        known = ", ".join(METERS_PER_UNIT)
-        raise InputError(f"unknown unit of length {unit!r}; use {known}, or meters per unit")
-    return scale
 
 
 def read_lines(path: str | Path) -> list[str]:

@@ -1,29 +1,33 @@
-"""Figures for game engines: the engine's names of bones, and a root bone on the floor.
+"""Figures for other programs: a game engine's names of bones, or the skeleton of a mocap data set.
 
-The root bone carries root motion, the path along the floor without the sway of the steps; the
-pelvis moves relative to it. Axes and unit are the format's; engines convert them on import.
+Engines. The root bone carries root motion, the path along the floor without the sway of the steps;
+the pelvis moves relative to it. Axes and unit are the format's; engines convert them on import.
+
+Data sets. Readers of research code expect the names, the order of joints, the unit and the local
+axes of LAFAN1 or CMU, and three channels a joint. The body keeps its own lengths.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
+from latentmotion.arrays import unit
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.errors import InputError
+from latentmotion.formats.bvh import OURS, BvhLayout
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
+from latentmotion.kinematics.standing import METERS_PER_UNIT, rebased
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 
-EngineName = Literal["unreal", "unity"]
-
-ENDINGS = (".glb", ".gltf", ".fbx", ".bvh")
-"""Files that hold figures with an engine's names."""
+EngineName = Literal["unreal", "unity", "lafan", "cmu"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,15 @@ class Engine:
     """HumanML3D's joint → the bone."""
     fps: float
     """Usual frames per second of animations."""
+    endings: tuple[str, ...] = (".glb", ".gltf", ".fbx", ".bvh")
+    """Files that hold such figures."""
+    tree: tuple[tuple[str, ...], ...] = ()
+    """Joints of a data set in their order: name, parent, HumanML3D's joint. An empty joint rests at
+    its parent. Without any, the tree is our own below the root."""
+    bvh: BvhLayout = OURS
+    """How BVH files of it are written."""
+    along_x: bool = False
+    """Whether bones lie along their own x, as LAFAN1's do."""
 
 
 def _engine(root: str, middle: str, side: str, marks: tuple[str, str]) -> Engine:
@@ -46,6 +59,48 @@ def _engine(root: str, middle: str, side: str, marks: tuple[str, str]) -> Engine
         words = side.replace("@", mark).split()
         names |= {f"{whole}_{limb}": word for limb, word in zip(limbs, words, strict=True)}
     return Engine(root, names, 30.0)
+
+
+_LAFAN_SIDE = (
+    *("UpLeg Hips hip", "Leg UpLeg knee", "Foot Leg ankle", "Toe Foot foot"),
+    *("Shoulder Spine2 collar", "Arm Shoulder shoulder", "ForeArm Arm elbow", "Hand ForeArm wrist"),
+)
+_CMU_SIDE = (
+    *("HipJoint Hips", "UpLeg HipJoint hip", "Leg UpLeg knee", "Foot Leg ankle"),
+    *("ToeBase Foot foot", "Shoulder Neck collar", "Arm Shoulder shoulder"),
+    *("ForeArm Arm elbow", "Hand ForeArm wrist", "FingerBase Hand", "HandIndex1 FingerBase"),
+    "Thumb Hand",
+)
+
+
+def _tree(middle: str, side: Sequence[str], short: str, legs: int) -> tuple[tuple[str, ...], ...]:
+    """Returns the joints of a data set: legs, trunk, arms.
+
+    Args:
+        middle: Name, parent and our joint of each joint of the trunk, parted by commas.
+        side: The same of the limbs, without the side.
+        short: Names whose side is one letter.
+        legs: Number of the limbs' joints that are legs.
+    """
+
+    def limbs(rows: Sequence[str], whole: str) -> list[tuple[str, ...]]:
+        names = {row.split()[0] for row in side}
+
+        def sided(name: str) -> str:
+            mark = whole[0] if name in short.split() else whole
+            return mark + name if name in names else name
+
+        words = [[*row.split(), ""][:3] for row in rows]
+        return [
+            (sided(name), sided(parent), f"{whole.lower()}_{ours}" if ours else "")
+            for name, parent, ours in words
+        ]
+
+    trunk = [tuple([*row.split(), ""][:3]) for row in middle.split(",")]
+    root, *spine = [(name, "" if parent == "-" else parent, ours) for name, parent, ours in trunk]
+    down = [row for whole in ("Left", "Right") for row in limbs(side[:legs], whole)]
+    out = [row for whole in ("Left", "Right") for row in limbs(side[legs:], whole)]
+    return (root, *down, *spine, *out)
 
 
 ENGINES: Mapping[EngineName, Engine] = MappingProxyType(
@@ -62,9 +117,28 @@ ENGINES: Mapping[EngineName, Engine] = MappingProxyType(
             "@UpperLeg @LowerLeg @Foot @Toes @Shoulder @UpperArm @LowerArm @Hand",
             ("Left", "Right"),
         ),
+        "lafan": Engine(
+            *("Hips", {}, 30.0, (".bvh",)),
+            tree=_tree(
+                "Hips - pelvis,Spine Hips spine1,Spine1 Spine spine2,Spine2 Spine1 spine3,"
+                "Neck Spine2 neck,Head Neck head",
+                *(_LAFAN_SIDE, "", 4),
+            ),
+            bvh=BvhLayout("ZYX"),
+            along_x=True,
+        ),
+        "cmu": Engine(
+            *("Hips", {}, 120.0, (".bvh",)),
+            tree=_tree(
+                "Hips - pelvis,LowerBack Hips,Spine LowerBack spine1,Spine1 Spine spine2,"
+                "Neck Spine1 spine3,Neck1 Neck neck,Head Neck1 head",
+                *(_CMU_SIDE, "HipJoint Thumb", 5),
+            ),
+            bvh=BvhLayout("ZYX", METERS_PER_UNIT["cmu"]),
+        ),
     }
 )
-"""Engines, by the names of their mannequin's or humanoid's bones."""
+"""Presets: engines, by the names of their mannequin's or humanoid's bones."""
 
 
 def for_engine(motion: Motion, name: EngineName) -> Motion:
@@ -79,6 +153,8 @@ def for_engine(motion: Motion, name: EngineName) -> Motion:
         raise InputError(
             f"bones of {name} are known for HumanML3D's 22 joints, not for {old.name!r}"
         )
+    if engine.tree:
+        return _figure(motion, _of_data_set(name, engine, animation))
     height = -old.rest_joints()[:, 1].min()
     skeleton = Skeleton(
         name=name,
@@ -95,11 +171,54 @@ def for_engine(motion: Motion, name: EngineName) -> Motion:
     translations[:, 1] = animation.root_positions - path
     still = np.tile(np.eye(3), (len(motion), 1, 1, 1))
     rotations = np.concatenate([still, animation.rotations], axis=1)
-    rooted = Animation(skeleton, rotations, path, motion.fps, translations)
-    figure = replace(motion, joints=rooted.joints().astype(np.float32), skeleton=skeleton, goals=())
+    return _figure(motion, Animation(skeleton, rotations, path, motion.fps, translations))
+
+
+def _figure(motion: Motion, animation: Animation) -> Motion:
+    """Returns the motion on another skeleton."""
+    joints = animation.joints().astype(np.float32)
+    figure = replace(motion, joints=joints, skeleton=animation.skeleton, goals=())
     # Its rotations are known, so writers need not solve for them again.
-    figure.__dict__["_solved"] = rooted
+    figure.__dict__["_solved"] = animation
     return figure
+
+
+def _of_data_set(name: str, engine: Engine, animation: Animation) -> Animation:
+    """Returns an animation of HumanML3D's joints on the skeleton of a data set."""
+    if engine.along_x:
+        animation = rebased(animation, _axes_along_x(animation.skeleton))
+    ours, names = HUMANML3D.names.index, [joint for joint, _, _ in engine.tree]
+    parents = [names.index(parent) if parent else -1 for _, parent, _ in engine.tree]
+    offsets = np.zeros((len(names), 3))
+    rotations = np.tile(np.eye(3), (len(animation), len(names), 1, 1))
+    for row, (_, _, joint) in enumerate(engine.tree):
+        if joint:
+            offsets[row] = animation.skeleton.offsets[ours(joint)]
+            rotations[:, row] = animation.rotations[:, ours(joint)]
+    skeleton = Skeleton(name, tuple(names), tuple(parents), offsets)
+    return Animation(skeleton, rotations, animation.root_positions, animation.fps)
+
+
+def _axes_along_x(skeleton: Skeleton) -> Float[np.ndarray, "joints 3 3"]:
+    """Returns LAFAN1's axes of our joints in a T-pose, in the columns.
+
+    Bones lie along x, and bend about z, which is left in the trunk, right in the legs, and along
+    the vertical in the arms.
+    """
+    axes = np.zeros((len(skeleton), 3, 3))
+    for joint, name in enumerate(skeleton.names):
+        side, _, part = name.partition("_")
+        sign = 1.0 if side == "left" else -1.0
+        along, about = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
+        if part in ("hip", "knee", "ankle", "foot"):
+            along, about = ((0.0, 0.0, 1.0) if part == "foot" else (0.0, -1.0, 0.0)), (-1.0, 0, 0)
+        elif part:
+            along, about = (sign, 0.0, 0.0), (0.0, sign, 0.0)
+        below = skeleton.children(joint)
+        x = unit(skeleton.offsets[below[0]] if len(below) == 1 else np.array(along))
+        z = unit(np.array(about) - x * (x @ np.array(about)))
+        axes[joint] = np.stack([x, np.cross(z, x), z], axis=-1)
+    return axes
 
 
 def mannequin_of(skeleton: Skeleton) -> Mannequin:

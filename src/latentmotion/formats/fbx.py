@@ -18,6 +18,7 @@ from pathlib import Path
 
 from latentmotion.errors import FileFormatError, InputError, MissingProgramError
 from latentmotion.formats import gltf, gltf_reader
+from latentmotion.formats.takes import SkeletonTake
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file, check_writable
 from latentmotion.storage.limits import MOST_TEXT
@@ -118,12 +119,11 @@ def as_glb(path: str | Path) -> Iterator[Path]:
             raise FileFormatError(source, f"{said} (as Blender converted it)") from error
 
 
-def read_takes(path: str | Path) -> list[Motion]:
-    """Reads all animations as motions.
+def read_takes(path: str | Path) -> list[SkeletonTake]:
+    """Reads all animations.
 
     Raises:
         FileFormatError: The file is damaged, or Blender cannot read it.
-        DataError: The names of its joints are unknown.
         MissingProgramError: There is no Blender.
     """
     with as_glb(path) as glb:

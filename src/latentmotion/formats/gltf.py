@@ -45,8 +45,10 @@ def write(path: str | Path, motions: Sequence[Motion], miss: float = 0.0) -> lis
     return [Path(path)]
 
 
-def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
+def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = True) -> Document:
     """Returns the figure with all motions, not written yet; see `bone_axes` for `miss`.
+
+    Without a mesh there are bones alone.
 
     Raises:
         InputError: The motions differ in skeleton.
@@ -71,9 +73,9 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0) -> Document:
         nodes.append({"name": name, **rest_pose} | ({"children": children} if children else {}))
     document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
     document.json |= {
-        "scenes": [{"nodes": [0, len(skeleton)]}],
-        "nodes": [*nodes, {"name": "mannequin", "mesh": 0, "skin": 0}],
-        **_figure(mannequin_of(skeleton), axes, document),
+        "scenes": [{"nodes": [0, len(skeleton)] if mesh else [0]}],
+        "nodes": [*nodes, {"name": "mannequin", "mesh": 0, "skin": 0}] if mesh else nodes,
+        **(_figure(mannequin_of(skeleton), axes, document) if mesh else {}),
         "animations": [
             _animation(motion, animation, axes, moving, number, document)
             for number, (motion, animation) in enumerate(zip(motions, found, strict=True), 1)

@@ -37,6 +37,13 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     **{"MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4)},
 }
 _KINDS = {shape: kind for kind, shape in _SHAPES.items()}
+_EXTENSIONS = (
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "KHR_xmp"),
+    *("KHR_mesh_quantization", "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"),
+    *("VRM", "VRMC_", "KHR_node_visibility", "MSFT_lod"),
+)
+"""Beginnings of extensions that say nothing of bones and animations: they are passed through."""
+
 _PICTURES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 _DAMAGE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, struct.error)
 
@@ -73,6 +80,14 @@ class Document:
         if not version.startswith("2."):
             raise FileFormatError(source, f"found glTF of version {version:.20}, expected 2.0")
         document = cls(parsed, b"", source)
+        required = parsed.get("extensionsRequired", [])
+        for name in required if isinstance(required, list) else []:
+            if not any(str(name).startswith(known) for known in _EXTENSIONS):
+                raise FileFormatError(
+                    source,
+                    f"requires the glTF extension {name!s:.60}, which cannot be read; export it "
+                    "without, or import it into Blender and export it again",
+                )
         try:
             document._collect(chunk)
         except _DAMAGE as error:

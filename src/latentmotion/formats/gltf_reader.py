@@ -24,9 +24,9 @@ from latentmotion.errors import FileFormatError
 from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.gltf_document import Document
+from latentmotion.formats.takes import SkeletonTake
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
 from latentmotion.kinematics.skeleton import Animation
-from latentmotion.motion import Motion
 from latentmotion.storage.limits import MOST_DEPTH, MOST_JOINTS, MOST_NODES, MOST_NUMBER
 from latentmotion.storage.reading import blamed_on
 
@@ -73,24 +73,21 @@ def damage(path: Path) -> Iterator[None]:
         raise FileFormatError(path, f"damaged glTF: {error!r:.300}") from error
 
 
-def read_takes(path: str | Path) -> list[Motion]:
-    """Reads all animations as motions, with the captions of files that `gltf.write` wrote.
+def read_takes(path: str | Path) -> list[SkeletonTake]:
+    """Reads all animations, with the captions of files that `gltf.write` wrote.
 
     Raises:
         FileFormatError: The file is damaged.
-        DataError: No joint map fits the skeleton.
     """
-    from latentmotion.formats.takes import motion_of
-
     document = Document.read(path)
     animations, declared = animations_of(document)
     with blamed_on(path):
         notes = [take.get("extras") for take in document.json.get("animations", [])]
         notes = notes if len(notes) == len(animations) else [None] * len(animations)
-        return [
-            motion_of(animation, note if isinstance(note, dict) else {}, declared)
-            for animation, note in zip(animations, notes, strict=True)
-        ]
+    return [
+        SkeletonTake(animation, note if isinstance(note, dict) else {}, declared)
+        for animation, note in zip(animations, notes, strict=True)
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +113,13 @@ class _Transform:
             _matrix(_numbers(node.get("rotation", (0, 0, 0, 1)), 4)),
             _numbers(node.get("scale", (1, 1, 1)), 3),
         )
+
+
+_TURNED = 0.1
+"""Difference of matrices, some 6°, beyond which nodes do not stand as the skin was bound."""
+
+_FLAT = 1e-12
+"""Determinant of an inverse bind matrix that says nothing."""
 
 
 class Scene:
@@ -146,18 +150,28 @@ class Scene:
         self._frames_made = 0
         rank = {node: number for number, node in enumerate(self.bones)}
         self.bone_parents = tuple(rank[self.parents[b]] if n else -1 for n, b in enumerate(rank))
-        self.rest = self._world(self.transforms)
+        self.at_rest = self._bound(document) or self.transforms
+        self.rest = self._world(self.at_rest)
         names = [str(self.nodes[bone].get("name") or f"node_{bone}") for bone in self.bones]
         self.skeleton = plain_skeleton(path.stem, names, self.bone_parents, self.rest)
 
     def declared(self) -> dict[str, int]:
-        """Returns the bones that VRM's extension names, 1.0 or 0.x, by these names."""
-        bones = self._extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
-        nodes = {name: bone["node"] for name, bone in bones.items()}
-        older = self._extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
-        nodes |= {bone["bone"]: bone["node"] for bone in older}
+        """Returns the bones that VRM's extension names, by these names."""
         index = {node: joint for joint, node in enumerate(self.bones)}
-        return {name: index[node] for name, node in nodes.items() if node in index}
+        return {name: index[node] for name, node in self.humanoid().items() if node in index}
+
+    def humanoid(self) -> dict[str, int]:
+        """Returns the nodes that VRM's extension names, 1.0 or 0.x, by these names."""
+        nodes = {
+            name: bone["node"]
+            for extension in ("VRMC_vrm", "VRMC_vrm_animation")
+            for name, bone in self._extensions.get(extension, {})
+            .get("humanoid", {})
+            .get("humanBones", {})
+            .items()
+        }
+        older = self._extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+        return nodes | {bone["bone"]: bone["node"] for bone in older}
 
     def animation(self, tracks: Sequence[Track]) -> Animation:
         """Returns how one animation moves the bones."""
@@ -195,7 +209,57 @@ class Scene:
     def rest_frame(self, node: int) -> Frame:
         """Returns the frame of a node in rest pose; -1 is the world itself."""
         line = {above: _Transform.of(self.nodes[above]) for above in self.line(node)}
-        return self._frames(line | self.transforms, [node])[node]
+        return self._frames(line | self.at_rest, [node])[node]
+
+    def entries_at_rest(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yields nodes that stand otherwise in the file, as they are at rest."""
+        for node, rest in self.at_rest.items():
+            if rest is not self.transforms[node]:
+                entry = {key: value for key, value in self.nodes[node].items() if key != "matrix"}
+                quaternion = quaternion_from_matrix(rest.rotation)[[1, 2, 3, 0]]
+                yield (
+                    node,
+                    entry
+                    | {"translation": rest.translation.tolist(), "rotation": quaternion.tolist()}
+                    | {"scale": rest.scale.tolist()},
+                )
+
+    def _bound(self, document: Document) -> dict[int, _Transform] | None:
+        """Returns the transforms in which the skin was bound, where the nodes stand otherwise.
+
+        A file that was exported in the middle of a clip has nodes in one of its poses. The skin's
+        inverse bind matrices say where bones were: G B = K for all of them, G the matrix of a node
+        and K that of the mesh.
+        """
+        skins = [skin for skin in document.json.get("skins", []) if "inverseBindMatrices" in skin]
+        if not skins:
+            return None
+        skin = max(skins, key=lambda skin: len(skin["joints"]))
+        bones = [bone for bone in skin["joints"] if bone in self.bones]
+        inverse = document.array(skin["inverseBindMatrices"]).astype(np.float64)
+        if len(bones) < len(skin["joints"]) or np.abs(np.linalg.det(inverse)).min() < _FLAT:
+            return None
+        frames = self._frames(self.transforms, bones)
+        stand = np.tile(np.eye(4), (len(bones), 1, 1))
+        for number, bone in enumerate(bones):
+            stand[number, :3, 3], _, stand[number, :3, :3] = frames[bone]
+        mesh = stand @ inverse
+        first = bones.index(min(bones, key=lambda bone: len(self.line(bone))))
+        scale = np.cbrt(abs(np.linalg.det(mesh[first, :3, :3])))
+        if np.abs(mesh[:, :3, :3] - mesh[first, :3, :3]).max() < _TURNED * scale:
+            return None
+        world = dict(zip(bones, mesh[first] @ np.linalg.inv(inverse), strict=True))
+        transforms = dict(self.transforms)
+        for bone in sorted(bones, key=lambda bone: len(self.line(bone))):
+            above = np.eye(4)
+            parent = self.parents[bone]
+            if parent in world:
+                above = world[parent]
+            elif parent >= 0:
+                above[:3, 3], _, above[:3, :3] = self._frames(transforms, [parent])[parent]
+            local = np.linalg.inv(above) @ world[bone]
+            transforms[bone] = _Transform.of({"matrix": local.T.ravel().tolist()})
+        return transforms
 
     def _frames(
         self, transforms: Mapping[int, _Transform], nodes: Sequence[int]
@@ -232,7 +296,8 @@ class Scene:
         if not groups:
             takes = document.json.get("animations", [])
             targets = [channel["target"] for take in takes for channel in take["channels"]]
-            groups = [sorted({target["node"] for target in targets if "node" in target})]
+            moved = {target["node"] for target in targets if "node" in target}
+            groups = [sorted(set(self.humanoid().values()) or moved)]
         joints = {node for group in groups for node in group}
         for node in joints:
             document.entry("nodes", node)

@@ -1,20 +1,29 @@
-"""Files of keypoints, what trackers write: `.npz`, `.npy`, `.json` and `.csv`.
+"""Files of keypoints, what trackers write: `.npz`, `.npy`, `.json`, `.csv` and folders of `.json`.
 
     npz   points (frames, keypoints, 2 or 3), confidence (frames, keypoints), fps, names, size,
           focal
-    npy   points alone
+    npy   points alone; a last column of scores is known, as MediaPipe's (frames, 33, 4)
     json  {"format": 1, "fps": 30, "names": […], "points": [[[x, y, z], …], …],
-           "confidence": [[…], …], "size": [width, height], "focal": pixels}; null was not seen
-    csv   time,nose_x,nose_y,nose_confidence,left_shoulder_x,…; an empty cell was not seen
+           "confidence": [[…], …], "size": [width, height], "focal": pixels}; null was not seen.
+          Or what OpenPose, AlphaPose and MMPose write: a file, or a folder with one per frame,
+          taken in the order of their names; of several people the first
+    csv   time,nose_x,nose_y,nose_confidence,left_shoulder_x,…; an empty cell was not seen. Scores
+          may be called confidence, visibility, score or likelihood, columns x0,y0,z0,v0; times may
+          be uneven, or frames counted
 
-`names` may be the name of a layout: humanml3d, coco_17, body_25, mediapipe_33; it may be left out
-where the number of keypoints tells it. All but points and fps may be left out.
+`names` may be the name of a layout: humanml3d, coco_17, coco_18, coco_133, body_25, halpe_26,
+halpe_136, h36m, mediapipe_33; it may be left out where the number of keypoints tells it. All but
+points and fps may be left out.
+
+Unit and up axis of points in 3D are stated, or guessed by the body, as those of motions are.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+import re
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,9 +31,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import FileFormatError, InputError, hint
+from latentmotion.errors import FileFormatError, InputError, ReadingWarning, hint
 from latentmotion.formats.checks import read_lines, whole_rate
-from latentmotion.kinematics.keypoints import LAYOUTS, Keypoints, layout_of
+from latentmotion.kinematics.keypoints import (
+    LAYOUTS,
+    Keypoints,
+    canonical_names,
+    layout_of,
+    limb_ratio,
+    upward,
+)
+from latentmotion.kinematics.standing import AXES, METERS_PER_UNIT, meters_per_unit, up_axis
 from latentmotion.storage.array_files import names_in, read_array, read_arrays
 from latentmotion.storage.limits import MOST_FRAMES, MOST_NUMBER
 from latentmotion.storage.reading import blamed_on, read_json_file
@@ -34,6 +51,21 @@ ENDINGS = (".npz", ".npy", ".json", ".csv")
 
 _KEYS = ("points", "confidence", "fps", "names", "size", "focal")
 _AXES = ("x", "y", "z")
+
+_SCORES = ("confidence", "visibility", "score", "likelihood", "conf", "vis", "v", "c")
+"""Names of columns that say how surely a keypoint was seen."""
+
+_SECONDS = {
+    **dict.fromkeys(("time", "timestamp", "seconds", "time_s", "t"), 1.0),
+    **dict.fromkeys(("time_ms", "timestamp_ms", "milliseconds"), 1e-3),
+}
+"""Names of columns of time, and seconds per unit."""
+
+_COUNTERS = ("frame", "frame_number", "frame_id", "frame_index", "index", "")
+"""Names of columns that count frames; spreadsheets' first has none."""
+
+_LIMBS = (0.5, 2.0)
+"""How long limbs may be beside an adult's for points to be taken for meters."""
 
 
 @dataclass(frozen=True)
@@ -48,64 +80,81 @@ class Stated:
     """Width and height of the picture, pixels."""
     focal: float | None = None
     """Focal length, pixels."""
-    up: str = "y"
-    """Axis that points up: y, -y or z."""
+    up: str | None = None
+    """Axis that points up, of points in 3D: y, -y, z and so on; by default shown by the body."""
+    unit: str | float | None = None
+    """Unit of length of points in 3D; by default shown by the body."""
 
 
 def read_keypoints(path: str | Path, stated: Stated = Stated()) -> Keypoints:
     """Reads the keypoints of one person.
 
     Args:
-        path: The file; its ending says its format.
+        path: The file, whose ending says its format, or a folder of JSON files.
         stated: What is known besides.
 
     Raises:
         FileFormatError: The file is damaged, lacks something or contradicts itself.
         InputError: Its ending is unknown, or a layout that is stated.
+
+    Warns:
+        ReadingWarning: Unit or axes are a guess, or scores were clipped.
     """
     path = Path(path)
-    readers = dict(
+    readers: dict[str, Any] = dict(
         zip(ENDINGS, (_npz, lambda path: {"points": read_array(path)}, _json, _csv), strict=True)
     )
     ending = path.suffix.lower()
-    if ending not in readers:
+    if not path.is_dir() and ending not in readers:
         raise InputError(
             f"the ending {ending or '(none)'!r} of {path} is none of keypoints: known are "
-            f"{', '.join(ENDINGS)}"
+            f"{', '.join(ENDINGS)}, or a folder of .json"
         )
-    if not path.is_file():
+    if not path.exists():
         raise InputError(f"there is no file {path}")
-    if stated.up not in ("y", "-y", "z"):
-        raise InputError(f"up is {stated.up!r}: expected y, -y or z")
+    if stated.up is not None and stated.up not in AXES:
+        raise InputError(f"up is {stated.up!r}: expected {', '.join(AXES)}")
     with blamed_on(path):
         try:
-            return _keypoints(readers[ending](path), stated)
+            found = _folder(path) if path.is_dir() else readers[ending](path)
+            return _keypoints(path, found, stated)
         except (ValueError, TypeError) as error:
             raise FileFormatError(path, f"no keypoints: {error}") from error
 
 
-def _keypoints(found: Mapping[str, Any], stated: Stated) -> Keypoints:
+def _keypoints(path: Path, found: Mapping[str, Any], stated: Stated) -> Keypoints:
     if "points" not in found:
         raise InputError(f"lacks points; found {', '.join(sorted(found)) or 'nothing'}")
     points = np.asarray(found["points"], np.float64)
     if points.ndim != 3 or not points.size:
         raise InputError(f"points of shape {points.shape}: expected (frames, keypoints, 2 or 3)")
+    confidence = found.get("confidence")
+    if confidence is None and (points.shape[2] == 4 or _has_scores(points)):
+        points, confidence = points[..., :-1], points[..., -1]
     fps = stated.fps if stated.fps is not None else found.get("fps")
     if fps is None:
         raise InputError("does not say how many frames a second has; give it with --fps")
-    if points.shape[2] == 3 and stated.up != "y":
-        x, y, z = np.moveaxis(points, 2, 0)
-        points = np.stack([x, -y, -z] if stated.up == "-y" else [x, z, -y], axis=2)
-    confidence = found.get("confidence")
+    names = _names(stated.names or found.get("names"), points)
+    told: list[str] = []
+    if confidence is None:
+        confidence = np.ones(points.shape[:2])
+    confidence = np.nan_to_num(np.asarray(confidence, np.float64))
+    if confidence.size and (most := float(confidence.max())) > 1:
+        told.append(f"scores go up to {most:.3g}: those above 1 count as 1")
+        confidence = np.minimum(confidence, 1)
+    if points.shape[1] == len(names) and points.shape[2] == 3:
+        points, guesses = _upright(points, canonical_names(names), stated)
+        told += guesses
+    for line in told:
+        warnings.warn(f"{path}: {line}", ReadingWarning, stacklevel=3)
     size = stated.size
     if size is None and found.get("size") is not None:
         width, height = (float(side) for side in np.asarray(found["size"]).ravel())
         size = width, height
     focal = stated.focal if stated.focal is not None else found.get("focal")
-    names = _names(stated.names or found.get("names"), points.shape[1])
     return Keypoints(
         points,
-        np.ones(points.shape[:2]) if confidence is None else np.asarray(confidence, np.float64),
+        np.maximum(confidence, 0),
         float(np.asarray(fps).item()),
         names,
         size,
@@ -113,10 +162,40 @@ def _keypoints(found: Mapping[str, Any], stated: Stated) -> Keypoints:
     )
 
 
-def _names(found: Any, count: int) -> tuple[str, ...]:
+def _has_scores(points: Float[np.ndarray, "frames keypoints n"]) -> bool:
+    """Returns whether the third column is a score of pixels, as OpenPose's is."""
+    if points.shape[2] != 3:
+        return False
+    pixels, scores = np.nan_to_num(points[..., :2]), np.nan_to_num(points[..., 2])
+    return bool(np.abs(pixels).max() > 50 and scores.min() >= 0 and scores.max() <= 2)
+
+
+def _upright(
+    points: Float[np.ndarray, "frames keypoints 3"], names: tuple[str, ...], stated: Stated
+) -> tuple[Float[np.ndarray, "frames keypoints 3"], list[str]]:
+    """Returns points in meters, y up, and what was guessed."""
+    guesses, meters = [], 1.0
+    ratio = limb_ratio(points, names)
+    if stated.unit is not None:
+        meters = meters_per_unit(stated.unit)
+    elif ratio is not None and not _LIMBS[0] < ratio < _LIMBS[1]:
+        unit = min(METERS_PER_UNIT, key=lambda unit: abs(np.log(ratio * METERS_PER_UNIT[unit])))
+        meters = METERS_PER_UNIT[unit]
+        if _LIMBS[0] < ratio * meters < _LIMBS[1]:
+            guesses.append(f"lengths are taken for {unit}, by the limbs (or --unit)")
+    up = stated.up
+    if up is None:
+        lines = upward(points, names)
+        up, about_up = up_axis(lines[np.isfinite(lines).all(axis=1)])
+        guesses += about_up
+    told = [f"a guess: {', '.join(guesses)}"] if guesses else []
+    return meters * points @ AXES[up], told
+
+
+def _names(found: Any, points: np.ndarray) -> tuple[str, ...]:
     """Returns the names of the keypoints, from a list, the name of a layout, or their number."""
     if found is None:
-        return layout_of(count)
+        return layout_of(points.shape[1], points.shape[2])
     values = np.asarray(found)
     if values.ndim == 0:
         layout = str(values)
@@ -131,8 +210,79 @@ def _npz(path: Path) -> dict[str, Any]:
     return dict(read_arrays(path, _KEYS))
 
 
+def _folder(path: Path) -> dict[str, Any]:
+    """Reads a folder of what trackers write for each frame."""
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() == ".json")
+    if not files:
+        raise FileFormatError(path, "expected a folder of .json, one for each frame; found none")
+    if len(files) > MOST_FRAMES:
+        raise FileFormatError(path, f"more than {MOST_FRAMES:,} frames")
+    frames = []
+    for file in files:
+        found = list(_people(read_json_file(file)))
+        if len(found) > 1 or not found:
+            raise FileFormatError(file, f"found {len(found)} frames, expected one in each file")
+        frames += found
+    return _of_people(frames)
+
+
+def _people(found: Any) -> Iterator[Sequence[Any]]:
+    """Yields the people in each frame of what OpenPose, AlphaPose and MMPose write."""
+    match found:
+        case {"people": list(people)} | {"instances": list(people)}:
+            yield people
+        case {"instance_info": list(frames)} | {"predictions": list(frames)}:
+            yield from (people for frame in frames for people in _people(frame))
+        case [{"image_id": _}, *_]:  # AlphaPose: a row for each person
+            by_image: dict[str, list[Any]] = {}
+            for person in found:
+                by_image.setdefault(str(person["image_id"]), []).append(person)
+            yield from by_image.values()
+        case [{"keypoints": _}, *_]:
+            yield found
+        case [{}, *_] | [[], *_]:
+            yield from (people for frame in found for people in _people(frame))
+        case []:
+            yield []
+        case {}:
+            frames = [frame for frame in found.values() if isinstance(frame, dict)]
+            yield from (people for frame in frames for people in _people(frame))
+
+
+_POINTS = ("pose_keypoints_3d", "pose_keypoints_2d", "keypoints", "pose_keypoints")
+
+
+def _of_people(frames: Sequence[Sequence[Any]]) -> dict[str, Any]:
+    """Returns the points and scores of the first person of each frame."""
+    rows: list[np.ndarray | None] = []
+    for people in frames:
+        person = people[0] if people and isinstance(people[0], dict) else {}
+        points = next((person[key] for key in _POINTS if person.get(key)), None)
+        if points is None:
+            rows.append(None)
+            continue
+        values = np.asarray(points, np.float64)
+        if values.ndim == 1:  # x, y, score again and again; four numbers in 3D
+            width = 4 if person.get("pose_keypoints_3d") == points else 3
+            values = values.reshape(-1, width)
+        elif values.shape[1] in (2, 3) and "keypoint_scores" in person:
+            values = np.column_stack([values, np.asarray(person["keypoint_scores"], np.float64)])
+        else:
+            values = np.column_stack([values, np.ones(len(values))])
+        rows.append(values)
+    shape = next((row.shape for row in rows if row is not None), None)
+    if shape is None:
+        raise InputError("holds nobody: expected people with keypoints")
+    table = np.stack([np.zeros(shape) if row is None else row for row in rows])
+    scores = table[..., -1]
+    points = np.where(scores[..., None] > 0, table[..., :-1], np.nan)
+    return {"points": points, "confidence": scores}
+
+
 def _json(path: Path) -> dict[str, Any]:
     found = read_json_file(path)
+    if not (isinstance(found, dict) and set(_KEYS) & set(found)) and (people := [*_people(found)]):
+        return _of_people(people)
     if not isinstance(found, dict):
         raise FileFormatError(path, "expected an object with points and fps")
     if found.pop("format", 1) != 1:
@@ -179,15 +329,26 @@ def _csv(path: Path) -> dict[str, Any]:
     except csv.Error as error:
         raise FileFormatError(path, f"not CSV ({error})") from error
     header = [name.strip() for name in rows[0]]
-    named = [(name.rpartition("_")[0], column) for column, name in enumerate(header)]
-    names = list(dict.fromkeys(n for n, c in named if header[c].endswith(tuple("xyz")) and n))
-    axes = _AXES if names and f"{names[0]}_z" in header else _AXES[:2]
-    wanted = ["time", *(f"{name}_{axis}" for name in names for axis in axes)]
-    missing = [name for name in wanted if name not in header]
-    if missing or not names:
+    columns: dict[str, dict[str, int]] = {}  # keypoint → x, y, z, score → column
+    clock, counter, extra = None, None, []
+    for number, column in enumerate(header):
+        name, part = _column_of(column)
+        if column.lower() in _SECONDS and clock is None:
+            clock = number
+        elif column.lower() in _COUNTERS:
+            counter = number
+        elif part:
+            columns.setdefault(name, {})[part] = number
+        else:
+            extra.append(column)
+    first = next(iter(columns.values()), {})
+    axes = _AXES if "z" in first else _AXES[:2]
+    missing = [f"{n}_{axis}" for n, has in columns.items() for axis in axes if axis not in has]
+    if clock is None and counter is None:
+        missing.append("time")
+    if missing or not columns:
         lacks = ", ".join(missing[:4]) or "time, NAME_x, NAME_y"
         raise FileFormatError(path, f"lacks the columns {lacks}", 1)
-    extra = set(header) - set(wanted) - {f"{name}_confidence" for name in names}
     if extra:
         raise FileFormatError(path, f"unknown column {min(extra)!r}; expected NAME_x and so on", 1)
     if len(rows) > MOST_FRAMES + 1:
@@ -197,24 +358,56 @@ def _csv(path: Path) -> dict[str, Any]:
     )
     if len(table) < 2:
         raise FileFormatError(path, f"{len(table)} frames, expected 2 or more")
-    times = table[:, header.index("time")]
-    length = float(times[-1] - times[0])
-    fps = (len(times) - 1) / length if length > 1e-9 else 0.0
-    if not np.abs(np.diff(times) * fps - 1).max() < 0.05:
-        raise FileFormatError(path, "the times of the frames are not evenly apart; resample them")
-    columns = [[header.index(f"{name}_{axis}") for axis in axes] for name in names]
-    confidence = [
-        table[:, header.index(f"{name}_confidence")]
-        if f"{name}_confidence" in header
-        else np.ones(len(table))
-        for name in names
+    fps = None
+    if clock is not None:
+        table, fps = _evenly(path, table, table[:, clock] * _SECONDS[header[clock].lower()])
+    scores = [
+        table[:, has["score"]] if "score" in has else np.ones(len(table))
+        for has in columns.values()
     ]
+    numbered = all(name.isdigit() for name in columns)
     return {
-        "points": table[:, columns],
-        "confidence": np.nan_to_num(np.stack(confidence, axis=1)),
-        "fps": whole_rate(fps),
-        "names": names,
+        "points": table[:, [[has[axis] for axis in axes] for has in columns.values()]],
+        "confidence": np.nan_to_num(np.stack(scores, axis=1)),
+        "fps": fps,
+        **({} if numbered else {"names": list(columns)}),
     }
+
+
+def _column_of(column: str) -> tuple[str, str]:
+    """Returns a keypoint and `x`, `y`, `z` or `score`, of `nose_x`, `nose.x` or `x0`."""
+    plain = re.fullmatch(r"([xyzv])_?(\d+)", column.lower())
+    words = [*re.split(r"[_.](?=[^_.]+$)", column), ""]
+    name, part = (plain[2], plain[1]) if plain else (words[0], words[1].lower())
+    if part in _SCORES:
+        return name, "score"
+    return (name, part) if part in _AXES and name else (column, "")
+
+
+def _evenly(
+    path: Path, table: Float[np.ndarray, "rows n"], times: Float[np.ndarray, " rows"]
+) -> tuple[Float[np.ndarray, "frames n"], float]:
+    """Returns a table at even times, and its rate; what was not seen stays so."""
+    steps = np.diff(times)
+    if not (steps > 0).all():
+        raise FileFormatError(path, "the times of the frames do not rise")
+    step = float(np.median(steps))
+    if steps.max() > _LONGEST_GAP * step:
+        raise FileFormatError(
+            path,
+            f"the times of the frames are not evenly apart: {steps.max():g} s after "
+            f"{times[:-1][steps.argmax()]:g} s, {step:g} s as a rule; cut the recording there",
+        )
+    if np.abs(steps / steps.mean() - 1).max() < 0.05:
+        return table, whole_rate(float(1 / steps.mean()))
+    even = times[0] + np.arange(int((times[-1] - times[0]) / step + 1e-6) + 1) * step
+    before = np.clip(np.searchsorted(times, even, side="right") - 1, 0, len(times) - 2)
+    share = ((even - times[before]) / steps[before])[:, None]
+    return table[before] * (1 - share) + table[before + 1] * share, whole_rate(1 / step)
+
+
+_LONGEST_GAP = 5.0
+"""Usual steps between frames that a recording may leave out."""
 
 
 def _cells(path: Path, line: int, row: Sequence[str], count: int) -> Float[np.ndarray, " count"]:

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from latentmotion.errors import FileFormatError
+from latentmotion.errors import FileFormatError, ReadingWarning
+from latentmotion.formats import bvh
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.kinematics.humanoid import to_humanml3d
+from latentmotion.formats.engines import ENGINES
+from latentmotion.kinematics.humanoid import find_humanoid, fitting_map, to_humanml3d
+from latentmotion.kinematics.recorded import Recorded
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation
+from latentmotion.kinematics.standing import (
+    NOTHING,
+    Stated,
+    find_standing,
+    rest_stands,
+    up_at_rest,
+    upright,
+)
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
-from latentmotion.storage.reading import blamed_on, parse_json
+from latentmotion.storage.reading import parse_json
 
 OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
 """Our own skeletons by the names of their joints."""
@@ -25,66 +38,130 @@ _LAYOUTS = (".amass", ".smplx", ".smpl")
 def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     """Writes one BVH file for each motion: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on.
 
+    A motion that was read from a skeleton is written on that one, with all its joints.
+
     Raises:
         InputError: The folder cannot be written.
     """
     paths = numbered(Path(path), len(motions))
-    animations = [motion.animation() for motion in counted(motions, "finding rotations")]
+    animations = [
+        motion.recorded.animation if motion.recorded else motion.animation()
+        for motion in counted(motions, "finding rotations")
+    ]
     for target, animation in zip(paths, animations, strict=True):
-        write_bvh(target, animation)
+        layouts = (one.bvh for name, one in ENGINES.items() if name == animation.skeleton.name)
+        write_bvh(target, animation, next(layouts, bvh.OURS))
     return paths
 
 
-def read_bvh_file(path: str | Path) -> list[Motion]:
-    """Reads a BVH file as a motion; see `motion_of`.
+@dataclass(frozen=True, eq=False)
+class SkeletonTake:
+    """One animation of a file, in the file's own unit and axes."""
+
+    animation: Animation
+    """Of the file's skeleton."""
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    """The file's `caption` and other metadata."""
+    declared: Mapping[str, int] = field(default_factory=dict)
+    """VRM's names of its joints, where the file itself has them."""
+    meters: float | None = 1.0
+    """Meters per unit as the format or the file says; None where neither does."""
+
+
+def read_bvh_file(path: str | Path) -> list[SkeletonTake]:
+    """Reads a BVH file, which does not say in which unit it is.
 
     Raises:
         FileFormatError: The file is damaged.
-        DataError: No joint map fits the skeleton.
     """
-    with blamed_on(path):
-        motion = motion_of(read_bvh(path))
-    return [motion]
+    return [SkeletonTake(read_bvh(path, 1.0), meters=None)]
 
 
-def read_amc_file(path: str | Path) -> list[Motion]:
-    """Reads an AMC file, with the ASF beside it, as a motion of 120 frames per second.
+def read_amc_file(path: str | Path) -> list[SkeletonTake]:
+    """Reads an AMC file, with the ASF beside it or in a folder above, at 120 frames per second.
 
     Raises:
         FileFormatError: A file is damaged, or there is no skeleton.
-        DataError: No joint map fits the skeleton.
     """
-    with blamed_on(path):
-        motion = motion_of(read_asf_amc(path))
-    return [motion]
+    return [SkeletonTake(read_asf_amc(path))]
 
 
-def motion_of(
-    animation: Animation,
-    notes: Mapping[str, Any] | None = None,
-    declared: Mapping[str, int] | None = None,
-) -> Motion:
-    """Returns an animation as a motion of our own skeleton of those names, else of HumanML3D's.
+def standing_motion(take: SkeletonTake | Motion, stated: Stated | None, trusted: bool) -> Motion:
+    """Returns what a reader read as a motion in meters, y up.
 
     Args:
-        animation: The animation in the file.
-        notes: The file's `caption` and other metadata.
-        declared: VRM's names of its joints, where the file itself has them.
+        take: What was read; joints in a motion of ours are in meters, y up, if they are trusted.
+        stated: What the user says about the file.
+        trusted: Whether joints that no skeleton carries are in meters, y up.
 
     Raises:
-        DataError: The names of the skeleton's joints are unknown.
+        DataError: The names of the skeleton's joints are unknown, or its size or pose is nobody's.
+
+    Warns:
+        ReadingWarning: Something is a guess.
     """
-    notes = current_notes(notes or {})
+    if isinstance(take, SkeletonTake):
+        return motion_of(take, stated or NOTHING)
+    return take if trusted else _stood(take, stated or NOTHING)
+
+
+def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
+    """Returns an animation as a motion of our own skeleton of those names, else of HumanML3D's.
+
+    Unit and axes are what is stated, else what the file says, else what the body shows; see
+    `kinematics/standing.py`. The motion keeps the animation as `Motion.recorded`.
+
+    Args:
+        take: The animation in the file.
+        stated: What the user says about the file.
+
+    Raises:
+        DataError: The names of the skeleton's joints are unknown, or its size or pose is nobody's.
+
+    Warns:
+        ReadingWarning: Something is a guess.
+    """
+    animation, notes = take.animation, current_notes(take.notes)
     metadata = {key: value for key, value in notes.items() if key not in ("caption", "fps")}
-    caption = str(notes.get("caption", ""))
+    if stated.fps is not None:
+        animation = replace(animation, fps=stated.fps)
     tips = animation.skeleton.end_sites
-    names = tuple(n for j, n in enumerate(animation.skeleton.names) if j not in tips)
-    known = OURS.get(names)
-    if known is None:
-        joints, known = to_humanml3d(animation, declared=declared), HUMANML3D
-    else:
-        joints = animation.joints()[:, [j for j in range(len(animation.skeleton)) if j not in tips]]
-    return Motion(joints, animation.fps, known, caption, metadata)
+    own = [j for j in range(len(animation.skeleton)) if j not in tips]
+    known = OURS.get(tuple(animation.skeleton.names[j] for j in own))
+    joint_map = fitting_map(stated.joint_maps, animation.skeleton.names)
+    joints = to_humanml3d(animation, joint_map, take.declared)
+    body = find_humanoid(animation.skeleton, take.declared, joint_map)
+    if known is not None and stated.up is None and rest_stands(body):
+        # Files of ours have y up, also where somebody lies.
+        stated = replace(stated, up=up_at_rest(body))
+    standing = find_standing(joints, stated, take.meters)
+    if standing.guesses:
+        warnings.warn(f"a guess: {', '.join(standing.guesses)}", ReadingWarning, stacklevel=3)
+    animation = upright(animation, standing)
+    joints = standing.meters * joints @ standing.axes
+    recorded = Recorded.of(animation, replace(body, skeleton=animation.skeleton), joints)
+    if known is not None:
+        joints = animation.joints()[:, own]
+    motion = Motion(
+        joints, animation.fps, known or HUMANML3D, str(notes.get("caption", "")), metadata
+    )
+    return motion.with_recorded(recorded)
+
+
+def _stood(motion: Motion, stated: Stated) -> Motion:
+    """Returns bare joints in meters, y up."""
+    names = motion.skeleton.names
+    if stated.fps is not None:
+        motion = replace(motion, fps=stated.fps)
+    if not set(HUMANML3D.names) <= set(names):
+        return motion
+    joints = motion.joints[:, [names.index(name) for name in HUMANML3D.names]]
+    standing = find_standing(joints, stated, 1.0)
+    if standing.guesses:
+        warnings.warn(f"a guess: {', '.join(standing.guesses)}", ReadingWarning, stacklevel=3)
+    if standing.up == "y" and standing.meters == 1:
+        return motion
+    return replace(motion, joints=standing.meters * motion.joints @ standing.axes)
 
 
 def parse_notes(path: str | Path, text: Any) -> dict[str, Any]:

@@ -18,12 +18,11 @@ from typing import Any
 import numpy as np
 
 from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
-from latentmotion.formats.takes import motion_of
+from latentmotion.formats.takes import SkeletonTake
 from latentmotion.kinematics.skeleton import Animation, Skeleton
-from latentmotion.motion import Motion
 from latentmotion.storage.array_files import read_arrays
 from latentmotion.storage.limits import USD_SECONDS
-from latentmotion.storage.reading import blamed_on, parse_json
+from latentmotion.storage.reading import parse_json
 
 _PROGRAM = "latentmotion.formats.usd_figure"
 _REFUSED = 3
@@ -32,23 +31,21 @@ _ONE_THREAD = dict.fromkeys(
 )
 
 
-def read_takes(path: str | Path) -> list[Motion]:
-    """Reads all animations as motions, with the captions of files that `usd.write` wrote.
+def read_takes(path: str | Path) -> list[SkeletonTake]:
+    """Reads all animations, with the captions of files that `usd.write` wrote.
 
     Raises:
         FileFormatError: The file is damaged, or has no skeleton.
-        DataError: No joint map fits the skeleton.
     """
     arrays = _arrays(Path(path))
-    motions = []
+    takes = []
     for number, animation in enumerate(_animations(Path(path), arrays)):
         try:
             notes = parse_json(str(arrays[f"notes_{number}"]), path)
         except LatentMotionError:  # another program's
             notes = {}
-        with blamed_on(path):
-            motions.append(motion_of(animation, notes if isinstance(notes, dict) else {}))
-    return motions
+        takes.append(SkeletonTake(animation, notes if isinstance(notes, dict) else {}))
+    return takes
 
 
 def read_animations(path: str | Path) -> list[Animation]:

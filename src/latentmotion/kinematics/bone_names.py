@@ -216,7 +216,7 @@ _NUMBER = re.compile(r"[_.]\d+$")
 
 def plain(name: str) -> str:
     """Returns a name without namespace, `mixamorig`, `DEF-`, punctuation and capitals."""
-    return re.sub(r"[^a-z0-9]", "", _PREFIX.sub("", name, count=1).lower())
+    return re.sub(r"[\W_]", "", _PREFIX.sub("", name, count=1).lower())
 
 
 _SIDE_PARTS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
@@ -329,6 +329,10 @@ NAME_MAPS: Mapping[str, NameMap] = MappingProxyType(
         "Mixamo with L and R": _named(_LETTERS, _MIDDLE, _MIXAMO),
         "Azure Kinect": _named(_WORDS, "pelvis neck head", _JOINTS_BEHIND),
         "Advanced Skeleton": _named(_LETTERS, "rootm/pelvis neckm/neck headm/head", _JOINTS_BEHIND),
+        "MikuMikuDance": _named(
+            *("左/右", "下半身/腰/センター 首 頭"),
+            "@足 @ひざ @足首 @つま先/@足先ex @肩 @腕 @ひじ @手首",
+        ),
         "MakeHuman": _named(
             *(_LETTERS, "root neck01 head"),
             "upperleg01@ lowerleg01@ foot@ toe11@ clavicle@ upperarm01@ lowerarm01@ wrist@",

@@ -37,6 +37,10 @@ _SIDE_WORDS = {
 }
 
 
+_HEAD, _TIP = "(head|kopf|頭)", "top|end|先"
+"""Words for heads, and for the tips of bones, which are no joints."""
+
+
 @dataclass(frozen=True)
 class Guess:
     """A guess for one of our joints."""
@@ -138,15 +142,19 @@ class _Tree:
     def head(self, arms: list[list[int]]) -> Guess | None:
         """Returns a guess for the head: by its name, else the highest tip between the arms."""
         named = [
-            j for j, n in enumerate(self.skeleton.names) if re.search("(?i)head(?!.*(top|end))", n)
+            j
+            for j, n in enumerate(self.skeleton.names)
+            if re.search(f"(?i){_HEAD}(?!.*({_TIP}))", n)
         ]
         if named:
             return Guess(named[0], "its name says head")
         taken = {joint for arm in arms for joint in arm}
         free = [tip for tip in self.tips if not taken & set(self.lines[tip])]
         highest = max(free, key=lambda tip: self.heights[tip], default=None)
-        if highest in self.skeleton.end_sites:
-            highest = self.skeleton.parents[highest]
+        if highest is not None:
+            is_tip = re.search(f"(?i)({_TIP})", self.skeleton.names[highest])
+            if is_tip or highest in self.skeleton.end_sites:
+                highest = self.skeleton.parents[highest]
         return None if highest is None else Guess(highest, "the highest tip between the arms")
 
     def _pair(self, tips: list[int]) -> list[list[int]]:

@@ -6,7 +6,7 @@ Names are looked up in `bone_names.py`; the tree gives pelvis, chest, spine and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise, product
@@ -88,6 +88,25 @@ class Humanoid:
                     )
 
     @cached_property
+    def rehung(self) -> dict[int, int]:
+        """Joints that hang elsewhere than bodies' do, and the joint that moves them in a body.
+
+        IK moves feet that hang on no shank; Rigify's arms hang on no chest.
+        """
+        found = {
+            self.joints[ankle]: self.joints[ankle.replace("ankle", "knee")]
+            for ankle in self.free_feet
+        }
+        chains = [[f"{side}_collar", f"{side}_shoulder"] for side in SIDES] + [["neck", "head"]]
+        for chain in chains:
+            above = self.chest
+            for joint in (self.joints[name] for name in chain if name in self.joints):
+                if above not in self.lines[joint] and joint not in self.lines[above]:
+                    found[joint] = above
+                above = joint
+        return found
+
+    @cached_property
     def free_feet(self) -> tuple[str, ...]:
         """Ankles that hang elsewhere than on their shank, as feet that IK moves do."""
         free, rest = [], self.skeleton.rest_joints()
@@ -119,7 +138,17 @@ class Humanoid:
             "neck" if "neck" in self.joints else "head"
         ]
         joints = [self.joints[top] for top in tops if top in self.joints]
-        return self._shared([self.skeleton.parents[joint] for joint in joints])
+        shared = self._shared([max(self.skeleton.parents[joint], 0) for joint in joints])
+        hips = {joint for side in SIDES for joint in self.lines[self.joints[f"{side}_hip"]]}
+        if shared not in hips:
+            return shared
+        # Where arms hang on what carries the legs too: of the spine, what is nearest to them.
+        spine = {above for joint in joints for above in self.lines[joint][1:]} - hips
+        spine -= {self.joints.get(name) for name in ("neck", "left_collar", "right_collar")}
+        rest = self.skeleton.rest_joints()
+        middle = np.mean([rest[self.joints[f"{side}_shoulder"]] for side in SIDES], axis=0)
+        distances = {joint: float(np.linalg.norm(rest[joint] - middle)) for joint in spine}
+        return min(distances, key=distances.__getitem__, default=shared)
 
     @cached_property
     def spine(self) -> tuple[int, ...]:
@@ -212,7 +241,7 @@ def find_humanoid(
     if declared:
         bones = {plain(name): joint for name, joint in declared.items()}
         joints = {ours: bones[name[0]] for ours, name in VRM.items() if name[0] in bones}
-        return Humanoid(skeleton, joints, "VRM")
+        return Humanoid(skeleton, _with_ends(skeleton, joints), "VRM")
     match = match_names(skeleton.names)
     if match.missing and (added := find_joint_map(skeleton.names)):
         return _mapped(skeleton, added)
@@ -221,7 +250,18 @@ def find_humanoid(
             f"unknown names of joints; of the {len(skeleton)} found these look most like limbs: "
             f"{nearest(skeleton.names)}; {_HOW_TO_MAP}"
         )
-    return Humanoid(skeleton, match.joints, match.convention)
+    return Humanoid(skeleton, _with_ends(skeleton, match.joints), match.convention)
+
+
+def _with_ends(skeleton: Skeleton, joints: Mapping[str, int]) -> Mapping[str, int]:
+    """Returns joints with wrists and ankles of other names: where forearm and shank end."""
+    ends = dict(joints)
+    for side, (upper, end) in product(SIDES, (("elbow", "wrist"), ("knee", "ankle"))):
+        below = skeleton.children(joints.get(f"{side}_{upper}", -1))
+        if f"{side}_{end}" not in joints and f"{side}_{upper}" in joints and below:
+            lengths = np.linalg.norm(np.asarray(skeleton.offsets)[list(below)], axis=-1)
+            ends[f"{side}_{end}"] = below[int(lengths.argmax())]
+    return ends
 
 
 def _mapped(skeleton: Skeleton, joint_map: JointMap) -> Humanoid:
@@ -296,6 +336,37 @@ def to_humanml3d(
         for source, weight in weights_of(entries[name]).items():
             weights[row, _column(columns, skeleton.names, name, source)] += weight
     return np.einsum("hj,fjc->fhc", weights, animation.joints(), optimize=True)
+
+
+_FINGERS = {"thumb": "thumb", "index": "index", "middle": "middle", "ring": "ring"} | dict.fromkeys(
+    ("pinky", "little"), "little"
+)
+"""Words for fingers in the names of bones."""
+
+
+def fingers_below(body: Humanoid, wrist: str) -> dict[str, list[int]]:
+    """Returns the bones of each finger below a wrist by its name, outward, without tips.
+
+    Bones of the palm, and an exporter's end bones, are left out: programs differ in these.
+    """
+    skeleton, found = body.skeleton, {}
+    for joint, name in enumerate(skeleton.names):
+        word = next((word for word in _FINGERS if word in name.lower()), None)
+        palm = "metacarpal" in name.lower() or "palm" in name.lower()
+        tip = joint in skeleton.end_sites or not skeleton.children(joint)
+        if word and not palm and not tip and body.joints[wrist] in body.lines[joint][1:]:
+            found.setdefault(_FINGERS[word], []).append(joint)
+    return found
+
+
+def fitting_map(joint_maps: Iterable[JointMap], names: Sequence[str]) -> JointMap | None:
+    """Returns the first of some joint maps of which a skeleton has a joint, if any."""
+    known = set(_columns(names))
+    for joint_map in joint_maps:
+        sources = (source for entry in _entries(joint_map).values() for source in weights_of(entry))
+        if any(source in known or without_namespace(source) in known for source in sources):
+            return joint_map
+    return None
 
 
 def load_joint_map(path: str | Path) -> JointMap:

@@ -1,6 +1,7 @@
 """Keypoints: what a tracker saw of a person over time, and which joints its names stand for.
 
-Known are HumanML3D's 22 joints and the layouts of COCO (17), OpenPose (BODY_25) and MediaPipe (33).
+Known are HumanML3D's 22 joints and the layouts of COCO (17, OpenPose's 18, 133 of the whole body),
+Halpe (26, 136), OpenPose's BODY_25, MediaPipe (33) and Human3.6M (17).
 A keypoint is a joint, or a weighted sum of joints: an ear lies above the head's joint, to the side
 of it; the big toe beyond the foot's. Nose, eyes, mouth, heels and fingers are not read.
 """
@@ -43,10 +44,43 @@ _SIDED_EYES = tuple(
     f"{side}_eye{part}" for side in ("left", "right") for part in ("_inner", "", "_outer")
 )
 
+
+def _both_of(sides: str, parts: str) -> tuple[str, ...]:
+    """Returns all parts of one side, then those of the other."""
+    return tuple(f"{side}_{part}" for side in sides.split() for part in parts.split())
+
+
+def _numbered(name: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{name}_{number}" for number in range(count))
+
+
+_HANDS = (*_numbered("left_hand", 21), *_numbered("right_hand", 21))
+_HALPE = (
+    *("nose", *_both(f"@_eye @_ear {_LIMBS} {_LEGS}"), "head_top", "mid_shoulder", "mid_hip"),
+    *_both("@_big_toe @_small_toe @_heel"),
+)
+
 LAYOUTS: Mapping[str, tuple[str, ...]] = {
     "humanml3d": HUMANML3D.names,
     "coco_17": ("nose", *_both(f"@_eye @_ear {_LIMBS} {_LEGS}")),
+    "h36m": (
+        *("mid_hip", *_both_of("right left", "hip knee ankle"), "mid_spine", "mid_shoulder"),
+        *("nose", "head_top", *_both_of("left right", "shoulder elbow wrist")),
+    ),
+    "coco_18": (
+        *_body_25()[:8],
+        *_both_of("right left", "hip knee ankle"),
+        *("right_eye", "left_eye", "right_ear", "left_ear"),
+    ),
     "body_25": _body_25(),
+    "halpe_26": _HALPE,
+    "halpe_136": (*_HALPE, *_numbered("face", 68), *_HANDS),
+    "coco_133": (
+        *("nose", *_both(f"@_eye @_ear {_LIMBS} {_LEGS}")),
+        *_both_of("left right", "big_toe small_toe heel"),
+        *_numbered("face", 68),
+        *_HANDS,
+    ),
     "mediapipe_33": (
         "nose",
         *_SIDED_EYES,
@@ -60,12 +94,13 @@ UNREAD = frozenset(
     name
     for names in LAYOUTS.values()
     for name in names
-    if re.search(r"nose|eye|mouth|pinky|index$|thumb|small_toe|heel", name)
+    if re.search(r"nose|eye|mouth|pinky|index$|thumb|small_toe|heel|spine|face|hand_", name)
     and not name.endswith("foot_index")
+    and name not in HUMANML3D.names
 )
 """Keypoints that say too little about joints to be read."""
 
-_TRUST = {"ear": 0.25, "big_toe": 0.5, "foot_index": 0.5, "hip": 0.7}
+_TRUST = {"ear": 0.25, "head_top": 0.25, "big_toe": 0.5, "foot_index": 0.5, "hip": 0.7}
 """Weights of keypoints that are only near the joint whose name they have or stand for."""
 
 
@@ -173,7 +208,7 @@ def keypoints_of(
         raise InputError(f"points of shape {points.shape}: expected (frames, keypoints, 2 or 3)")
     confidence = np.ones(points.shape[:2]) if seen is None else np.asarray(seen, np.float64)
     if names is None:
-        names = layout_of(points.shape[1])
+        names = layout_of(points.shape[1], points.shape[2])
     return Keypoints(points, confidence, fps, tuple(names))
 
 
@@ -199,17 +234,29 @@ def canonical_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def layout_of(count: int) -> tuple[str, ...]:
+def layout_of(count: int, coordinates: int = 2) -> tuple[str, ...]:
     """Returns the names of the layout of so many keypoints.
 
+    Args:
+        count: How many.
+        coordinates: 2 for pixels, 3 for meters.
+
     Raises:
-        InputError: No known layout has so many.
+        InputError: No known layout has so many, or several do.
     """
-    for names in LAYOUTS.values():
-        if len(names) == count:
-            return names
+    named = {layout: names for layout, names in LAYOUTS.items() if len(names) == count}
+    if coordinates == 3 and len(named) > 1:
+        # What lifts pictures writes Human3.6M's 17 in 3D, in COCO's number and another order.
+        raise InputError(
+            f"{count} points in 3D are {' or '.join(named)}, which have other orders; say which "
+            "with --layout or names="
+        )
+    if named:
+        return named.get("coco_17", next(iter(named.values())))
     known = ", ".join(f"{len(names)} ({layout})" for layout, names in LAYOUTS.items())
-    raise InputError(f"{count} keypoints without names: known are {known}; give their names")
+    raise InputError(
+        f"{count} keypoints without names: known are {known}; give their names, or --layout"
+    )
 
 
 def joint_weights(names: Sequence[str]) -> Float[np.ndarray, "keypoints joints"]:
@@ -226,6 +273,8 @@ def joint_weights(names: Sequence[str]) -> Float[np.ndarray, "keypoints joints"]
             weights = {name: 1.0}
         elif name in ("mid_hip", "mid_shoulder"):
             weights = {f"left_{part}": 0.5, f"right_{part}": 0.5}
+        elif name == "head_top":
+            weights = {"head": 1.9, "neck": -0.9}
         elif name.endswith("_ear"):
             other = {"left": "right", "right": "left"}[side]
             aside = {f"{side}_shoulder": 0.19, f"{other}_shoulder": -0.19}
@@ -235,3 +284,110 @@ def joint_weights(names: Sequence[str]) -> Float[np.ndarray, "keypoints joints"]
         for joint, weight in weights.items():
             row[HUMANML3D.names.index(joint)] += weight
     return found
+
+
+LIMBS = tuple(
+    (f"{side}_{start}", f"{side}_{end}")
+    for side in ("left", "right")
+    for start, end in zip(
+        ("hip", "knee", "shoulder", "elbow"), ("knee", "ankle", "elbow", "wrist"), strict=True
+    )
+)
+"""Limbs by which a body is measured."""
+
+
+def limb_ratio(
+    points: Float[np.ndarray, "frames keypoints 3"], names: Sequence[str], noise: float = 0.0
+) -> float | None:
+    """Returns how long limbs are beside an adult's; None where none is seen.
+
+    Args:
+        points: The keypoints.
+        names: Their names.
+        noise: Their deviation, which makes bones longer.
+    """
+    lengths, ratios = np.linalg.norm(HUMANML3D.offsets, axis=-1), []
+    for start, end in LIMBS:
+        if start in names and end in names:
+            bone = points[:, names.index(end)] - points[:, names.index(start)]
+            square = float(np.median(np.nan_to_num((bone**2).sum(axis=1), nan=np.inf)))
+            own = np.sqrt(max(square - 6 * noise**2, 1e-12))
+            ratios.append(own / lengths[HUMANML3D.names.index(end)])
+    ratios = [ratio for ratio in ratios if np.isfinite(ratio) and ratio < 1e9]
+    return float(np.median(ratios)) if ratios else None
+
+
+def upward(
+    points: Float[np.ndarray, "frames keypoints 3"], names: Sequence[str]
+) -> Float[np.ndarray, "frames 3"]:
+    """Returns unit vectors from the legs to the shoulders or the head; NaN where not seen."""
+    low, high = (_middle(points, names, parts) for parts in (_LOW, _HIGH))
+    line = high - low
+    with np.errstate(invalid="ignore"):
+        return line / np.linalg.norm(line, axis=1, keepdims=True)
+
+
+_LOW, _HIGH = ("ankle", "knee", "hip"), ("shoulder", "ear", "head")
+
+
+def _middle(points: np.ndarray, names: Sequence[str], parts: Sequence[str]) -> np.ndarray:
+    for part in parts:
+        columns = [n for n, name in enumerate(names) if name.split("_")[-1] == part]
+        if columns:
+            return points[:, columns].mean(axis=1)
+    return np.full(points[:, 0].shape, np.nan)
+
+
+def grounded(
+    points: Float[np.ndarray, "frames keypoints 3"], names: Sequence[str], fps: float
+) -> tuple[Float[np.ndarray, "frames keypoints 3"], bool]:
+    """Returns points whose origin is between the hips, as MediaPipe's, with their path, y up.
+
+    The lower foot stands: it does not move, so that the body does. The lowest point of both is on
+    the floor, at height 0.
+
+    Args:
+        points: Meters, y up.
+        names: Their names.
+        fps: Frames per second.
+
+    Returns:
+        The points, as they are where their origin is elsewhere; and whether a path was estimated.
+    """
+    feet = [
+        [n for n, name in enumerate(names) if re.fullmatch(rf"{side}_({_FOOT})", name)]
+        for side in ("left", "right")
+    ]
+    hips = np.linalg.norm(_middle(points, names, ("hip",)), axis=-1)
+    if not all(feet) or not np.median(np.nan_to_num(hips, nan=np.inf)) < _CENTERED:
+        return points, False
+    frames = np.arange(len(points), dtype=float)
+    width = max(1, round(_STEADY * fps))
+    kernel = np.hanning(2 * width + 1)
+    smooth = np.empty((len(points), 3, len(names)))
+    columns = [*feet[0], *feet[1]]
+    for column in columns:
+        seen = np.isfinite(points[:, column]).all(axis=1)
+        for axis in range(3):
+            track = np.interp(frames, frames[seen], points[seen, column, axis]) if seen.any() else 0
+            padded = np.pad(np.broadcast_to(track, len(points)), width, mode="edge")
+            smooth[:, axis, column] = np.convolve(padded, kernel / kernel.sum(), "valid")
+    standing = np.stack([smooth[:, :, foot].mean(axis=2) for foot in feet])
+    heights = (standing[:, 1:, 1] + standing[:, :-1, 1]) / 2
+    weights = np.exp(-(heights - heights.min(axis=0)) / _FADING)[..., None]
+    steps = (np.diff(standing, axis=1) * weights).sum(axis=0) / weights.sum(axis=0)
+    path = np.zeros((len(points), 3))
+    path[1:] = -np.cumsum(steps, axis=0)
+    ankles = all(names[column].endswith("ankle") for column in columns)
+    path[:, 1] = (_ANKLE if ankles else 0.0) - smooth[:, 1][:, columns].min(axis=1)
+    return points + path[:, None], True
+
+
+_FOOT = "ankle|heel|foot_index|big_toe|small_toe|foot"
+
+_CENTERED = 0.03
+"""Meters from the origin up to which hips are at it."""
+
+_STEADY, _FADING, _ANKLE = 0.1, 0.003, 0.08
+"""Seconds over which feet are smoothed; meters by which a foot is higher than the other to count a
+third of it; height of the ankle of a standing person, meters."""

@@ -252,6 +252,11 @@ class Animation:
     def __len__(self) -> int:
         return len(self.rotations)
 
+    @classmethod
+    def at_rest(cls, skeleton: Skeleton) -> Animation:
+        """Returns the rest pose as one frame, the root at the origin."""
+        return cls(skeleton, np.tile(np.eye(3), (1, len(skeleton), 1, 1)), np.zeros((1, 3)), 20.0)
+
     def joints(self) -> Float[np.ndarray, "frames joints 3"]:
         """Returns global joint positions, meters."""
         return self.skeleton.forward_kinematics(
@@ -289,6 +294,40 @@ class Animation:
             if self.translations is None
             else _between(self.translations, before, after, share[:, None, None]),
         )
+
+
+def posed(
+    skeleton: Skeleton,
+    world: Float[np.ndarray, "frames joints 3 3"],
+    joints: Float[np.ndarray, "frames joints 3"],
+    fps: float,
+    root: Float[np.ndarray, "frames 3"] | None = None,
+) -> Animation:
+    """Returns the animation of rotations and positions in the world.
+
+    Args:
+        skeleton: The joints.
+        world: Their rotations in the world.
+        joints: Their positions.
+        fps: Frames per second.
+        root: Positions of the root; by default those of joint 0.
+    """
+    parents = list(skeleton.parents[1:])
+    translations = np.zeros_like(joints, dtype=np.float64)
+    steps = joints[:, 1:] - joints[:, parents]
+    translations[:, 1:] = np.einsum("tjab,tja->tjb", world[:, parents], steps)
+    moves = np.abs(translations - skeleton.offsets)[:, 1:].max(initial=0.0) > _STILL
+    return Animation(
+        skeleton,
+        skeleton.local_rotations(world),
+        joints[:, 0] if root is None else root,
+        fps,
+        translations if moves else None,
+    )
+
+
+_STILL = 1e-5
+"""Meters up to which a joint counts as staying where its parent carries it."""
 
 
 def check_fps(fps: float) -> None:

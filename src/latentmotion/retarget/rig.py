@@ -8,6 +8,7 @@ Files keep rigs in any unit and with any axis up. The joints themselves tell how
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,73 +18,34 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.cleanup.contacts import foot_contacts
-from latentmotion.errors import DataError
+from latentmotion.errors import DataError, ReadingWarning
 from latentmotion.kinematics.bone_names import SIDES, JointMap
-from latentmotion.kinematics.humanoid import Humanoid, find_humanoid
-from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.humanoid import Humanoid, find_humanoid, fitting_map, to_humanml3d
+from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
+from latentmotion.kinematics.standing import (
+    METERS_PER_UNIT,
+    NOTHING,
+    RestPose,
+    Stated,
+    find_standing,
+    in_axes,
+    rebased,
+    rest_stands,
+    standing_bases,
+    straightest,
+    up_at_rest,
+    upright,
+)
 from latentmotion.motion import Motion
 from latentmotion.retarget.rig_files import RigFile, open_rig
 
 Rotations = Float[np.ndarray, "frames 3 3"]
 
-_UNITS: Mapping[str, float] = {
-    **{"meters": 1.0, "centimeters": 0.01, "inches": 0.0254, "decimeters": 0.1},
-    **{"millimeters": 0.001, "feet": 0.3048},
-}
-_LEG = 0.8
-"""Typical length of a leg, meters."""
-
-_SQUARE = np.radians(10)
-"""A rest pose that faces an axis to within this angle is taken to face it."""
-
 _SOLE = 0.02
 """Of a leg's length: height of the lowest joint above the floor where the file does not say."""
 
-
-@dataclass(frozen=True, eq=False)
-class RestPose:
-    """The rest pose of a body in its own file."""
-
-    axes: Float[np.ndarray, "3 3"]
-    """Its left, up and ahead in the file's axes, in the columns."""
-    leg: float
-    """Length of thigh and shank, in the file's unit."""
-
-    @classmethod
-    def of(cls, body: Humanoid) -> RestPose:
-        """Returns the rest pose of a body.
-
-        Raises:
-            DataError: It has no legs to stand on, or its toes point backward.
-        """
-        rest = body.skeleton.rest_joints()
-        hips, knees, ankles = (
-            np.stack([rest[body.joints[f"{side}_{name}"]] for side in SIDES])
-            for name in ("hip", "knee", "ankle")
-        )
-        bones = np.stack([knees - hips, ankles - knees])
-        leg = float(np.linalg.norm(bones, axis=-1).sum(0).mean())
-        if np.linalg.norm(bones, axis=-1).min() <= 1e-6 * max(leg, 1e-9):
-            raise DataError("a leg of the rig has a bone of length 0; correct the map of joints")
-        upward, left = rest[body.chest] - ankles.mean(0), hips[0] - hips[1]
-        axis = int(np.argmax(np.abs(upward)))
-        up = np.eye(3)[axis] * np.sign(upward[axis])
-        across = left - up * (left @ up)
-        if np.linalg.norm(across) < 1e-9:
-            raise DataError("both hips of the rig are at the same place; correct the map of joints")
-        across /= np.linalg.norm(across)
-        axis = int(np.argmax(np.abs(across)))
-        nearest = np.eye(3)[axis] * np.sign(across[axis])
-        across = nearest if across @ nearest > np.cos(_SQUARE) else across
-        axes = np.stack([across, up, np.cross(across, up)], axis=-1)
-        toes = [
-            rest[body.joints[f"{side}_foot"]] - ankle
-            for side, ankle in zip(SIDES, ankles, strict=True)
-            if f"{side}_foot" in body.joints
-        ]
-        if toes and (np.sum(toes, axis=0) @ axes[:, 2]) < -0.02 * leg:
-            raise DataError("the rig's toes point backward: left and right are mixed up in the map")
-        return cls(axes, leg)
+_LOWEST = 2.0
+"""Percentile of the frames whose lowest joint is taken to be on the floor of a file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +68,14 @@ class Rig:
     """Length of thigh and shank, meters."""
     order: tuple[int, ...]
     """Each joint's index in the file."""
+    bases: Float[np.ndarray, "joints 3 3"] | None = None
+    """Where the file's own rest pose does not stand: the rotations to the one that does."""
+    guesses: tuple[str, ...] = ()
+    """What its body alone showed, and the option that overrules it."""
 
     @property
     def skeleton(self) -> Skeleton:
-        """Rest pose in meters, y up, facing +z; feet hang on their legs, unlike in some files."""
+        """Rest pose in meters, y up, facing +z; feet and arms hang as bodies' do."""
         return self.body.skeleton
 
     @property
@@ -124,34 +90,32 @@ class Rig:
 
     def in_file(self, animation: Animation) -> Animation:
         """Returns an animation of this rig in axes and unit of its file."""
-        axes, scale = self.axes, 1 / self.meters
         up = np.array([0, self.floor, 0])
-        rotations, translations = animation.rotations, animation.translations
+        animation = replace(animation, root_positions=animation.root_positions + up)
         if self.body.skeleton.names != self.file.skeleton.names:
-            rotations, translations = self._hung_as_in_file(animation)
-        return Animation(
-            self.file.skeleton,
-            axes @ rotations @ axes.T,
-            scale * (animation.root_positions + up) @ axes.T,
-            animation.fps,
-            None if translations is None else scale * translations @ axes.T,
-        )
+            back = np.argsort(self.order)  # feet hang where they do in the file
+            world = animation.skeleton.world_rotations(animation.rotations)[:, back]
+            places = animation.joints()[:, back]
+            animation = posed(self._upright_file, world, places, animation.fps)
+        if self.bases is not None:
+            animation = rebased(animation, np.swapaxes(self.bases, -1, -2))
+        found = in_axes(animation, self.axes.T, 1 / self.meters)
+        own, translations = self.file.skeleton, found.translations
+        if translations is None and not np.allclose(found.skeleton.offsets, own.offsets):
+            translations = np.repeat(found.skeleton.offsets[None], len(found), axis=0)
+        return replace(found, skeleton=own, translations=translations)
 
-    def _hung_as_in_file(self, animation: Animation) -> tuple[np.ndarray, np.ndarray]:
-        """Returns rotations and translations relative to the parents in the file."""
-        back = np.argsort(self.order)
-        skeleton, parents = self.file.skeleton, list(self.file.skeleton.parents[1:])
-        world = animation.skeleton.world_rotations(animation.rotations)[:, back]
-        joints = animation.joints()[:, back]
-        translations = np.zeros_like(joints)
-        steps = joints[:, 1:] - joints[:, parents]
-        translations[:, 1:] = np.einsum("tjab,tja->tjb", world[:, parents], steps)
-        return skeleton.local_rotations(world), translations
+    @property
+    def _upright_file(self) -> Skeleton:
+        """The skeleton of the file in meters, y up, facing +z."""
+        offsets = self.meters * np.asarray(self.file.skeleton.offsets) @ self.axes
+        return replace(self.file.skeleton, offsets=offsets)
 
     def unit(self) -> str:
         """Returns the name of the file's unit of length."""
-        known = (name for name, meters in _UNITS.items() if abs(meters - self.meters) < 1e-9)
-        return next(known, f"{self.meters:g} m")
+        known = METERS_PER_UNIT.items()
+        names = (name for name, meters in known if abs(meters - self.meters) < 1e-9)
+        return next(names, f"{self.meters:g} m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,59 +180,108 @@ class Pose:
         return pelvis - (rest[rig.body.pelvis] - rest[rig.root_motion_bone])
 
 
-def read_rig(path: str | Path, joint_map: JointMap | None = None) -> Rig:
-    """Reads a rig from `.glb`, `.gltf`, `.bvh` or `.asf`.
+def read_rig(
+    path: str | Path, joint_map: JointMap | None = None, stated: Stated | None = None
+) -> Rig:
+    """Reads a rig from `.glb`, `.gltf`, `.vrm`, `.fbx`, `.bvh` or `.asf`.
 
     Args:
         path: The file.
         joint_map: Our joints → the rig's; by default found by their names.
+        stated: What the user says about the file.
 
     Raises:
         FileFormatError: The file is damaged.
         DataError: Joints that are needed are not found.
         InputError: There is no such file, or of no such kind.
+
+    Warns:
+        ReadingWarning: Its unit or axes are a guess.
     """
-    file = open_rig(path)
-    return make_rig(file, find_humanoid(file.skeleton, file.declared, joint_map))
+    file, stated = open_rig(path), stated or NOTHING
+    joint_map = joint_map or fitting_map(stated.joint_maps, file.skeleton.names)
+    rig = make_rig(file, find_humanoid(file.skeleton, file.declared, joint_map), stated)
+    if rig.guesses:
+        told = f"{path}: a guess: {', '.join(rig.guesses)}"
+        warnings.warn(told, ReadingWarning, stacklevel=2)
+    return rig
 
 
-def make_rig(file: RigFile, body: Humanoid) -> Rig:
-    """Stands a body upright.
+def make_rig(file: RigFile, body: Humanoid, stated: Stated = NOTHING) -> Rig:
+    """Stands a body upright, as its rest pose does, or its frames where a file has some.
 
     Raises:
         DataError: It cannot stand.
     """
-    body, order = _with_feet_on_legs(body)
-    rest_pose = RestPose.of(body)
-    likeliest = min(_UNITS.values(), key=lambda unit: _misfit(rest_pose.leg * unit))
-    meters = file.unit or likeliest
-    if _misfit(rest_pose.leg * meters) > np.log(4):
-        meters = likeliest
-    skeleton = replace(body.skeleton, offsets=meters * body.skeleton.offsets @ rest_pose.axes)
-    root = meters * file.root @ rest_pose.axes
+    if file.animation is not None:
+        return _moving_rig(file, file.animation, body, stated)
+    body, order = _hung_as_bodies_do(body)
+    try:
+        rest_pose = RestPose.of(body)
+    except DataError as error:
+        if file.mirrored:
+            raise DataError(
+                "the rig is mirrored: a node above its bones, or a bone, has a negative scale; "
+                "apply the scale in the program that wrote it (Blender: Ctrl+A, All Transforms)"
+            ) from error
+        raise
+    rest = to_humanml3d(Animation.at_rest(body.skeleton), body.joint_map())
+    standing = find_standing(rest, replace(stated, up="y"), file.unit, any_size=True)
+    skeleton = in_axes(Animation.at_rest(body.skeleton), rest_pose.axes, standing.meters).skeleton
+    root = standing.meters * file.root @ rest_pose.axes
     lowest = float(root[1] + skeleton.rest_joints()[:, 1].min())
-    leg = rest_pose.leg * meters
-    floor = 0.0 if 0 <= lowest + 0.01 * leg <= 0.15 * leg else lowest - _SOLE * leg
+    floor = 0.0 if 0 <= lowest + 0.01 * standing.leg <= 0.15 * standing.leg else None
+    floor = lowest - _SOLE * standing.leg if floor is None else floor
     return Rig(
         file=file,
         body=replace(body, skeleton=skeleton),
         axes=rest_pose.axes,
-        meters=meters,
+        meters=standing.meters,
         root=root - (0, floor, 0),
         floor=floor,
-        leg=leg,
+        leg=standing.leg,
         order=order,
+        guesses=standing.guesses,
     )
 
 
-def _with_feet_on_legs(body: Humanoid) -> tuple[Humanoid, tuple[int, ...]]:
-    """Returns a body whose feet hang on their shanks, and each joint's index before."""
+def _moving_rig(file: RigFile, animation: Animation, body: Humanoid, stated: Stated) -> Rig:
+    """Returns a rig whose file's frames say how high it stands, and how, if its rest does not."""
+    joints = to_humanml3d(animation, body.joint_map())
+    standing = find_standing(joints, stated, file.unit, any_size=True)
+    joints = standing.meters * joints @ standing.axes
+    moving = upright(animation, standing)
+    body, bases, axes = replace(body, skeleton=moving.skeleton), None, standing.axes
+    if rest_stands(body) and up_at_rest(body) == "y":
+        turn = RestPose.of(body).axes  # about the vertical
+        moving, axes = in_axes(moving, turn, 1.0), axes @ turn
+    else:
+        bases = standing_bases(moving, body, joints)
+        moving = rebased(moving, bases, straightest(joints))
+    heights = moving.joints()[:, :, 1].min(axis=1)
+    rest = moving.skeleton.rest_joints()
+    return Rig(
+        file=file,
+        body=replace(body, skeleton=moving.skeleton),
+        axes=axes,
+        meters=standing.meters,
+        root=np.array([0.0, -rest[:, 1].min(), 0.0]),
+        floor=float(np.percentile(heights, _LOWEST)),
+        leg=standing.leg,
+        order=tuple(range(len(rest))),
+        bases=bases,
+        guesses=standing.guesses,
+    )
+
+
+def _hung_as_bodies_do(body: Humanoid) -> tuple[Humanoid, tuple[int, ...]]:
+    """Returns a body whose feet hang on its shanks and arms on its chest, and indices before."""
     old, count = body.skeleton, len(body.skeleton)
-    if not body.free_feet:
+    if not body.rehung:
         return body, tuple(range(count))
     parents, rest = list(old.parents), old.rest_joints()
-    for ankle in body.free_feet:
-        parents[body.joints[ankle]] = body.joints[ankle.replace("ankle", "knee")]
+    for joint, above in body.rehung.items():
+        parents[joint] = above
     order = [0]
     for joint in order:  # grows: children after their parents
         order += [child for child in range(count) if parents[child] == joint]
@@ -288,11 +301,6 @@ def _with_feet_on_legs(body: Humanoid) -> tuple[Humanoid, tuple[int, ...]]:
     )
     joints = {name: rank[joint] for name, joint in body.joints.items()}
     return Humanoid(skeleton, joints, body.names), tuple(order)
-
-
-def _misfit(leg: float) -> float:
-    """Returns how far a leg of so many meters is from a person's, as a logarithm."""
-    return abs(float(np.log(leg / _LEG)))
 
 
 _HIGHEST = {"foot": 0.08, "ankle": 0.2}
@@ -317,7 +325,12 @@ class SourceCharacter:
     @classmethod
     def of(cls, source: Motion | Animation, body: Humanoid | None = None) -> SourceCharacter:
         """Returns the character of a motion; by default its joints are found by their names."""
-        animation = source.animation() if isinstance(source, Motion) else source
+        if isinstance(source, Motion):
+            recorded = source.recorded
+            animation = recorded.animation if recorded else source.animation()
+            body = recorded.body if recorded else body
+        else:
+            animation = source
         body = body or find_humanoid(animation.skeleton)
         rest_pose = RestPose.of(body)
         world = animation.skeleton.world_rotations(animation.rotations) @ rest_pose.axes

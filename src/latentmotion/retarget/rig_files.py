@@ -26,7 +26,7 @@ from jaxtyping import Float
 from latentmotion.errors import InputError
 from latentmotion.formats import fbx
 from latentmotion.formats.asf_amc import figure_skeleton, read_asf
-from latentmotion.formats.bvh import continuous_euler, read_hierarchy, write_bvh
+from latentmotion.formats.bvh import continuous_euler, read_bvh, read_hierarchy, write_bvh
 from latentmotion.formats.checks import read_lines
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import Scene, damage
@@ -72,6 +72,16 @@ class RigFile(Protocol):
     @property
     def unit(self) -> float | None:
         """Meters per unit, where the file says so."""
+        ...
+
+    @property
+    def animation(self) -> Animation | None:
+        """Its own frames, in its axes and unit, where the rest pose alone does not say enough."""
+        ...
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether scales mirror its joints."""
         ...
 
     @property
@@ -128,6 +138,7 @@ class GltfFile:
     """
 
     unit = 1.0
+    animation = None
     endings: tuple[str, ...] = (".glb", ".gltf", ".fbx")
 
     def __init__(self, path: Path) -> None:
@@ -136,6 +147,8 @@ class GltfFile:
         with damage(path):
             self.scene = Scene(self.document, path)
             self.declared = self.scene.declared()
+            frames = (self.scene.rest_frame(bone) for bone in self.scene.bones)
+            self.mirrored = any(np.linalg.det(linear) < 0 for _, _, linear in frames)
         self.skeleton = self.scene.skeleton
         self.root = self.scene.rest.positions[0]
         self.movable = frozenset(range(len(self.skeleton)))
@@ -148,6 +161,8 @@ class GltfFile:
         if path.suffix.lower() == ".fbx":
             return fbx.convert(partial(self.write, takes=takes), path, takes[0].animation.fps)
         document = deepcopy(self.document)
+        for node, entry in self.scene.entries_at_rest():
+            document.json["nodes"][node] = entry
         names = {take.name for take in takes}
         animations = document.json.get("animations", [])
         animations = [entry for entry in animations if entry.get("name") not in names]
@@ -212,7 +227,7 @@ class FbxFile(GltfFile):
 
 
 class BvhFile:
-    """A BVH file. Its rest pose is the one in which all its angles are 0.
+    """A BVH file. Its frames say where it stands; in its rest pose all its angles are 0.
 
     Args:
         path: The file.
@@ -221,7 +236,7 @@ class BvhFile:
         FileFormatError: It is damaged.
     """
 
-    unit = None
+    unit, mirrored = None, False
     declared: Mapping[str, int] = {}
     endings = (".bvh",)
 
@@ -230,17 +245,8 @@ class BvhFile:
         lines = read_lines(path)
         self.nodes, start = read_hierarchy(path, lines)
         self.head = lines[:start]
-        offsets = np.array([node.offset for node in self.nodes], dtype=np.float64)
-        self.root = offsets[0].copy()
-        offsets[0] = 0
-        with blamed_on(path):
-            self.skeleton = Skeleton(
-                name=path.stem,
-                names=tuple(node.name for node in self.nodes),
-                parents=tuple(node.parent for node in self.nodes),
-                offsets=offsets,
-                end_sites=tuple(joint for joint, node in enumerate(self.nodes) if node.is_end),
-            )
+        self.animation = read_bvh(path, 1.0)
+        self.skeleton, self.root = self.animation.skeleton, np.asarray(self.nodes[0].offset)
         self.movable = frozenset(
             joint
             for joint, node in enumerate(self.nodes)
@@ -284,6 +290,7 @@ class AsfFile:
         FileFormatError: It is damaged.
     """
 
+    animation, mirrored = None, False
     declared: Mapping[str, int] = {}
     endings = (".bvh",)
     movable = frozenset({0})

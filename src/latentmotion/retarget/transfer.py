@@ -9,9 +9,11 @@ D is a joint's rotation in the world away from its rest pose, d its bone's direc
     pelvis, head,
     collars        D_rig = D
     spine, neck    D_rig interpolated at k/n from pelvis to chest, from chest to head
+    fingers        as limbs, where both bodies name them
     all others     at rest relative to their parent
 
 Hips move as the source's do, times the ratio of the legs. `feet.py` puts the feet on the floor.
+A motion that was recorded on this very skeleton keeps every rotation and every position.
 
 Root motion is the path along the floor, without the sway of the steps. It moves the pelvis, or the
 rig's root bone with the pelvis relative to it, as game engines expect, or nothing.
@@ -34,14 +36,15 @@ from latentmotion.formats import fbx
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.formats.takes import numbered
 from latentmotion.kinematics.bone_names import SIDES
-from latentmotion.kinematics.humanoid import Humanoid
+from latentmotion.kinematics.humanoid import Humanoid, fingers_below
 from latentmotion.kinematics.rotations import (
     matrix_between,
     matrix_from_quaternion,
     quaternion_from_matrix,
     slerp,
 )
-from latentmotion.kinematics.skeleton import Animation
+from latentmotion.kinematics.skeleton import Animation, posed
+from latentmotion.kinematics.standing import RestPose
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.retarget.feet import align_foot, ground_feet
@@ -49,6 +52,9 @@ from latentmotion.retarget.rig import Pose, Rig, Rotations, SourceCharacter
 from latentmotion.retarget.rig_files import Take
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+
+_SAME = 0.01
+"""Of a leg's length: difference of offsets up to which a skeleton is the same."""
 
 RootMotion = Literal["pelvis", "root", "none"]
 """Target of root motion: the pelvis, the rig's root bone, or nothing (in place)."""
@@ -58,8 +64,8 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
     """Retargets a motion to a rig.
 
     Args:
-        source: The motion, its floor at height 0. An animation's bones whose joints are known by
-            their names keep their twist.
+        source: The motion, its floor at height 0. Where it was read from a skeleton, or is an
+            animation, bones whose joints are known by their names keep their twist.
         rig: The skeleton to move.
         body: The source's joints by our names; by default found by their names.
 
@@ -71,6 +77,9 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
         DataError: The joints of the source are unknown.
     """
     character = SourceCharacter.of(source, body)
+    if _is_own(character, rig):
+        root = character.joints[:, 0] - (0, rig.floor, 0)
+        return posed(rig.skeleton, character.world, character.joints, character.fps, root)
     rotations = _torso(character, rig.body) | _limbs(character, rig)
     for side in SIDES:
         align = align_foot(rig, character, side)
@@ -84,6 +93,15 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
     rest = np.mean([rig.rest()[rig.body.joints[f"{side}_ankle"], 1] for side in SIDES])
     pose = Pose(rig, rotations, scale * hips + (0, rest - standing, 0))
     return ground_feet(pose, character).animation(character.fps)
+
+
+def _is_own(source: SourceCharacter, rig: Rig) -> bool:
+    """Returns whether the motion is of the rig's own skeleton."""
+    theirs, ours = source.body.skeleton, rig.skeleton
+    if theirs.names != ours.names or theirs.parents != ours.parents:
+        return False
+    turned = np.asarray(theirs.offsets) @ RestPose.of(source.body).axes
+    return bool(np.abs(turned - ours.offsets).max() < _SAME * rig.leg)
 
 
 def with_root_motion(animation: Animation, rig: Rig, root_motion: RootMotion) -> Animation:
@@ -152,12 +170,28 @@ def write(
     check_output(rig, target)
     if not motions:
         raise InputError(f"no motion to write to {target}, expected at least one")
-    motions = motions if fps is None else [motion.resampled(fps) for motion in motions]
     names = names or [motion.caption or f"take {n}" for n, motion in enumerate(motions, 1)]
-    animations = [
+    return write_animations(target, rig, retargeted(rig, motions, fps, root_motion), names)
+
+
+def retargeted(
+    rig: Rig,
+    motions: Sequence[Motion],
+    fps: float | None = None,
+    root_motion: RootMotion = "pelvis",
+) -> list[Animation]:
+    """Returns what motions are on a rig; see `write`."""
+    motions = motions if fps is None else [motion.resampled(fps) for motion in motions]
+    return [
         with_root_motion(retarget(motion, rig), rig, root_motion)
         for motion in counted(motions, "retargeting")
     ]
+
+
+def write_animations(
+    target: Path, rig: Rig, animations: Sequence[Animation], names: Sequence[str]
+) -> list[Path]:
+    """Writes a rig with animations of it; see `write`."""
     if target.suffix.lower() in rig.file.endings:
         takes = [Take(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)]
         return rig.file.write(target, takes)
@@ -226,6 +260,25 @@ def _limbs(source: SourceCharacter, rig: Rig) -> dict[int, Rotations]:
                 align = matrix_between(bone, target) @ align
                 rotations[rig.body.joints[upper]] = source.rotation(upper) @ align
             rotations[rig.body.joints[names[-1]]] = source.rotation(names[-1]) @ align
+            if limb[-1] == "wrist":
+                rotations |= _fingers(source, rig, names[-1], align)
+    return rotations
+
+
+def _fingers(
+    source: SourceCharacter, rig: Rig, wrist: str, align: Float[np.ndarray, "3 3"]
+) -> dict[int, Rotations]:
+    """Returns rotations of the bones of fingers that both bodies name, below a wrist."""
+    theirs, ours = (fingers_below(body, wrist) for body in (source.body, rig.body))
+    source_rest, rest, rotations = source.rest(), rig.rest(), {}
+    for finger in theirs.keys() & ours.keys():
+        turn = align
+        pairs = list(zip(theirs[finger], ours[finger], strict=False))
+        for (start, upper), (end, lower) in pairwise([*pairs, (-1, -1)]):
+            if end >= 0:
+                bone, target = rest[lower] - rest[upper], source_rest[end] - source_rest[start]
+                turn = matrix_between(turn @ bone, target) @ turn
+            rotations[upper] = source.world[:, start] @ turn
     return rotations
 
 

@@ -1,0 +1,88 @@
+"""Recorded: the animation that a motion was read from, with all its joints and their rotations.
+
+A motion is the positions of some 22 joints. Heads, hands, fingers and the twist of forearms turn
+without moving these, so a motion that was read from a skeleton keeps what it was read from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.kinematics.humanoid import Humanoid
+from latentmotion.kinematics.inverse_kinematics import solve_batch
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation
+from latentmotion.kinematics.standing import (
+    carriers,
+    rebased,
+    rest_stands,
+    standing_bases,
+    straightest,
+)
+
+Joints = Float[np.ndarray, "frames joints 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """An animation whose rest pose stands."""
+
+    animation: Animation
+    """Rotations of all joints, meters, y up."""
+    body: Humanoid
+    """Its joints by our names."""
+
+    @classmethod
+    def of(cls, animation: Animation, body: Humanoid, joints: Joints) -> Recorded:
+        """Returns an animation; where its rest pose does not stand, a frame of it is the new one.
+
+        Args:
+            animation: In meters, y up.
+            body: Its joints by our names.
+            joints: The positions of HumanML3D's 22.
+        """
+        if not rest_stands(body):
+            bases = standing_bases(animation, body, joints)
+            animation = rebased(animation, bases, straightest(joints))
+        return cls(animation, replace(body, skeleton=animation.skeleton))
+
+    def cut(self, first: int, stop: int) -> Recorded:
+        """Returns some of its frames."""
+        translations = self.animation.translations
+        part = replace(
+            self.animation,
+            rotations=self.animation.rotations[first:stop],
+            root_positions=self.animation.root_positions[first:stop],
+            translations=None if translations is None else translations[first:stop],
+        )
+        return replace(self, animation=part)
+
+    def resampled(self, fps: float) -> Recorded:
+        """Returns it at another frame rate."""
+        return replace(self, animation=self.animation.resampled(fps))
+
+    def following(self, before: Joints, after: Joints) -> Recorded:
+        """Returns the animation moved as HumanML3D's joints were, by clean-up for example.
+
+        A joint turns in the world as ours does in the inverse kinematics of the positions; joints
+        that are none of ours turn with those that carry them, so that fingers stay as they are.
+
+        Args:
+            before: The positions before, HumanML3D's joints first.
+            after: The positions after, as many frames.
+        """
+        count, old = len(HUMANML3D), self.animation
+        pair = np.stack([before[:, :count], after[:, :count]], axis=1).astype(np.float64)
+        start, end = (
+            one.skeleton.world_rotations(one.rotations)
+            for one in solve_batch(pair, old.fps, HUMANML3D)
+        )
+        change = end @ np.swapaxes(start, -1, -2)
+        world = change[:, carriers(self.body)] @ old.skeleton.world_rotations(old.rotations)
+        moved = replace(old, rotations=old.skeleton.local_rotations(world))
+        pelvis, change_of_place = self.body.pelvis, pair[:, 1, 0] - pair[:, 0, 0]
+        wanted = old.joints()[:, pelvis] + change_of_place
+        root = moved.root_positions + wanted - moved.joints()[:, pelvis]
+        return replace(self, animation=replace(moved, root_positions=root))
