@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import sys
 import time
 from asyncio.subprocess import PIPE, Process
 from collections import deque
@@ -23,12 +22,11 @@ from latentmotion.motion import Motion
 from latentmotion.service.batching import NICE
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
+from latentmotion.storage import children
 
 _TASKS_OF_A_PROCESS = 1000
 _TOGETHER = 8
 """Motions that a process cleans up and writes together at most."""
-
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 Answer = tuple[dict[str, Any], bytes]
 
@@ -233,13 +231,12 @@ class FileWorkers:
         return await self._end(process)
 
     async def _start(self) -> Process:
-        places = {"PYTHONPATH": os.pathsep.join(sys.path)}
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "latentmotion.service.worker"),
+            *children.command("latentmotion.service.worker"),
             stdin=PIPE,
             stdout=PIPE,
             limit=_BUFFER,
-            env=os.environ | _ONE_THREAD | places,
+            env=children.environment(),
             start_new_session=True,  # Ctrl+C ends the service first
         )
         with suppress(ProcessLookupError):
