@@ -17,6 +17,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
 
 from latentmotion.errors import LatentMotionError
 from latentmotion.storage.files import is_disk_full
@@ -65,6 +66,15 @@ def problem_response(
     return Response(body, status, dict(headers or {}), MEDIA_TYPE)
 
 
+async def refuse_stream(problem: Problem, scope: Scope, receive: Receive, send: Send) -> None:
+    """Answers a WebSocket that was not accepted; servers without this extension say 403."""
+    if "websocket.http.response" in scope.get("extensions", {}):
+        answer = problem_response(problem.status_code, str(problem.detail), problem.headers)
+        await answer(scope, receive, send)
+    else:
+        await send({"type": "websocket.close", "code": 1008, "reason": problem.detail[:120]})
+
+
 async def on_http(request: Request, error: Exception) -> Response:
     """Answers errors of HTTP."""
     assert isinstance(error, HTTPException)
@@ -104,7 +114,8 @@ async def on_fields(request: Request, error: Exception) -> Response:
 
 async def on_failure(request: Request, error: Exception) -> Response:
     """Answers errors of the service itself; the server's log has the traceback."""
-    return problem_response(500, "the service failed; its log says why")
+    # The server closes the connection after an error; who is told opens another.
+    return problem_response(500, "the service failed; its log says why", {"Connection": "close"})
 
 
 _NO_OBJECT = "expected a JSON object, sent with Content-Type: application/json"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from latentmotion.control.goals import Goal, Heading, Path, Reach
 from latentmotion.control.timeline import PartSpan, Span
@@ -20,6 +20,9 @@ MOST_CHARACTERS = 500
 
 MOST_MOTIONS = 256
 """Of a batch or a job."""
+
+MOST_FIELDS = 32
+"""Fields of an object."""
 
 MOST_STEPS = 1000
 """Sampling steps."""
@@ -82,6 +85,14 @@ Fps = Annotated[
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_fields(cls, data: Any) -> Any:
+        """Refuses thousands of fields at once, each of which would be told as unknown."""
+        if isinstance(data, dict) and len(data) > MOST_FIELDS:
+            raise ValueError(f"{len(data):,} fields, expected at most {MOST_FIELDS}")
+        return data
 
 
 class JointGoal(_Strict):
@@ -247,12 +258,26 @@ class BatchRequest(_Sampled):
     prompts: list[Text] = Field(min_length=1, max_length=MOST_MOTIONS)
     """What the person does in each motion."""
     count: int = Field(1, ge=1, le=MOST_MOTIONS, strict=True)
-    """Motions per prompt."""
+    """Motions per prompt; prompts times count are 256 at most."""
     seconds: Seconds = None
     seed: Seed = 0
     """Seed of the first motion."""
     format: Format = "npz"
     fps: Fps = None
+
+    @model_validator(mode="after")
+    def _check_motions(self) -> BatchRequest:
+        if self.motions > MOST_MOTIONS:
+            raise ValueError(
+                f"{len(self.prompts)} prompts of count {self.count} are {self.motions:,} motions; "
+                f"expected {MOST_MOTIONS} at most, ask for the others in another request"
+            )
+        return self
+
+    @property
+    def motions(self) -> int:
+        """Motions that are asked for."""
+        return len(self.prompts) * self.count
 
     def all_prompts(self) -> list[Prompt]:
         """Returns the prompts for the queue."""

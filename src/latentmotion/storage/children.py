@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
@@ -30,7 +31,9 @@ def command(program: str, *arguments: str) -> list[str]:
 
 def environment() -> dict[str, str]:
     """Returns a child's environment: one thread, and this process's path without working folder."""
-    here = Path.cwd()
+    here = None
+    with suppress(FileNotFoundError):  # it was removed, and holds nothing
+        here = Path.cwd()
     places = [place for place in sys.path if Path(place).is_absolute() and Path(place) != here]
     places.append(str(Path(__file__).parents[2]))  # last: behind the standard library
     return {**os.environ, **_ONE_THREAD, "PYTHONPATH": os.pathsep.join(places)}
@@ -40,7 +43,8 @@ def limit(what: str, wanted: int) -> None:
     """Limits this process, and its children until they choose their own limit.
 
     Args:
-        what: `AS` (bytes of address space), `CPU` (seconds), `FSIZE` (bytes of a file), `CORE`.
+        what: `AS` (bytes of address space), `CPU` (seconds), `FSIZE` (bytes of a file), `NOFILE`
+            (open files), `CORE`.
         wanted: The limit; the system's own hard limit holds where it is lower.
     """
     if resource is not None:
