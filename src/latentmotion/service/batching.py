@@ -1,7 +1,8 @@
 """Batching: waiting requests are generated in groups by worker threads; the queue is bounded.
 
 A thread takes the oldest request and those of the same key behind it, as many as a batch may hold;
-it never waits for more. Clients take turns. Requests whose client has gone or whose time is over are dropped before.
+it never waits for more. Clients take turns. Requests whose client has gone or whose time is over
+are dropped before.
 """
 
 from __future__ import annotations
@@ -203,7 +204,7 @@ class Batcher:
         return []
 
     def _next(self) -> list[_Task]:
-        """Takes the task whose turn it is and what can be run with it; the background comes last."""
+        """Takes the task whose turn it is and those of its key; those in the background come last."""
         found: list[_Task] = []
         for line in (self._waiting, self._background):
             waiting = [task for task in line if not task.future.cancelled()]

@@ -25,7 +25,7 @@ HEALTH = frozenset({"/livez", "/readyz"})
 
 
 class Connection(HttpToolsProtocol):
-    """A connection of HTTP; if there are too many, the one that has been silent longest is closed."""
+    """A connection of HTTP; of too many, the one that has been silent longest is closed."""
 
     _head: asyncio.TimerHandle | None = None
     _is_stream = False

@@ -105,7 +105,9 @@ async def on_fields(request: Request, error: Exception) -> Response:
         if one["type"] == "json_invalid":
             return problem_response(400, f"the body is not JSON, at character {one['loc'][-1]}")
         place = ".".join(str(part) for part in one["loc"])
-        told = _NO_OBJECT if one["loc"] == ("body",) else str(one["msg"])[:500]
+        told = str(one["msg"]).removeprefix("Value error, ")[:500]
+        if one["loc"] == ("body",) and one["type"] != "value_error":
+            told = _NO_OBJECT
         found.append({"at": place[:200], "problem": told})
     detail = "; ".join(f"{one['at']}: {one['problem']}" for one in found[:3])
     more = f"; and {len(found) - 3} more" if len(found) > 3 else ""
