@@ -204,7 +204,7 @@ class Batcher:
         return []
 
     def _next(self) -> list[_Task]:
-        """Takes the task whose turn it is and those of its key; those in the background come last."""
+        """Takes the task whose turn it is and those of its key; the background comes last."""
         found: list[_Task] = []
         for line in (self._waiting, self._background):
             waiting = [task for task in line if not task.future.cancelled()]
