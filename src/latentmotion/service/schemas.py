@@ -14,6 +14,7 @@ from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.service.model import BatchSettings, Prompt
+from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 
 MOST_CHARACTERS = 500
 """Of a prompt."""
@@ -26,9 +27,6 @@ MOST_FIELDS = 32
 
 MOST_STEPS = 1000
 """Sampling steps."""
-
-MOST_GOALS = 64
-"""Goals of a motion, or points of its path."""
 
 Format = Literal[
     "json", "raw", "npz", "amass.npz", "csv", "bvh", "glb", "usda", "usdc", "usdz", "html", "viewer"
@@ -180,8 +178,8 @@ class SceneRequest(_Sampled):
     goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     path: PathGoal | None = None
-    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=16)
-    timeline_parts: list[PartOfTimeline] = Field(default_factory=list, max_length=16)
+    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=MOST_SPANS)
+    timeline_parts: list[PartOfTimeline] = Field(default_factory=list, max_length=MOST_SPANS)
 
     def prompts(self) -> list[Prompt]:
         """Returns the prompt for the queue."""
