@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from latentmotion import formats
-from latentmotion.errors import FileFormatError, InputError
+from latentmotion.errors import DiskFullError, FileFormatError, InputError
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import KIT
 from latentmotion.motion import Motion
@@ -166,3 +170,54 @@ def test_damaged_layers(content: bytes, tmp_path: Path):
     (tmp_path / "a.usd").write_bytes(content)
     with pytest.raises(FileFormatError, match=r"a\.usd: "):
         usd_reader.read_animations(tmp_path / "a.usd")
+
+
+CANARIES = ("json", "numpy", "random")
+"""Modules that a child process imports early."""
+
+
+def command(*words: str, here: Path, before: str = "") -> subprocess.CompletedProcess[str]:
+    """Runs the command as users do, in a folder, after a command of the shell."""
+    program = str(Path(sys.executable).with_name("latentmotion"))
+    line = f"{before}\nexec {shlex.join([program, *words])}"
+    return subprocess.run(["bash", "-c", line], cwd=here, capture_output=True, text=True)
+
+
+def test_code_beside_a_file_is_not_run(takes: list[Motion], tmp_path: Path):
+    takes[0].save(tmp_path / "a.usda")
+    for name in CANARIES:
+        (tmp_path / f"{name}.py").write_text("open('canary', 'w'); raise SystemExit(9)")
+    done = command("clean", "a.usda", "-o", "b.bvh", here=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "b.bvh").is_file()
+    assert not (tmp_path / "canary").exists()
+
+
+def test_a_lower_limit_of_the_system_holds(takes: list[Motion], tmp_path: Path):
+    takes[0].save(tmp_path / "a.usda")
+    words = "clean", "a.usda", "-o", "b.bvh"
+    done = command(*words, here=tmp_path, before="ulimit -v 3000000 -t 60")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_what_is_not_the_files_fault_is_not_called_damage(
+    takes: list[Motion], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    takes[0].save(tmp_path / "a.usda")
+    monkeypatch.setattr(usd_reader, "_PROGRAM", "no_such_program")
+    with pytest.raises(InputError, match="says nothing of the file") as raised:
+        usd_reader.read_animations(tmp_path / "a.usda")
+    assert "damaged" not in str(raised.value)
+    monkeypatch.undo()
+    with monkeypatch.context() as patch, pytest.raises(DiskFullError, match="temporary file"):
+        patch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+        usd_reader.read_animations(tmp_path / "a.usda")
+    with monkeypatch.context() as patch, pytest.raises(DiskFullError, match="File too large"):
+        patch.setattr(usd_reader.children, "command", partial(limited, usd_reader.children.command))
+        usd_reader.read_animations(tmp_path / "a.usda")
+
+
+def limited(command: Callable[..., list[str]], *words: str) -> list[str]:
+    """Returns a command that may write files of no size, as on a full disk."""
+    ignore = "trap '' XFSZ; ulimit -f 0; exec \"$@\""
+    return ["bash", "-c", ignore, "bash", *command(*words)]

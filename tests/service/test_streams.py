@@ -27,6 +27,7 @@ class Client:
         headers += [(b"origin", origin.encode())] if origin else []
         scope = {"type": "websocket", "path": "/v1/stream", "raw_path": b"/v1/stream"}
         scope |= {"query_string": b"", "headers": headers, "scheme": "ws", "root_path": ""}
+        scope |= {"extensions": {"websocket.http.response": {}}}
         scope |= {"subprotocols": [], "client": ("127.0.0.1", 1), "server": ("localhost", 80)}
         self.said.put_nowait({"type": "websocket.connect"})
         self.task = asyncio.ensure_future(app(scope, self.said.get, self.heard.put))
@@ -183,7 +184,9 @@ def test_no_more_streams_than_are_allowed(called: Called, monkeypatch: pytest.Mo
         one = Client(called.app)
         assert (await one.heard.get())["type"] == "websocket.accept"
         two = Client(called.app)
-        assert (await two.hear())[0] == streams.LATER
+        start = await two.heard.get()
+        assert (start["type"], start["status"]) == ("websocket.http.response.start", 503)
+        assert (b"retry-after", b"5") in start["headers"]
         await one.leave()
         three = Client(called.app)
         assert (await three.heard.get())["type"] == "websocket.accept"
@@ -198,6 +201,7 @@ def test_no_more_streams_than_are_allowed(called: Called, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("who", [{"host": "evil.example"}, {"origin": "http://evil.example"}])
 def test_pages_of_others_get_no_stream(called: Called, who: dict[str, str]) -> None:
     async def talk() -> None:
-        assert (await Client(called.app, **who).hear())[0] == streams.POLICY
+        start = await Client(called.app, **who).heard.get()
+        assert (start["type"], start["status"]) == ("websocket.http.response.start", 403)
 
     called.wait(talk())

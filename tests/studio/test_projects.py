@@ -59,3 +59,33 @@ def test_a_file_that_someone_broke_is_told(studio: Called) -> None:
         assert answer.status_code == 422
         assert told in answer.json()["detail"]
     (folder / "broken.json").unlink()
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("con", {}),
+        ("LPT1", {}),
+        ("half", {"settings": {"a": "\ud800"}}),
+        ("deep", {"settings": {"a": json.loads("[" * 500 + "]" * 500)}}),
+        ("number", {"settings": {"a": float("nan")}}),
+    ],
+)
+def test_what_no_file_can_hold_is_refused(
+    studio: Called, name: str, changes: dict[str, Any]
+) -> None:
+    content = json.dumps(PROJECT | changes)
+    headers = {"Content-Type": "application/json"}
+    answer = studio.wait(studio.client.put(f"{URL}/{name}", content=content, headers=headers))
+    assert answer.status_code in (400, 422), answer.text
+    assert studio.get(f"{URL}/{name}").status_code == 404
+
+
+def test_names_of_many_bytes_and_of_other_case(studio: Called) -> None:
+    assert studio.send("PUT", f"{URL}/{'漢' * 80}", PROJECT).status_code == 200
+    assert studio.send("PUT", f"{URL}/Straße", PROJECT).status_code == 200
+    for name in ("STRASSE", "straße"):
+        answer = studio.send("PUT", f"{URL}/{name}", PROJECT)
+        assert answer.status_code == 422
+        assert "'Straße' are one file on macOS and Windows" in answer.json()["detail"]
+    assert studio.send("PUT", f"{URL}/Straße", PROJECT).status_code == 200

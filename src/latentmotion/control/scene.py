@@ -20,6 +20,7 @@ from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.storage.configuration import read_json
+from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 
 FORMAT = 1
 """Version of scene files that this code reads."""
@@ -161,6 +162,14 @@ def read_scene(path: FilePath) -> Scene:
     scene = read_json(Scene, path)
     if scene.format != FORMAT:
         raise InputError(f"{path}: format {scene.format}, expected {FORMAT}; update latentmotion")
+    most = dict.fromkeys(("goals", "headings", "poses"), MOST_GOALS)
+    for name, count in {**most, "timeline": MOST_SPANS, "timeline_parts": MOST_SPANS}.items():
+        if len(getattr(scene, name)) > count:
+            found = f"{len(getattr(scene, name)):,} {name}"
+            raise InputError(f"{path}: {found}, expected at most {count}")
+    if scene.path is not None and len(scene.path.points) > MOST_GOALS:
+        found = f"a path of {len(scene.path.points):,} points"
+        raise InputError(f"{path}: {found}, expected at most {MOST_GOALS}; leave some out")
     single = scene.prompt or scene.seconds is not None or scene.path or scene.goals
     if scene.timeline and (single or scene.headings or scene.poses):
         raise InputError(f"{path}: a timeline has no prompt, length or goals")

@@ -21,6 +21,7 @@ from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
+from latentmotion.storage.limits import MOST_STEPS
 
 Time = Any
 """One time as a number, or an array of one time per item of the batch (NumPy or torch)."""
@@ -94,6 +95,9 @@ class ScaledLinear(DiscreteTimes):
     ends_clean: bool = False
     """Whether sampling ends at -1, without noise, instead of at 0."""
 
+    def __post_init__(self) -> None:
+        _check_length(self.length)
+
     def time_at(self, u: Any) -> Any:
         """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
         return array_namespace(u).floor(u * self.length)
@@ -120,6 +124,9 @@ class Cosine(DiscreteTimes):
 
     length: int = 1000
     """Number of discrete times: 1,000, or 50 in MDM's fast form, which is trained with so few."""
+
+    def __post_init__(self) -> None:
+        _check_length(self.length)
 
     def time_at(self, u: Any) -> Any:
         """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
@@ -165,6 +172,11 @@ class LinearPath:
 
 def _signal(beta: np.ndarray) -> np.ndarray:
     return np.append(np.cumprod(1 - beta), 1.0)  # entry -1: no noise
+
+
+def _check_length(length: int) -> None:
+    if not 1 <= length <= MOST_STEPS:
+        raise InputError(f"schedule.length {length:,}: expected 1 to {MOST_STEPS:,}")
 
 
 def _leading(length: int, steps: int) -> np.ndarray:

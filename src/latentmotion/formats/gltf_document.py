@@ -253,13 +253,19 @@ class Document:
         if uri in known:
             return known[uri]
         assert self.path is not None
+        if len(uri) > limits.MOST_ADDRESS:
+            raise ValueError(f"names a file by {len(uri):,} letters ({uri[:40]!r}…)")
         name = Path(unquote(uri))
         if "://" in uri or name.is_absolute() or ".." in name.parts:
             raise ValueError(f"names {uri!r}; expected a file in its own folder")
         beside = self.path.parent / name
+        try:
+            is_there = beside.is_file()
+        except OSError as error:  # a part of the name is too long
+            raise ValueError(f"names {uri[:40]!r}…, which cannot be: {error.strerror}") from error
         if beside.exists() and not beside.resolve().is_relative_to(self.path.parent.resolve()):
             raise ValueError(f"names {uri!r}, a link to another folder; copy the file here")
-        if not beside.is_file():
+        if not is_there:
             raise ValueError(
                 f"it names {beside.name}, which cannot be read: there is no such file; copy it here"
             )

@@ -160,7 +160,7 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
         trans = arrays["trans"] if is_z_up else arrays.get("transl", still)
         trans = np.asarray(trans, np.float64)
         rates = [float(arrays[key]) for key in _RATES if key in arrays]
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         raise FileFormatError(path, f"no poses of SMPL ({error})") from error
     if not len(poses) or poses.shape[1] < 3 * _JOINTS or trans.shape != (len(poses), 3):
         found = f"found poses {poses.shape} and trans {trans.shape}"

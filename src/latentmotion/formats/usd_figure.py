@@ -19,8 +19,10 @@ from jaxtyping import Float
 from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
 from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
 from latentmotion.formats.checks import check_filled, checked_animation
+from latentmotion.formats.usd_reader import REFUSED, UNWRITTEN
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation
+from latentmotion.storage.children import limit
 from latentmotion.storage.limits import MOST_JOINTS, USD_MEMORY, USD_SECONDS
 from latentmotion.storage.reading import blamed_on
 
@@ -46,24 +48,22 @@ def main() -> None:
             arrays = _arrays(_Figure(source))
     except LatentMotionError as error:
         print(str(error).removeprefix(f"{source}: "))
-        sys.exit(_REFUSED)
-    with target.open("wb") as file:
-        np.savez(file, **arrays)
-
-
-_REFUSED = 3
-"""Exit code for a damaged file; a line on standard output says why."""
+        sys.exit(REFUSED)
+    except MemoryError:
+        print(f"needs more than {USD_MEMORY >> 30} GB of memory; cut it")
+        sys.exit(REFUSED)
+    try:
+        with target.open("wb") as file:
+            np.savez(file, **arrays)
+    except OSError as error:
+        print(error.strerror or error)
+        sys.exit(UNWRITTEN)
 
 
 def _limit(size: int) -> None:
-    try:
-        import resource
-    except ImportError:  # not on Windows
-        return
-    memory = USD_MEMORY + 4 * size
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    resource.setrlimit(resource.RLIMIT_CPU, (USD_SECONDS, USD_SECONDS))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    limit("AS", USD_MEMORY + 4 * size)
+    limit("CPU", USD_SECONDS)
+    limit("CORE", 0)
 
 
 def _arrays(figure: _Figure) -> dict[str, Any]:

@@ -6,29 +6,32 @@ program with bounded memory and time, and hands its result over as arrays.
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
+from latentmotion.errors import (
+    DiskFullError,
+    FileFormatError,
+    InputError,
+    LatentMotionError,
+    MissingExtraError,
+)
 from latentmotion.formats.takes import SkeletonTake
 from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.storage import children
 from latentmotion.storage.array_files import read_arrays
 from latentmotion.storage.limits import USD_SECONDS
 from latentmotion.storage.reading import parse_json
 
 _PROGRAM = "latentmotion.formats.usd_figure"
-_REFUSED = 3
-_ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "PXR_WORK_THREAD_LIMIT"), "1"
-)
+REFUSED, UNWRITTEN = 3, 4
+"""Exit codes: the file is damaged, or the result cannot be written; a line on standard output says
+why."""
 
 
 def read_takes(path: str | Path) -> list[SkeletonTake]:
@@ -76,22 +79,46 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
     """Runs the program that reads the file."""
     if find_spec("pxr") is None:
         raise MissingExtraError("USD", "usd-core", "usd")
-    places = {"PYTHONPATH": os.pathsep.join(sys.path)}
-    environment: dict[str, Any] = os.environ | _ONE_THREAD | places
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "animations.npz"
-        command = [sys.executable, "-m", _PROGRAM, str(path.absolute()), str(target)]
-        try:
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            target = Path(folder) / "animations.npz"
             done = subprocess.run(
-                command, env=environment, capture_output=True, timeout=2 * USD_SECONDS, check=False
+                children.command(_PROGRAM, str(path.absolute()), str(target)),
+                env=children.environment(),
+                capture_output=True,
+                timeout=2 * USD_SECONDS,
+                check=False,
             )
-        except subprocess.TimeoutExpired as error:
-            raise FileFormatError(path, f"not read in {2 * USD_SECONDS} s; damaged?") from error
-        if done.returncode == _REFUSED:
-            lines = done.stdout.decode(errors="replace").strip().splitlines()
-            raise FileFormatError(path, lines[-1] if lines else "damaged, or not USD")
-        if done.returncode:
-            lines = done.stderr.decode(errors="replace").strip().splitlines()
-            problem = f"USD's library ended with {done.returncode} ({(lines or [''])[-1]:.200})"
-            raise FileFormatError(path, f"{problem}; the file is damaged, or too large")
-        return read_arrays(target, lambda name: True)
+            if not done.returncode:
+                return read_arrays(target, lambda name: True)
+    except subprocess.TimeoutExpired as error:
+        raise FileFormatError(path, f"not read in {2 * USD_SECONDS} s; damaged?") from error
+    except OSError as error:
+        raise _no_room(path, error.strerror or str(error)) from error
+    if done.returncode in (REFUSED, UNWRITTEN):
+        problem = _last_line(done.stdout)
+        raise (
+            FileFormatError(path, problem)
+            if done.returncode == REFUSED
+            else _no_room(path, problem)
+        )
+    last = _last_line(done.stderr)
+    if done.returncode < 0:  # a signal
+        problem = f"USD's library ended with {done.returncode} ({last})"
+        raise FileFormatError(path, f"{problem}; the file is damaged, or too large")
+    raise InputError(
+        f"{path}: not read, as the program that reads USD does not work here ({last}); this says "
+        'nothing of the file: check `ulimit -v`, or run pip install "latentmotion[usd]" again'
+    )
+
+
+def _last_line(output: bytes) -> str:
+    lines = output.decode(errors="replace").strip().splitlines()
+    return f"{(lines or ['it said nothing'])[-1]:.300}"
+
+
+def _no_room(path: Path, problem: str) -> DiskFullError:
+    return DiskFullError(
+        f"{path}: not read, as a temporary file cannot be written ({problem}); make room in "
+        "TMPDIR, or let it name another folder"
+    )

@@ -15,7 +15,13 @@ from jaxtyping import Float
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix, slerp
-from latentmotion.storage.limits import MOST_DEPTH, MOST_FRAMES, MOST_JOINTS, UNPACKED_FACTOR
+from latentmotion.storage.limits import (
+    MOST_DEPTH,
+    MOST_FRAMES,
+    MOST_JOINTS,
+    MOST_NAMES,
+    UNPACKED_FACTOR,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +51,9 @@ class Skeleton:
         count = len(self.names)
         if not 0 < count <= MOST_JOINTS:
             raise InputError(f"a skeleton of {count:,} joints, expected 1 to {MOST_JOINTS:,}")
+        letters = sum(map(len, self.names))
+        if letters > MOST_NAMES:
+            raise InputError(f"joints with names of {letters:,} letters, expected {MOST_NAMES:,}")
         if len(self.parents) != count or np.shape(self.offsets) != (count, 3):
             found = f"{len(self.parents)} parents and offsets of shape {np.shape(self.offsets)}"
             raise InputError(f"a skeleton of {count} joints with {found}")

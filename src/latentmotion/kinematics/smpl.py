@@ -155,7 +155,8 @@ def load_smpl(path: str | Path) -> SmplModel:
             raise FileFormatError(
                 path, f"{name} has the shape {found}, expected {shape}; {_HOW} (SMPL, not SMPL-X)"
             )
-        if name != "kintree_table" and not (np.abs(arrays[name]) <= MOST_NUMBER).all():
+        least = 2**32 if name == "kintree_table" else MOST_NUMBER  # the root's parent is 2³² - 1
+        if not (np.abs(arrays[name].astype(np.float64)) <= least).all():
             raise FileFormatError(path, f"{name} holds numbers that are not finite; {_HOW}")
     faces = arrays["f"]
     if faces.size and not 0 <= faces.min() <= faces.max() < sizes["V"]:

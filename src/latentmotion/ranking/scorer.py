@@ -133,7 +133,7 @@ class Scorer:
             self.text_tower(words=words[mask][None], mask=np.ones((1, mask.sum()), bool))
             for words, mask in zip(read.words, read.mask, strict=True)
         ]
-        return np.concatenate(rows)
+        return self._finite(np.concatenate(rows))
 
     def motions(self, motions: Sequence[Motion]) -> Float[np.ndarray, "motions width"]:
         """Returns the vectors of motions, each as it would be alone.
@@ -164,6 +164,12 @@ class Scorer:
             padded = np.zeros((*mask.shape, features[0].shape[1]), np.float32)
             padded[mask] = np.concatenate([features[row][: lengths[row]] for row in rows])
             vectors[rows] = self.motion_tower(features=padded, mask=mask)
+        return self._finite(vectors)
+
+    def _finite(self, vectors: Float[np.ndarray, "rows width"]) -> Float[np.ndarray, "rows width"]:
+        """Raises ModelError for vectors that only damaged weights give."""
+        if not np.isfinite(vectors).all():
+            raise ModelError(f"{self.folder}: the scorer's weights are damaged; copy it again")
         return vectors
 
     def features_of(self, motion: Motion) -> Float[np.ndarray, "frames features"]:

@@ -160,11 +160,19 @@ class GltfFile:
         """
         if path.suffix.lower() == ".fbx":
             return fbx.convert(partial(self.write, takes=takes), path, takes[0].animation.fps)
+        with damage(self.path):
+            document = self._written(takes)
+        document.write(path)
+        return [path]
+
+    def _written(self, takes: Sequence[Take]) -> Document:
         document = deepcopy(self.document)
         for node, entry in self.scene.entries_at_rest():
             document.json["nodes"][node] = entry
         names = {take.name for take in takes}
         animations = document.json.get("animations", [])
+        if not isinstance(animations, list):
+            raise TypeError(f"animations: expected a list, found {animations!r:.40}")
         animations = [entry for entry in animations if entry.get("name") not in names]
         for take in takes:
             times = (np.arange(len(take.animation)) / take.animation.fps).astype("f4")
@@ -184,8 +192,7 @@ class GltfFile:
                 channels.append({"sampler": number, "target": {"node": node, "path": channel}})
             animations.append({"name": take.name, "channels": channels, "samplers": samplers})
         document.json["animations"] = animations
-        document.write(path)
-        return [path]
+        return document
 
     def _tracks(self, animation: Animation) -> list[tuple[int, str, np.ndarray]]:
         """Returns node, property and values of every bone that moves."""

@@ -203,7 +203,8 @@ def _response(motions: Sequence[Motion], content: bytes, form: str) -> Response:
     headers = {
         "Content-Disposition": f'attachment; filename="motion.{form}"',
         "LatentMotion-Model": str(first.metadata.get("model", "")),
-        "LatentMotion-License": str(first.metadata.get("license", "")),
+        "LatentMotion-License": str(first.metadata.get("weights_license", "")),
+        "LatentMotion-Rights": str(first.metadata.get("rights", "")),
         "LatentMotion-Seed": str(first.metadata.get("seed", "")),
         "LatentMotion-Frames": ",".join(str(len(motion)) for motion in motions),
         "LatentMotion-Fps": f"{first.fps:g}",

@@ -1,7 +1,8 @@
 """Batching: waiting requests are generated in groups by worker threads; the queue is bounded.
 
 A thread takes the oldest request and those of the same key behind it, as many as a batch may hold;
-it never waits for more. Requests whose client has gone or whose time is over are dropped before.
+it never waits for more. Clients take turns. Requests whose client has gone or whose time is over
+are dropped before.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import asyncio
 import os
 import sys
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from typing import Any
 
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
+from latentmotion.service.turns import CLIENT, Turns, room
 
 Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]
 """Key and payloads of a batch to a result, or an exception, for each."""
@@ -32,6 +34,7 @@ class _Task:
     key: Hashable
     payload: Any
     future: asyncio.Future[Any]
+    client: str = field(default_factory=CLIENT.get)
     since: float = field(default_factory=time.monotonic)
 
 
@@ -54,11 +57,22 @@ class Batcher:
         self._ends = False
         self._seconds_each = 0.05
         self._threads: list[Thread] = []
-        metrics.watch_queue(lambda: len(self._waiting))
+        self._turns = Turns()
 
-    def start(self, threads: int) -> None:
-        """Starts the threads, each of which runs a batch at a time."""
-        self._threads = [Thread(target=self._work, daemon=True) for _ in range(threads)]
+    def __len__(self) -> int:
+        """Returns how many wait."""
+        return len(self._waiting)
+
+    def start(self, threads: int, nice: int = NICE) -> None:
+        """Starts the threads, each of which runs a batch at a time.
+
+        Args:
+            threads: How many.
+            nice: Their niceness.
+        """
+        self._threads = [
+            Thread(target=self._work, args=[nice], daemon=True) for _ in range(threads)
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -86,8 +100,8 @@ class Batcher:
         line = self._background if background else self._waiting
         with self._changed:
             if not background:
-                if len(tasks) > self._queue:
-                    most = f"{len(tasks)} motions at once, and {self._queue} may wait"
+                if len(tasks) > (most := room(Counter(), self._queue, CLIENT.get())):
+                    most = f"{len(tasks)} motions at once, and {most} may wait"
                     raise Problem(422, f"{most}; ask for fewer, or a job")
                 self.check_room(len(tasks), seconds)
             line.extend(tasks)
@@ -118,14 +132,17 @@ class Batcher:
             seconds: Time until when they are wanted. Where a slow machine cannot make all that may
                 wait in that time, all that wait would be too late otherwise, and none in time.
         """
-        taken = len(self._waiting)
-        # After what waits, its own batch has to be made.
-        wait = self._seconds_to_make(taken) + self._seconds_each * self._batch
+        waiting, client = Counter(task.client for task in self._waiting), CLIENT.get()
+        taken, left = waiting.total(), room(waiting, self._queue, client)
+        # Others have as many turns before it as it has itself, and its own batch has to be made.
+        turns = waiting[client] + count if client else taken
+        before = sum(min(one, turns) for one in waiting.values())
+        wait = self._seconds_to_make(before) + self._seconds_each * self._batch
         late = seconds is not None and wait > seconds
-        if taken + count > self._queue or (taken and late):
+        if count > left or (taken and late):
             self._metrics.shed.labels("queue full").inc()
             detail = f"{taken} of {self._queue} places in the queue are taken; try again later"
-            if taken + count <= self._queue:
+            if count <= left:
                 detail = f"{taken} wait, and more would not be done in time; try again later"
             raise Problem(429, detail, self.wait())
 
@@ -155,9 +172,9 @@ class Batcher:
             with self._changed, suppress(ValueError):
                 line.remove(task)
 
-    def _work(self) -> None:
+    def _work(self, nice: int) -> None:
         if sys.platform == "linux":  # elsewhere it would be the whole process
-            os.setpriority(os.PRIO_PROCESS, get_native_id(), NICE)
+            os.setpriority(os.PRIO_PROCESS, get_native_id(), nice)
         while batch := self._take():
             began = time.monotonic()
             for task in batch:
@@ -187,16 +204,16 @@ class Batcher:
         return []
 
     def _next(self) -> list[_Task]:
-        """Takes the oldest task and what can be run with it; those in the background come last."""
+        """Takes the task whose turn it is and those of its key; the background comes last."""
         found: list[_Task] = []
         for line in (self._waiting, self._background):
-            left: list[_Task] = []
-            for task in line:
-                fits = not found or (task.key == found[0].key and len(found) < self._batch)
-                if not task.future.cancelled():
-                    (found if fits else left).append(task)
+            waiting = [task for task in line if not task.future.cancelled()]
+            for task in self._turns.order(waiting):
+                if not found or (task.key == found[0].key and len(found) < self._batch):
+                    found.append(task)
             line.clear()
-            line.extend(left)
+            line.extend(task for task in waiting if task not in found)
+        self._turns.served(found)
         return found
 
 

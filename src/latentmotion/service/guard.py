@@ -6,15 +6,19 @@ It runs on the event loop alone, so that it answers however busy the model is.
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import time
+from collections import Counter
 from collections.abc import Mapping
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from latentmotion.service.problems import Problem, problem_response
+from latentmotion.service.connections import CONNECTIONS, CONNECTIONS_OF_ADDRESS, HEALTH
+from latentmotion.service.problems import Problem, problem_response, refuse_stream
 from latentmotion.service.state import Service
+from latentmotion.service.turns import CLIENT
 
 OPEN = frozenset(
     {"/", "/viewer", "/livez", "/readyz", "/openapi.json"}
@@ -64,6 +68,7 @@ class Guard:
         self.app, self.service = app, service
         self.settings, self.metrics = service.settings, service.metrics
         self._open, self._uploads = open_paths, uploads
+        self._under_way = Counter[str]()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answers, or lets in."""
@@ -86,8 +91,11 @@ class Guard:
                     headers["Connection"] = "close"
             await send(message)
 
+        address = (scope.get("client") or ("",))[0]
+        self._under_way[address] += 1
         try:
             self._check(scope)
+            self._check_room(scope["path"], address)
             receive = self._bounded(scope, receive)
             if scope["path"] in QUEUED and scope["method"] == "POST":
                 self.service.batcher.check_room(1, self.settings.deadline)
@@ -100,6 +108,9 @@ class Guard:
         else:
             with self.metrics.open.track_inprogress():
                 await self.app(scope, receive, counted)
+        finally:
+            self._under_way[address] -= 1
+            self._under_way += Counter()  # drops addresses that have none
         known = scope["path"] if scope["path"] in QUEUED else "other"
         route = getattr(scope.get("route"), "path", known)
         self.metrics.requests.labels(route, status).inc()
@@ -110,11 +121,7 @@ class Guard:
             self._check(scope)
         except Problem as problem:
             await receive()
-            if "websocket.http.response" in scope.get("extensions", {}):
-                refuse = problem_response(problem.status_code, str(problem.detail), problem.headers)
-                await refuse(scope, receive, send)
-                return
-            await send({"type": "websocket.close", "code": 1008, "reason": problem.detail[:120]})
+            await refuse_stream(problem, scope, receive, send)
             return
         await self.app(scope, receive, send)
 
@@ -140,6 +147,19 @@ class Guard:
             problem = Problem(401, f"{found}; send the header Authorization: Bearer TOKEN")
             problem.headers = {"WWW-Authenticate": 'Bearer realm="latentmotion"'}
             raise problem
+        if len(settings.tokens) > 1:
+            CLIENT.set(hashlib.sha256(token.strip().encode()).hexdigest())
+
+    def _check_room(self, path: str, address: str) -> None:
+        """Checks that not too many requests are under way; health checks are always answered.
+
+        Raises:
+            Problem: 503.
+        """
+        own, all_requests = self._under_way[address], self._under_way.total()
+        if path in HEALTH or (own <= CONNECTIONS_OF_ADDRESS and all_requests <= CONNECTIONS):
+            return
+        raise Problem(503, f"{own} requests of {address} are under way; try again later", 1.0)
 
     def _bounded(self, scope: Scope, receive: Receive) -> Receive:
         """Returns `receive`, which ends bodies that are too large or too slow.

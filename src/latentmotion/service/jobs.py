@@ -27,6 +27,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter
 from fastapi import Path as InPath
+from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse, JSONResponse, Response
 from pydantic import ValidationError
 
@@ -90,8 +91,11 @@ class Jobs:
         except (LatentMotionError, OSError):
             shutil.rmtree(place, ignore_errors=True)
             raise
+        return JobState(id=place.name, state="queued", motions=request.motions, made=0)
+
+    def wake(self) -> None:
+        """Looks for new jobs at once."""
         self._new.set()
-        return JobState(id=place.name, state="queued", motions=len(request.all_prompts()), made=0)
 
     def state(self, name: str) -> JobState:
         """Returns how far a job is.
@@ -100,7 +104,7 @@ class Jobs:
             Problem: 404.
         """
         place = self.folder / name
-        motions = len(self._request(place).all_prompts())
+        motions = self._request(place).motions
         if _answer(place):
             return JobState(id=name, state="done", motions=motions, made=motions)
         made = min(motions, TOGETHER * len(_parts(place)))
@@ -228,12 +232,14 @@ def routes(service: Service, jobs: Jobs) -> APIRouter:
     async def add(wanted: BatchRequest) -> JSONResponse:
         """Have several motions made in the background."""
         service.check_ready()
-        service.check(wanted.settings(wanted.seconds is None), wanted.all_prompts())
-        job = jobs.add(wanted)
+        settings = wanted.settings(wanted.seconds is None)
+        await run_in_threadpool(service.check, settings, wanted.all_prompts())
+        job = await run_in_threadpool(jobs.add, wanted)
+        jobs.wake()
         return JSONResponse(job.model_dump(), 202, {"Location": f"/v1/jobs/{job.id}"})
 
     @router.get("/{name}", responses=missing)
-    async def state(name: Name) -> JobState:
+    def state(name: Name) -> JobState:
         """Tell how far a job is."""
         return jobs.state(name)
 
@@ -242,14 +248,14 @@ def routes(service: Service, jobs: Jobs) -> APIRouter:
         response_class=FileResponse,
         responses={**missing, 409: {"description": "It is not done; Retry-After says when."}},
     )
-    async def result(name: Name) -> FileResponse:
+    def result(name: Name) -> FileResponse:
         """Download the result of a job."""
         answer = jobs.answer(name)
         form = answer.name.partition(".")[2]
         return FileResponse(answer, media_type=MEDIA_TYPES[form], filename=f"motion.{form}")
 
     @router.delete("/{name}", status_code=204, responses=missing)
-    async def delete(name: Name) -> Response:
+    def delete(name: Name) -> Response:
         """End a job and remove its files."""
         jobs.delete(name)
         return Response(status_code=204)

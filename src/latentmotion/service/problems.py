@@ -17,6 +17,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
 
 from latentmotion.errors import LatentMotionError
 from latentmotion.storage.files import is_disk_full
@@ -65,6 +66,15 @@ def problem_response(
     return Response(body, status, dict(headers or {}), MEDIA_TYPE)
 
 
+async def refuse_stream(problem: Problem, scope: Scope, receive: Receive, send: Send) -> None:
+    """Answers a WebSocket that was not accepted; servers without this extension say 403."""
+    if "websocket.http.response" in scope.get("extensions", {}):
+        answer = problem_response(problem.status_code, str(problem.detail), problem.headers)
+        await answer(scope, receive, send)
+    else:
+        await send({"type": "websocket.close", "code": 1008, "reason": problem.detail[:120]})
+
+
 async def on_http(request: Request, error: Exception) -> Response:
     """Answers errors of HTTP."""
     assert isinstance(error, HTTPException)
@@ -95,7 +105,9 @@ async def on_fields(request: Request, error: Exception) -> Response:
         if one["type"] == "json_invalid":
             return problem_response(400, f"the body is not JSON, at character {one['loc'][-1]}")
         place = ".".join(str(part) for part in one["loc"])
-        told = _NO_OBJECT if one["loc"] == ("body",) else str(one["msg"])[:500]
+        told = str(one["msg"]).removeprefix("Value error, ")[:500]
+        if one["loc"] == ("body",) and one["type"] != "value_error":
+            told = _NO_OBJECT
         found.append({"at": place[:200], "problem": told})
     detail = "; ".join(f"{one['at']}: {one['problem']}" for one in found[:3])
     more = f"; and {len(found) - 3} more" if len(found) > 3 else ""
@@ -104,7 +116,8 @@ async def on_fields(request: Request, error: Exception) -> Response:
 
 async def on_failure(request: Request, error: Exception) -> Response:
     """Answers errors of the service itself; the server's log has the traceback."""
-    return problem_response(500, "the service failed; its log says why")
+    # The server closes the connection after an error; who is told opens another.
+    return problem_response(500, "the service failed; its log says why", {"Connection": "close"})
 
 
 _NO_OBJECT = "expected a JSON object, sent with Content-Type: application/json"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from latentmotion.control.goals import Goal, Heading, Path, Reach
 from latentmotion.control.timeline import PartSpan, Span
@@ -14,6 +14,7 @@ from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.service.model import BatchSettings, Prompt
+from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 
 MOST_CHARACTERS = 500
 """Of a prompt."""
@@ -21,11 +22,11 @@ MOST_CHARACTERS = 500
 MOST_MOTIONS = 256
 """Of a batch or a job."""
 
+MOST_FIELDS = 32
+"""Fields of an object."""
+
 MOST_STEPS = 1000
 """Sampling steps."""
-
-MOST_GOALS = 64
-"""Goals of a motion, or points of its path."""
 
 Format = Literal[
     "json", "raw", "npz", "amass.npz", "csv", "bvh", "glb", "usda", "usdc", "usdz", "html", "viewer"
@@ -82,6 +83,14 @@ Fps = Annotated[
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_fields(cls, data: Any) -> Any:
+        """Refuses thousands of fields at once, each of which would be told as unknown."""
+        if isinstance(data, dict) and len(data) > MOST_FIELDS:
+            raise ValueError(f"{len(data):,} fields, expected at most {MOST_FIELDS}")
+        return data
 
 
 class JointGoal(_Strict):
@@ -169,8 +178,8 @@ class SceneRequest(_Sampled):
     goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     path: PathGoal | None = None
-    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=16)
-    timeline_parts: list[PartOfTimeline] = Field(default_factory=list, max_length=16)
+    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=MOST_SPANS)
+    timeline_parts: list[PartOfTimeline] = Field(default_factory=list, max_length=MOST_SPANS)
 
     def prompts(self) -> list[Prompt]:
         """Returns the prompt for the queue."""
@@ -247,12 +256,26 @@ class BatchRequest(_Sampled):
     prompts: list[Text] = Field(min_length=1, max_length=MOST_MOTIONS)
     """What the person does in each motion."""
     count: int = Field(1, ge=1, le=MOST_MOTIONS, strict=True)
-    """Motions per prompt."""
+    """Motions per prompt; prompts times count are 256 at most."""
     seconds: Seconds = None
     seed: Seed = 0
     """Seed of the first motion."""
     format: Format = "npz"
     fps: Fps = None
+
+    @model_validator(mode="after")
+    def _check_motions(self) -> BatchRequest:
+        if self.motions > MOST_MOTIONS:
+            raise ValueError(
+                f"{len(self.prompts)} prompts of count {self.count} are {self.motions:,} motions; "
+                f"expected {MOST_MOTIONS} at most, ask for the others in another request"
+            )
+        return self
+
+    @property
+    def motions(self) -> int:
+        """Motions that are asked for."""
+        return len(self.prompts) * self.count
 
     def all_prompts(self) -> list[Prompt]:
         """Returns the prompts for the queue."""

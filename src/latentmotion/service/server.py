@@ -16,6 +16,8 @@ from fastapi import FastAPI
 
 from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.errors import InputError
+from latentmotion.service.connections import CONNECTIONS, Connection
+from latentmotion.storage.children import limit
 from latentmotion.text.encoder import UnknownWordsWarning
 
 KEEP_ALIVE = 75
@@ -26,9 +28,6 @@ LARGEST_MESSAGE = 1 << 14
 
 WAITING = 2048
 """Connections that wait to be accepted."""
-
-CONNECTIONS = 1000
-"""Connections at the same time; beyond, they are answered by 503."""
 
 PASSES = 100
 """Passes of the event loop at most in which the last connections are accepted."""
@@ -139,7 +138,18 @@ def serve(app: FastAPI, place: socket.socket, notice: float, shutdown: float) ->
     """
     for category in (UnknownWordsWarning, CleanUpWarning):
         warnings.simplefilter("ignore", category)  # of users' prompts, which no log holds
-    config = uvicorn.Config(
+    limit("NOFILE", 4 * CONNECTIONS)  # a connection is an open file, of which 1,024 are usual
+    Server(configuration(app, shutdown), app, notice).run([place])
+
+
+def configuration(app: FastAPI, shutdown: float) -> uvicorn.Config:
+    """Returns the settings of uvicorn.
+
+    Args:
+        app: The application.
+        shutdown: Seconds in which what waits is finished.
+    """
+    return uvicorn.Config(
         app,
         log_level="warning",
         access_log=False,
@@ -149,8 +159,7 @@ def serve(app: FastAPI, place: socket.socket, notice: float, shutdown: float) ->
         ws_max_size=LARGEST_MESSAGE,
         ws_max_queue=16,
         ws_per_message_deflate=False,
-        limit_concurrency=CONNECTIONS,
+        http=Connection,
         timeout_keep_alive=KEEP_ALIVE,
         timeout_graceful_shutdown=max(1, round(shutdown)),
     )
-    Server(config, app, notice).run([place])

@@ -17,7 +17,7 @@ from latentmotion.formats.content import encoded
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.service import model
-from latentmotion.service.batching import Batcher
+from latentmotion.service.batching import NICE, Batcher
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import Format, ModelAnswer, MotionRequest
@@ -50,6 +50,8 @@ class Service:
         self.batcher = Batcher(
             partial(model.run, self.pipeline), settings.queue, settings.batch, self.metrics
         )
+        self.slow = Batcher(partial(model.run, self.pipeline), settings.queue, 1, self.metrics)
+        self.metrics.watch_queue(lambda: len(self.batcher) + len(self.slow))
         workers = settings.file_workers
         self.writers = FileWorkers(workers, settings.queue, self.metrics, tries=2)
         self.readers = FileWorkers(workers, 2 * workers, self.metrics)
@@ -60,6 +62,7 @@ class Service:
     async def start(self) -> None:
         """Starts the threads and makes a first motion, so that the networks are loaded."""
         self.batcher.start(self.settings.threads)
+        self.slow.start(1, 2 * NICE)
         first = model.first_prompt(self.pipeline)
         try:
             await self.generated(model.BatchSettings(None, None, None, True), [first], 600.0)
@@ -96,6 +99,7 @@ class Service:
         """Ends threads and processes."""
         self.drain()
         await self.batcher.stop()
+        await self.slow.stop()
         await self.writers.stop()
         await self.readers.stop()
 
@@ -125,11 +129,14 @@ class Service:
             LatentMotionError: A prompt cannot be used.
             Problem: The queue is full, or the time is over.
         """
-        self.check(settings, prompts)
+        await asyncio.to_thread(self.check, settings, prompts)
         return await self.batcher.submit(settings, prompts, seconds, background)
 
     async def called(self, function: Callable[[], T], seconds: float | None) -> T:
-        """Returns what a function of the model returns, which is run in the queue alone.
+        """Returns what a function of the model returns that may take seconds, as a timeline does.
+
+        It has a queue and a thread of its own, which yields to the others, so that no short request
+        waits for it.
 
         Args:
             function: Runs the model.
@@ -138,7 +145,7 @@ class Service:
         Raises:
             Problem: The queue is full, or the time is over.
         """
-        return (await self.batcher.submit(object(), [function], seconds))[0]
+        return (await self.slow.submit(object(), [function], seconds))[0]
 
     def deadline(self) -> float:
         """Returns the time of `time.monotonic` until when a request that comes now is answered."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import json
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
@@ -21,7 +22,7 @@ from pydantic import ValidationError
 from latentmotion.control.stream import CALL, STRIDE, MotionStream
 from latentmotion.errors import InputError, LatentMotionError
 from latentmotion.service.model import BatchSettings, Prompt
-from latentmotion.service.problems import Problem
+from latentmotion.service.problems import Problem, refuse_stream
 from latentmotion.service.schemas import StreamMessage
 from latentmotion.service.state import Service
 
@@ -31,7 +32,7 @@ AHEAD = 2
 IDLE = 60.0
 """Seconds for which a stream waits for its client: a prompt, or what it acknowledges."""
 
-POLICY, GOING, LATER = 1008, 1001, 1013
+POLICY, GOING = 1008, 1001
 """Codes by which a WebSocket is closed."""
 
 
@@ -121,7 +122,8 @@ class Stream:
                     return silent
             try:
                 # Without a deadline: a piece that is given up while it is made would be missing.
-                motion = await self._service.called(lambda stream=self._motion: next(stream), None)
+                piece = partial(next, self._motion)
+                (motion,) = await self._service.batcher.submit(object(), [piece], None)
             except Problem:  # the queue is full: the stream waits as anyone does
                 await asyncio.sleep(0.5)
                 continue
@@ -156,7 +158,8 @@ def routes(service: Service) -> APIRouter:
         nonlocal open_streams
         if service.obstacle is not None or open_streams >= service.settings.streams:
             reason = service.obstacle or f"{open_streams} streams are open"
-            await socket.close(LATER, f"{reason}; try again"[:120])
+            problem = Problem(503, f"{reason}; try again later", 5.0)
+            await refuse_stream(problem, socket.scope, socket.receive, socket.send)
             return
         open_streams += 1
         service.metrics.streams.set(open_streams)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -30,6 +29,7 @@ from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion, animations, cleaned
 from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.inspection import inspect_rig
+from latentmotion.storage.children import limit
 from latentmotion.storage.files import atomic_file, is_disk_full
 
 MEMORY = 1 << 32
@@ -47,8 +47,8 @@ _WITH_ROTATIONS = frozenset({"bvh", "glb", "usda", "usdc", "usdz"})
 
 def main() -> None:
     """Answers until the input ends."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
+    limit("AS", MEMORY)
+    limit("FSIZE", LARGEST_FILE)
     warnings.simplefilter("ignore")
     source, target = sys.stdin.buffer, sys.stdout.buffer
     with suppress(BrokenPipeError):  # the service has ended

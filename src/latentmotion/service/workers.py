@@ -5,14 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import sys
 import time
 from asyncio.subprocess import PIPE, Process
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields
-from functools import lru_cache
+from dataclasses import dataclass, field, fields
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -23,12 +22,12 @@ from latentmotion.motion import Motion
 from latentmotion.service.batching import NICE
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
+from latentmotion.service.turns import CLIENT, Turns, room
+from latentmotion.storage import children
 
 _TASKS_OF_A_PROCESS = 1000
 _TOGETHER = 8
 """Motions that a process cleans up and writes together at most."""
-
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 Answer = tuple[dict[str, Any], bytes]
 
@@ -46,6 +45,7 @@ class _Job:
     until: float
     """Time until when it is wanted."""
     done: asyncio.Future[Answer]
+    client: str = field(default_factory=CLIENT.get)
     begun: bool = False
     """Whether a process has it."""
     ended: int = 0
@@ -70,7 +70,7 @@ class FileWorkers:
     def __init__(self, count: int, waiting: int, metrics: Metrics, tries: int = 1) -> None:
         self._idle: asyncio.Queue[Process | None] = asyncio.Queue()
         self._waiting: deque[_Job] = deque()
-        self._tasks = self._places = 0
+        self._tasks, self._turns, self._places = Counter[str](), Turns(), 0
         self._count, self._most = count, count + waiting
         self._metrics, self._tries, self._stopped = metrics, tries, False
         self._seconds_each = 0.05
@@ -117,13 +117,13 @@ class FileWorkers:
             InputError: The task cannot be done.
             WorkerError: It took too long, or as many processes ended as may.
         """
-        if self._tasks >= self._most:
+        if not room(self._tasks, self._most, CLIENT.get()):
             self._metrics.shed.labels("files full").inc()
             raise Problem(429, "too many files are being worked on; try again", 1.0)
         done: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         job = _Job(task, content, time.monotonic() + seconds, done)
-        self._tasks += 1
-        done.add_done_callback(self._finished)
+        self._tasks[job.client] += 1
+        done.add_done_callback(partial(self._finished, job.client))
         self._add(job)
         try:
             # A client that goes does not stop the process, whose answer would come to the next.
@@ -158,8 +158,9 @@ class FileWorkers:
         for process in tuple(self._started):
             await self._end(process)
 
-    def _finished(self, done: asyncio.Future[Answer]) -> None:
-        self._tasks -= 1
+    def _finished(self, client: str, done: asyncio.Future[Answer]) -> None:
+        self._tasks[client] -= 1
+        self._tasks += Counter()  # drops clients that have none
         if not done.cancelled():
             done.exception()
 
@@ -170,13 +171,14 @@ class FileWorkers:
         work.add_done_callback(self._work.discard)
 
     def _take(self) -> list[_Job]:
-        """Takes the oldest task and those that may join it, so many that all processes get some."""
-        waiting = [job for job in self._waiting if not job.done.done()]
+        """Takes the next task and those that may join it, so many that all processes get some."""
+        waiting = self._turns.order(job for job in self._waiting if not job.done.done())
         most = min(_TOGETHER, -(-len(waiting) // self._count))
         batch = waiting[:1]
         if batch and batch[0].joins:
             batch += [job for job in waiting[1:] if job.joins][: most - 1]
-        self._waiting = deque(job for job in waiting if job not in batch)
+        self._waiting = deque(job for job in self._waiting if job in waiting and job not in batch)
+        self._turns.served(batch)
         return batch
 
     async def _work_on_what_waits(self) -> None:
@@ -233,13 +235,12 @@ class FileWorkers:
         return await self._end(process)
 
     async def _start(self) -> Process:
-        places = {"PYTHONPATH": os.pathsep.join(sys.path)}
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "latentmotion.service.worker"),
+            *children.command("latentmotion.service.worker"),
             stdin=PIPE,
             stdout=PIPE,
             limit=_BUFFER,
-            env=os.environ | _ONE_THREAD | places,
+            env=children.environment(),
             start_new_session=True,  # Ctrl+C ends the service first
         )
         with suppress(ProcessLookupError):

@@ -53,6 +53,9 @@ def read_arrays(path: str | Path, wanted: Wanted) -> dict[str, np.ndarray]:
         if not zipfile.is_zipfile(opened):
             raise FileFormatError(path, _NO_ZIP)
         with zipfile.ZipFile(opened) as archive:
+            names = archive.namelist()
+            if len(set(names)) < len(names):
+                raise FileFormatError(path, "holds two arrays of one name; save it again")
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
             members = {name: info for name, info in members.items() if is_wanted(name)}
             check_members(path, list(members.values()))

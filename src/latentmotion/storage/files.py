@@ -1,5 +1,7 @@
-"""Atomic writes: a failure leaves the old file, or none; and the folder of this user's caches.
+"""Atomic, durable writes: a failure or a power cut leaves the old file, the new one, or none.
 
+What is written is on the disk before it gets its name, and the name before the writer goes on. In
+the system's folder for temporary files nothing is promised, and nothing waits for the disk.
 Files get the user's default permissions; safetensors alone would make its own unreadable to others.
 What a killed process left is removed when the same is written again; a temporary file is named
 after the machine and the process that writes it, so that writers at the same time keep theirs.
@@ -16,6 +18,7 @@ import re
 import secrets
 import shutil
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -55,7 +58,12 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
         temporary.unlink()
         yield temporary
         _permit(temporary, mode)
+        durable = is_durable(target)
+        if durable:
+            sync(temporary)
         temporary.replace(target)
+        if durable:
+            sync_names(target)
     except _failures() as error:
         raise _unwritable(target, error) from error
     finally:
@@ -74,7 +82,7 @@ def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
         InputError: The parent cannot be written, or there is something else in this place.
     """
     target = Path(path)
-    aside = target.absolute().parent / f".{target.name}.replaced"
+    aside = target.absolute().parent / f".{_short(target.name)}.replaced"
     _put_back(aside, target)  # a writer was killed between the two renames below
     check_replaceable(target, marker)
     temporary = _temporary_name(target)
@@ -84,14 +92,54 @@ def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
         for file in temporary.rglob("*"):
             if file.is_file() and not file.is_symlink():
                 _permit(file, temporary.stat().st_mode & 0o666)
+        durable = is_durable(target)
+        if durable:
+            for entry in (*temporary.rglob("*"), temporary):
+                sync(entry)
         if target.is_dir():
             target.replace(aside)
         temporary.replace(target)
+        if durable:
+            sync_names(target)
     except _failures() as error:
         raise _unwritable(target, error) from error
     finally:
         _put_back(aside, target)
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def is_durable(path: Path) -> bool:
+    """Returns whether a file is to survive a power cut: it is not in a temporary folder."""
+    return not path.absolute().is_relative_to(tempfile.gettempdir())
+
+
+def sync(path: Path) -> None:
+    """Waits until a file's content, or the names in a folder, are on the disk."""
+    if path.is_dir() and os.name == "nt":  # Windows opens no folders, and keeps names itself
+        return
+    place = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+    try:
+        os.fsync(place)
+    except OSError as error:  # some network file systems have no such call
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(place)
+
+
+def sync_names(path: Path) -> None:
+    """Waits until a name is on the disk, and once those of the folders above it, too."""
+    folder = path.absolute().parent
+    sync(folder)
+    while folder != folder.parent and (key := (folder, folder.stat().st_ino)) not in _NAMED:
+        with suppress(PermissionError):  # it is a folder of others, which was there before
+            sync(folder.parent)
+        _NAMED.add(key)
+        folder = folder.parent
+
+
+_NAMED: set[tuple[Path, int]] = set()
+"""Folders whose own names are on the disk, and their inodes."""
 
 
 def check_replaceable(path: str | Path, marker: str) -> None:
@@ -143,6 +191,7 @@ def remove_left(folder: Path, stem: str | None = None, suffix: str | None = None
         stem: Name of the file that was to be written, without its ending; by default any.
         suffix: Its ending; by default any.
     """
+    stem = None if stem is None else _short(stem)
     begin = "*" if stem is None else glob.escape(stem)
     for entry in folder.glob(f".{begin}.*{'' if suffix is None else glob.escape(suffix)}"):
         named = _TEMPORARY.fullmatch(entry.name)
@@ -202,7 +251,18 @@ def _temporary_name(target: Path) -> Path:
     folder, token = target.absolute().parent, f"{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
     remove_left(folder, target.stem, target.suffix)
     # The ending is kept last, since many writers choose their format by it.
-    return folder / f".{target.stem}.{token}{target.suffix}"
+    ending = target.suffix if len(os.fsencode(target.suffix)) < _LONG else ""
+    return folder / f".{_short(target.stem)}.{token}{ending}"
+
+
+def _short(stem: str) -> str:
+    """Returns a name that leaves room for more in the 255 bytes that file systems allow."""
+    name = os.fsencode(stem)
+    return stem if len(name) < _LONG else f"{hashlib.sha256(name).hexdigest()}"
+
+
+_LONG = 128
+"""Bytes of a name that is shortened."""
 
 
 _TEMPORARY = re.compile(

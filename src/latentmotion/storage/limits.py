@@ -33,6 +33,12 @@ MOST_DIGITS = 19
 MOST_JOINTS = 2048
 """Joints of a skeleton. Faces and capes of games have some hundreds."""
 
+MOST_NAMES = 1_000_000
+"""Letters of all names of a skeleton together; names are compared with each convention's."""
+
+MOST_ADDRESS = 4096
+"""Characters of the address of a file that another one names; no system has longer paths."""
+
 MOST_DEPTH = 256
 """Joints from the root to a tip: writers of nested formats walk the tree recursively."""
 
@@ -66,6 +72,12 @@ MOST_LAYERS = 256
 
 MOST_STEPS = 100_000
 """Sampling steps, or discrete times of a schedule. The usual number is 1,000."""
+
+MOST_GOALS = 64
+"""Goals of a kind of one motion, or points of its path."""
+
+MOST_SPANS = 16
+"""Prompts of a timeline, or of the parts of the body during it."""
 
 MOST_TOKENS = 200_000
 """Latent tokens, or frames, of one generated motion."""

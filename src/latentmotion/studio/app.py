@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+import sys
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from functools import partial
@@ -14,7 +16,7 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import Response
 
 from latentmotion.service.app import Extension, create_app
-from latentmotion.service.problems import Problem, problem_response
+from latentmotion.service.problems import FULL_DISK, Problem, problem_response
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
 from latentmotion.studio import capabilities, characters, projects, takes
@@ -66,11 +68,25 @@ def create_studio(settings: Settings, library: Library, others: Sequence[str] = 
     app = create_app(settings, extension)
     app.add_exception_handler(UnknownError, partial(_on_error, 404))
     app.add_exception_handler(MissingMotionError, partial(_on_error, 410))
+    app.add_exception_handler(sqlite3.Error, _on_database)
     return app
 
 
 async def _on_error(status: int, request: Request, error: Exception) -> Response:
     return problem_response(status, str(error))
+
+
+async def _on_database(request: Request, error: Exception) -> Response:
+    """Answers what SQLite says; its error is written down for the owner of the studio."""
+    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
+    print(f"error: library.sqlite3: {error}", file=sys.stderr)
+    if code == sqlite3.SQLITE_FULL:
+        return problem_response(507, FULL_DISK, {"Retry-After": "60"})
+    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+        detail = "another program is writing to the library; try again"
+        return problem_response(503, detail, {"Retry-After": "5"})
+    detail = f"the library's database cannot be used ({error}); close the studio and repair it"
+    return problem_response(503, detail, {"Retry-After": "60"})
 
 
 def _routes(

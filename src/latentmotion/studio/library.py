@@ -21,21 +21,26 @@ import sqlite3
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
+from math import inf
 from pathlib import Path
 from threading import RLock
-from typing import Any
+from typing import Any, TypeVar
 
-from latentmotion.errors import FileFormatError, InputError
+from latentmotion.errors import DiskFullError, FileFormatError, InputError, LatentMotionError
 from latentmotion.formats import npz
 from latentmotion.formats.content import encoded
 from latentmotion.motion import Motion
+from latentmotion.retarget.inspection import RigReport
 from latentmotion.storage.configuration import from_json
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import atomic_file, is_durable, sync_names
+from latentmotion.storage.reading import parse_json
 from latentmotion.studio.edits import Edits
+
+P = TypeVar("P")
 
 VERSION = 1
 """Version of the database that this code writes and reads."""
@@ -49,6 +54,7 @@ MOST_TITLE = 200
 MOST_LISTED = 500
 """Takes of a page of the list."""
 
+_EACH_TAG = "json_each(CASE WHEN json_valid(tags) THEN tags ELSE '[]' END)"
 _ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
 _TABLES = """
 CREATE TABLE IF NOT EXISTS takes (
@@ -104,6 +110,8 @@ class Take:
     """Each goal, and how far the motion was from it, centimeters."""
     missing: bool = False
     """The file of its motion is gone."""
+    damaged: bool = False
+    """Its row in the database cannot be read."""
 
     def about(self) -> dict[str, Any]:
         """Returns the take as JSON has it; frames, rate and seconds are those after its edits."""
@@ -166,8 +174,12 @@ class Library:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, exist_ok=True)  # prompts are nobody else's business
+            with suppress(PermissionError):  # someone else's library, which may be shared
+                folder.chmod(0o700)
             for name in ("motions", "characters", "projects"):
-                (folder / name).mkdir(parents=True, exist_ok=True)
+                (folder / name).mkdir(exist_ok=True)
         except OSError as error:
             raise InputError(
                 f"--library {folder}: cannot be written ({error.strerror}); name another folder"
@@ -176,19 +188,24 @@ class Library:
         try:
             self._open(folder / "library.sqlite3")
         except sqlite3.Error as error:
+            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_FULL:
+                raise DiskFullError(f"--library {folder}: the disk is full; make room") from error
             raise InputError(
                 f"{folder / 'library.sqlite3'} is no library that can be used ({error}); move it "
                 "away, or name another folder by --library"
             ) from error
 
     def _open(self, path: Path) -> None:
+        path.touch(mode=0o600)
+        if is_durable(path):
+            sync_names(path)
         self._database = sqlite3.connect(path, 10.0, isolation_level=None, check_same_thread=False)
         self._database.row_factory = sqlite3.Row
         (version,) = self._database.execute("PRAGMA user_version").fetchone()
         if version > VERSION:
             raise InputError(f"{path} is of version {version}; update latentmotion")
         self._database.execute("PRAGMA journal_mode = WAL")
-        self._database.execute("PRAGMA synchronous = NORMAL")
+        self._database.execute("PRAGMA synchronous = FULL")
         self._database.executescript(f"{_TABLES} PRAGMA user_version = {VERSION};")
 
     def close(self) -> None:
@@ -286,7 +303,7 @@ class Library:
             conditions.append("instr(words, ?)")
             values.append(word)
         if tag:
-            conditions.append("tags <> '[]' AND ? IN (SELECT value FROM json_each(tags))")
+            conditions.append(f"tags <> '[]' AND ? IN (SELECT value FROM {_EACH_TAG})")
             values.append(tag)
         if star is not None:
             conditions.append("star = ?")
@@ -306,8 +323,8 @@ class Library:
         """Returns the tags of all takes that are not deleted."""
         with self._lock:
             rows = self._database.execute(
-                "SELECT DISTINCT value FROM takes, json_each(tags) "
-                "WHERE deleted = 0 AND tags <> '[]' ORDER BY value"
+                f"SELECT DISTINCT value FROM takes, {_EACH_TAG} "
+                "WHERE deleted = 0 AND tags <> '[]' AND typeof(value) = 'text' ORDER BY value"
             ).fetchall()
         return [tag for (tag,) in rows]
 
@@ -445,25 +462,51 @@ class Library:
         return self.store(motion) == take.motion, True
 
     def _motion_file(self, digest: str) -> Path:
-        assert re.fullmatch("[0-9a-f]{64}", digest)
+        if not re.fullmatch("[0-9a-f]{64}", digest):
+            raise MissingMotionError(
+                f"no motion has the name {digest[:80]!r}: this take is damaged"
+            )
         return self.folder / "motions" / f"{digest}.npz"
 
     def _take(self, row: sqlite3.Row) -> Take:
-        return Take(
-            row["id"],
-            row["made"],
-            row["title"],
-            json.loads(row["recipe"]),
-            row["motion"],
-            row["frames"],
-            row["fps"],
-            tuple(json.loads(row["tags"])),
-            bool(row["star"]),
-            bool(row["deleted"]),
-            _edits(row["edits"]),
-            json.loads(row["goals"]) if row["goals"] else None,
-            not self._motion_file(row["motion"]).is_file(),
-        )
+        """Returns the take of a row; one that cannot be read is there as damaged."""
+        try:
+            texts = [row[name] for name in ("id", "made", "title", "motion")]
+            if not all(isinstance(text, str) for text in texts):
+                raise ValueError("expected text")
+            name, at, title, digest = texts
+            take = Take(
+                name,
+                at,
+                title,
+                _parsed(row["recipe"], dict),
+                digest,
+                row["frames"],
+                row["fps"],
+                tuple(_parsed(row["tags"], list)),
+                bool(row["star"]),
+                bool(row["deleted"]),
+                _edits(row["edits"]),
+                _parsed(row["goals"], list) if row["goals"] else None,
+                not self._motion_file(digest).is_file(),
+            )
+            seconds = take.about()["seconds"]  # and its edits fit its length
+            if not 0 < seconds < inf or not all(
+                isinstance(each, dict) for each in take.goals or ()
+            ):
+                raise ValueError("its numbers or goals")
+            take.words()  # its recipe and tags are of text
+            return take
+        except (ValueError, TypeError, AttributeError, ArithmeticError, LatentMotionError) as error:
+            reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+            name, at, digest = (str(row[name])[:MOST_TITLE] for name in ("id", "made", "motion"))
+            title = "damaged: its row in library.sqlite3 cannot be read"
+            return Take(
+                *(name, at, title, {"damaged": reason}, digest, 1, 1.0),
+                deleted=bool(row["deleted"]),
+                missing=True,
+                damaged=True,
+            )
 
     @contextmanager
     def _written(self) -> Iterator[sqlite3.Connection]:
@@ -506,15 +549,32 @@ def default_folder() -> Path:
 
 
 def _character(row: sqlite3.Row) -> Character:
-    return Character(
-        row["id"], row["name"], row["ending"], json.loads(row["bones"]), bool(row["deleted"])
-    )
+    """Returns the character of a row; of one that cannot be read, the bones' problem says so."""
+    try:
+        bones = asdict(from_json(RigReport, _parsed(row["bones"], dict)))
+    except (ValueError, TypeError, LatentMotionError) as error:
+        problem = f"its row in library.sqlite3 cannot be read ({error})"
+        bones = asdict(RigReport((), {}, (), (), problem))
+    name, title, ending = (str(row[name])[:MOST_TITLE] for name in ("id", "name", "ending"))
+    return Character(name, title, ending, bones, bool(row["deleted"]))
+
+
+def _parsed(text: str, kind: type[P]) -> P:
+    """Returns what a column holds as JSON.
+
+    Raises:
+        FileFormatError: It is no JSON, or of another kind.
+    """
+    value = parse_json(text, "library.sqlite3")
+    if not isinstance(value, kind):
+        raise FileFormatError("library.sqlite3", f"found {value!r:.40}, expected a {kind.__name__}")
+    return value
 
 
 @lru_cache(1024)
 def _edits(text: str) -> Edits:
     """Returns edits as the database holds them; most takes have the same."""
-    return from_json(Edits, json.loads(text))
+    return from_json(Edits, _parsed(text, dict))
 
 
 def _row(take: Take) -> tuple[Any, ...]:

@@ -145,7 +145,7 @@ class Models:
             InputError: The take was not made here, or none of the models has these weights.
             ModelError: The model cannot be loaded.
         """
-        if "imported" in recipe:
+        if not {"model", "weights"} <= recipe.keys():
             raise InputError("this take was imported, not generated; import its file again")
         known = sorted(self.all.values(), key=lambda model: model.name != recipe["model"])
         for model in known:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 from fastapi import APIRouter
 from pydantic import ValidationError
@@ -13,6 +15,7 @@ from pydantic import ValidationError
 from latentmotion.errors import InputError
 from latentmotion.storage.configuration import read_plain
 from latentmotion.storage.files import atomic_file
+from latentmotion.storage.reading import parse_json
 from latentmotion.studio.library import Library, UnknownError
 from latentmotion.studio.schemas import Project, ProjectName
 
@@ -55,9 +58,7 @@ def routes(library: Library) -> APIRouter:
     def kept(name: ProjectName, project: Project) -> Project:
         """Write a project, in place of the one of this name."""
         found = project.model_copy(update={"name": name})
-        with atomic_file(folder / f"{name}.json") as temporary:
-            text = json.dumps(found.model_dump(mode="json"), indent=1, ensure_ascii=False)
-            temporary.write_text(text + "\n", encoding="utf-8", errors="strict")
+        write(folder, name, found.model_dump())
         return found
 
     @router.delete("/{name}")
@@ -68,6 +69,47 @@ def routes(library: Library) -> APIRouter:
         return {"removed": project}
 
     return router
+
+
+def write(folder: Path, name: str, project: Mapping[str, Any]) -> None:
+    """Writes a project.
+
+    Args:
+        folder: The folder of projects.
+        name: Its name.
+        project: Its content.
+
+    Raises:
+        InputError: Some systems cannot have a file of this name, or would put it in place of
+            another, or the project holds what JSON cannot.
+    """
+    if name.upper() in _RESERVED:
+        raise InputError(f"{name!r} is a device of Windows, not a file; choose another name")
+    alike = [file.stem for file in folder.glob("*.json") if _same(file.stem, name)]
+    if alike and name not in alike:
+        raise InputError(
+            f"{name!r} and the project {alike[0]!r} are one file on macOS and Windows; choose "
+            "another name, or that one"
+        )
+    try:
+        text = json.dumps(project, indent=1, ensure_ascii=False, allow_nan=False)
+        content = f"{text}\n".encode()
+    except (ValueError, RecursionError) as error:  # NaN, halves of characters, deep nesting
+        raise InputError(f"this project cannot be written as JSON: {error}") from error
+    parse_json(text, f"project {name!r}")  # what could not be read again is told now
+    with atomic_file(folder / f"{name}.json") as temporary:
+        temporary.write_bytes(content)
+
+
+_RESERVED = frozenset(
+    {"CON", "PRN", "AUX", "NUL"} | {f"{port}{n}" for port in ("COM", "LPT") for n in range(10)}
+)
+"""Names that Windows keeps for devices."""
+
+
+def _same(one: str, other: str) -> bool:
+    """Returns whether macOS or Windows take two names for one."""
+    return normalize("NFC", one).casefold() == normalize("NFC", other).casefold()
 
 
 def _file(folder: Path, name: str) -> Path:

@@ -262,6 +262,8 @@ class TakeAnswer(_Answer):
     deleted: bool
     missing: bool
     """The file of its motion is gone."""
+    damaged: bool
+    """Its row in the database cannot be read; it can be deleted."""
     edits: EditsAnswer
     goals: list[dict[str, Any]] | None
     """Each goal, and how far the motion was from it before and after clean-up, centimeters."""

@@ -89,7 +89,13 @@ class GraphTextEncoder:
 
     def _run(self, tokens: Int[np.ndarray, "batch words"]) -> tuple[Any, Any, Any]:
         mask = np.ones(tokens.shape, dtype=bool)
-        return *self.session.run(None, {"tokens": tokens, "mask": mask}), mask
+        try:
+            return *self.session.run(None, {"tokens": tokens, "mask": mask}), mask
+        except Exception as error:  # ONNX Runtime has error classes of its own
+            raise ModelError(
+                f"the text encoder {self.name!r} cannot read word pieces up to {tokens.max()} of "
+                f"its tokenizer: {str(error).splitlines()[0]:.200}; the two do not belong together"
+            ) from error
 
     def unknown_words(self, sentence: str) -> list[str]:
         """Returns no words: this encoder does not tell known words from others."""

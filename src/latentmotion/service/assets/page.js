@@ -51,7 +51,7 @@ find("ask").addEventListener("submit", (event) => {
     find("files").hidden = false;
     const model = answer.headers.get("LatentMotion-Model");
     const license = answer.headers.get("LatentMotion-License");
-    tell(`${model}, ${Math.round(performance.now() - start)} ms; motion under ${license}`);
+    tell(`${model}, ${Math.round(performance.now() - start)} ms; weights of the model: ${license}`);
   });
 });
 
