@@ -49,7 +49,8 @@ def address(library: Path) -> Iterator[str]:
     program = "from latentmotion.cli.main import main; main()"
     command = [sys.executable, "-c", program, "studio", "--no-browser", "--port", "0"]
     with subprocess.Popen(
-        [*command, "--library", str(library)],
+        [*command, "--library", library.name],  # relative, as the command's own help has it
+        cwd=library.parent,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
@@ -140,6 +141,71 @@ def downloaded(page: Any, selector: str) -> Path:
         page.click(selector)
     path = download.value.path()
     return path.rename(path.with_name(download.value.suggested_filename))
+
+
+def test_work_is_there_again_after_a_reload_and_in_other_tabs(opened, address):
+    generated(opened, "a person walks forward", takes=2)
+    ids = asked(opened, "studio.takes.map(({ id }) => id)")
+    opened.focus("#view canvas")
+    opened.keyboard.press("2")
+    opened.keyboard.press("j")
+    until(opened, "studio.picked === 1 && studio.draft.goals.length === 1")
+    opened.fill("#prompt", "a person walks for")
+    tab = opened.context.new_page()  # without the token in its address
+    for page, place in ((tab, address.split("#")[0]), (opened, opened.url)):
+        page.goto(place)
+        page.reload()
+        page.wait_for_selector("body[data-state=ready][data-model=warm]")
+        assert page.input_value("#prompt") == "a person walks for"
+        assert asked(page, "studio.takes.map(({ id }) => id)") == ids
+        assert asked(page, "[studio.picked, studio.draft.goals.length]") == [1, 1]
+        assert page.is_visible("#restored")
+    tab.click("#start-anew")
+    until(tab, "!studio.takes.length && !studio.draft.goals.length")
+    tab.click("#undo")
+    until(tab, "studio.takes.length === 2")
+    tab.close()
+    opened.click("#start-anew")
+    generated(opened, "a person walks forward")
+
+
+def test_a_browser_without_the_cookie_is_told_what_to_do(opened, address):
+    context = opened.context.browser.new_context(reduced_motion="reduce")
+    page = context.new_page()
+    page.goto(address.split("#")[0])
+    page.wait_for_selector("body[data-state=failed] #failed:visible")
+    assert page.is_hidden("main") and page.is_hidden("#screens")
+    page.fill("#sign-in-address", address)
+    page.press("#sign-in-address", "Enter")
+    page.wait_for_selector("body[data-state=ready]")
+    context.close()
+
+
+def test_one_screen_is_shown_before_any_script_runs(opened, address):
+    context = opened.context.browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(address.split("#")[0])
+    parts = page.locator("main > :visible").evaluate_all("all => all.map(({ id }) => id)")
+    assert parts[1:] == ["make", "scene", "transport", "strip", "side"]
+    context.close()
+
+
+def test_right_click_on_a_prompt_opens_a_menu(page):
+    page.click("#segments button", button="right")
+    page.wait_for_selector(".menu")
+    rows = page.locator(".menu button").all_inner_texts()
+    assert rows == ["Edit", "Usual length", "Duplicate", "Delete"]
+    page.click(".menu button:text('Duplicate')")
+    until(page, "studio.draft.segments.length === 2")
+    page.keyboard.press("Control+z")
+    until(page, "studio.draft.segments.length === 1")
+
+
+def test_a_take_has_one_length_everywhere(page):
+    seconds = asked(page, "studio.take.seconds")
+    assert seconds == asked(page, "studio.take.frames / studio.take.fps")
+    assert page.inner_text("#time").endswith(f"/ {seconds:.2f} s")
+    assert page.inner_text("#facts").startswith(f"{seconds:g} s")
 
 
 def test_four_takes_move_on_one_clock(page):

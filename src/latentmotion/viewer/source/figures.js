@@ -86,8 +86,8 @@ class SkinnedFigure {
   }
 
   showTime(time) {
-    const { frames, fps, seconds } = this.motion;
-    const place = Math.min(Math.max(time, 0), seconds) * fps;
+    const { frames, fps } = this.motion;
+    const place = Math.min(Math.max(time * fps, 0), frames - 1);
     const frame = Math.min(Math.floor(place + 1e-6), Math.max(frames - 2, 0));
     const next = Math.min(frame + 1, frames - 1);
     const [size, turns, shifts] = [new THREE.Vector3(1, 1, 1), [0, 1], [0, 1]];

@@ -74,7 +74,7 @@ export class Library {
   #card(take) {
     const { id, title, star, seconds, tags, missing, made, recipe } = take;
     const seed = recipe.seed === undefined ? "imported" : `seed ${recipe.seed}`;
-    const facts = [`${round(seconds, 1)} s`, seed, made ? new Date(made).toLocaleDateString("en") : "", ...tags];
+    const facts = [`${round(seconds)} s`, seed, made ? new Date(made).toLocaleDateString("en") : "", ...tags];
     const tick = make("input", {
       ...{ type: "checkbox", checked: this.chosen.has(id) },
       aria: { label: `Select ${title}` },

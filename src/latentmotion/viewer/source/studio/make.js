@@ -146,7 +146,7 @@ export class MakeScreen {
       });
       const took = Math.round(performance.now() - began);
       const { seconds } = this.studio.takes[0];
-      say(`${this.studio.takes.length} × ${round(seconds, 1)} s in ${took} ms. Keys 1 to 9 pick.`);
+      say(`${this.studio.takes.length} × ${round(seconds)} s in ${took} ms.`);
     } finally {
       document.body.dataset.state = "ready";
     }
@@ -243,7 +243,7 @@ export class MakeScreen {
     find("kept").hidden = !kept;
     find("kept-words").textContent = `As it was made: ${kept}.`;
     const many = draft.segments.length > 1;
-    const usual = round(lengthsOf(draft, this.studio.take?.seconds ?? 0)[this.strip.chosen], 1);
+    const usual = round(lengthsOf(draft, this.studio.take?.seconds ?? 0)[this.strip.chosen]);
     find("generate").textContent = many ? `Generate ${draft.segments.length} prompts` : "Generate";
     find("prompt").previousElementSibling.textContent = many
       ? `Prompt ${this.strip.chosen + 1} of ${draft.segments.length}`

@@ -70,6 +70,7 @@ export class Studio extends EventTarget {
     const redo = async () => {
       if (made) await this.#mark(made, false);
       else made = (await send("POST", "takes", { recipe, takes: count, model })).takes;
+      this.isNew = true; // what is new plays, whatever was paused
       await this.show(made, 0);
     };
     const undo = async () => {
@@ -87,18 +88,27 @@ export class Studio extends EventTarget {
     this.tell("takes");
   }
 
+  /** An empty draft and an empty stage. */
+  startAnew() {
+    return this.replace("Start anew", emptyDraft(this.capabilities), []);
+  }
+
   /** Shows takes out of the library together with what the first was made from. */
   open(takes) {
-    const [before, picked, draft] = [this.takes, this.picked, this.draft];
     const { recipe } = takes[0];
     const made = ({ weights }) => weights === recipe.weights;
     const mine = this.withModel(draftOf(recipe, emptyDraft(this.capabilities)), made);
-    const put = (shown, at, drafted) => async () => {
+    return this.replace("Open", mine, takes);
+  }
+
+  /** Another draft and other takes in place of the present ones. */
+  replace(name, draft, takes) {
+    const put = (drafted, shown, at) => async () => {
       this.draft = drafted;
       this.tell("draft");
       await this.show(shown, at);
     };
-    return this.history.act("Open", put(takes, 0, mine), put(before, picked, draft));
+    return this.history.act(name, put(draft, takes, 0), put(this.draft, this.takes, this.picked));
   }
 
   pick(number) {
@@ -203,6 +213,8 @@ export class Studio extends EventTarget {
 
   /** Puts {take, figure, color} on the stage, one over the other where `overlay`. */
   async stage(actors, { overlay = false, stay = false } = {}) {
+    const play = this.isNew ? true : undefined;
+    this.isNew = false;
     this.turn += 1;
     const mine = this.turn;
     const motions = await this.motionsOf(actors.map(({ take }) => take));
@@ -218,7 +230,7 @@ export class Studio extends EventTarget {
     });
     const colors = colorsOf(actors).map((color, i) => actors[i].color ?? color);
     const starts = motions.map((motion) => motion.ground(0).map((value) => -value));
-    this.player.show(motions, colors, { makers, offsets: overlay ? starts : lineUp(motions), stay });
+    this.player.show(motions, colors, { makers, offsets: overlay ? starts : lineUp(motions), stay, play });
     this.tell("staged");
     for (const skeleton of new Set(bare)) {
       this.player.prepare(skeleton).then(() => mine === this.turn && this.stage(actors, { overlay, stay: true }));
