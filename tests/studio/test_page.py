@@ -405,10 +405,8 @@ def test_motion_is_shown_on_an_own_character(page, tmp_path):
     go(page, "make")
     page.select_option("#figure", label="hero.glb")
     until(page, "player.stage.figures[0].mixer")
-    page.select_option("#figure", "person")
-    until(page, "player.stage.figures[0].rig")
     page.select_option("#figure", "mannequin")
-    until(page, "player.stage.figures[0].mixer")
+    until(page, "player.stage.figures[0].rig")
     page.select_option("#figure", "stick")
     until(page, "player.stage.figures[0].sticks")
 

@@ -48,7 +48,7 @@ def kept_token(folder: Path) -> str:
                 return token
         path.unlink(missing_ok=True)
         token = secrets.token_urlsafe(32)
-        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
             file.write(token + "\n")
     except OSError as error:
         raise InputError(

@@ -2,7 +2,7 @@
 
 import { Pace } from "./pace.js";
 import { Sketch } from "./sketch.js";
-import { hasSkin, prepareSkin, Stage } from "./stage.js";
+import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 
 const HAS_WEBGL = document.createElement("canvas").getContext("webgl2") !== null;
@@ -42,16 +42,6 @@ export class Player {
     this.isFitted = false;
     this.fit();
     this.timeline.play(play && !still.matches);
-  }
-
-  /** Whether a person of this skeleton would have to wait for its skin. */
-  isBare(skeleton) {
-    return HAS_WEBGL && !hasSkin(skeleton);
-  }
-
-  /** Makes the skin of a skeleton while the page lives on. */
-  async prepare(skeleton) {
-    if (this.isBare(skeleton)) await prepareSkin(skeleton);
   }
 
   #open(takes, colors, options) {

@@ -2,11 +2,12 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { bodyGeometry, Figure } from "./figure.js";
+import { Figure } from "./figure.js";
+import { stick } from "./figures.js";
 import { Floor } from "./floor.js";
+import { bodyGeometry, isHuman } from "./mannequin.js";
 import { Marks } from "./marks.js";
 import { alongPath, lineUp, smoothPath } from "./motion.js";
-import { atOnce, inSlices } from "./slices.js";
 
 const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the camera first looks
 const HEIGHT = 0.96; // of what it looks at, meters
@@ -43,14 +44,14 @@ export class Stage {
 
   /**
    * Shows other motions, from their beginning; the view stays until `reset`. `makers` make figures
-   * other than the drawn person from a motion, what returns its skin, a color and a place; `offsets`
+   * other than the mannequin from a motion, what returns its skin, a color and a place; `offsets`
    * set them elsewhere than side by side.
    */
   show(motions, colors, { makers = [], offsets = lineUp(motions) } = {}) {
     this.past.push(...this.shown);
     this.offsets = offsets;
     const made = (make) => (motion, i) => make(motion, () => geometryOf(motion), colors[i], offsets[i]);
-    this.figures = motions.map((motion, i) => made(makers[i] ?? person)(motion, i));
+    this.figures = motions.map((motion, i) => made(makers[i] ?? mannequin)(motion, i));
     this.paths = motions.map(smoothPath);
     this.floor = new Floor(motions, offsets, colors);
     this.marks = motions.map(made((...of) => new Marks(...of)));
@@ -228,29 +229,20 @@ export class Stage {
   }
 }
 
-function person(motion, skinOf, color, at) {
-  return new Figure(motion, skinOf(), color, at);
+function mannequin(motion, skinOf, color, at) {
+  return isHuman(motion.skeleton) ? new Figure(motion, skinOf(), color, at) : stick(motion, skinOf, color, at);
 }
 
 // Figures of one skeleton share the resting skin.
 function geometryOf({ skeleton }) {
-  if (!geometries.has(skeleton)) geometries.set(skeleton, atOnce(bodyGeometry(skeleton)));
+  if (!geometries.has(skeleton)) geometries.set(skeleton, bodyGeometry(skeleton));
   return geometries.get(skeleton);
-}
-
-export const hasSkin = (skeleton) => geometries.has(skeleton);
-
-/** Makes the skin of a skeleton, some half a second, while the page lives on. */
-export async function prepareSkin(skeleton) {
-  if (hasSkin(skeleton)) return;
-  const made = await inSlices(bodyGeometry(skeleton));
-  if (!hasSkin(skeleton)) geometries.set(skeleton, made);
 }
 
 /** Frees what an object holds on the graphics card, but for skins, which are shared. */
 export function release(object) {
   object.traverse(({ geometry, material, skeleton, shadow }) => {
-    if (!geometry?.attributes.paint) geometry?.dispose();
+    if (!geometry?.userData.isShared) geometry?.dispose();
     for (const one of [material ?? []].flat()) {
       one.map?.dispose();
       one.dispose();

@@ -25,7 +25,6 @@ let asked = 0; // number of the last request
 /** The skeleton of a model, once its skin is made. */
 async function bodyOf(own) {
   const skeleton = { ...own, lengths: own.directions.map((offset) => Math.hypot(...offset)) };
-  await player.prepare(skeleton);
   return skeleton;
 }
 

@@ -27,7 +27,7 @@ export class CharacterScreen {
   actors() {
     const { take } = this.studio;
     if (!take) return [];
-    const plain = { take, figure: "person" };
+    const plain = { take, figure: "mannequin" };
     return this.current ? [plain, { take, figure: this.current.id }] : [plain];
   }
 
@@ -73,7 +73,7 @@ export class CharacterScreen {
   }
 
   async #changed() {
-    if (!(this.studio.figure in FIGURES)) this.studio.figure = "person";
+    if (!(this.studio.figure in FIGURES)) this.studio.figure = "mannequin";
     await this.list();
     await this.restage();
   }

@@ -1,10 +1,9 @@
-// Figures that the server animates: the mannequin of files, and the user's own characters.
+// Figures that the server animates: the user's own characters.
 
 import * as THREE from "three";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 
 const MANNEQUIN = "mannequin"; // name of the material that takes the color of its take
-const SOLE = 0.01; // meters that the mannequin's skin reaches below its joints
 
 /** Reads a .glb whose last animation is the take; returns what makes the figure of it. */
 export async function characterMaker(content) {
@@ -27,7 +26,6 @@ class Character {
       one.material = one.material.clone();
       one.material.color.set(color);
       one.receiveShadow = true;
-      this.object.position.y = SOLE;
     });
   }
 

@@ -42,7 +42,7 @@ async function open() {
   await openSession();
   const [capabilities, { models }] = await Promise.all([get("capabilities"), get("models")]);
   const studio = new Studio(capabilities, player);
-  studio.stand("stick");
+  studio.stand();
   const screens = {};
   const restage = (stay) => trying(() => stageOf(studio, screens, stay));
   new Models(studio, models);
@@ -80,8 +80,6 @@ async function open() {
   find("prompt").focus({ preventScroll: true });
   waitForModel();
   performance.measure("ready", { start: 0, end: performance.now() });
-  // Only now, since it takes a while.
-  player.prepare(studio.skeleton).then(() => studio.takes.length || restage(true));
   window.latentmotion = { studio, player, directions };
 }
 
@@ -118,7 +116,7 @@ async function stageOf(studio, screens, stay) {
   const actors = screens[screen].actors();
   press("alone", false);
   if (actors.length) await studio.stage(actors, { overlay: screen === "compare" && screens.compare.overlay, stay });
-  else studio.stand(player.isBare(studio.skeleton) ? "stick" : studio.figure);
+  else studio.stand();
   document.body.dataset.takes = String(actors.length);
 }
 

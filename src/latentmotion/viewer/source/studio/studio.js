@@ -1,9 +1,9 @@
 // What the studio works on: the draft, the takes that are shown, the picked one; all can be undone.
 
-import { restPose, sole } from "../anatomy.js";
 import { colorsOf } from "../colors.js";
 import { ghost } from "../figure.js";
 import { stick } from "../figures.js";
+import { standing } from "../mannequin.js";
 import { boneLengths, lineUp, Motion } from "../motion.js";
 import { download, query, request, send } from "./api.js";
 import { characterMaker } from "./characters.js";
@@ -22,7 +22,7 @@ export class Studio extends EventTarget {
     this.skeleton = { names, parents, directions, lengths };
     Object.assign(this, { capabilities, player, history: new History(), motions: new Map() });
     this.models = new Map(); // by name, what the server offers
-    Object.assign(this, { draft: emptyDraft(capabilities), takes: [], picked: 0, figure: "person" });
+    Object.assign(this, { draft: emptyDraft(capabilities), takes: [], picked: 0, figure: "mannequin" });
     this.turn = 0;
   }
 
@@ -220,28 +220,17 @@ export class Studio extends EventTarget {
     const motions = await this.motionsOf(actors.map(({ take }) => take));
     const makers = await Promise.all(actors.map(({ take, figure }) => makerOf(take, figure)));
     if (mine !== this.turn) return; // something else is shown by now
-    // Sticks stand for a person until its skin is made.
-    const bare = [];
-    motions.forEach(({ skeleton }, i) => {
-      const isPerson = makers[i] === undefined || makers[i] === ghost;
-      if (!isPerson || !this.player.isBare(skeleton)) return;
-      makers[i] = stick;
-      bare.push(skeleton);
-    });
     const colors = colorsOf(actors).map((color, i) => actors[i].color ?? color);
     const starts = motions.map((motion) => motion.ground(0).map((value) => -value));
     this.player.show(motions, colors, { makers, offsets: overlay ? starts : lineUp(motions), stay, play });
     this.tell("staged");
-    for (const skeleton of new Set(bare)) {
-      this.player.prepare(skeleton).then(() => mine === this.turn && this.stage(actors, { overlay, stay: true }));
-    }
   }
 
-  /** Puts a figure at rest on the stage, where there are no takes. */
-  stand(figure) {
+  /** Puts a figure that breathes on the stage, where there are no takes. */
+  stand() {
     this.turn += 1;
-    const makers = figure === "stick" ? [stick] : [];
-    this.player.show([standing(this.skeleton)], ["#8a94a6"], { makers });
+    const makers = this.figure === "stick" ? [stick] : [];
+    this.player.show([standing(this.skeleton)], colorsOf([null]), { makers, play: true });
     this.tell("staged");
   }
 
@@ -257,17 +246,7 @@ const keyOf = (take) => `${take.id} ${JSON.stringify(take.edits)}`;
 async function makerOf(take, figure) {
   if (figure === "stick") return stick;
   if (figure === "ghost") return ghost;
-  if (!figure || figure === "person") return undefined;
-  const file = figure === "mannequin" ? "file?format=glb" : `on/${encodeURIComponent(figure)}.glb`;
-  const answer = await request("GET", `takes/${take.id}/${file}`);
+  if (!figure || figure === "mannequin") return undefined;
+  const answer = await request("GET", `takes/${take.id}/on/${encodeURIComponent(figure)}.glb`);
   return characterMaker(await answer.arrayBuffer());
-}
-
-function standing(skeleton) {
-  const rest = restPose(skeleton);
-  const flat = skeleton.names.flatMap((name) => {
-    const [x, y, z] = rest.positions[name];
-    return [x, y - Math.max(sole(rest), -2), z];
-  });
-  return new Motion({ caption: "a person stands", fps: 20 }, skeleton, Float32Array.from(flat));
 }
