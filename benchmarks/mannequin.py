@@ -188,7 +188,7 @@ def face() -> tuple[np.ndarray, np.ndarray]:
     place = x * wide
     out = front * np.sqrt(np.maximum(1 - (place / ru) ** 2, 0.05))
     rim = np.maximum(np.abs(np.broadcast_to(across, (rows, columns))), np.abs(up)[:, None])
-    lift = np.where(rim > 0.99, -0.004, 0.006)
+    lift = np.where(rim > 0.99, 0.0015, 0.005)
     points = np.stack([place, heights, 0.022 + out + lift], -1).reshape(-1, 3)
     faces = []
     for row in range(rows - 1):

@@ -18,7 +18,7 @@ from latentmotion.service.app import Extension, create_app
 from latentmotion.service.problems import Problem, problem_response
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
-from latentmotion.studio import capabilities, characters, projects, session, takes
+from latentmotion.studio import best, capabilities, characters, projects, session, takes
 from latentmotion.studio.library import Library, MissingMotionError, UnknownError
 from latentmotion.studio.models import Models
 
@@ -96,6 +96,7 @@ def _routes(
         characters.routes(service, library),
         projects.routes(library),
         session.routes(),
+        best.routes(library, models),
     ):
         router.include_router(routes, prefix="/studio/v1", tags=["studio"])
     return router

@@ -8,8 +8,10 @@ from typing import Any
 
 from fastapi import APIRouter, Request
 from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import FileResponse, Response
 
 from latentmotion.errors import InputError
+from latentmotion.formats.content import MEDIA_TYPES
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, uploaded
 from latentmotion.studio.library import Library
@@ -55,6 +57,14 @@ def routes(service: Service, library: Library) -> APIRouter:
     def shown(name: Id) -> Any:
         """Describe a character."""
         return library.character(name).about()
+
+    @router.get("/{name}/model", response_class=FileResponse)
+    def model(name: Id) -> Response:
+        """Send the figure at rest, as it was uploaded."""
+        file = library.character_file(library.character(name))
+        if not file.is_file():
+            raise InputError(f"the file of this character, {file}, is gone; open it again")
+        return FileResponse(file, media_type=MEDIA_TYPES[file.suffix[1:]])
 
     @router.patch("/{name}", response_model=CharacterAnswer)
     async def changed(request: Request, name: Id, wanted: MappingChange) -> Any:

@@ -9,10 +9,10 @@ import { bodyGeometry, isHuman } from "./mannequin.js";
 import { Marks } from "./marks.js";
 import { alongPath, lineUp, smoothPath } from "./motion.js";
 
-const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the camera first looks
+const EYE = new THREE.Vector3(0.34, 0.2, 1).normalize(); // from where the camera first looks
 const HEIGHT = 0.96; // of what it looks at, meters
 const SHADOW_PIXELS = 640; // along each side of the map
-const FIELD_OF_VIEW = 30; // degrees, vertical
+const FIELD_OF_VIEW = 17; // degrees, vertical; little, so that takes are of one size
 const FARTHEST = 40; // meters that a hand can go away from few takes
 const BESIDE = 0.6; // meters that a body reaches out to either side
 
@@ -126,9 +126,12 @@ export class Stage {
     this.reset();
   }
 
-  /** Looks at one take (its number from 0), or at all (null). */
+  /** Shows one take alone (its number from 0), or all (null). */
   watch(take) {
     this.watched = take;
+    for (const drawn of [this.figures, this.marks, this.floor.paths]) {
+      drawn.forEach(({ object }, i) => (object.visible = take === null || take === i));
+    }
     this.showTime(this.time);
     this.reset();
   }
@@ -136,8 +139,9 @@ export class Stage {
   /** Brings the camera back to where everything that is watched can be seen. */
   reset() {
     const size = this.#spread(this.takes, this.follow);
-    const tall = 2.3 + size.z * 0.25;
-    const wide = 1.5 + size.x + size.z * 0.4;
+    const highest = Math.max(...this.takes.map((take) => this.figures[take].height ?? 0));
+    const tall = Math.max(2.15, 1.15 * highest) + size.z * 0.2;
+    const wide = Math.max(1.3, 0.8 * highest) + size.x + size.z * 0.35;
     const half = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
     const free = this.freeHeight / this.canvas.clientHeight;
     const near = Math.max(tall / 2 / half / free, wide / 2 / half / this.camera.aspect);

@@ -12,13 +12,14 @@ import { Library } from "./library.js";
 import { MakeScreen } from "./make.js";
 import { Models } from "./models.js";
 import { Projects } from "./projects.js";
+import { record, savePicture } from "./record.js";
 import { keepWork, restoreWork } from "./restore.js";
 import { Studio } from "./studio.js";
 
 const NAMES = { make: "Make", library: "Library", character: "Character", compare: "Compare" };
 const isPhone = matchMedia("(max-width: 820px)");
 
-const player = new Player(find("view"), () => ({ above: 44, below: 8 }), showTime);
+const player = new Player(find("view"), () => ({ above: 44, below: document.body.dataset.takes === "0" ? 56 : 8 }), showTime);
 open().then(
   () => (document.body.dataset.state = "ready"),
   (error) => fail(error),
@@ -42,7 +43,8 @@ async function open() {
   await openSession();
   const [capabilities, { models }] = await Promise.all([get("capabilities"), get("models")]);
   const studio = new Studio(capabilities, player);
-  studio.stand();
+  document.body.dataset.takes = "0";
+  await studio.stand();
   const screens = {};
   const restage = (stay) => trying(() => stageOf(studio, screens, stay));
   new Models(studio, models);
@@ -64,7 +66,7 @@ async function open() {
   studio.addEventListener("edited", () => restage(true));
   studio.addEventListener("pick", () => {
     if (document.body.dataset.screen === "character") restage(false);
-    if (find("alone").getAttribute("aria-pressed") === "true") look(studio, true);
+    if (isPressed("alone")) look(studio, true);
   });
   studio.history.addEventListener("change", () => showHistory(studio.history));
   addEventListener("hashchange", enter);
@@ -114,10 +116,11 @@ async function stageOf(studio, screens, stay) {
   const { screen } = document.body.dataset;
   if (screen === "library") return;
   const actors = screens[screen].actors();
+  document.body.dataset.takes = String(actors.length);
   press("alone", false);
   if (actors.length) await studio.stage(actors, { overlay: screen === "compare" && screens.compare.overlay, stay });
-  else studio.stand();
-  document.body.dataset.takes = String(actors.length);
+  else await studio.stand(screen === "character" ? screens.character.current : null, find("scale").checked);
+  if (screen === "character") screens.character.showSize();
 }
 
 function look(studio, isAlone) {
@@ -147,6 +150,8 @@ function wire(studio, directions, restage) {
     press("follow", player.stage.follow);
   });
   onClick("above", () => directions.lookFromAbove());
+  onClick("save-picture", async () => say(`Saved ${await savePicture(player)}.`));
+  onClick("save-video", () => record(player));
   onClick("alone", () => look(studio, !isPressed("alone")));
   onClick("undo", () => move(studio, "undo"));
   onClick("redo", () => move(studio, "redo"));
@@ -224,11 +229,11 @@ function isLibrary() {
   return document.body.dataset.screen === "library";
 }
 
-// Panels are folded on phones, and where there is room the options are open.
+// Where there is room, the take's panel is open.
 function fold() {
   const set = () => {
     for (const panel of document.querySelectorAll("details.fold")) {
-      panel.open = !isPhone.matches && panel.id !== "part";
+      panel.open = !isPhone.matches && panel.id === "take";
     }
   };
   isPhone.addEventListener("change", set);

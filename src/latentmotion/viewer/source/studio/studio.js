@@ -5,7 +5,7 @@ import { ghost } from "../figure.js";
 import { stick } from "../figures.js";
 import { standing } from "../mannequin.js";
 import { boneLengths, lineUp, Motion } from "../motion.js";
-import { download, query, request, send } from "./api.js";
+import { download, get, query, request, send } from "./api.js";
 import { characterMaker } from "./characters.js";
 import { draftOf, emptyDraft, recipeOf } from "./draft.js";
 import { History } from "./history.js";
@@ -86,6 +86,17 @@ export class Studio extends EventTarget {
     this.picked = Math.min(picked, Math.max(takes.length - 1, 0));
     await this.motionsOf(takes);
     this.tell("takes");
+    this.#rank(takes);
+  }
+
+  // Which take does best what its prompt says: asked for once the takes are there.
+  async #rank(takes) {
+    this.best = null;
+    if (takes.length < 2 || new Set(takes.map(({ recipe }) => recipe.prompt)).size > 1) return;
+    const best = await get(`best?${query(takes.map(({ id }) => ["take", id]))}`).catch(() => null);
+    if (takes !== this.takes || !best?.take) return;
+    this.best = best;
+    this.tell("best");
   }
 
   /** An empty draft and an empty stage. */
@@ -218,7 +229,7 @@ export class Studio extends EventTarget {
     this.turn += 1;
     const mine = this.turn;
     const motions = await this.motionsOf(actors.map(({ take }) => take));
-    const makers = await Promise.all(actors.map(({ take, figure }) => makerOf(take, figure)));
+    const makers = await Promise.all(actors.map((actor) => makerOf(actor)));
     if (mine !== this.turn) return; // something else is shown by now
     const colors = colorsOf(actors).map((color, i) => actors[i].color ?? color);
     const starts = motions.map((motion) => motion.ground(0).map((value) => -value));
@@ -226,11 +237,17 @@ export class Studio extends EventTarget {
     this.tell("staged");
   }
 
-  /** Puts a figure that breathes on the stage, where there are no takes. */
-  stand() {
+  /** Puts a figure that breathes on the stage, where there are no takes, and a character beside it. */
+  async stand(character, isScaled) {
     this.turn += 1;
-    const makers = this.figure === "stick" ? [stick] : [];
-    this.player.show([standing(this.skeleton)], colorsOf([null]), { makers, play: true });
+    const mine = this.turn;
+    const makers = [this.figure === "stick" ? stick : undefined];
+    if (character && !character.name.toLowerCase().endsWith(".bvh")) {
+      const answer = await request("GET", `characters/${character.id}/model`);
+      makers.push(await characterMaker(await answer.arrayBuffer(), isScaled));
+    }
+    if (mine !== this.turn) return;
+    this.player.show(makers.map(() => standing(this.skeleton)), colorsOf(makers), { makers, play: true });
     this.tell("staged");
   }
 
@@ -243,10 +260,10 @@ export class Studio extends EventTarget {
 
 const keyOf = (take) => `${take.id} ${JSON.stringify(take.edits)}`;
 
-async function makerOf(take, figure) {
+async function makerOf({ take, figure, isScaled }) {
   if (figure === "stick") return stick;
   if (figure === "ghost") return ghost;
   if (!figure || figure === "mannequin") return undefined;
   const answer = await request("GET", `takes/${take.id}/on/${encodeURIComponent(figure)}.glb`);
-  return characterMaker(await answer.arrayBuffer());
+  return characterMaker(await answer.arrayBuffer(), isScaled);
 }
