@@ -31,9 +31,9 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def seen(picture) -> np.ndarray:
-    """Where a figure in the first take's blue is."""
+    """Where the first take's color is."""
     red, _, blue = np.moveaxis(np.asarray(picture.convert("RGB")).astype(int), -1, 0)
-    return blue - red > 45
+    return blue - red > 25
 
 
 def gif_frames(path: Path) -> tuple[list[np.ndarray], list[int]]:
@@ -75,12 +75,11 @@ def test_every_figure_is_drawn_in_pictures_and_on_pages(files: Path, tmp_path: P
         with Image.open(outputs[0]) as picture:
             masks[Path(figure).stem] = seen(picture)
         content = json.loads(Elements(outputs[1].read_text()).text["script"][0])
-        pages[Path(figure).stem] = content["figure"]
-    assert masks["stick"].sum() < 0.8 * masks["mannequin"].sum()
-    share = masks["hero"].sum() / masks["mannequin"].sum()
-    assert 0.9 < share < 1.1  # hero.glb is the mannequin
-    assert pages["stick"] == "stick"
-    assert pages["hero"]["skin"]["bones"] == 22 == pages["mannequin"]["skin"]["bones"]
+        pages[Path(figure).stem] = content.get("figure")
+    assert masks["stick"].any() and (masks["stick"] != masks["mannequin"]).any()
+    assert masks["hero"].sum() > 2 * masks["mannequin"].sum()  # all of it in the take's color
+    assert pages["stick"] == "stick" and pages["mannequin"] is None
+    assert pages["hero"]["skin"]["bones"] == 22
 
 
 def test_several_files_are_takes_of_the_first_ones_rate(files: Path, tmp_path: Path):
@@ -145,8 +144,8 @@ def test_a_path_has_figures_that_fade(files: Path, tmp_path: Path):
     [
         (["walk.npz", "-o", "a.bvh"], "its ending is none of .mp4 .gif .png .html"),
         (["walk.npz", "-o", "nowhere/a.gif"], "does not exist"),
-        (["walk.npz", "-o", "a.gif", "--figure", "stik"], "expected mannequin, stick, person or"),
-        (["walk.npz", "-o", "a.gif", "--figure", "person"], "only pages (.html) have it"),
+        (["walk.npz", "-o", "a.gif", "--figure", "stik"], "expected mannequin, stick or"),
+        (["walk.npz", "-o", "a.gif", "--figure", "person"], "there is no such file"),
         (["walk.npz", "-o", "a.gif", "--figure", "walk.npz"], "is no rig that can be read"),
         (["nothing.npz", "-o", "a.gif"], "there is no file"),
         (["-o", "a.gif"], "no motion file given"),

@@ -1,15 +1,12 @@
-"""Cameras by figures worked out by hand, and surfaces by their closed forms."""
+"""Cameras by figures worked out by hand."""
 
 from __future__ import annotations
-
-from collections import Counter
 
 import numpy as np
 import pytest
 
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
-from latentmotion.render.mannequin import surface_net
 from latentmotion.render.painter import (
     Camera,
     camera_around,
@@ -103,66 +100,3 @@ def test_a_camera_of_all_looks_across_the_path_and_sees_every_point(way: float) 
 
 
 # Surfaces
-
-
-def ball(radius: float, center: tuple[float, float, float], shape: tuple[int, int, int]):
-    grid = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
-    return np.linalg.norm(grid - np.array(center), axis=-1) - radius
-
-
-@pytest.mark.parametrize("radius", [3.0, 4.3, 6.7])
-def test_the_net_of_a_ball_is_a_closed_sphere(radius: float) -> None:
-    center = (8.2, 8.5, 7.9)
-    vertices, quads = surface_net(ball(radius, center, (17, 18, 17)))
-    away = np.linalg.norm(vertices - center, axis=1)
-    assert np.abs(away - radius).max() < 0.25
-    edges = Counter((a, b) for quad in quads.tolist() for a, b in
-                    zip(quad, quad[1:] + quad[:1], strict=True))  # fmt: skip
-    assert set(edges.values()) == {1}  # once each way
-    assert all((b, a) in edges for a, b in edges)
-    assert len(vertices) - len(edges) // 2 + len(quads) == 2  # Euler
-
-
-def test_corners_are_counterclockwise_from_outside_and_hold_the_volume() -> None:
-    center, radius = np.array([9.0, 9.1, 9.2]), 6.0
-    vertices, quads = surface_net(ball(radius, (9.0, 9.1, 9.2), (19, 19, 19)))
-    a, b, c, d = (vertices[quads[:, n]] for n in range(4))
-    normals = np.cross(c - a, d - b)
-    outward = (normals * ((a + b + c + d) / 4 - center)).sum(axis=1)
-    assert (outward > 0).all()
-    triangles = np.stack([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    volume = np.linalg.det(triangles - center).sum() / 6
-    assert volume == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.05)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_shifted_body_has_a_shifted_surface(axis: int) -> None:
-    shape, center = (14, 14, 14), (6.1, 6.2, 6.3)
-    shift = np.eye(3)[axis]
-    moved = tuple(float(c) for c in np.array(center) + shift)
-    vertices, quads = surface_net(ball(4.0, center, shape))
-    others, faces = surface_net(ball(4.0, moved, shape))
-    order, other_order = (np.lexsort(v.round(6).T) for v in (vertices + shift, others))
-    np.testing.assert_allclose((vertices + shift)[order], others[other_order], atol=1e-9)
-    assert len(faces) == len(quads)
-
-
-def test_faces_of_a_box_lie_where_the_values_cross_zero() -> None:
-    grid = np.stack(np.meshgrid(*[np.arange(12.0)] * 3, indexing="ij"), axis=-1)
-    vertices, _ = surface_net(np.abs(grid - 5.5).max(axis=-1) - 3.25)
-    middle = np.abs(vertices[:, 1:] - 5.5).max(axis=1) < 2
-    np.testing.assert_allclose(np.abs(vertices[middle, 0] - 5.5), 3.25)
-
-
-def test_nothing_inside_has_no_surface() -> None:
-    vertices, quads = surface_net(np.ones((4, 4, 4)))
-    assert vertices.shape == (0, 3) and quads.shape == (0, 4)
-
-
-def test_one_point_inside_is_wrapped_by_a_cube() -> None:
-    values = np.ones((5, 5, 5))
-    values[2, 2, 2] = -1.0
-    vertices, quads = surface_net(values)
-    assert (len(vertices), len(quads)) == (8, 6)
-    # Of each cell's three crossings one is half way along each axis: off by (1/2 + 0 + 0) / 3.
-    np.testing.assert_allclose(np.abs(vertices - 2), 1 / 6, atol=1e-12)

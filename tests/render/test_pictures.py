@@ -29,14 +29,14 @@ def motion() -> Motion:
 
 
 def painted(picture) -> np.ndarray:
-    """Where the figure is: pixels that are clearly blue."""
+    """Where the figure's joints are: pixels that are clearly teal."""
     red, _, blue = np.moveaxis(np.asarray(picture.convert("RGB")).astype(int), -1, 0)
-    return blue - red > 60
+    return blue - red > 45
 
 
 def test_skin_follows_the_bones():
     person = walker(5)
-    body = make_mannequin(person.skeleton, cell=0.03)
+    body = make_mannequin(person.skeleton)
     rest = person.skeleton.rest_joints()
     vertices, normals = body.pose(person)
     near = np.linalg.norm(body.vertices[:, None] - rest, axis=-1) < 0.12
@@ -44,7 +44,7 @@ def test_skin_follows_the_bones():
         moved = np.linalg.norm(
             vertices[:, near[:, joint]] - person.joints()[:, joint, None], axis=-1
         )
-        assert moved.max() < 0.16
+        assert moved.max() < 0.2
     assert normals.shape == vertices.shape
 
 
@@ -63,7 +63,7 @@ def test_a_strip_has_a_row_for_each_motion_and_figures_along_it(motion: Motion, 
     half = len(seen) // 2
     np.testing.assert_array_equal(seen[:half], seen[half:])
     quarters = np.array_split(seen[:half], 4, axis=1)
-    assert all(quarter.mean() > 0.02 for quarter in quarters)
+    assert all(quarter.mean() > 0.005 for quarter in quarters)
     assert not seen[:20].any()
 
 
@@ -71,7 +71,7 @@ def test_a_strip_along_the_path(motion: Motion, tmp_path: Path):
     strip.write(tmp_path / "a.png", [motion], style="path", figures=3)
     with Image.open(tmp_path / "a.png") as picture:
         seen = painted(picture)
-    assert seen.mean() > 0.02
+    assert seen.mean() > 0.004
 
 
 def test_bad_strips_are_refused(motion: Motion, tmp_path: Path):
@@ -86,8 +86,8 @@ def test_mp4(motion: Motion, tmp_path: Path):
         assert container.streams.video[0].average_rate == 20
         frames = [painted(frame.to_image()) for frame in container.decode(video=0)]
     assert len(frames) == len(motion)
-    assert all(frame.mean() > 0.02 for frame in frames)
-    assert (frames[0] != frames[6]).mean() > 0.01
+    assert all(frame.mean() > 0.005 for frame in frames)
+    assert (frames[0] != frames[6]).mean() > 0.003
 
 
 def test_the_camera_follows(motion: Motion):

@@ -43,7 +43,7 @@ def test_our_own_file_has_the_mannequin_in_it(motion: Motion, own: Path):
 @pytest.mark.parametrize("name", sorted(RIGS))
 def test_parts_keep_their_distance_from_their_bones(motion: Motion, tmp_path: Path, name: str):
     rig = read_rig(write_rig(tmp_path / "a.glb", RIGS[name]))
-    skin, animation = CharacterFigure(rig)(motion, 0.02)
+    skin, animation = CharacterFigure(rig)(motion)
     bone = skin.joints[np.arange(len(skin.joints)), skin.weights.argmax(-1)]
     rest = np.linalg.norm(skin.vertices - rig.skeleton.rest_joints()[bone], axis=-1)
     assert rest.max() < 1.0  # meters, whatever the file's unit
@@ -80,7 +80,8 @@ def test_bones_alone_and_damage_are_told(motion: Motion, own: Path, tmp_path: Pa
         surface_of(read_rig(tmp_path / "bones.bvh"))
     for number, change in enumerate([{"indices": 999}, {"attributes": {}}, {"mode": "lines"}]):
         document = Document.read(own)
-        document.json["meshes"][0]["primitives"][0] |= change
+        for primitive in document.json["meshes"][0]["primitives"]:
+            primitive |= change
         document.write(tmp_path / f"{number}.glb")
         with pytest.raises((FileFormatError, InputError)):
             surface_of(read_rig(tmp_path / f"{number}.glb"))

@@ -99,7 +99,7 @@ def test_wrong_corrections_are_refused(
         ("hero.fbx", b"x", "expected .glb, .vrm, .bvh"),
         ("hero.glb", b"", "the body is empty"),
         ("hero.glb", b"glTF" + bytes(100), "character.glb"),
-        ("hero.vrm", b"{}", "character.glb"),
+        ("hero.vrm", b"{}", "'hero.vrm' is no binary glTF"),
         ("hero.bvh", b"HIERARCHY\nROOT a\n", "character.bvh"),
         ("..%2F..%2Fhero.glb", b"x", "without folders"),
     ],

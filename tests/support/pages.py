@@ -62,6 +62,7 @@ def chromium(address: str, folder: Path, *flags: str) -> str:
     """Opens a page, and skips the test where there is no browser."""
     if CHROMIUM is None:
         pytest.skip("needs Chromium (Debian: apt-get install chromium)")
-    command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder}", "--window-size=700,600"]
+    waits = "--virtual-time-budget=300"  # until the script is unpacked
+    command = [CHROMIUM, *FLAGS, waits, f"--user-data-dir={folder}", "--window-size=700,600"]
     done = subprocess.run([*command, *flags, address], capture_output=True, check=True)
     return done.stdout.decode()

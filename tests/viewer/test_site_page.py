@@ -296,7 +296,7 @@ def test_a_figure_is_chosen_for_all_takes(page):
     page.select_option("#figure", "stick")
     page.wait_for_function("window.makers === 2")
     assert page.inner_text("#takes [aria-pressed=true]") == "seed 4"
-    page.select_option("#figure", "person")
+    page.select_option("#figure", "mannequin")
     page.wait_for_function("window.makers === 0")
     assert len(shown(page)) == 2
 

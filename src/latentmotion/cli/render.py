@@ -25,9 +25,6 @@ from latentmotion.viewer import page
 
 _VIDEOS, _PICTURES, _PAGES = (".mp4", ".gif"), (".png",), (".html",)
 
-_CELL = 0.022
-"""Size of the faces of a page's figure, meters, as in files."""
-
 _DRAWN: Mapping[str, Figure] = MappingProxyType({"mannequin": mannequin_of, "stick": sticks_of})
 """Figures of pictures, by name."""
 
@@ -52,9 +49,8 @@ class Render(options.Reading):
     """Files to write; the extension selects the format: .mp4 .gif .png .html. Takes are drawn side
     by side in videos and pages and one below the other in strips."""
     figure: str | None = None
-    """Who is drawn: `mannequin`, the body of .glb and .usd files, which pictures have by default;
-    `stick`; `person`, drawn on pages alone, which have it by default; or a character of yours
-    (.glb, .gltf, .vrm, .fbx), as a surface of one color."""
+    """Who is drawn: `mannequin`, the body of .glb and .usd files, by default; `stick`; or a
+    character of yours (.glb, .gltf, .vrm, .fbx), as a surface of one color."""
     style: Style = "row"
     """Strips: figures in a row, or fading along the path."""
     figures: int = 9
@@ -103,7 +99,7 @@ class Render(options.Reading):
                 video.write(
                     path, takes, 512 if self.size is None else self.size, self.camera, figure
                 )
-            elif self.figure in (None, "person"):
+            elif self.figure in (None, "mannequin"):
                 page.write_page(path, motions)
             elif self.figure == "stick":
                 page.write_page(path, motions, figure="stick")
@@ -119,19 +115,11 @@ class Render(options.Reading):
         """
         if self.figure is None or self.figure in _DRAWN:
             return _DRAWN[self.figure or "mannequin"]
-        if self.figure == "person":
-            drawn = [path for path in self.output if path.suffix.lower() not in _PAGES]
-            if drawn:
-                raise InputError(
-                    f"--figure person cannot be drawn as {drawn[0]}: only pages (.html) have it; "
-                    "use mannequin, stick or a character's file"
-                )
-            return mannequin_of
         character = Path(self.figure)
         if not character.is_file():
             raise InputError(
-                f"--figure {self.figure}: there is no such file; expected mannequin, stick, person "
-                "or the file of a character (.glb, .gltf, .vrm, .fbx)"
+                f"--figure {self.figure}: there is no such file; expected mannequin, stick or "
+                "the file of a character (.glb, .gltf, .vrm, .fbx)"
             )
         return CharacterFigure(read_rig(character, stated=self.stated()))
 
@@ -145,11 +133,10 @@ def skinned(motions: Sequence[Motion], figure: Figure) -> page.Skinned:
     names = [motion.skeleton.names for motion in motions]
     if names != names[:1] * len(names):
         raise InputError("the takes of a page with such a figure must share a skeleton")
-    animations = [figure(motion, _CELL) for motion in motions]
+    animations = [figure(motion) for motion in motions]
     skin = animations[0][0]
     moves = [skin.moves(animation) for _, animation in animations]
-    triangles = skin.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     rotations, shifts = zip(*moves, strict=True)
     return page.Skinned(
-        skin.vertices, skin.normals, triangles, skin.joints, skin.weights, rotations, shifts
+        skin.vertices, skin.normals, skin.triangles, skin.joints, skin.weights, rotations, shifts
     )

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import secrets
 import webbrowser
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Thread
 
@@ -52,32 +51,31 @@ class Studio:
 
         if self.runtime == "pytorch":
             raise InputError("--runtime pytorch cannot be served; export the model first")
-        token = secrets.token_urlsafe(32)
         settings = Settings(
             model=(self.model or (DEFAULT,))[0],
             runtime=self.runtime,
             deadline=self.deadline,
             file_workers=1,
             start_workers=True,
-            tokens=(hashlib.sha256(token.encode()).digest(),),
             hosts=self.hosts or (LOOPBACK if self.host in LOOPBACK else ()),
         )
         try:
             from latentmotion.service.server import address, bound, serve
             from latentmotion.studio.app import create_studio
             from latentmotion.studio.library import Library, default_folder
+            from latentmotion.studio.session import kept_token
         except ModuleNotFoundError as error:
             if error.name is None or error.name.startswith("latentmotion"):
                 raise
             raise MissingExtraError("latentmotion studio", error.name, "studio") from error
         with bound(self.host, self.port) as place:
-            library = Library(self.library or default_folder())
+            library = Library((self.library or default_folder()).expanduser().resolve())
+            token = kept_token(library.folder)
+            settings = replace(settings, tokens=(hashlib.sha256(token.encode()).digest(),))
             app = create_studio(settings, library, self.model[1:])
             # Behind #, so that neither a log nor another page ever sees it.
             page = f"{address(place)}/studio#token={token}"
             print(page, flush=True)
-            if (
-                self.browser
-            ):  # in a thread, since a browser of the terminal would hold the server up
+            if self.browser:  # in a thread, since a browser of the terminal holds the server up
                 Thread(target=webbrowser.open, args=(page,), daemon=True).start()
             serve(app, place, 0.0, 5.0)

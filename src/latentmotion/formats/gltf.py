@@ -21,10 +21,7 @@ from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion, animations
-from latentmotion.render.mannequin import Mannequin
-
-_COLOR = (0.10, 0.215, 0.552, 1.0)
-"""Linear RGB and opacity of the mannequin."""
+from latentmotion.render.mannequin import ACCENT, GREY, Mannequin
 
 _SAME = 1e-6
 """Meters below which two offsets are the same."""
@@ -96,22 +93,31 @@ def _quaternions(rotations: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray
 
 def _figure(mannequin: Mannequin, axes: BoneAxes, document: Document) -> dict[str, Any]:
     weights = np.where(mannequin.weights > 0.005, mannequin.weights, 0)
-    weights = weights / weights.sum(-1, keepdims=True)
-    joints = np.where(weights > 0, mannequin.joints, 0)
-    triangles = mannequin.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1)
+    weights = (weights / weights.sum(-1, keepdims=True)).astype("f4")
+    joints = np.where(weights > 0, mannequin.joints, 0).astype("u1")
     vertices = (mannequin.vertices + _standing(mannequin.skeleton)).astype("f4")
     normals = mannequin.normals.astype("f4")
-    attributes = {
-        "POSITION": document.add_array(vertices, VERTICES, bounds=True),
-        "NORMAL": document.add_array(normals, VERTICES),
-        "JOINTS_0": document.add_array(joints.astype("u1"), VERTICES),
-        "WEIGHTS_0": document.add_array(weights.astype("f4"), VERTICES),
-    }
-    small = len(vertices) < 1 << 16  # the greatest index has a meaning of its own
-    indices = document.add_array(triangles.astype("u2" if small else "u4"), INDICES)
+    materials, primitives = [], []
+    halves = np.split(mannequin.triangles, [mannequin.shell])
+    for name, color, faces in zip(("body", "mannequin"), (GREY, ACCENT), halves, strict=True):
+        if not len(faces):
+            continue
+        used = slice(faces.min(), faces.max() + 1)
+        attributes = {
+            "POSITION": document.add_array(vertices[used], VERTICES, bounds=True),
+            "NORMAL": document.add_array(normals[used], VERTICES),
+            "JOINTS_0": document.add_array(joints[used], VERTICES),
+            "WEIGHTS_0": document.add_array(weights[used], VERTICES),
+        }
+        corners = (faces - used.start).reshape(-1)
+        small = used.stop - used.start < 1 << 16  # the greatest index has a meaning of its own
+        indices = document.add_array(corners.astype("u2" if small else "u4"), INDICES)
+        primitives.append(
+            {"attributes": attributes, "indices": indices, "material": len(materials)}
+        )
+        surface = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.6}
+        materials.append({"name": name, "pbrMetallicRoughness": surface})
     skeleton = mannequin.skeleton
-    surface = {"baseColorFactor": _COLOR, "metallicFactor": 0.0, "roughnessFactor": 0.7}
-    primitive = {"attributes": attributes, "indices": indices, "material": 0}
     positions = skeleton.rest_joints() + _standing(skeleton)
     inverse = np.tile(np.eye(4), (len(positions), 1, 1))  # from the world to each joint's axes
     inverse[:, :3, :3] = np.swapaxes(axes.world, -1, -2)
@@ -119,8 +125,8 @@ def _figure(mannequin: Mannequin, axes: BoneAxes, document: Document) -> dict[st
     binding = document.add_array(inverse.astype("f4"))
     skin = {"name": skeleton.name, "joints": [*range(len(skeleton))], "skeleton": 0}
     return {
-        "materials": [{"name": "mannequin", "pbrMetallicRoughness": surface}],
-        "meshes": [{"name": "mannequin", "primitives": [primitive]}],
+        "materials": materials,
+        "meshes": [{"name": "mannequin", "primitives": primitives}],
         "skins": [skin | {"inverseBindMatrices": binding}],
     }
 

@@ -31,7 +31,7 @@ from latentmotion.kinematics.rotations import continuous_quaternions, quaternion
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
-from latentmotion.render.mannequin import Mannequin, make_mannequin
+from latentmotion.render.mannequin import ACCENT, GREY, Mannequin, make_mannequin
 from latentmotion.storage.files import atomic_file
 
 try:
@@ -42,9 +42,6 @@ except ImportError as error:
 FIGURE = "/Figure"
 NOTES = "latentmotion"
 """Key of the custom data of a take."""
-
-_COLOR = (0.10, 0.215, 0.552)
-"""Linear RGB of the mannequin."""
 
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -132,24 +129,30 @@ def _add_mannequin(stage: Any, mannequin: Mannequin, floor: Float[np.ndarray, " 
     vertices = (mannequin.vertices + floor).astype("f4")
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(vertices))
     mesh.CreateExtentAttr([Gf.Vec3f(*corner.tolist()) for corner in _corners(vertices)])
-    mesh.CreateFaceVertexCountsAttr([4] * len(mannequin.quads))
-    mesh.CreateFaceVertexIndicesAttr(mannequin.quads.reshape(-1).tolist())
+    mesh.CreateFaceVertexCountsAttr([3] * len(mannequin.triangles))
+    mesh.CreateFaceVertexIndicesAttr(mannequin.triangles.reshape(-1).tolist())
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(mannequin.normals.astype("f4")))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreateDisplayColorAttr([Gf.Vec3f(*_COLOR)])
+    mesh.CreateDisplayColorAttr([Gf.Vec3f(*GREY)])
     skin = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
     skin.CreateSkeletonRel().SetTargets([Sdf.Path(f"{FIGURE}/Skeleton")])
     skin.CreateJointIndicesPrimvar(False, 4).Set(mannequin.joints.reshape(-1).tolist())
     weights = mannequin.weights.astype("f4").reshape(-1)
     skin.CreateJointWeightsPrimvar(False, 4).Set(Vt.FloatArray.FromNumpy(weights))
-    material = UsdShade.Material.Define(stage, f"{FIGURE}/Material")
-    surface = UsdShade.Shader.Define(stage, f"{FIGURE}/Material/Surface")
-    surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*_COLOR))
-    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.7)
-    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    halves = np.split(np.arange(len(mannequin.triangles)), [mannequin.shell])
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
+    for name, color, faces in zip(("Body", "Accent"), (GREY, ACCENT), halves, strict=True):
+        material = UsdShade.Material.Define(stage, f"{FIGURE}/{name}")
+        surface = UsdShade.Shader.Define(stage, f"{FIGURE}/{name}/Surface")
+        surface.CreateIdAttr("UsdPreviewSurface")
+        surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*color))
+        surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.6)
+        material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+        part = UsdGeom.Subset.CreateGeomSubset(
+            mesh, name, UsdGeom.Tokens.face, Vt.IntArray(faces.tolist()), "materialBind"
+        )
+        UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(material)
 
 
 def _add_take(

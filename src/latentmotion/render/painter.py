@@ -1,8 +1,9 @@
-"""Drawing a mannequin on a floor without a GPU: camera, floor, shadow, shaded body, with Pillow.
+"""Drawing a mannequin on a floor without a GPU: camera, floor, shadow, shaded body.
 
 pixel = middle + focal · (right·p, −up·p) / (ahead·p),   p relative to the eye
 
-Faces are painted from far to near. Light on a face with normal n, towards the eye v:
+The nearest face wins each pixel. Light there, with the normal n between its corners', towards the
+eye v:
 
     color · (ambient · (1 + n_y)/2 + key · max(n·l, 0)) + rim · (1 − n·v)³
 
@@ -11,7 +12,7 @@ Everything is drawn at twice the size and reduced, which smooths the edges.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -137,17 +138,20 @@ OVERSAMPLING = 2
 
 BACKGROUND = (247, 248, 250)
 INK = (58, 64, 76)
-COLORS = ((88, 128, 196), (222, 128, 84), (92, 166, 128), (152, 118, 190))
-"""One color for each take."""
+COLORS = ((47, 143, 157), (226, 105, 74), (122, 104, 196), (217, 154, 43))
+"""One color for each take, as on the page."""
+
+_BODY = (196, 201, 210)
+"""Color of what has none of its take."""
+
+_FRAGMENTS = 1 << 20
+"""Pixels of faces that are drawn at once: a bound on memory."""
 
 _GRID = (205, 211, 220)
 _SHADOW = (176, 183, 196)
 _SHADOW_REDUCTION = 4
 _SUN = (-0.3, 1.0, -0.35)
 """Direction of the light in the camera's axes: right, up, ahead."""
-_SHADOW_WIDTHS = {"head": 0.09, "neck": 0.07, "wrist": 0.035, "elbow": 0.045, "foot": 0.045}
-_SOLE = 0.01
-"""The skin reaches this far below the lowest joint, meters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,14 +162,12 @@ class Bodies:
     """Positions, meters."""
     normals: Float[np.ndarray, "frames vertices 3"]
     """Outward normals."""
-    quads: Int[np.ndarray, "quads 4"]
+    triangles: Int[np.ndarray, "triangles 3"]
     """Corners of the faces."""
+    shell: int
+    """Number of faces, the first, that do not have the take's color."""
     joints: Float[np.ndarray, "frames joints 3"]
-    """Positions of the joints, which cast the shadow."""
-    parents: tuple[int, ...]
-    """Parent of each joint."""
-    names: tuple[str, ...]
-    """Name of each joint."""
+    """Positions of the joints."""
 
     def moved(self, frame: int, shift: Float[np.ndarray, " width"]) -> Bodies:
         """Returns one frame alone, somewhere else."""
@@ -177,16 +179,15 @@ class Bodies:
     @property
     def floor(self) -> float:
         """Height of the floor on which the lowest foot stands."""
-        return float(np.percentile(self.joints[..., 1].min(-1), 10)) - _SOLE
+        return float(np.percentile(self.joints[..., 1].min(-1), 10))
 
 
 def make_bodies(
     motion: Motion,
     frames: Sequence[int] | None = None,
-    cell: float = 0.022,
     figure: Figure = mannequin_of,
 ) -> Bodies:
-    """Returns the body of a motion, in some frames or in all, with faces of size `cell`, meters.
+    """Returns the body of a motion, in some frames or in all.
 
     Raises:
         InputError: The joints are not named as a body's.
@@ -195,7 +196,7 @@ def make_bodies(
     if not {"left_hip", "right_hip"} <= {*names}:
         found = ", ".join(names[:4])
         raise InputError(f"cannot draw joints {found}, …; expected a body with left_hip, right_hip")
-    mannequin, animation = figure(motion, cell)
+    mannequin, animation = figure(motion)
     chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
     translations = animation.translations
     picked = replace(
@@ -205,10 +206,10 @@ def make_bodies(
         translations=None if translations is None else translations[chosen],
     )
     vertices, normals = mannequin.pose(picked)
-    skeleton, joints = animation.skeleton, picked.joints()
-    if skeleton.names == names:
+    joints = picked.joints()
+    if animation.skeleton.names == names:
         joints = motion.joints[chosen].astype(np.float64)
-    return Bodies(vertices, normals, mannequin.quads, joints, skeleton.parents, skeleton.names)
+    return Bodies(vertices, normals, mannequin.triangles, mannequin.shell, joints)
 
 
 def oversampled(size: tuple[int, int]) -> tuple[int, int]:
@@ -256,16 +257,11 @@ def paint_shadow(
     sun = _SUN[0] * right + _SUN[2] * ahead
     sun[1] = _SUN[1]
     for body in bodies:
-        joints = body.joints[frame]
-        pixels, depth = camera.project(joints - (joints[:, 1:2] - height) * sun)
-        pixels = pixels / _SHADOW_REDUCTION
-        scale = camera.focal / np.maximum(depth, 0.1) / _SHADOW_REDUCTION
-        for joint, parent in list(enumerate(body.parents))[1:]:
-            name = body.names[joint].rpartition("_")[2]
-            radius = _SHADOW_WIDTHS.get(name, 0.07) * float(scale[joint])
-            (x, y), (u, v) = pixels[joint].tolist(), pixels[parent].tolist()
-            draw.line((x, y, u, v), fill=190, width=max(1, round(1.5 * radius)))
-            draw.ellipse((x - radius, y - 0.6 * radius, x + radius, y + 0.6 * radius), fill=190)
+        vertices = body.vertices[frame]
+        lit = body.triangles[(body.normals[frame][body.triangles].sum(1) @ sun) > 0]
+        pixels, _ = camera.project(vertices - (vertices[:, 1:2] - height) * sun)
+        for corners in (pixels[lit] / _SHADOW_REDUCTION).reshape(-1, 6).tolist():
+            draw.polygon(corners, fill=190)
     mask = mask.filter(ImageFilter.GaussianBlur(max(1.0, size[1] / 130)))
     box = mask.getbbox()
     if box is not None:
@@ -280,32 +276,85 @@ def paint_bodies(
     bodies: Sequence[Bodies],
     frame: int,
     colors: Sequence[tuple[int, int, int]],
+    strengths: Sequence[float] | None = None,
 ) -> None:
-    """Draws one frame of each body, the farthest face first."""
-    faces = []
+    """Draws one frame of each body.
+
+    Args:
+        picture: Where to; the bodies hide what is there.
+        camera: Sees it.
+        bodies: The bodies.
+        frame: Number of the frame.
+        colors: One for each body.
+        strengths: Opacity of each, from the background's color, 0, to its own, 1.
+    """
     right, up, ahead = camera.axes()
     key = unit(0.6 * up - 0.45 * right - 0.65 * ahead)
-    for body, color in zip(bodies, colors, strict=True):
+    image = np.array(picture)
+    flat, nearest = image.reshape(-1, 3), np.full(image.shape[0] * image.shape[1], np.inf)
+    for body, color, strength in zip(bodies, colors, strengths or [1.0] * len(bodies), strict=True):
         pixels, depth = camera.project(body.vertices[frame])
-        corners = pixels[body.quads]
-        first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-        front = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
-        quads = body.quads[front]
-        normals = unit(body.normals[frame][quads].sum(1))
-        sky = 0.5 + 0.5 * normals[:, 1]
-        lambert = np.maximum(normals @ key, 0)
-        shine = np.maximum(normals @ unit(key - ahead), 0) ** 24
-        rim = np.clip(1 + normals @ ahead, 0, 1) ** 3
-        share = 0.36 + 0.32 * sky + 0.50 * lambert
-        light = share[:, None] * np.array(color) + (34 * shine + 26 * rim * sky)[:, None]
-        shade = np.clip(light, 0, 255).astype(np.int64)
-        faces.append((corners[front], depth[quads].mean(1), shade))
-    pixels, depth, shade = (np.concatenate(column) for column in zip(*faces, strict=True))
-    order = np.argsort(-depth)
-    draw = ImageDraw.Draw(picture)
-    corners = pixels[order].reshape(-1, 8).tolist()
-    for polygon, color in zip(corners, shade[order].tolist(), strict=True):
-        draw.polygon(polygon, fill=tuple(color))
+        tints = np.array([faded(_BODY, strength), faded(color, strength)], dtype=np.float64)
+        for place, faces, shares in _fragments(
+            pixels, depth, body.triangles, picture.size, nearest
+        ):
+            corners = body.triangles[faces]
+            normals = unit(np.einsum("fk,fkc->fc", shares, body.normals[frame][corners]))
+            sky = 0.5 + 0.5 * normals[:, 1]
+            lambert = np.maximum(normals @ key, 0)
+            shine = np.maximum(normals @ unit(key - ahead), 0) ** 24
+            rim = np.clip(1 + normals @ ahead, 0, 1) ** 3
+            share = 0.36 + 0.32 * sky + 0.50 * lambert
+            tint = tints[(faces >= body.shell).astype(int)]
+            light = share[:, None] * tint + (strength * (26 * shine + 26 * rim * sky))[:, None]
+            flat[place] = np.clip(light, 0, 255).astype(np.uint8)
+    picture.paste(Image.fromarray(image))
+
+
+def _fragments(
+    pixels: Float[np.ndarray, "vertices 2"],
+    depth: Float[np.ndarray, " vertices"],
+    triangles: Int[np.ndarray, "triangles 3"],
+    size: tuple[int, int],
+    nearest: Float[np.ndarray, " pixels"],
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yields the pixels that faces win, the faces, and the shares of their corners there.
+
+    Args:
+        pixels: Corners of the faces in the picture.
+        depth: Their distances.
+        triangles: Corners of each face.
+        size: Width and height of the picture.
+        nearest: Distance of what each pixel shows so far; is changed.
+    """
+    corners = pixels[triangles]
+    (ax, ay), (bx, by), (cx, cy) = np.moveaxis(corners, 0, -1)
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)  # negative in front: pixels go down
+    low = np.clip(np.ceil(corners.min(1) - 0.5), 0, size).astype(int)
+    high = np.clip(np.floor(corners.max(1) - 0.5) + 1, 0, size).astype(int)
+    width, height = (high - low).clip(0).T
+    sizes = width * height
+    faces = np.flatnonzero((area < 0) & (sizes > 0) & (depth[triangles].min(1) > 0.1))
+    counts = sizes[faces]
+    parts = np.split(faces, np.flatnonzero(np.diff(np.cumsum(counts) // _FRAGMENTS)) + 1)
+    for part in parts if len(faces) else []:
+        count = sizes[part]
+        face = np.repeat(part, count)
+        step = np.arange(len(face)) - np.repeat(np.cumsum(count) - count, count)
+        x, y = low[face, 0] + step % width[face], low[face, 1] + step // width[face]
+        px, py = x + 0.5, y + 0.5
+        third = ((bx - ax)[face] * (py - ay[face]) - (by - ay)[face] * (px - ax[face])) / area[face]
+        second = ((px - ax[face]) * (cy - ay)[face] - (py - ay[face]) * (cx - ax)[face]) / area[
+            face
+        ]
+        shares = np.stack([1 - second - third, second, third], axis=-1)
+        inside = (shares >= -1e-9).all(-1)
+        face, shares = face[inside], shares[inside]
+        place = y[inside] * size[0] + x[inside]
+        away = (shares * depth[triangles[face]]).sum(-1)
+        np.minimum.at(nearest, place, away)
+        won = away <= nearest[place]
+        yield place[won], face[won], shares[won]
 
 
 def paint_trail(

@@ -87,7 +87,7 @@ def _row(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     positions = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
     steps = positions[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
     moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
-    picture = _painted(size, camera, moved, [painter.COLORS[0]] * len(moved), floor, 0.62 * width)
+    picture = _painted(size, camera, moved, floor, 0.62 * width)
     for frame, position in zip(frames, positions, strict=True):
         pixel = (size[0] * (0.5 + position / width), size[1] - across * 11 / WIDTH)
         painter.paint_text(picture, f"{frame / motion.fps:.1f} s", pixel, _text(13, across), "mm")
@@ -100,23 +100,23 @@ def _path(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     distance = np.concatenate([[0.0], np.cumsum(steps + 0.05 / motion.fps)])
     even = np.searchsorted(distance, np.linspace(0, distance[-1], figures))
     frames = np.unique(even.clip(0, len(motion) - 1)).tolist()
-    bodies = painter.make_bodies(motion, frames, 0.017, figure)
+    bodies = painter.make_bodies(motion, frames, figure)
     count = len(bodies.joints)
     size = across, round(_PATH * across)
     camera, height = camera_of_all(motion, bodies.vertices, painter.oversampled(size))
     moved = [bodies.moved(number, np.zeros(3)) for number in range(count)]
-    colors = [painter.faded(painter.COLORS[0], s) for s in np.linspace(0.35, 1, count).tolist()]
+    strengths = np.linspace(0.35, 1, count).tolist()
     trail = motion.joints[:, 0].astype(np.float64)
-    return _painted(size, camera, moved, colors, bodies.floor, 1.6 * height, trail)
+    return _painted(size, camera, moved, bodies.floor, 1.6 * height, strengths, trail)
 
 
 def _painted(
     size: tuple[int, int],
     camera: Camera,
     bodies: Sequence[painter.Bodies],
-    colors: Sequence[tuple[int, int, int]],
     floor: float,
     reach: float,
+    strengths: Sequence[float] | None = None,
     trail: Float[np.ndarray, "frames 3"] | None = None,
 ) -> Picture:
     picture = painter.new_picture(size)
@@ -124,7 +124,8 @@ def _painted(
     painter.paint_shadow(picture, camera, bodies, 0, floor)
     if trail is not None:
         painter.paint_trail(picture, camera, trail, floor)
-    painter.paint_bodies(picture, camera, bodies, 0, colors)
+    colors = [painter.COLORS[0]] * len(bodies)
+    painter.paint_bodies(picture, camera, bodies, 0, colors, strengths)
     return painter.reduced(picture)
 
 

@@ -39,9 +39,6 @@ _CAPTION = 44
 _FOLLOWING = 0.5
 """Standard deviation, seconds, of the Gaussian that smooths the camera's path."""
 
-_CELL = 0.025
-"""Size of the figure's faces, meters."""
-
 _X264 = {"crf": "18", "preset": "veryfast"}
 
 
@@ -102,7 +99,7 @@ def frames(
     width = size if len(motions) == 1 else size * 3 // 8 * 2
     panels = [
         _Panel(
-            painter.make_bodies(motion, cell=_CELL, figure=figure),
+            painter.make_bodies(motion, figure=figure),
             motion,
             (width, size - _CAPTION),
             painter.COLORS[number % len(painter.COLORS)],

@@ -34,8 +34,8 @@ class CharacterFigure:
     def __init__(self, rig: Rig) -> None:
         self._rig, self._skin = rig, surface_of(rig)
 
-    def __call__(self, motion: Motion, cell: float) -> tuple[Mannequin, Animation]:
-        """Returns the surface and the motion on the rig; faces stay as they are in the file."""
+    def __call__(self, motion: Motion) -> tuple[Mannequin, Animation]:
+        """Returns the surface and the motion on the rig."""
         return self._skin, retarget(motion, self._rig)
 
 
@@ -71,8 +71,7 @@ def surface_of(rig: Rig) -> Mannequin:
     faces = np.concatenate([part[3] + start for part, start in zip(parts, starts, strict=False)])
     vertices = rig.meters * (vertices - file.root) @ rig.axes
     joints = np.argsort(rig.order)[joints]
-    quads = faces[:, [0, 1, 2, 2]]
-    return Mannequin(vertices, _normals(vertices, faces), quads, joints, weights, rig.skeleton)
+    return Mannequin(vertices, _normals(vertices, faces), faces, joints, weights, rig.skeleton)
 
 
 _Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

@@ -6,6 +6,7 @@ import sqlite3
 import sys
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -19,7 +20,7 @@ from latentmotion.service.app import Extension, create_app
 from latentmotion.service.problems import FULL_DISK, Problem, problem_response
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
-from latentmotion.studio import capabilities, characters, projects, takes
+from latentmotion.studio import best, capabilities, characters, projects, session, takes
 from latentmotion.studio.library import Library, MissingMotionError, UnknownError
 from latentmotion.studio.models import Models
 
@@ -65,7 +66,8 @@ def create_studio(settings: Settings, library: Library, others: Sequence[str] = 
         frozenset({"/studio", "/studio/"} | named),
         frozenset({"/studio/v1/import", "/studio/v1/characters"}),
     )
-    app = create_app(settings, extension)
+    layers = (*settings.middleware, session.CookieToken)
+    app = create_app(replace(settings, middleware=layers), extension)
     app.add_exception_handler(UnknownError, partial(_on_error, 404))
     app.add_exception_handler(MissingMotionError, partial(_on_error, 410))
     app.add_exception_handler(sqlite3.Error, _on_database)
@@ -109,6 +111,8 @@ def _routes(
         takes.transfer_routes(service, library),
         characters.routes(service, library),
         projects.routes(library),
+        session.routes(),
+        best.routes(library, models),
     ):
         router.include_router(routes, prefix="/studio/v1", tags=["studio"])
     return router

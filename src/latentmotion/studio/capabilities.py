@@ -64,6 +64,7 @@ def capabilities_of(models: Models, model: StudioModel) -> Capabilities:
     few, usual = card.few_step, card.sampling
     least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
     best_of = card.condition.reads_text and MOST_BEST_OF
+    lacks = {name: _lack(name) for name in get_args(FileFormat)}
     kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
     return Capabilities(
         **found.model_dump(include={"license", "prompts", "labels", "fps", "joints", "parents"}),
@@ -74,7 +75,8 @@ def capabilities_of(models: Models, model: StudioModel) -> Capabilities:
         seconds=dict(zip(("least", "most"), found.seconds, strict=True)),
         parts=list(PARTS),
         directions=pipeline.representation.skeleton.offsets.round(4).tolist(),
-        formats=[name for name in get_args(FileFormat) if _is_written(name)],
+        formats=[name for name, lack in lacks.items() if not lack],
+        lacking={name: lack for name, lack in lacks.items() if lack},
         character_formats=CHARACTER_FORMATS,
         readable=list(get_args(Readable)),
         can=dict.fromkeys(kinds, found.directed) | {"best_of": best_of},
@@ -85,10 +87,10 @@ def capabilities_of(models: Models, model: StudioModel) -> Capabilities:
     )
 
 
-def _is_written(form: str) -> bool:
-    """Returns whether a format's packages are installed."""
+def _lack(form: str) -> str:
+    """Returns why a format cannot be written here; empty where it can."""
     try:
         formats.check_ending(f"take.{form}") if form != "json" else None
-    except LatentMotionError:
-        return False
-    return True
+    except LatentMotionError as error:
+        return str(error)
+    return ""

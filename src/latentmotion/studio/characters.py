@@ -8,8 +8,10 @@ from typing import Any
 
 from fastapi import APIRouter, Request
 from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import FileResponse, Response
 
 from latentmotion.errors import InputError
+from latentmotion.formats.content import MEDIA_TYPES
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, uploaded
 from latentmotion.studio.library import Library
@@ -43,6 +45,10 @@ def routes(service: Service, library: Library) -> APIRouter:
             raise InputError(f"{name!r} is no character that can be read; expected {known}")
         async with uploaded(service, request, f"character.{ending}") as folder:
             file = f"character.{ending}"
+            if ending == "glb" and not _is_glb(folder / file):
+                raise InputError(
+                    f"{name!r} is no binary glTF, whatever its name says; export it as .glb or .vrm"
+                )
             bones = await _inspected(service, request, {"folder": str(folder), "file": file})
             character = await run_in_threadpool(library.add_character, name, folder / file, bones)
         return character.about()
@@ -52,12 +58,20 @@ def routes(service: Service, library: Library) -> APIRouter:
         """Describe a character."""
         return library.character(name).about()
 
+    @router.get("/{name}/model", response_class=FileResponse)
+    def model(name: Id) -> Response:
+        """Send the figure at rest, as it was uploaded."""
+        file = library.character_file(library.character(name))
+        if not file.is_file():
+            raise InputError(f"the file of this character, {file}, is gone; open it again")
+        return FileResponse(file, media_type=MEDIA_TYPES[file.suffix[1:]])
+
     @router.patch("/{name}", response_model=CharacterAnswer)
     async def changed(request: Request, name: Id, wanted: MappingChange) -> Any:
         """Correct which bone is which joint; what is left out has none."""
         character = await run_in_threadpool(library.character, name)
         mapping = {ours: bone for ours, bone in wanted.mapping.items() if bone is not None}
-        file = library.character_file(character)
+        file = library.character_file(character).resolve()
         about = {"folder": str(file.parent), "file": file.name, "map": mapping}
         bones = await _inspected(service, request, about)
         return (await run_in_threadpool(library.change_character, name, bones=bones)).about()
@@ -73,6 +87,11 @@ def routes(service: Service, library: Library) -> APIRouter:
         return library.change_character(name, deleted=False).about()
 
     return router
+
+
+def _is_glb(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(4) == b"glTF"
 
 
 async def _inspected(service: Service, request: Request, task: dict[str, Any]) -> dict[str, Any]:

@@ -53,7 +53,7 @@ async def content_of(
     character = await run_in_threadpool(library.character, wanted.character)
     task = {
         **{"verb": "retarget", "map": character.joint_map(), "figure": True},
-        **{"file": str(library.character_file(character)), "format": wanted.format},
+        **{"file": str(library.character_file(character).resolve()), "format": wanted.format},
     }
     with tempfile.TemporaryDirectory(prefix="latentmotion-") as folder:
         own, _ = await run_in_threadpool(encoded, [motion], "npz")

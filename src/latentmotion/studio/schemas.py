@@ -339,6 +339,8 @@ class Capabilities(_Answer):
     """Parts of the body that can be generated alone."""
     formats: list[str]
     """Formats that takes can be written in here."""
+    lacking: dict[str, str]
+    """Those that cannot, and what is missing."""
     character_formats: list[str]
     """Those for takes on a character."""
     readable: list[str]

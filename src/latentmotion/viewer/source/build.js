@@ -24,13 +24,15 @@ await build({
   outfile: "../viewer.js",
   external: ["./latentmotion.js"], // lies beside the site's page
 });
-// The studio's three.js is what viewer.js hands over; a part that is missing in three.js stops the build.
+// The studio's three.js and mannequin are what viewer.js hands over; a part that is missing in three.js stops the build.
 const parts = readFileSync("three.js", "utf8").match(/\{[^}]*\}/)[0];
 const given = {
   name: "given",
   setup({ onResolve, onLoad }) {
     onResolve({ filter: /^three$/ }, () => ({ path: "three", namespace: "given" }));
-    onLoad({ filter: /./, namespace: "given" }, () => ({ contents: `export const ${parts} = globalThis.three;` }));
+    onResolve({ filter: /mannequin\.json$/ }, () => ({ path: "mannequin", namespace: "given" }));
+    onLoad({ filter: /three/, namespace: "given" }, () => ({ contents: `export const ${parts} = globalThis.three;` }));
+    onLoad({ filter: /mannequin/, namespace: "given" }, () => ({ contents: "export default globalThis.mannequin;" }));
   },
 };
 await build({

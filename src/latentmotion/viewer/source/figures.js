@@ -1,11 +1,11 @@
-// Figures beside the drawn person: one of sticks, and one whose skin and bones the page carries.
+// Figures beside the mannequin: one of sticks, and one whose skin and bones the page carries.
 
 import * as THREE from "three";
 import { skinnedMesh } from "./figure.js";
 import { bytes } from "./motion.js";
 
 /** The figures that need no file, by their names in the command line. */
-export const FIGURES = { person: "Person", mannequin: "Mannequin, as in files", stick: "Stick figure" };
+export const FIGURES = { mannequin: "Mannequin", stick: "Stick figure" };
 
 const RADIUS = 0.028; // meters, of a stick; joints are larger
 const SKIN = 0.01; // meters that the skin of feet reaches below their joints
@@ -86,8 +86,8 @@ class SkinnedFigure {
   }
 
   showTime(time) {
-    const { frames, fps, seconds } = this.motion;
-    const place = Math.min(Math.max(time, 0), seconds) * fps;
+    const { frames, fps } = this.motion;
+    const place = Math.min(Math.max(time * fps, 0), frames - 1);
     const frame = Math.min(Math.floor(place + 1e-6), Math.max(frames - 2, 0));
     const next = Math.min(frame + 1, frames - 1);
     const [size, turns, shifts] = [new THREE.Vector3(1, 1, 1), [0, 1], [0, 1]];

@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { ghost } from "./figure.js";
 
 const NEAR = 0.25; // seconds around its time in which a goal is lit
+const LETTERS = 20; // pixels that a label is high
 const LIFT = 0.006; // meters of the path above the floor
 
 export class Marks {
@@ -90,8 +91,17 @@ function label(text, up) {
   map.colorSpace = THREE.SRGBColorSpace;
   const material = new THREE.SpriteMaterial({ map, depthTest: false, toneMapped: false });
   const sprite = new THREE.Sprite(material);
-  sprite.scale.set((0.085 * canvas.width) / canvas.height, 0.085, 1);
   sprite.position.y = up;
+  // As high on the screen, wherever the camera is.
+  const size = new THREE.Vector2();
+  sprite.onBeforeRender = (renderer, scene, camera) => {
+    const { y: height } = renderer.getSize(size);
+    const away = camera.position.distanceTo(sprite.getWorldPosition(new THREE.Vector3()));
+    const meters = (2 * away * Math.tan((camera.fov * Math.PI) / 360) * LETTERS) / height;
+    sprite.scale.set((meters * canvas.width) / canvas.height, meters, 1);
+    sprite.updateMatrixWorld();
+    sprite.modelViewMatrix.multiplyMatrices(camera.matrixWorldInverse, sprite.matrixWorld);
+  };
   sprite.renderOrder = 2;
   return sprite;
 }

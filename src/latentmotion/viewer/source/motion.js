@@ -15,12 +15,12 @@ export class Motion {
     Object.assign(this, { caption, fps, marks, skeleton, positions });
     this.size = skeleton.names.length * 3;
     this.frames = positions.length / this.size;
-    this.seconds = (this.frames - 1) / this.fps;
+    this.seconds = this.frames / this.fps; // the last pose is there for a frame, too
   }
 
   /** Joint positions (joints * 3, meters) at `time` seconds: a Catmull-Rom curve through frames. */
   sample(time, out = new Float32Array(this.size)) {
-    const at = Math.min(Math.max(time, 0), this.seconds) * this.fps;
+    const at = Math.min(Math.max(time * this.fps, 0), this.frames - 1);
     const frame = Math.min(Math.floor(at + 1e-6), Math.max(this.frames - 2, 0));
     const weights = catmullRom(Math.max(at - frame, 0));
     out.fill(0);

@@ -114,8 +114,8 @@ export class Panel {
     const { time, seconds } = this.timeline;
     find("scrub").value = time;
     find("scrub").style.setProperty("--done", `${(100 * time) / (seconds || 1)}%`);
-    find("scrub").setAttribute("aria-valuetext", `${time.toFixed(1)} of ${seconds.toFixed(1)} s`);
-    find("time").textContent = `${time.toFixed(1)} / ${seconds.toFixed(1)} s`;
+    find("scrub").setAttribute("aria-valuetext", this.timeline.words[1]);
+    find("time").textContent = this.timeline.words[0];
   }
 
   #showState() {

@@ -2,7 +2,7 @@
 
 import { Pace } from "./pace.js";
 import { Sketch } from "./sketch.js";
-import { hasSkin, prepareSkin, Stage } from "./stage.js";
+import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 
 const HAS_WEBGL = document.createElement("canvas").getContext("webgl2") !== null;
@@ -28,9 +28,9 @@ export class Player {
 
   /**
    * Shows other takes, from their beginning, or, where `stay`, at the present time and seen as those
-   * before; other options are those of the stage's `show`.
+   * before; `play` starts them. Other options are those of the stage's `show`.
    */
-  show(takes, colors, { stay = false, ...options } = {}) {
+  show(takes, colors, { stay = false, play = this.timeline.playing, ...options } = {}) {
     this.takes = takes;
     if (this.stage) this.stage.show(takes, colors, options);
     else this.#open(takes, colors, options);
@@ -41,17 +41,7 @@ export class Player {
     if (stay) return;
     this.isFitted = false;
     this.fit();
-    this.timeline.play(!still.matches);
-  }
-
-  /** Whether a person of this skeleton would have to wait for its skin. */
-  isBare(skeleton) {
-    return HAS_WEBGL && !hasSkin(skeleton);
-  }
-
-  /** Makes the skin of a skeleton while the page lives on. */
-  async prepare(skeleton) {
-    if (this.isBare(skeleton)) await prepareSkin(skeleton);
+    this.timeline.play(play && !still.matches);
   }
 
   #open(takes, colors, options) {

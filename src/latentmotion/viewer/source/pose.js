@@ -5,13 +5,30 @@
 // between hips and chest.
 
 import { Matrix4, Quaternion, Vector3 } from "three";
-import { restPose, rigidFrames } from "./anatomy.js";
+import { restPose } from "./mannequin.js";
+
+// Triples of joints that fix the rotation of a bone.
+const FRAMES = {
+  pelvis: ["right_hip", "left_hip", "spine1"],
+  spine3: ["right_collar", "left_collar", "neck"],
+  left_ankle: ["left_ankle", "left_foot", "left_knee"],
+  right_ankle: ["right_ankle", "right_foot", "right_knee"],
+};
+
+// Those of a skeleton: the known ones, else a joint and two children.
+function rigidFrames({ names, parents }) {
+  return names.map((name, j) => {
+    const known = FRAMES[name]?.map((joint) => names.indexOf(joint));
+    if (known?.every((joint) => joint >= 0)) return known;
+    const children = names.map((_, child) => child).filter((child) => parents[child] === j);
+    return children.length > 1 ? [j, children[0], children[1]] : null;
+  });
+}
 
 export class Rig {
   constructor(skeleton) {
-    const { positions } = restPose(skeleton);
     this.skeleton = skeleton;
-    this.rest = skeleton.names.map((name) => new Vector3(...positions[name]));
+    this.rest = restPose(skeleton);
     this.frames = rigidFrames(skeleton);
     this.child = skeleton.names.map((_, j) => skeleton.parents.indexOf(j));
     this.sharing = skeleton.names.map((_, j) => this.#twistShare(j));

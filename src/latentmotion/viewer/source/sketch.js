@@ -87,8 +87,11 @@ export class Sketch {
     this.context.clearRect(0, 0, width, height);
     const view = this.#view(width, height);
     this.#drawFloor(view);
-    this.motions.forEach((motion, i) => this.#drawFigure(motion, i, view));
-    this.motions.forEach((motion, i) => this.#drawMarks(motion.marks, i, view));
+    this.motions.forEach((motion, i) => {
+      if (this.watched !== null && this.watched !== i) return;
+      this.#drawFigure(motion, i, view);
+      this.#drawMarks(motion.marks, i, view);
+    });
   }
 
   /** Returns the function from a point in space to the screen, and pixels per meter. */

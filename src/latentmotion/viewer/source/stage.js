@@ -2,16 +2,17 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { bodyGeometry, Figure } from "./figure.js";
+import { Figure } from "./figure.js";
+import { stick } from "./figures.js";
 import { Floor } from "./floor.js";
+import { bodyGeometry, isHuman } from "./mannequin.js";
 import { Marks } from "./marks.js";
 import { alongPath, lineUp, smoothPath } from "./motion.js";
-import { atOnce, inSlices } from "./slices.js";
 
-const EYE = new THREE.Vector3(0.42, 0.22, 1).normalize(); // from where the camera first looks
+const EYE = new THREE.Vector3(0.34, 0.2, 1).normalize(); // from where the camera first looks
 const HEIGHT = 0.96; // of what it looks at, meters
 const SHADOW_PIXELS = 640; // along each side of the map
-const FIELD_OF_VIEW = 30; // degrees, vertical
+const FIELD_OF_VIEW = 17; // degrees, vertical; little, so that takes are of one size
 const FARTHEST = 40; // meters that a hand can go away from few takes
 const BESIDE = 0.6; // meters that a body reaches out to either side
 
@@ -43,14 +44,14 @@ export class Stage {
 
   /**
    * Shows other motions, from their beginning; the view stays until `reset`. `makers` make figures
-   * other than the drawn person from a motion, what returns its skin, a color and a place; `offsets`
+   * other than the mannequin from a motion, what returns its skin, a color and a place; `offsets`
    * set them elsewhere than side by side.
    */
   show(motions, colors, { makers = [], offsets = lineUp(motions) } = {}) {
     this.past.push(...this.shown);
     this.offsets = offsets;
     const made = (make) => (motion, i) => make(motion, () => geometryOf(motion), colors[i], offsets[i]);
-    this.figures = motions.map((motion, i) => made(makers[i] ?? person)(motion, i));
+    this.figures = motions.map((motion, i) => made(makers[i] ?? mannequin)(motion, i));
     this.paths = motions.map(smoothPath);
     this.floor = new Floor(motions, offsets, colors);
     this.marks = motions.map(made((...of) => new Marks(...of)));
@@ -125,9 +126,12 @@ export class Stage {
     this.reset();
   }
 
-  /** Looks at one take (its number from 0), or at all (null). */
+  /** Shows one take alone (its number from 0), or all (null). */
   watch(take) {
     this.watched = take;
+    for (const drawn of [this.figures, this.marks, this.floor.paths]) {
+      drawn.forEach(({ object }, i) => (object.visible = take === null || take === i));
+    }
     this.showTime(this.time);
     this.reset();
   }
@@ -135,8 +139,9 @@ export class Stage {
   /** Brings the camera back to where everything that is watched can be seen. */
   reset() {
     const size = this.#spread(this.takes, this.follow);
-    const tall = 2.3 + size.z * 0.25;
-    const wide = 1.5 + size.x + size.z * 0.4;
+    const highest = Math.max(...this.takes.map((take) => this.figures[take].height ?? 0));
+    const tall = Math.max(2.15, 1.15 * highest) + size.z * 0.2;
+    const wide = Math.max(1.3, 0.8 * highest) + size.x + size.z * 0.35;
     const half = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
     const free = this.freeHeight / this.canvas.clientHeight;
     const near = Math.max(tall / 2 / half / free, wide / 2 / half / this.camera.aspect);
@@ -228,29 +233,20 @@ export class Stage {
   }
 }
 
-function person(motion, skinOf, color, at) {
-  return new Figure(motion, skinOf(), color, at);
+function mannequin(motion, skinOf, color, at) {
+  return isHuman(motion.skeleton) ? new Figure(motion, skinOf(), color, at) : stick(motion, skinOf, color, at);
 }
 
 // Figures of one skeleton share the resting skin.
 function geometryOf({ skeleton }) {
-  if (!geometries.has(skeleton)) geometries.set(skeleton, atOnce(bodyGeometry(skeleton)));
+  if (!geometries.has(skeleton)) geometries.set(skeleton, bodyGeometry(skeleton));
   return geometries.get(skeleton);
-}
-
-export const hasSkin = (skeleton) => geometries.has(skeleton);
-
-/** Makes the skin of a skeleton, some half a second, while the page lives on. */
-export async function prepareSkin(skeleton) {
-  if (hasSkin(skeleton)) return;
-  const made = await inSlices(bodyGeometry(skeleton));
-  if (!hasSkin(skeleton)) geometries.set(skeleton, made);
 }
 
 /** Frees what an object holds on the graphics card, but for skins, which are shared. */
 export function release(object) {
   object.traverse(({ geometry, material, skeleton, shadow }) => {
-    if (!geometry?.attributes.paint) geometry?.dispose();
+    if (!geometry?.userData.isShared) geometry?.dispose();
     for (const one of [material ?? []].flat()) {
       one.map?.dispose();
       one.dispose();

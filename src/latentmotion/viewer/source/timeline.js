@@ -17,6 +17,11 @@ export class Timeline extends EventTarget {
     return Math.min(this.clock, this.seconds);
   }
 
+  /** The time as a clock and a screen reader say it. */
+  get words() {
+    return [`${this.time.toFixed(2)} / ${this.seconds.toFixed(2)} s`, `${this.time.toFixed(2)} of ${this.seconds.toFixed(2)} s`];
+  }
+
   advance(elapsed) {
     if (!this.playing || !this.seconds) return;
     this.clock += elapsed * this.speed;

@@ -25,7 +25,6 @@ let asked = 0; // number of the last request
 /** The skeleton of a model, once its skin is made. */
 async function bodyOf(own) {
   const skeleton = { ...own, lengths: own.directions.map((offset) => Math.hypot(...offset)) };
-  await player.prepare(skeleton);
   return skeleton;
 }
 
@@ -156,7 +155,7 @@ async function show(motions, stay = false) {
   );
   const colors = colorsOf(motions);
   const makers = find("figure").value === "stick" ? takes.map(() => stick) : [];
-  player.show(takes, colors, { stay, makers });
+  player.show(takes, colors, { stay, makers, play: true });
   const alone = stay ? [...find("takes").children].findIndex(isPressed) : -1;
   const buttons = motions.map((motion, take) => takeButton(motion, take, colors[take]));
   find("takes").replaceChildren(...buttons);
@@ -195,8 +194,8 @@ function showTime() {
   const { time, seconds, playing } = player.timeline;
   find("scrub").value = time;
   find("scrub").style.setProperty("--done", `${(100 * time) / (seconds || 1)}%`);
-  find("scrub").setAttribute("aria-valuetext", `${time.toFixed(1)} of ${seconds.toFixed(1)} s`);
-  find("time").textContent = `${time.toFixed(1)} / ${seconds.toFixed(1)} s`;
+  find("scrub").setAttribute("aria-valuetext", player.timeline.words[1]);
+  find("time").textContent = player.timeline.words[0];
   find("play").textContent = playing ? "Pause" : "Play";
 }
 

@@ -2,26 +2,34 @@
 
 import { save } from "../site/files.js";
 
-const TOKEN = "latentmotion-studio-token";
+const PATIENCE = 30; // seconds that a request waits for a server that is not ready yet
 
-/** Keeps the address's token for this tab and takes it out of the address. */
-export function keepToken() {
-  const token = new URLSearchParams(location.hash.slice(1)).get("token");
+/** Someone without a session: neither the token of an address nor the cookie that it becomes. */
+export class NoSession extends Error {}
+
+/** Trades the token of an address for a cookie, which all tabs have, and takes it out of the bar. */
+export async function openSession(address = location.href) {
+  const token = new URLSearchParams(address.split("#")[1]).get("token");
   if (!token) return;
-  sessionStorage.setItem(TOKEN, token);
   history.replaceState(null, "", location.pathname);
+  await request("POST", "session", { token });
 }
 
 /** Returns the answer to a request whose body is `json`, or bytes. */
-export async function request(method, path, { json, body = JSON.stringify(json) } = {}) {
-  const headers = { Authorization: `Bearer ${sessionStorage.getItem(TOKEN) ?? ""}` };
+export async function request(method, path, { json, body = JSON.stringify(json), token, patience = PATIENCE } = {}) {
+  const headers = token ? { Authorization: `Bearer ${token}` } : {};
   if (json !== undefined) headers["Content-Type"] = "application/json";
   const answer = await fetch(`/studio/v1/${path}`, { method, headers, body }).catch(() => {
     throw new Error("The server does not answer. Is latentmotion studio still running?");
   });
   if (answer.ok) return answer;
+  const wait = Number(answer.headers.get("Retry-After"));
+  if (answer.status === 503 && wait && wait <= patience) { // the studio was started again and reads its model
+    await new Promise((done) => setTimeout(done, 1000 * wait));
+    return request(method, path, { json, body, token, patience: patience - wait });
+  }
   if (answer.status === 401) {
-    throw new Error("This tab has no token. Open the address that latentmotion studio printed.");
+    throw new NoSession("This browser is not let in yet. Open the address that latentmotion studio printed.");
   }
   const problem = await answer.json().catch(() => ({}));
   throw new Error(problem.detail || problem.title || `The server answered ${answer.status}.`);

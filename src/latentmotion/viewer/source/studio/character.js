@@ -2,7 +2,7 @@
 
 import { FIGURES } from "../figures.js";
 import { get, query, request, send } from "./api.js";
-import { fill, find, make, onChange, onClick, say, trying, words } from "./dom.js";
+import { fill, find, make, onChange, onClick, round, say, trying, words } from "./dom.js";
 
 export class CharacterScreen {
   /** `restage` draws the stage again; `isShown` says if this screen is there. */
@@ -12,6 +12,7 @@ export class CharacterScreen {
     onClick("character-open", () => find("character-file").click());
     onChange("character-file", (field) => this.add(field.files[0]).finally(() => (field.value = "")));
     onChange("character-list", ({ value }) => this.choose(value));
+    onChange("scale", () => this.restage());
     onClick("character-export", () => this.export());
     onClick("character-delete", () => this.remove());
     for (const kind of ["dragover", "drop"]) {
@@ -23,12 +24,19 @@ export class CharacterScreen {
     }
   }
 
-  /** The motion on the drawn person, and on the character beside it. */
+  /** The motion on the mannequin, and on the character beside it. */
   actors() {
     const { take } = this.studio;
     if (!take) return [];
-    const plain = { take, figure: "person" };
-    return this.current ? [plain, { take, figure: this.current.id }] : [plain];
+    const plain = { take, figure: "mannequin" };
+    return this.current ? [plain, { take, figure: this.current.id, isScaled: find("scale").checked }] : [plain];
+  }
+
+  /** Says how high the character is, and offers to scale it, where it is not of a person's size. */
+  showSize() {
+    const height = this.studio.player.stage.figures?.find((figure) => figure.trueHeight)?.trueHeight;
+    find("scale-row").hidden = !height || (height > 1.3 && height < 2.2);
+    if (height) find("scale-words").textContent = `${round(height, 1)} m high: show it 1.7 m high`;
   }
 
   async list() {
@@ -73,7 +81,7 @@ export class CharacterScreen {
   }
 
   async #changed() {
-    if (!(this.studio.figure in FIGURES)) this.studio.figure = "person";
+    if (!(this.studio.figure in FIGURES)) this.studio.figure = "mannequin";
     await this.list();
     await this.restage();
   }
@@ -86,6 +94,7 @@ export class CharacterScreen {
     const facts = `${bones.length} bones, ${guessed.length} joints guessed`;
     find("character-facts").textContent = problem ? `${facts}; ${problem}.` : `${facts}.`;
     const { joints } = this.studio.capabilities;
+    this.prefix = commonPrefix(bones);
     find("bones").tBodies[0].replaceChildren(
       ...joints.map((joint) => this.#row(joint, mapping[joint] ?? null, bones)),
     );
@@ -97,11 +106,23 @@ export class CharacterScreen {
       aria: { label: `Bone of ${words(joint)}` },
       on: { change: ({ target }) => trying(() => this.#assign(joint, target.value || null)) },
     });
-    fill(select, [["", "– none –"], ...bones.map((name) => [name, name])], bone ?? "");
-    const state = bone ? (isGuessed ? "guessed" : "") : "missing";
+    fill(select, [["", "– none –"], ...bones.map((name) => [name, name.slice(this.prefix.length)])], bone ?? "");
+    const carrier = bone ? null : this.#carrier(joint);
+    const state = bone ? (isGuessed ? "guessed" : "") : carrier ? "carried" : "missing";
     const name = make("th", { scope: "row" }, words(joint));
-    if (state) name.append(make("small", { className: state, textContent: ` ${state}` }));
+    const told = carrier ? `moves with ${carrier}` : state;
+    if (state) name.append(make("small", { className: state, textContent: told }));
     return make("tr", { data: { joint, state } }, name, make("td", {}, select));
+  }
+
+  // The bone that a joint without one moves with: that of the nearest joint above which has one.
+  #carrier(joint) {
+    const { joints, parents } = this.studio.capabilities;
+    const { mapping } = this.current;
+    if (!/spine|neck|collar|foot/.test(joint)) return null; // without limbs of its own it looks wrong
+    let above = parents[joints.indexOf(joint)];
+    while (above >= 0 && !mapping[joints[above]]) above = parents[above];
+    return above >= 0 ? mapping[joints[above]].slice(this.prefix.length) : null;
   }
 
   #assign(joint, bone) {
@@ -131,4 +152,10 @@ export class CharacterScreen {
     await this.studio.history.act("Remove character", mark(true), mark(false));
     say("Character removed. Ctrl+Z brings it back.");
   }
+}
+
+// What all names of bones begin with, up to a mark such as a colon.
+function commonPrefix(names) {
+  const first = names[0]?.match(/^.*?[:_|]/)?.[0] ?? "";
+  return names.every((name) => name.startsWith(first)) ? first : "";
 }

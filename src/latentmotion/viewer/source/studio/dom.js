@@ -37,6 +37,34 @@ export function onChange(id, action) {
   find(id).addEventListener("change", (event) => trying(() => action(event.target)));
 }
 
+/** Opens a menu at a pointer, or at what has the focus, of [name, action or null] rows. */
+export function showMenu({ clientX, clientY, target }, rows) {
+  const menu = make("div", { className: "menu", popover: "auto", role: "menu" });
+  const buttons = rows.map(([name, action]) => {
+    const choose = () => {
+      menu.hidePopover();
+      trying(action);
+    };
+    return make("button", { type: "button", role: "menuitem", textContent: name, disabled: !action, on: { click: choose } });
+  });
+  menu.append(...buttons);
+  const able = buttons.filter(({ disabled }) => !disabled);
+  menu.addEventListener("keydown", (event) => {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (step) able.at((able.indexOf(document.activeElement) + step) % able.length)?.focus();
+    if (step) event.preventDefault();
+    event.stopPropagation();
+  });
+  menu.addEventListener("toggle", ({ newState }) => newState === "closed" && menu.remove());
+  document.body.append(menu);
+  menu.showPopover();
+  const { left, bottom } = target.getBoundingClientRect();
+  const [x, y] = clientX || clientY ? [clientX, clientY] : [left, bottom];
+  menu.style.left = `${Math.min(x, innerWidth - menu.offsetWidth - 8)}px`;
+  menu.style.top = `${Math.min(y, innerHeight - menu.offsetHeight - 8)}px`;
+  able[0]?.focus();
+}
+
 export function press(id, isPressed) {
   find(id).setAttribute("aria-pressed", String(isPressed));
 }

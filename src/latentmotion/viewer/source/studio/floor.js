@@ -9,9 +9,9 @@ import { round } from "./dom.js";
 const NEAR = 18; // pixels from a waypoint within which the pointer grabs it
 const DRAWN = 10; // pixels after which a press is a drawn line and no click
 const APART = 0.35; // meters between the waypoints of a drawn line
-const WIDER = 1.45; // times as far from above
-const AHEAD = 1.3; // meters
-const ABOVE = new THREE.Vector3(0.05, 1, 0.55).normalize();
+const ABOVE = new THREE.Vector3(0, 1, 0.001).normalize();
+const ROOM = 1.2; // meters around the path and the goals in the plan
+const LEAST_PLAN = 4; // meters
 
 export class FloorHand {
   /** `tool` is "path", "goal" or null; `changed` hears of a new tool, and of places of goals. */
@@ -31,21 +31,38 @@ export class FloorHand {
     this.tool = this.tool === tool ? null : tool;
     this.stage.controls.enabled = this.tool === null;
     if (this.tool) this.studio.player.timeline.play(false);
-    if (this.tool && !this.isAbove) this.lookFromAbove(true);
-    this.changed();
+    const { takes, picked } = this.studio;
+    this.studio.player.watch(this.tool && takes.length ? picked : null); // what is set is for this take
+    if (this.tool) this.lookFromAbove(true);
+    else this.changed();
   }
 
   lookFromAbove(isAbove) {
     this.isAbove = isAbove;
     const { stage } = this;
     stage.eye = isAbove ? ABOVE : this.usual;
-    stage.reset();
-    if (isAbove) {
-      // More of the floor, most of it where motions go.
-      stage.zoom(WIDER);
-      for (const one of [stage.camera.position, stage.controls.target]) one.z += AHEAD;
-    }
+    stage.setFollow(!isAbove);
+    if (isAbove) this.#framePlan();
     this.changed();
+  }
+
+  // The path, the goals and where motions go, in the middle and as large as they fit.
+  #framePlan() {
+    const { stage } = this;
+    const [dx, dz] = this.#offset();
+    const { path, goals } = this.studio.draft;
+    const box = new THREE.Box2();
+    const add = (x, z) => box.expandByPoint(new THREE.Vector2(x + dx, z + dz));
+    add(0, 0);
+    add(0, LEAST_PLAN / 2);
+    path.forEach(({ x, z }) => add(x, z));
+    goals.forEach(({ to: [x, , z] }) => add(x, z));
+    const [center, size] = [box.getCenter(new THREE.Vector2()), box.getSize(new THREE.Vector2())];
+    const half = Math.tan((stage.camera.fov * Math.PI) / 360);
+    const tall = Math.max(size.y + 2 * ROOM, LEAST_PLAN, (size.x + 2 * ROOM) / stage.camera.aspect);
+    stage.controls.target.set(center.x, 0, center.y);
+    stage.camera.position.copy(stage.controls.target).addScaledVector(ABOVE, tall / 2 / half);
+    stage.stale = true;
   }
 
   /** Draws the draft at every take's place, and the ring under the picked take. */

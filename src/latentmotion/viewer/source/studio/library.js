@@ -61,6 +61,11 @@ export class Library {
     else find("grid").replaceChildren(...cards);
     find("more").hidden = this.takes.length >= total;
     find("total").textContent = total === 1 ? "1 take" : `${total.toLocaleString("en")} takes`;
+    const isFiltered = Object.keys(filters).length > 0;
+    find("nothing").hidden = total > 0;
+    find("nothing").textContent = isFiltered
+      ? "No take is like this. Search for other words, or take the filters away."
+      : "No takes yet: write what a person does on the screen Make, or import a file.";
     find("grid").dataset.listed = String(this.takes.length);
     // Observed anew, it tells at once where it is still in sight.
     this.end.disconnect();
@@ -74,7 +79,7 @@ export class Library {
   #card(take) {
     const { id, title, star, seconds, tags, missing, made, recipe } = take;
     const seed = recipe.seed === undefined ? "imported" : `seed ${recipe.seed}`;
-    const facts = [`${round(seconds, 1)} s`, seed, made ? new Date(made).toLocaleDateString("en") : "", ...tags];
+    const facts = [`${round(seconds)} s`, seed, made ? new Date(made).toLocaleDateString("en") : "", ...tags];
     const tick = make("input", {
       ...{ type: "checkbox", checked: this.chosen.has(id) },
       aria: { label: `Select ${title}` },
@@ -88,10 +93,17 @@ export class Library {
     });
     if (missing) picture.textContent = "File missing: make again";
     else this.seen.observe(picture);
-    const name = make("input", {
-      ...{ value: title, className: "title", maxLength: 200 },
+    const name = make("textarea", {
+      ...{ value: title, className: "title", maxLength: 200, rows: 2 },
       aria: { label: `Title of ${title}` },
-      on: { change: ({ target }) => this.edit("Rename", take, { title: target.value.trim() }) },
+      on: {
+        change: ({ target }) => this.edit("Rename", take, { title: target.value.trim() }),
+        keydown: (event) => {
+          if (event.key !== "Enter") return;
+          event.preventDefault();
+          event.target.blur();
+        },
+      },
     });
     const starred = make("button", {
       ...{ type: "button", className: "star", textContent: star ? "★" : "☆" },
@@ -150,7 +162,8 @@ export class Library {
 
   #showChosen() {
     const { size } = this.chosen;
-    find("chosen-count").textContent = size ? `${size} selected` : "None selected";
+    find("chosen").hidden = !size;
+    find("chosen-count").textContent = `${size} selected`;
     const deleted = [...this.chosen.values()].some((take) => take.deleted);
     for (const id of ["show-chosen", "set-tags", "export-chosen", "delete-chosen", "chosen-tags"]) {
       find(id).disabled = !size;

@@ -2,7 +2,7 @@
 
 import { Player } from "../player.js";
 import { SPEEDS } from "../timeline.js";
-import { get, keepToken } from "./api.js";
+import { get, NoSession, openSession } from "./api.js";
 import { CharacterScreen } from "./character.js";
 import { Compare } from "./compare.js";
 import { Directions } from "./direct.js";
@@ -12,21 +12,39 @@ import { Library } from "./library.js";
 import { MakeScreen } from "./make.js";
 import { Models } from "./models.js";
 import { Projects } from "./projects.js";
+import { record, savePicture } from "./record.js";
+import { keepWork, restoreWork } from "./restore.js";
 import { Studio } from "./studio.js";
 
 const NAMES = { make: "Make", library: "Library", character: "Character", compare: "Compare" };
 const isPhone = matchMedia("(max-width: 820px)");
 
-keepToken();
-const player = new Player(find("view"), () => ({ above: 44, below: 8 }), showTime);
-trying(open).then((isOpen) => {
-  document.body.dataset.state = isOpen ? "ready" : "failed";
-});
+const player = new Player(find("view"), () => ({ above: 44, below: document.body.dataset.takes === "0" ? 56 : 8 }), showTime);
+open().then(
+  () => (document.body.dataset.state = "ready"),
+  (error) => fail(error),
+);
+
+// One card in place of the page: what is wrong, and what to do.
+function fail(error) {
+  document.body.dataset.state = "failed";
+  find("failed-words").textContent = error.message;
+  find("sign-in").hidden = !(error instanceof NoSession);
+  find("sign-in").addEventListener("submit", async (event) => {
+    event.preventDefault();
+    await openSession(find("sign-in-address").value).then(() => location.reload(), (wrong) => {
+      find("failed-words").textContent = wrong.message;
+    });
+  });
+  onClick("failed-again", () => location.reload());
+}
 
 async function open() {
+  await openSession();
   const [capabilities, { models }] = await Promise.all([get("capabilities"), get("models")]);
   const studio = new Studio(capabilities, player);
-  studio.stand("stick");
+  document.body.dataset.takes = "0";
+  await studio.stand();
   const screens = {};
   const restage = (stay) => trying(() => stageOf(studio, screens, stay));
   new Models(studio, models);
@@ -48,7 +66,7 @@ async function open() {
   studio.addEventListener("edited", () => restage(true));
   studio.addEventListener("pick", () => {
     if (document.body.dataset.screen === "character") restage(false);
-    if (find("alone").getAttribute("aria-pressed") === "true") look(studio, true);
+    if (isPressed("alone")) look(studio, true);
   });
   studio.history.addEventListener("change", () => showHistory(studio.history));
   addEventListener("hashchange", enter);
@@ -58,14 +76,13 @@ async function open() {
   about(studio.capabilities);
   studio.addEventListener("capabilities", () => about(studio.capabilities));
   await screens.character.list();
+  await restoreWork(studio);
+  keepWork(studio, screens.make);
   await enter();
   find("prompt").focus({ preventScroll: true });
   waitForModel();
   performance.measure("ready", { start: 0, end: performance.now() });
-  // Only now, and before the first takes come.
-  player.prepare(studio.skeleton).then(() => studio.takes.length || restage(true));
   window.latentmotion = { studio, player, directions };
-  return true;
 }
 
 // The model is read while the page is.
@@ -86,9 +103,6 @@ async function enterScreen(studio, screens, restage) {
   document.body.dataset.screen = screen;
   document.title = `${NAMES[screen]} – Latent Motion studio`;
   find("screen-name").textContent = NAMES[screen];
-  for (const element of document.querySelectorAll("[data-of]")) {
-    element.hidden = !element.dataset.of.split(" ").includes(screen);
-  }
   for (const link of find("screens").children) {
     if (link.hash === `#${screen}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
@@ -102,10 +116,11 @@ async function stageOf(studio, screens, stay) {
   const { screen } = document.body.dataset;
   if (screen === "library") return;
   const actors = screens[screen].actors();
+  document.body.dataset.takes = String(actors.length);
   press("alone", false);
   if (actors.length) await studio.stage(actors, { overlay: screen === "compare" && screens.compare.overlay, stay });
-  else studio.stand(player.isBare(studio.skeleton) ? "stick" : studio.figure);
-  document.body.dataset.takes = String(actors.length);
+  else await studio.stand(screen === "character" ? screens.character.current : null, find("scale").checked);
+  if (screen === "character") screens.character.showSize();
 }
 
 function look(studio, isAlone) {
@@ -135,6 +150,8 @@ function wire(studio, directions, restage) {
     press("follow", player.stage.follow);
   });
   onClick("above", () => directions.lookFromAbove());
+  onClick("save-picture", async () => say(`Saved ${await savePicture(player)}.`));
+  onClick("save-video", () => record(player));
   onClick("alone", () => look(studio, !isPressed("alone")));
   onClick("undo", () => move(studio, "undo"));
   onClick("redo", () => move(studio, "redo"));
@@ -212,11 +229,11 @@ function isLibrary() {
   return document.body.dataset.screen === "library";
 }
 
-// Panels are folded on phones, and where there is room the options are open.
+// Where there is room, the take's panel is open.
 function fold() {
   const set = () => {
     for (const panel of document.querySelectorAll("details.fold")) {
-      panel.open = !isPhone.matches && panel.id !== "part";
+      panel.open = !isPhone.matches && panel.id === "take";
     }
   };
   isPhone.addEventListener("change", set);
@@ -239,8 +256,8 @@ function showTime() {
   const { time, seconds, playing, speed } = player.timeline;
   find("scrub").max = seconds;
   find("scrub").value = time;
-  find("scrub").setAttribute("aria-valuetext", `${time.toFixed(1)} of ${seconds.toFixed(1)} s`);
-  find("time").textContent = `${time.toFixed(1)} / ${seconds.toFixed(1)} s`;
+  find("scrub").setAttribute("aria-valuetext", player.timeline.words[1]);
+  find("time").textContent = player.timeline.words[0];
   find("play").setAttribute("aria-label", playing ? "Pause" : "Play");
   find("play").classList.toggle("playing", playing);
   find("speed").value = speed;

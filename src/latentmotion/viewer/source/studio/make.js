@@ -14,6 +14,7 @@ const PLACEHOLDERS = {
   labels: "an action that the model knows",
   nothing: "this model takes no prompt",
 };
+const EXAMPLES = ["a person walks forward and waves", "a person kicks with the right leg", "a person sits down on a chair"];
 const PACES = [0.5, 0.75, 1, 1.25, 1.5, 2];
 
 export class MakeScreen {
@@ -28,10 +29,27 @@ export class MakeScreen {
     studio.addEventListener("segment", () => this.#showDraft());
     studio.addEventListener("pick", () => this.#showTake());
     studio.addEventListener("edited", () => this.#showTake());
-    studio.addEventListener("takes", () => this.#showTake());
+    for (const change of ["takes", "best"]) studio.addEventListener(change, () => this.#showTake());
+    find("examples").append(...EXAMPLES.map((prompt) => this.#example(prompt)));
     this.#showDraft();
     this.#showTake();
     this.strip.draw();
+  }
+
+  // A prompt to click, which is made at once.
+  #example(prompt) {
+    const click = async () => {
+      find("prompt").value = prompt;
+      await this.generate();
+    };
+    return make("button", { type: "button", textContent: prompt, on: { click: () => trying(click) } });
+  }
+
+  /** What the model does not know about a prompt, and what it knows that is near, where told. */
+  notice({ notice = "", nearest = [] } = {}) {
+    find("notice").hidden = !notice && !nearest.length;
+    find("notice-words").textContent = notice;
+    find("nearest").replaceChildren(...nearest.map((caption) => this.#example(caption)));
   }
 
   /** What stands on the stage. */
@@ -40,7 +58,7 @@ export class MakeScreen {
     return takes.map((take) => ({ take, figure }));
   }
 
-  #limit({ steps, guidance, seconds, formats, can, prompts, parts = [], labels = [] }) {
+  #limit({ steps, guidance, seconds, formats, lacking, can, prompts, parts = [], labels = [] }) {
     const { elements } = this.form;
     if (labels.length) elements.prompt.setAttribute("list", "labels");
     else elements.prompt.removeAttribute("list");
@@ -59,6 +77,12 @@ export class MakeScreen {
     find("part-which").hidden = !can.parts;
     fill(find("part-name"), [["", "whole body"], ...parts.map((one) => [one, words(one)])]);
     fill(find("format"), byUse(formats));
+    for (const [name, lack] of Object.entries(lacking)) {
+      find("format").append(Object.assign(new Option(`${name} – not installed`, name, false, false), { disabled: true, title: lack }));
+    }
+    const [lack] = Object.values(lacking);
+    find("format-lack").hidden = !lack;
+    find("format-lack").textContent = `${Object.keys(lacking).join(", ")}: ${lack}`;
     fill(find("pace"), PACES.map((pace) => [pace, `${pace}×`]));
     find("pace").value = this.studio.take?.edits.speed ?? 1;
   }
@@ -75,6 +99,7 @@ export class MakeScreen {
       await studio.change("Seed", ({ settings }) => (settings.seed = seed));
       await this.generate();
     });
+    onClick("more-options", () => this.#showMore(find("fields").hidden));
     onClick("kept-none", () => studio.change("Plain prompt", (draft) => (draft.kept = {})));
     onClick("star", () => this.star());
     onClick("duplicate", () => this.duplicate());
@@ -126,11 +151,16 @@ export class MakeScreen {
     }
     const wrong = [...this.form.elements].find((field) => field.willValidate && !field.validity.valid);
     if (wrong) {
-      find("options").open = true;
+      if (find("fields").contains(wrong)) this.#showMore(true);
       wrong.focus();
       throw new Error(`${wrong.labels[0].textContent.trim()}: ${wrong.validationMessage}`);
     }
     await this.make(recipeOf(this.studio.draft), this.studio.draft.settings.takes);
+  }
+
+  #showMore(isShown) {
+    find("fields").hidden = !isShown;
+    find("more-options").setAttribute("aria-expanded", String(isShown));
   }
 
   /** Makes takes of a recipe; the keys go to the stage then. */
@@ -145,8 +175,9 @@ export class MakeScreen {
         performance.measure("takes", { start: began, end: performance.now() });
       });
       const took = Math.round(performance.now() - began);
-      const { seconds } = this.studio.takes[0];
-      say(`${this.studio.takes.length} × ${round(seconds, 1)} s in ${took} ms. Keys 1 to 9 pick.`);
+      const [{ seconds, ...first }] = this.studio.takes;
+      this.notice(first);
+      say(`${this.studio.takes.length} × ${round(seconds)} s in ${took} ms.`);
     } finally {
       document.body.dataset.state = "ready";
     }
@@ -243,7 +274,7 @@ export class MakeScreen {
     find("kept").hidden = !kept;
     find("kept-words").textContent = `As it was made: ${kept}.`;
     const many = draft.segments.length > 1;
-    const usual = round(lengthsOf(draft, this.studio.take?.seconds ?? 0)[this.strip.chosen], 1);
+    const usual = round(lengthsOf(draft, this.studio.take?.seconds ?? 0)[this.strip.chosen]);
     find("generate").textContent = many ? `Generate ${draft.segments.length} prompts` : "Generate";
     find("prompt").previousElementSibling.textContent = many
       ? `Prompt ${this.strip.chosen + 1} of ${draft.segments.length}`
@@ -255,6 +286,7 @@ export class MakeScreen {
     const { take, takes, picked } = this.studio;
     const colors = colorsOf(takes);
     find("picks").replaceChildren(...takes.map((one, i) => this.#pickButton(one, i, colors[i])));
+    this.#showBest();
     find("no-take").hidden = Boolean(take);
     find("take-body").hidden = !take;
     find("take").querySelector("summary").textContent =
@@ -263,7 +295,7 @@ export class MakeScreen {
     const { title, star, edits, seconds, frames, fps, recipe, goals } = take;
     find("take-title").value = title;
     press("star", star);
-    find("star").textContent = star ? "★ Starred" : "☆ Star";
+    find("star").title = star ? "Starred (s)" : "Star (s)";
     const seed = recipe.seed === undefined ? "imported" : `seed ${recipe.seed}`;
     const model = recipe.model ? ` · ${recipe.model}${this.studio.knows(take) ? "" : ", which is not here"}` : "";
     find("facts").textContent = `${round(seconds)} s · ${frames} frames · ${round(fps)} fps · ${seed}${model}`;
@@ -277,6 +309,15 @@ export class MakeScreen {
     find("pace").value = edits.speed ?? 1;
     find("again").hidden = recipe.seed === undefined;
     find("reached").replaceChildren(...(goals ?? []).map(reachedItem));
+  }
+
+  // The take that scores best, and why, once the server has said so.
+  #showBest() {
+    const { best } = this.studio;
+    const at = this.studio.takes.findIndex(({ id }) => id === best?.take);
+    find("picks").children[at]?.classList.add("best");
+    find("why").hidden = at < 0;
+    if (at >= 0) find("why").textContent = `Take ${at + 1} is the best: ${best.reason}`;
   }
 
   #pickButton(take, number, color) {

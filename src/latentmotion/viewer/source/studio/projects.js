@@ -71,15 +71,9 @@ export class Projects {
     const takes = await Promise.all(project.takes.map((id) => get(`takes/${id}`).catch(() => null)));
     const there = takes.filter((take) => take && !take.missing);
     const { studio } = this;
-    const [draft, shown, picked] = [studio.draft, studio.takes, studio.picked];
     const drafted = draftOfProject(project, emptyDraft(studio.capabilities));
     const opened = studio.withModel(drafted, ({ name }) => name === drafted.settings.model);
-    const put = (next, list, at) => async () => {
-      studio.draft = next;
-      studio.tell("draft");
-      await studio.show(list, at);
-    };
-    await studio.history.act("Open project", put(opened, there, 0), put(draft, shown, picked));
+    await studio.replace("Open project", opened, there);
     find("project-name").value = name;
     const lost = takes.length - there.length;
     say(`Opened ${name}${lost ? `; ${lost} of its takes are missing` : ""}.`, lost > 0);

@@ -1,6 +1,6 @@
 // The timeline: prompts one after the other, when the path and the goals are met, and the time.
 
-import { find, make, onClick, words } from "./dom.js";
+import { find, make, onClick, round, showMenu, words } from "./dom.js";
 import { lengthsOf, takesGoals, timesOf } from "./draft.js";
 
 const LEAST = 0.6; // seconds of a prompt
@@ -46,6 +46,20 @@ export class Strip {
     if (this.studio.draft.segments.length < 2) return;
     await this.studio.change("Remove prompt", ({ segments }) => segments.splice(number, 1));
     find("segments").querySelector("button")?.focus();
+  }
+
+  // What can be done with a prompt, as [name, action or, where it can't be now, null].
+  #menu(number) {
+    const { segments } = this.studio.draft;
+    const change = (name, edit) => () => this.studio.change(name, edit);
+    const copy = change("Duplicate prompt", (draft) => draft.segments.splice(number, 0, { ...segments[number] }));
+    const usual = change("Length", (draft) => (draft.segments[number].seconds = null));
+    return [
+      ["Edit", () => this.choose(number)],
+      ["Usual length", segments[number].seconds === null ? null : usual],
+      ["Duplicate", this.studio.capabilities.can.timeline ? copy : null],
+      ["Delete", segments.length > 1 ? () => this.remove(number) : null],
+    ];
   }
 
   choose(number, isEditing = true) {
@@ -99,7 +113,7 @@ export class Strip {
         keydown: (event) => onDelete(event, () => this.remove(number)),
         contextmenu: (event) => {
           event.preventDefault();
-          this.remove(number);
+          showMenu(event, this.#menu(number));
         },
       },
     });
@@ -137,7 +151,7 @@ export class Strip {
   }
 
   #tick(at, name) {
-    const label = `${name} at ${at.toFixed(1)} s`;
+    const label = `${name} at ${round(at)} s`;
     const go = () => {
       this.studio.player.timeline.play(false);
       this.studio.player.timeline.seek(at);

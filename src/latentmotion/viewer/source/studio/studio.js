@@ -1,11 +1,11 @@
 // What the studio works on: the draft, the takes that are shown, the picked one; all can be undone.
 
-import { restPose, sole } from "../anatomy.js";
 import { colorsOf } from "../colors.js";
 import { ghost } from "../figure.js";
 import { stick } from "../figures.js";
+import { standing } from "../mannequin.js";
 import { boneLengths, lineUp, Motion } from "../motion.js";
-import { download, query, request, send } from "./api.js";
+import { download, get, query, request, send } from "./api.js";
 import { characterMaker } from "./characters.js";
 import { draftOf, emptyDraft, recipeOf } from "./draft.js";
 import { History } from "./history.js";
@@ -22,7 +22,7 @@ export class Studio extends EventTarget {
     this.skeleton = { names, parents, directions, lengths };
     Object.assign(this, { capabilities, player, history: new History(), motions: new Map() });
     this.models = new Map(); // by name, what the server offers
-    Object.assign(this, { draft: emptyDraft(capabilities), takes: [], picked: 0, figure: "person" });
+    Object.assign(this, { draft: emptyDraft(capabilities), takes: [], picked: 0, figure: "mannequin" });
     this.turn = 0;
   }
 
@@ -70,6 +70,7 @@ export class Studio extends EventTarget {
     const redo = async () => {
       if (made) await this.#mark(made, false);
       else made = (await send("POST", "takes", { recipe, takes: count, model })).takes;
+      this.isNew = true; // what is new plays, whatever was paused
       await this.show(made, 0);
     };
     const undo = async () => {
@@ -85,20 +86,40 @@ export class Studio extends EventTarget {
     this.picked = Math.min(picked, Math.max(takes.length - 1, 0));
     await this.motionsOf(takes);
     this.tell("takes");
+    this.#rank(takes);
+  }
+
+  // Which take does best what its prompt says: asked for once the takes are there.
+  async #rank(takes) {
+    this.best = null;
+    if (takes.length < 2 || new Set(takes.map(({ recipe }) => recipe.prompt)).size > 1) return;
+    const best = await get(`best?${query(takes.map(({ id }) => ["take", id]))}`).catch(() => null);
+    if (takes !== this.takes || !best?.take) return;
+    this.best = best;
+    this.tell("best");
+  }
+
+  /** An empty draft and an empty stage. */
+  startAnew() {
+    return this.replace("Start anew", emptyDraft(this.capabilities), []);
   }
 
   /** Shows takes out of the library together with what the first was made from. */
   open(takes) {
-    const [before, picked, draft] = [this.takes, this.picked, this.draft];
     const { recipe } = takes[0];
     const made = ({ weights }) => weights === recipe.weights;
     const mine = this.withModel(draftOf(recipe, emptyDraft(this.capabilities)), made);
-    const put = (shown, at, drafted) => async () => {
+    return this.replace("Open", mine, takes);
+  }
+
+  /** Another draft and other takes in place of the present ones. */
+  replace(name, draft, takes) {
+    const put = (drafted, shown, at) => async () => {
       this.draft = drafted;
       this.tell("draft");
       await this.show(shown, at);
     };
-    return this.history.act("Open", put(takes, 0, mine), put(before, picked, draft));
+    return this.history.act(name, put(draft, takes, 0), put(this.draft, this.takes, this.picked));
   }
 
   pick(number) {
@@ -203,33 +224,30 @@ export class Studio extends EventTarget {
 
   /** Puts {take, figure, color} on the stage, one over the other where `overlay`. */
   async stage(actors, { overlay = false, stay = false } = {}) {
+    const play = this.isNew ? true : undefined;
+    this.isNew = false;
     this.turn += 1;
     const mine = this.turn;
     const motions = await this.motionsOf(actors.map(({ take }) => take));
-    const makers = await Promise.all(actors.map(({ take, figure }) => makerOf(take, figure)));
+    const makers = await Promise.all(actors.map((actor) => makerOf(actor)));
     if (mine !== this.turn) return; // something else is shown by now
-    // Sticks stand for a person until its skin is made.
-    const bare = [];
-    motions.forEach(({ skeleton }, i) => {
-      const isPerson = makers[i] === undefined || makers[i] === ghost;
-      if (!isPerson || !this.player.isBare(skeleton)) return;
-      makers[i] = stick;
-      bare.push(skeleton);
-    });
     const colors = colorsOf(actors).map((color, i) => actors[i].color ?? color);
     const starts = motions.map((motion) => motion.ground(0).map((value) => -value));
-    this.player.show(motions, colors, { makers, offsets: overlay ? starts : lineUp(motions), stay });
+    this.player.show(motions, colors, { makers, offsets: overlay ? starts : lineUp(motions), stay, play });
     this.tell("staged");
-    for (const skeleton of new Set(bare)) {
-      this.player.prepare(skeleton).then(() => mine === this.turn && this.stage(actors, { overlay, stay: true }));
-    }
   }
 
-  /** Puts a figure at rest on the stage, where there are no takes. */
-  stand(figure) {
+  /** Puts a figure that breathes on the stage, where there are no takes, and a character beside it. */
+  async stand(character, isScaled) {
     this.turn += 1;
-    const makers = figure === "stick" ? [stick] : [];
-    this.player.show([standing(this.skeleton)], ["#8a94a6"], { makers });
+    const mine = this.turn;
+    const makers = [this.figure === "stick" ? stick : undefined];
+    if (character && !character.name.toLowerCase().endsWith(".bvh")) {
+      const answer = await request("GET", `characters/${character.id}/model`);
+      makers.push(await characterMaker(await answer.arrayBuffer(), isScaled));
+    }
+    if (mine !== this.turn) return;
+    this.player.show(makers.map(() => standing(this.skeleton)), colorsOf(makers), { makers, play: true });
     this.tell("staged");
   }
 
@@ -242,20 +260,10 @@ export class Studio extends EventTarget {
 
 const keyOf = (take) => `${take.id} ${JSON.stringify(take.edits)}`;
 
-async function makerOf(take, figure) {
+async function makerOf({ take, figure, isScaled }) {
   if (figure === "stick") return stick;
   if (figure === "ghost") return ghost;
-  if (!figure || figure === "person") return undefined;
-  const file = figure === "mannequin" ? "file?format=glb" : `on/${encodeURIComponent(figure)}.glb`;
-  const answer = await request("GET", `takes/${take.id}/${file}`);
-  return characterMaker(await answer.arrayBuffer());
-}
-
-function standing(skeleton) {
-  const rest = restPose(skeleton);
-  const flat = skeleton.names.flatMap((name) => {
-    const [x, y, z] = rest.positions[name];
-    return [x, y - Math.max(sole(rest), -2), z];
-  });
-  return new Motion({ caption: "a person stands", fps: 20 }, skeleton, Float32Array.from(flat));
+  if (!figure || figure === "mannequin") return undefined;
+  const answer = await request("GET", `takes/${take.id}/on/${encodeURIComponent(figure)}.glb`);
+  return characterMaker(await answer.arrayBuffer(), isScaled);
 }

@@ -48,7 +48,7 @@ function showTime() {
   const { time, seconds } = scene.timeline;
   find("scrub").value = time;
   find("scrub").style.setProperty("--done", `${(100 * time) / (seconds || 1)}%`);
-  find("scrub").setAttribute("aria-valuetext", `${time.toFixed(1)} of ${seconds.toFixed(1)} s`);
+  find("scrub").setAttribute("aria-valuetext", scene.timeline.words[1]);
 }
 
 function showState() {
