@@ -12,7 +12,8 @@ import pytest
 
 from latentmotion import MotionPipeline
 from latentmotion.formats.gltf_document import Document
-from latentmotion.model.card import RIGHTS_IN_MOTIONS, SHIPPED
+from latentmotion.model.card import MOVES_FILE, RIGHTS_IN_MOTIONS, SHIPPED
+from latentmotion.retrieval.index import read_index
 from tests.service.conftest import Called
 
 ROOT = Path(__file__).parents[2]
@@ -29,11 +30,18 @@ CREDITS = {
     "snu": "Movement Research Lab, Seoul National University",
     "hdm05": "Documentation Mocap Database HDM05",
     "composed": "",
+    "holosoma": "Amazon FAR (Holosoma)",
+    "snu_more": "Movement Research Lab, Seoul National University",
+    "animated": "Meta Platforms, Inc. (AnimatedDrawings)",
 }
 """What the owners of data sets ask for, by the names in the cards."""
 
 TEXTS = {
     "LICENSE-Apache-2.0.txt": ("Version 2.0, January 2004", "END OF TERMS AND CONDITIONS"),
+    "LICENSE-AnimatedDrawings.txt": (
+        "Copyright (c) Meta Platforms",
+        "Permission is hereby granted",
+    ),
     "LICENSE-HumanML3D.txt": ("Copyright (c) 2022 Chuan Guo", "Permission is hereby granted"),
 }
 
@@ -52,8 +60,15 @@ def test_a_folder_of_weights_credits_what_its_card_names(name: str) -> None:
         assert CREDITS[source] in text, f"{source} is not credited"
     for credit in ("HumanML3D, MIT, © 2022 Chuan Guo", "all-MiniLM-L6-v2, Apache-2.0", "changed"):
         assert credit in text
-    for file in TEXTS:
+    others = {"LICENSE-AnimatedDrawings.txt"} if "animated" not in named else set()
+    for file in TEXTS.keys() - others:
         assert f"../{file}" in text
+
+
+def test_the_owners_of_the_clips_that_motions_start_from_are_credited() -> None:
+    text = plain((SHIPPED / "starter" / "LICENSE.md").read_text("utf-8"))
+    for source in read_index(SHIPPED / "starter" / MOVES_FILE).sources:
+        assert CREDITS[source.name] in text, f"{source.name} is not credited"
 
 
 def test_the_texts_of_licenses_are_there_and_packed() -> None:

@@ -78,7 +78,8 @@ class Reading:
     def about(self) -> dict[str, Any]:
         """Returns what a file says of it, as JSON can hold it; nothing if all is known."""
         notes = self.notes()
-        return {"notes": notes} if notes else {}
+        nearest = {"nearest": [self.doubt.nearest]} if self.doubt else {}
+        return {"notes": notes, **nearest} if notes else {}
 
 
 @dataclass(frozen=True)

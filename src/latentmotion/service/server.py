@@ -16,6 +16,7 @@ from fastapi import FastAPI
 
 from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.errors import InputError
+from latentmotion.retrieval.doubts import DoubtWarning
 from latentmotion.service.connections import CONNECTIONS, Connection
 from latentmotion.storage.children import limit
 from latentmotion.text.encoder import UnknownWordsWarning
@@ -136,7 +137,7 @@ def serve(app: FastAPI, place: socket.socket, notice: float, shutdown: float) ->
         notice: Seconds between saying at `/readyz` that it stops, and stopping.
         shutdown: Seconds in which what waits is finished.
     """
-    for category in (UnknownWordsWarning, CleanUpWarning):
+    for category in (UnknownWordsWarning, DoubtWarning, CleanUpWarning):
         warnings.simplefilter("ignore", category)  # of users' prompts, which no log holds
     limit("NOFILE", 4 * CONNECTIONS)  # a connection is an open file, of which 1,024 are usual
     Server(configuration(app, shutdown), app, notice).run([place])

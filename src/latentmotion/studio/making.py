@@ -173,7 +173,10 @@ def _generated(
         settings = {"seconds": seconds, "goals": goals, **named}
         return [pipeline.best(prompt, recipe.best_of, seed=seed, **settings) for seed in seeds]
     if not goals:
-        return pipeline.batch([prompt] * len(seeds), seconds, seeds, *sampled, recipe.sampler)
+        # By the seed, so that a take that is made again starts from what it started from.
+        every_other = [seed % 2 == 0 for seed in seeds]
+        prompts = [prompt] * len(seeds)
+        return pipeline.batch(prompts, seconds, seeds, *sampled, recipe.sampler, every_other)
     return [pipeline(prompt, seconds, seed, *sampled, recipe.sampler, goals) for seed in seeds]
 
 

@@ -267,6 +267,10 @@ class TakeAnswer(_Answer):
     edits: EditsAnswer
     goals: list[dict[str, Any]] | None
     """Each goal, and how far the motion was from it before and after clean-up, centimeters."""
+    notice: str = ""
+    """What the model does not know of the prompt, told when the take is made."""
+    nearest: list[str] = Field(default_factory=list)
+    """Captions near the prompt that the model learned, where it does not know the prompt."""
 
 
 class TakesAnswer(_Answer):

@@ -55,7 +55,9 @@ def recipe_routes(service: Service, library: Library, models: Models) -> APIRout
         work = partial(maker.made, wanted.recipe, wanted.takes)
         made = await unless_gone(request, service.called(work, service.settings.deadline))
         found = await run_in_threadpool(library.add, made)
-        return {"takes": [take.about() for take in found]}
+        about = made[0][0].metadata
+        notice = {"notice": "; ".join(about.get("notes", ())), "nearest": about.get("nearest", [])}
+        return {"takes": [take.about() | notice for take in found]}
 
     @router.post("/takes/{name}/again", response_model=AgainAnswer)
     async def again(request: Request, name: Id) -> Any:
