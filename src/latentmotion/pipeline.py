@@ -173,6 +173,8 @@ class MotionPipeline:
         """
         from latentmotion.retrieval.index import index_file
 
+        if not moves:
+            return self
         given = tuple(index_file(Path(m)) if isinstance(m, str | Path) else m for m in moves)
         pipeline = replace(self, moves=(*given, *self.moves))
         _ = pipeline.clip_starts  # read now, so that an error comes here

@@ -76,8 +76,7 @@ class Generate:
     from_clips: bool = True
     """Start motions of rare movements from the nearest clips of the training data; of several takes
     every other one."""
-    moves: tuple[Path, ...] = ()
-    """Folders of moves (`latentmotion teach`) that motions may start from, too."""
+    moves: options.Moves = ()
     runtime: options.RuntimeChoice = "auto"
     threads: options.Threads = None
     cache: bool = True
@@ -298,9 +297,7 @@ class Generate:
         seconds = scene.seconds if scene and self.seconds is None else self.seconds
         first = scene.seed if scene and scene.seed is not None else self.seed
         seeds = range(first, first + len(repeated))
-        generator = replace(generator, body=body)
-        if self.moves:
-            generator = generator.with_moves(*self.moves)
+        generator = replace(generator, body=body).with_moves(*self.moves)
         sampling = self.steps, self.guidance, self.sampler
         spans = scene.spans() if scene else [parse_span(text) for text in self.timeline]
         parts = scene.part_spans() if scene else [*map(parse_part_span, self.timeline_part)]

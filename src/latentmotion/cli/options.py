@@ -90,6 +90,10 @@ RuntimeChoice = Annotated[
     ),
 ]
 
+Moves = Annotated[
+    tuple[Path, ...], arg(help="Folders of `latentmotion teach` that motions may start from, too.")
+]
+
 Threads = Annotated[int | None, arg(help="Threads to use at most; by default one per core.")]
 
 Seed = Annotated[int, arg(help="Seed of every random choice.")]

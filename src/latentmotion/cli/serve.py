@@ -41,6 +41,7 @@ class Serve:
     are let in, any."""
     model: str = DEFAULT
     """Name or folder of an exported model."""
+    moves: options.Moves = ()
     runtime: options.Runtime = "auto"
     """Engine of the networks; a model that was not exported cannot be served."""
     threads: Annotated[int, arg(help="Threads that run the model, each a batch of its own.")] = 1
@@ -81,6 +82,7 @@ class Serve:
                 raise InputError(f"--{name} {seconds:g}: expected 0 to 3600 seconds")
         settings = Settings(
             model=self.model,
+            moves=tuple(path.resolve() for path in self.moves),
             runtime=self.runtime,
             threads=self.threads,
             queue=self.queue,

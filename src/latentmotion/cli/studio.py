@@ -10,6 +10,7 @@ from threading import Thread
 
 from tyro.conf import UseAppendAction
 
+from latentmotion.cli import options
 from latentmotion.cli.serve import ExportedRuntime
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.model.card import DEFAULT
@@ -36,6 +37,7 @@ class Studio:
     """Folder of takes, characters and projects; by default one in the user's folder for data."""
     browser: bool = True
     """Open the page in the browser."""
+    moves: options.Moves = ()
     runtime: ExportedRuntime = "auto"
     deadline: float = 120.0
     """Seconds that a request may take."""
@@ -53,6 +55,7 @@ class Studio:
             raise InputError("--runtime pytorch cannot be served; export the model first")
         settings = Settings(
             model=(self.model or (DEFAULT,))[0],
+            moves=tuple(path.resolve() for path in self.moves),
             runtime=self.runtime,
             deadline=self.deadline,
             file_workers=1,

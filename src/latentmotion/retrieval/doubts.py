@@ -18,6 +18,7 @@ from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.retrieval.index import ClipIndex, Neighbor, words_of
+from latentmotion.text.encoder import pieces
 
 THEN = re.compile(r"\s*(?:[,;.]?\s+(?:and\s+)?then\b|;|\.\s|,\s+(?:and\s+)?finally\b)\s*", re.I)
 """What separates movements that follow each other."""
@@ -146,10 +147,9 @@ class Doubts:
 
     def _is_english(self, word: str) -> bool:
         """Returns whether a word is one piece of the text encoder's, with an ending or without."""
-        pieces = getattr(self.text_encoder, "pieces", None)
-        if pieces is None or not word.isascii():
+        if not word.isascii():
             return True
-        head, *tail = pieces(word)
+        head, *tail = pieces(self.text_encoder, word)
         return head.isalpha() and "".join(tail).removeprefix("##") in ("", *_ENDINGS)
 
     def _is_known(self, word: str) -> bool:

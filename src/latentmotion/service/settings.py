@@ -35,6 +35,8 @@ class Settings:
 
     model: str = DEFAULT
     """Name or folder of an exported model."""
+    moves: tuple[Path, ...] = ()
+    """Folders of clips that motions may start from, besides those that ship."""
     runtime: Runtime = "auto"
     """Engine of the networks."""
     threads: int = 1

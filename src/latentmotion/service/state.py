@@ -45,6 +45,7 @@ class Service:
 
     def __init__(self, settings: Settings) -> None:
         pipeline = MotionPipeline.from_pretrained(settings.model, settings.runtime, threads=1)
+        pipeline = pipeline.with_moves(*settings.moves)
         self.settings, self.metrics = settings, Metrics()
         self.pipeline = model.with_recent_prompts(pipeline)
         self.batcher = Batcher(

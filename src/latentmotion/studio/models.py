@@ -117,7 +117,9 @@ class Models:
         """
         if self.all and model is self.own:
             return self.service.pipeline
-        return MotionPipeline.from_pretrained(model.folder, self.service.settings.runtime, 1)
+        settings = self.service.settings
+        pipeline = MotionPipeline.from_pretrained(model.folder, settings.runtime, 1)
+        return pipeline.with_moves(*settings.moves)
 
     def maker(self, name: str | None = None) -> Maker:
         """Returns what makes takes with a model; it is loaded if need be, and another given up.

@@ -26,7 +26,7 @@ from safetensors.numpy import save_file
 from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
 from latentmotion.errors import InputError
 from latentmotion.storage.files import atomic_file, sha256
-from latentmotion.text.encoder import EncoderWithVocabulary, warn_of_unknown
+from latentmotion.text.encoder import EncoderWithVocabulary, pieces, warn_of_unknown
 
 MAX_PROMPTS = 1000
 """Prompts that are kept for a user, some 20 kB each."""
@@ -58,6 +58,10 @@ class MemoryCachedTextEncoder:
     def width(self) -> int:
         """Numbers per vector."""
         return self.encoder.width
+
+    def pieces(self, word: str) -> list[str]:
+        """Returns the pieces that a word is read in; the word itself if the encoder has none."""
+        return pieces(self.encoder, word)
 
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns the embeddings of sentences.
@@ -111,8 +115,7 @@ class CachedTextEncoder:
 
     def pieces(self, word: str) -> list[str]:
         """Returns the pieces that a word is read in; the word itself if the encoder has none."""
-        inner = self.encoder
-        return inner.pieces(word) if isinstance(inner, EncoderWithVocabulary) else [word]
+        return pieces(self.encoder, word)
 
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns embeddings of sentences, without white space at their ends and runs of it.

@@ -50,6 +50,12 @@ class EncoderWithVocabulary(TextEncoder, Protocol):
         ...
 
 
+def pieces(encoder: TextEncoder, word: str) -> list[str]:
+    """Returns the pieces that an encoder reads a word in; the word itself if it has no pieces."""
+    own = getattr(encoder, "pieces", None)
+    return own(word) if own else [word]
+
+
 @dataclass(frozen=True)
 class GraphTextEncoder:
     """An exported text encoder. Immutable, so that one serves many threads."""
