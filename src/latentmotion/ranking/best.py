@@ -1,6 +1,6 @@
 """Best of several takes: claims and match of sentence and motion, less what feet and jerk cost.
 
-    score = 2 · claims + cosine(sentence, motion) + advantage of its start
+    score = 2 (1 − rarity) · claims + cosine(sentence, motion) + advantage of its start
             − sliding − 2 · penetration − max(0, jerk − 150)/1000
 
 `claims` is how closely the motion, cleaned up, does what the sentence asks: degrees, counts, sides,
@@ -8,7 +8,8 @@ ways, paces and order (`describe/closeness.py`). Sliding is in m/s, penetration 
 (`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such that claims
 decide first, and ordinary differences of feet and floor only between takes that match about as
 well (docs/measurements/best_of.md). A take of a rare movement that starts from a clip of it has an
-advantage, since claims and scorer know rare movements least (`retrieval/starts.py`).
+advantage, since claims and scorer know rare movements least (`retrieval/starts.py`); the largest
+advantage of the takes is the rarity.
 """
 
 from __future__ import annotations
@@ -140,6 +141,7 @@ def ranked(
         warnings.simplefilter("ignore", CleanUpWarning)  # the kept take's come when it is cleaned
         mended = clean_batch(motions, steps) if asked else motions
     advantages = [0.0] * len(motions) if advantages is None else advantages
+    weight = _CLAIMS * (1 - max(advantages, default=0.0))
     for motion, match, later, advantage in zip(
         motions, matches.tolist(), mended, advantages, strict=True
     ):
@@ -148,7 +150,7 @@ def ranked(
         jerk = jitter(joints, fps)
         claims = closeness(asked, scene_of(later.joints.astype(np.float64)))
         costs = sliding + _PENETRATION * depth + _JERK * max(0.0, jerk - _USUAL_JERK)
-        score = _CLAIMS * claims + match + advantage - costs
+        score = weight * claims + match + advantage - costs
         takes.append(Take(motion, score, claims, match, sliding, depth, jerk, advantage))
     return sorted(takes, key=lambda take: -take.score)
 

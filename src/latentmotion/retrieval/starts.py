@@ -24,7 +24,7 @@ from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import Start
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
-from latentmotion.retrieval.doubts import Doubts, parts_of
+from latentmotion.retrieval.doubts import NEAR_ENOUGH, Doubts, parts_of
 from latentmotion.retrieval.index import ClipIndex, Neighbor
 
 LEAST_COSINE = 0.6
@@ -108,7 +108,11 @@ class ClipStarts:
         Returns:
             Nothing where no movement is rare, or where a rare one has no clip near enough.
         """
-        choices = [_near(self.neighbors(part)) for part in parts_of(sentence)]
+        whole = _near(self.neighbors(sentence))
+        if whole and whole[0].cosine >= NEAR_ENOUGH:
+            choices = [whole]
+        else:
+            choices = [_near(self.neighbors(part)) for part in parts_of(sentence)]
         rare = any(near and is_rare(near[0]) for near in choices)
         return choices if rare and all(choices) else []
 
