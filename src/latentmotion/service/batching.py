@@ -25,8 +25,11 @@ from latentmotion.service.turns import CLIENT, Turns, room
 Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]
 """Key and payloads of a batch to a result, or an exception, for each."""
 
-NICE = 5
-"""Niceness of model threads and file workers, so that the event loop comes first."""
+NICE = 5 + (os.getpriority(os.PRIO_PROCESS, 0) if sys.platform != "win32" else 0)
+"""Niceness of model threads and file workers: above the service's, so that its event loop is first.
+
+Only root may set a niceness below the one that a service was started with.
+"""
 
 
 @dataclass(eq=False)
