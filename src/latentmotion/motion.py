@@ -216,7 +216,13 @@ class Motion:
     def _solved(self) -> Animation:
         from latentmotion.kinematics.inverse_kinematics import solve
 
-        return solve(self.joints, self.fps, self.skeleton)
+        return self._turning(solve(self.joints, self.fps, self.skeleton))
+
+    def _turning(self, solved: Animation) -> Animation:
+        """Returns rotations that turn what positions do not show as it was recorded."""
+        if self.recorded is None or self.skeleton.names != HUMANML3D.names:
+            return solved
+        return self.recorded.turning(solved)
 
     def _repr_html_(self) -> str:
         """Shows the page with the moving figure in a notebook."""
@@ -251,7 +257,7 @@ def animations(motions: Sequence[Motion]) -> list[Animation]:
         joints = np.stack([new[number].joints for number in numbers], axis=1)
         found = solve_batch(joints, first.fps, first.skeleton)
         for number, animation in zip(numbers, found, strict=True):
-            new[number].__dict__["_solved"] = animation
+            new[number].__dict__["_solved"] = new[number]._turning(animation)
     return [motion.animation() for motion in motions]
 
 

@@ -178,6 +178,20 @@ def test_a_clip_on_its_own_skeleton_keeps_every_rotation(
     assert read_bvh(out).skeleton.names[0] == "pelvis"
 
 
+def test_our_own_skeleton_keeps_what_it_has_of_heads_and_hands(tmp_path: Path) -> None:
+    write_bvh(tmp_path / "a.bvh", with_fingers())
+    motion = Motion.load(tmp_path / "a.bvh")
+    animation, plain = motion.animation(), motion.with_recorded(None).animation()
+    np.testing.assert_allclose(animation.joints(), motion.joints, atol=1e-5)
+    first = np.repeat(animation.rotations[:1], len(animation), axis=0)
+    head = HUMANML3D.names.index("head")
+    assert bend(replace(animation, rotations=first), animation)[head] == pytest.approx(70, abs=8)
+    assert bend(plain, animation)[HUMANML3D.names.index("right_knee")] < 0.1
+    (path,) = motion.save(tmp_path / "a.glb")
+    again = Motion.load(path).animation()
+    np.testing.assert_allclose(again.rotations[:, head], animation.rotations[:, head], atol=1e-4)
+
+
 def test_heads_forearms_and_fingers_turn_on_other_bodies_too(tmp_path: Path) -> None:
     write_bvh(tmp_path / "a.bvh", with_fingers())
     motion = Motion.load(tmp_path / "a.bvh")

@@ -60,6 +60,9 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
     moves = [np.abs(a.skeleton.offsets - rest).max(-1) > _SAME for a in found]
     moves += [_moves(a) for a in found]
     moving = {0, *np.flatnonzero(np.any(moves, axis=0)).tolist()}
+    turns = [np.abs(a.rotations - np.eye(3)).max(axis=(0, 2, 3)) > _SAME for a in found]
+    turning = {joint for joint in range(len(skeleton)) if skeleton.children(joint)}
+    turning |= set(np.flatnonzero(np.any(turns, axis=0)).tolist())  # heads and hands of recordings
     offsets = axes.offsets(np.array(rest, dtype=np.float64))
     offsets[0] = _standing(skeleton)
     rotations = _quaternions(axes.rotations(np.tile(np.eye(3), (len(skeleton), 1, 1))))
@@ -74,7 +77,7 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
         "nodes": [*nodes, {"name": "mannequin", "mesh": 0, "skin": 0}] if mesh else nodes,
         **(_figure(mannequin_of(skeleton), axes, document) if mesh else {}),
         "animations": [
-            _animation(motion, animation, axes, moving, number, document)
+            _animation(motion, animation, axes, moving, turning, number, document)
             for number, (motion, animation) in enumerate(zip(motions, found, strict=True), 1)
         ],
     }
@@ -136,6 +139,7 @@ def _animation(
     animation: Animation,
     axes: BoneAxes,
     moving: Set[int],
+    turning: Set[int],
     number: int,
     document: Document,
 ) -> dict[str, Any]:
@@ -153,7 +157,7 @@ def _animation(
         channels.append({"sampler": len(samplers) - 1, "target": {"node": joint, "path": path}})
 
     for joint in range(len(axes.skeleton)):
-        if axes.skeleton.children(joint):
+        if joint in turning:
             add(joint, "rotation", of_joints[joint])
         if joint in moving:
             offsets = animation.skeleton.offsets[joint][None]

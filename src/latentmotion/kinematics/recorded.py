@@ -11,10 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import Humanoid
 from latentmotion.kinematics.inverse_kinematics import solve_batch
+from latentmotion.kinematics.rotations import matrix_between
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.kinematics.standing import (
+    RestPose,
     carriers,
     rebased,
     rest_stands,
@@ -62,6 +65,34 @@ class Recorded:
     def resampled(self, fps: float) -> Recorded:
         """Returns it at another frame rate."""
         return replace(self, animation=self.animation.resampled(fps))
+
+    def turning(self, solved: Animation) -> Animation:
+        """Returns rotations of HumanML3D's joints that turn heads, hands and forearms as these do.
+
+        The positions do not change: forearms turn about themselves, heads and hands carry nothing.
+
+        Args:
+            solved: Rotations that were found from the positions alone, as many frames.
+        """
+        ours, theirs = solved.skeleton, self.body
+        axes = RestPose.of(theirs).axes
+        source = theirs.skeleton.world_rotations(self.animation.rotations) @ axes
+        rest, world = theirs.skeleton.rest_joints() @ axes, ours.world_rotations(solved.rotations)
+        index, offsets = ours.names.index, np.asarray(ours.offsets)
+        if "head" in theirs.joints:
+            world[:, index("head")] = source[:, theirs.joints["head"]]
+        for side in SIDES:
+            turn = np.eye(3)
+            for upper, lower in (("shoulder", "elbow"), ("elbow", "wrist")):
+                at, end = f"{side}_{upper}", f"{side}_{lower}"
+                bone, joint = offsets[index(end)], theirs.joints[at]
+                target = rest[theirs.joints[end]] - rest[joint]
+                turn = matrix_between(turn @ bone, target) @ turn
+                if upper == "elbow":
+                    along, turned = world[:, index(at)] @ bone, source[:, joint] @ turn
+                    world[:, index(at)] = matrix_between(turned @ bone, along) @ turned
+            world[:, index(end)] = source[:, theirs.joints[end]] @ turn
+        return replace(solved, rotations=ours.local_rotations(world))
 
     def following(self, before: Joints, after: Joints) -> Recorded:
         """Returns the animation moved as HumanML3D's joints were, by clean-up for example.
