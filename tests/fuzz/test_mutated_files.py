@@ -13,6 +13,7 @@ import os
 import random
 import shutil
 import signal
+import sqlite3
 import struct
 import warnings
 import zipfile
@@ -28,6 +29,7 @@ import torch
 from safetensors.numpy import save_file
 
 from latentmotion import formats
+from latentmotion.control.scene import read_scene
 from latentmotion.convert.reading import read_checkpoint
 from latentmotion.data.clip import Source, fit_sentences, parse_sentences
 from latentmotion.data.dataset import Dataset
@@ -42,6 +44,9 @@ from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import find_model, read_card
 from latentmotion.motion import Motion
 from latentmotion.networks.checkpoint import read_weights
+from latentmotion.retarget import read_rig, transfer
+from latentmotion.studio.edits import Edits
+from latentmotion.studio.library import Library
 from tests.support import damaged
 from tests.support.action_files import write_humanact12
 from tests.support.moving_figures import write_moving_figures
@@ -166,12 +171,48 @@ def load_body(path: Path) -> None:
     finite(body.body.template, body.body.weights, body.skeleton.offsets)
 
 
+def load_rig(path: Path) -> None:
+    """Reads a character and writes a motion on it."""
+    rig = read_rig(path)
+    motion = Motion(walker(6).joints().astype("f4"))
+    for file in transfer.write(path.with_name(f"moved{path.suffix}"), rig, [motion], None):
+        read_rig(file)
+
+
+def load_library(path: Path) -> None:
+    """Opens a library and reads all of it, as the studio does; SQLite's errors are answered."""
+    for log in path.parent.glob(f"{path.name}-*"):
+        log.unlink()
+    library = Library(path.parent)
+    try:
+        for take in library.takes(tag="x")[1] + library.takes(query="a")[1] + library.takes()[1]:
+            json.dumps(take.about(), allow_nan=False)
+            if not take.damaged:
+                library.motion(take)
+        library.tags()
+        for character in library.characters():
+            json.dumps(character.about(), allow_nan=False)
+    except sqlite3.Error:
+        pass
+    finally:
+        library.close()
+
+
+def load_scheduled(path: Path) -> None:
+    schedule = read_card(path.parent).schedule
+    finite(schedule.alpha(1), schedule.sigma(1))
+
+
 USD = ("a.usda", "a.usdc", "a.usdz")
 
 READERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys(("a.bvh", "a.csv", "a.npz", "a.npy", "a.amass.npz"), load_motions),
     **dict.fromkeys(USD, load_motions),
     **dict.fromkeys(("bones.glb", "bones.gltf", "ours.glb"), load_gltf),
+    **dict.fromkeys(("rig.glb", "rig.gltf", "rig.bvh"), load_rig),
+    "library/library.sqlite3": load_library,
+    "scene.json": read_scene,
+    "scheduled/model.json": load_scheduled,
     **dict.fromkeys(("figure/a.asf", "figure/a.amc"), load_asf),
     **dict.fromkeys(("data/manifest.json", "data/motions-000.safetensors"), load_dataset),
     **dict.fromkeys(("captions/captions.csv", "captions/a.txt"), load_captions),
@@ -205,6 +246,28 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         archive.extractall(folder / "members")
     damaged.gltf(folder / "bones.glb")
     motion.save(folder / "bones.gltf")
+    for ending in ("glb", "gltf", "bvh"):
+        Motion(walker(6).joints().astype("f4")).save(folder / f"rig.{ending}")
+    library = Library(folder / "library")
+    library.add([(motion, {"prompt": "a person walks", "model": "x"}, "walk", Edits())] * 3)
+    with library._written() as database:
+        database.execute("UPDATE takes SET tags = '[\"x\"]', goals = '[{\"goal\": {}}]'")
+        row = "0" * 26, "Ann", "glb", '{"bones": ["a"], "mapping": {"pelvis": "a"}}', 0
+        database.execute("INSERT INTO characters VALUES (?, ?, ?, ?, ?)", row)
+    library.close()
+    scene = {
+        **{"format": 1, "prompt": "a walk", "seconds": 4.0, "seed": 3},
+        **{"goals": [{"joint": "head", "at": 1.0, "to": [0, None, 1.5]}]},
+        **{"path": {"points": [[0, 0], [1, 2]], "at": [0.0, 3.5]}},
+        "headings": [{"at": 1, "degrees": 90}],
+    }
+    (folder / "scene.json").write_text(json.dumps(scene))
+    (folder / "scheduled").mkdir()
+    card = json.loads((find_model("starter") / "model.json").read_text())
+    card["schedule"] = {"kind": "ScaledLinear", "start": 0.00085, "end": 0.012, "length": 1000}
+    (folder / "scheduled" / "model.json").write_text(
+        json.dumps({"schedule": card.pop("schedule"), **card})
+    )
     damaged.asf(folder / "figure" / "a.asf")
     write_moving_figures(folder / "data", train=1, val=1)
     pack(folder / "data", folder / "data.lmpack")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -248,6 +249,11 @@ def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:
     for prompt in prompts:
         if not isinstance(prompt, str):
             raise InputError(f"a prompt is {prompt!r}; expected words")
+        if re.search("[\ud800-\udfff]", prompt):  # bytes that Python could not decode
+            raise InputError(
+                f"the prompt {prompt!r:.200} holds bytes that are not UTF-8; set the terminal's "
+                "encoding to UTF-8, or put the prompt in a file (--prompts)"
+            )
         card.condition.check_prompt(prompt, card.name)
 
 
