@@ -113,7 +113,6 @@ def asked(client: httpx.Client, names: Sequence[str]) -> dict[str, Callable[[], 
         "search two words": lambda: get("takes?query=kick%20person") and None,
         "search a tag": lambda: get("takes?tag=first&star=true") and None,
         "open one: its row and its joints": opened_take,
-        "a thumbnail": lambda: get(f"takes/{some()}/thumbnail.svg") and None,
         "four takes of 4 s, cleaned up, and their joints": four,
     }
 

@@ -7,7 +7,6 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -86,16 +85,6 @@ def test_a_file_is_named_by_the_title_in_plain_letters(studio: Called, take: str
     assert answer.headers["content-disposition"] == expected
 
 
-def test_a_thumbnail_is_a_row_of_figures(studio: Called, take: str) -> None:
-    root = ElementTree.fromstring(content(studio, f"{URL}/{take}/thumbnail.svg"))
-    paths = [one for one in root if one.tag.endswith("path")]
-    assert len(paths) == 5
-    width, height = map(float, root.attrib["viewBox"].split()[2:])
-    numbers = paths[-1].attrib["d"].replace("M", " ").replace("L", " ").split()
-    points = np.array(numbers, float).reshape(-1, 2)
-    assert ((points > 0) & (points < (width, height))).all()
-
-
 def test_the_viewer_reads_a_take(studio: Called, take: str) -> None:
     answer = studio.get(f"{URL}/{take}/viewer")
     assert answer.headers["content-type"] == "application/json"
@@ -138,7 +127,7 @@ def test_a_motion_that_is_gone_is_told(studio: Called) -> None:
     take = kept(library, Motion(WALK.joints[:7]))
     (library.folder / "motions" / f"{take.motion}.npz").unlink()
     assert studio.get(f"{URL}/{take.id}").json()["missing"]
-    for path in ("joints", "thumbnail.svg", "file?format=glb"):
+    for path in ("joints", "file?format=glb"):
         answer = studio.get(f"{URL}/{take.id}/{path}")
         assert answer.status_code == 410
         assert "is missing" in answer.json()["detail"]

@@ -34,10 +34,10 @@ export function downloads(address, { progress = () => {}, cache = true } = {}) {
     if (before) return new Uint8Array(await before.arrayBuffer());
     const response = await fetch(place).catch(() => null);
     if (!response?.ok) throw unloaded(place, response);
-    const report = name === "weights.bin" ? progress : () => {};
     const content = await body(response, (count) => {
+      if (name !== "weights.bin") return;
       state.loaded += count;
-      report({ ...state });
+      progress({ ...state });
     });
     // A full disk must not keep anyone from the motion.
     await kept?.put(place, new Response(content)).catch(() => {});

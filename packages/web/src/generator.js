@@ -6,6 +6,7 @@ import { Sentences } from "./tokens.js";
 
 const FORMAT = "latentmotion web 1";
 const WEIGHTS = "weights.bin";
+const OPTIONS = ["seconds", "seed", "steps", "guidance"];
 const USUAL_SECONDS = 4; // of a model that predicts no lengths
 
 /** What was asked for can't be done; the message says what can. */
@@ -76,8 +77,10 @@ export class Generator {
   }
 
   /** Returns the motion of a prompt: the recipe that made it, and its joints. */
-  async generate(prompt = "", asked = {}) {
+  async generate(prompt = "", { signal, ...asked } = {}) {
     const { model } = this;
+    signal?.throwIfAborted();
+    checkOptions(asked);
     const recipe = this.#recipe(prompt, asked);
     const { steps, seed, guidance } = recipe;
     const ids = this.#ids(prompt);
@@ -155,6 +158,12 @@ export class Generator {
     for (const session of this.sessions.values()) await (await session).release();
     this.sessions.clear();
   }
+}
+
+function checkOptions(asked) {
+  const unknown = Object.keys(asked).find((name) => !OPTIONS.includes(name));
+  if (unknown === undefined) return;
+  throw new InputError(`unknown option ${JSON.stringify(unknown)}; known are ${OPTIONS.join(", ")}`);
 }
 
 function checkPrompt(prompt, { name, prompts = "sentences", labels = [] }) {

@@ -19,6 +19,8 @@ export interface Request {
   steps?: number;
   /** How strongly the prompt steers, within `model.guidance`. */
   guidance?: number;
+  /** Gives the motion up; what waits for it gets the signal's reason as an error. */
+  signal?: AbortSignal;
 }
 
 /** A motion, and the recipe that makes it again. */

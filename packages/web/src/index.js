@@ -48,8 +48,15 @@ class RemoteGenerator {
     else reject(error.name === "InputError" ? new InputError(error.message) : new Error(error.message));
   }
 
-  generate(prompt, asked = {}) {
-    return this.call("generate", prompt, asked);
+  /** `signal` gives the motion up: nothing waits for it any more, and its error is the signal's. */
+  generate(prompt, { signal, ...asked } = {}) {
+    signal?.throwIfAborted();
+    const motion = this.call("generate", prompt, asked);
+    if (!signal) return motion;
+    const given = new Promise((_, reject) => {
+      signal.addEventListener("abort", () => reject(signal.reason), { once: true });
+    });
+    return Promise.race([motion, given]);
   }
 
   async close() {

@@ -14,7 +14,12 @@ export async function load(place, { runtime, progress } = {}) {
   const folder = isAddress ? null : folderAddress(place);
   const read = isAddress
     ? downloads(String(place), { progress })
-    : (name) => readFile(fileURLToPath(new URL(name, folder)));
+    : (name) => readFile(fileURLToPath(new URL(name, folder))).catch((error) => {
+        if (error.code !== "ENOENT") throw error;
+        throw new InputError(
+          `there is no ${error.path}; expected the folder that latentmotion export MODEL --web -o FOLDER wrote`,
+        );
+      });
   const wasm = "onnxruntime-web/ort-wasm-simd-threaded.wasm";
   const binary = await readFile(runtime ?? createRequire(import.meta.url).resolve(wasm));
   return Generator.open(read, { binary });

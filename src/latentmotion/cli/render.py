@@ -28,8 +28,11 @@ _VIDEOS, _PICTURES, _PAGES = (".mp4", ".gif"), (".png",), (".html",)
 _DRAWN: Mapping[str, Figure] = MappingProxyType({"mannequin": mannequin_of, "stick": sticks_of})
 """Figures of pictures, by name."""
 
-_SMOOTH = 30.0
+_SMOOTH = {".mp4": 30.0, ".gif": 15.0}
 """Maximum frames per second of a video by default."""
+
+_GIF_WIDTH = 1024
+"""Pixels of a GIF's width at most by default, so that pages and README files take it."""
 
 _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a take."
 
@@ -58,9 +61,10 @@ class Render(options.Reading):
     camera: View = "follow"
     """Videos: the camera follows the person, or stands still and sees the whole path."""
     output_fps: float | None = None
-    """Videos: frames per second; by default those of the first file, at most 30."""
+    """Videos: frames per second; by default those of the first file, at most 30, of a GIF 15."""
     size: int | None = None
-    """Pixels: height of videos (default 512) or width of strips (default 1280)."""
+    """Pixels: height of videos (default 512, less for a GIF of several takes) or width of strips
+    (default 1280)."""
 
     def run(self) -> None:
         """Reads, draws, writes.
@@ -94,10 +98,15 @@ class Render(options.Reading):
             elif path.suffix.lower() in _VIDEOS:
                 from latentmotion.render import video
 
-                fps = min(motions[0].fps, _SMOOTH) if self.output_fps is None else self.output_fps
+                ending = path.suffix.lower()
+                usual_fps = min(motions[0].fps, _SMOOTH[ending])
+                fps = usual_fps if self.output_fps is None else self.output_fps
                 takes = [motion.resampled(fps) for motion in motions]
+                usual = video.SIZE
+                if ending == ".gif" and len(takes) > 1:
+                    usual = min(usual, video.size_of(_GIF_WIDTH, len(takes)))
                 video.write(
-                    path, takes, 512 if self.size is None else self.size, self.camera, figure
+                    path, takes, usual if self.size is None else self.size, self.camera, figure
                 )
             elif self.figure in (None, "mannequin"):
                 page.write_page(path, motions)

@@ -50,6 +50,8 @@ class Web:
             self._export_and_write()
         size = sum(file.stat().st_size for file in self.output.rglob("*") if file.is_file()) / 1e6
         print(f"wrote {self.output} ({size:.1f} MB)")
+        if self.pyodide is None:
+            print("clean-up and GLB, CSV and HTML files are left out; --pyodide FOLDER adds them")
 
     def _export_and_write(self) -> None:
         site.runtime_file(self.runtime)

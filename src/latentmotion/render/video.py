@@ -27,11 +27,17 @@ if TYPE_CHECKING:
 MOST_TAKES = 6
 """Panels that fit beside each other."""
 
+SIZE = 512
+"""Usual height of a video, pixels."""
+
 SIZES = (96, 4096)
 """The smallest and the largest height of a video, pixels."""
 
 _GIF_FPS = 50
 """Greatest rate of a GIF: programs slow down faster ones."""
+
+_GIF_COLORS = 64
+"""Colors of a GIF."""
 
 _CAPTION = 44
 """Height of the line with the caption, pixels."""
@@ -45,7 +51,7 @@ _X264 = {"crf": "18", "preset": "veryfast"}
 def write(
     path: str | Path,
     motions: Sequence[Motion],
-    size: int = 512,
+    size: int = SIZE,
     view: View = "follow",
     figure: Figure = mannequin_of,
 ) -> list[Path]:
@@ -78,7 +84,7 @@ def write(
     fps = min(motions[0].fps, _GIF_FPS)
     pictures = frames([motion.resampled(fps) for motion in motions], size, view, figure)
     with atomic_file(path) as temporary:
-        first = next(pictures).quantize(128)
+        first = next(pictures).quantize(_GIF_COLORS)
         plain = painter.Image.Dither.NONE
         rest = [picture.quantize(palette=first, dither=plain) for picture in pictures]
         # GIF counts hundredths of a second: durations differ by one, so that the whole is exact.
@@ -89,9 +95,14 @@ def write(
     return [Path(path)]
 
 
+def size_of(width: int, takes: int) -> int:
+    """Returns the height of a video of several takes that is at most so wide, pixels."""
+    return max(SIZES[0], width // takes * 4 // 3 // 2 * 2)
+
+
 def frames(
     motions: Sequence[Motion],
-    size: int = 512,
+    size: int = SIZE,
     view: View = "follow",
     figure: Figure = mannequin_of,
 ) -> Iterator[Picture]:

@@ -24,7 +24,7 @@ from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import Start
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
-from latentmotion.retrieval.doubts import NEAR_ENOUGH, Doubts, parts_of
+from latentmotion.retrieval.doubts import Doubts, parts_of
 from latentmotion.retrieval.index import ClipIndex, Neighbor
 
 LEAST_COSINE = 0.6
@@ -47,6 +47,9 @@ denoiser knows of a movement, the more it may change."""
 
 ALIKE = 0.06
 """How much farther than the nearest a caption may be for its clip to be another start."""
+
+SAME = 0.95
+"""Cosine from which a sentence says what a caption says, as a whole."""
 
 MOST_CHOICES = 4
 """Clips among which takes take turns."""
@@ -109,7 +112,7 @@ class ClipStarts:
             Nothing where no movement is rare, or where a rare one has no clip near enough.
         """
         whole = _near(self.neighbors(sentence))
-        if whole and whole[0].cosine >= NEAR_ENOUGH:
+        if whole and whole[0].cosine >= SAME:
             choices = [whole]
         else:
             choices = [_near(self.neighbors(part)) for part in parts_of(sentence)]

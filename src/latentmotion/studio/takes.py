@@ -35,7 +35,6 @@ from latentmotion.studio.schemas import (
     TakesAnswer,
     TakesRequest,
 )
-from latentmotion.studio.thumbnail import thumbnail
 
 MOST_IMPORTED = 100
 """Motions of a file that is imported."""
@@ -144,12 +143,6 @@ def file_routes(service: Service, library: Library) -> APIRouter:
         }
         content = b"".join(motion.joints.astype("<f4").tobytes() for motion in motions)
         return Response(content, headers=headers, media_type="application/octet-stream")
-
-    @router.get("/takes/{name}/thumbnail.svg", response_class=Response)
-    def pictured(name: Id) -> Response:
-        """Send a row of stick figures."""
-        picture = thumbnail(library.motion(library.take(name)))
-        return Response(picture, media_type="image/svg+xml")
 
     @router.get("/takes/{name}/viewer", response_class=Response)
     async def viewer(name: Id) -> Response:

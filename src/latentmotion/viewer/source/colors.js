@@ -1,6 +1,6 @@
 // One color per take.
 
-const COLORS = [
+export const COLORS = [
   ...["#2f8f9d", "#e2694a", "#7a68c4", "#d99a2b", "#5c9452", "#c75c86", "#4a7fc1", "#8a7260"],
 ];
 

@@ -15,6 +15,14 @@ const RELAXED = { // directions of the left side's bones, of a person who just s
 const indexOf = Object.fromEntries(asset.names.map((name, joint) => [name, joint]));
 const rest = asset.rest.map((place) => new THREE.Vector3(...place));
 
+/** The body's own skeleton. */
+export const OWN = {
+  names: asset.names,
+  parents: asset.parents,
+  directions: rest.map((place, joint) => place.clone().sub(rest[Math.max(asset.parents[joint], 0)]).toArray()),
+  lengths: rest.map((place, joint) => place.distanceTo(rest[Math.max(asset.parents[joint], 0)])),
+};
+
 /** Whether a skeleton has the joints that the body needs. */
 export function isHuman({ names }) {
   const sides = NEEDED.flatMap((joint) => [`left_${joint}`, `right_${joint}`]);

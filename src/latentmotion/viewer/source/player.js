@@ -63,7 +63,7 @@ export class Player {
     if (!this.stage?.canvas.clientWidth || !this.stage.canvas.clientHeight) return;
     const { above, below } = this.margins();
     this.stage.resize(below, above);
-    if (!this.isFitted) this.stage.reset();
+    if (!this.isFitted || !this.stage.touched) this.stage.reset();
     this.isFitted = true;
   }
 

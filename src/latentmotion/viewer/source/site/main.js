@@ -3,6 +3,7 @@
 import { Motion } from "../motion.js";
 import { colorsOf } from "../colors.js";
 import { stick } from "../figures.js";
+import { OWN, standing } from "../mannequin.js";
 import { Player } from "../player.js";
 import { bvh, fileName, npz, save } from "./files.js";
 import { isAsleep, PYTHON_SIZE, rewritten } from "./python.js";
@@ -17,15 +18,14 @@ const READY = {
   nothing: "Ready. This model moves as it likes: press Generate.",
 };
 let generator = null;
-let body = null; // the drawn skeleton: one for all takes, so that its skin is made once
+let body = null; // the drawn skeleton, one for all takes
 let made = []; // motions as the model made them
 let shown = []; // the same as they are shown and saved: cleaned up or not
 let asked = 0; // number of the last request
 
-/** The skeleton of a model, once its skin is made. */
-async function bodyOf(own) {
-  const skeleton = { ...own, lengths: own.directions.map((offset) => Math.hypot(...offset)) };
-  return skeleton;
+/** The skeleton of a model, with the lengths of its bones. */
+function bodyOf(own) {
+  return { ...own, lengths: own.directions.map((offset) => Math.hypot(...offset)) };
 }
 
 function margins() {
@@ -42,6 +42,8 @@ function megabytes(count) {
 }
 
 async function open() {
+  player.show([standing(OWN)], colorsOf([null]), { play: true });
+  new ResizeObserver(() => player.fit()).observe(find("panel"));
   say("Loading the model …");
   const { load } = await import("./latentmotion.js");
   generator = await load("model/", {
@@ -241,10 +243,8 @@ find("write").addEventListener("click", write);
 find("clean").addEventListener("change", cleanUp);
 find("figure").addEventListener("change", () => show(shown, true));
 if (!PYTHON_SIZE) {
-  find("clean").disabled = true;
-  for (const option of find("format").options) option.disabled = !/bvh|npz/.test(option.value);
-  find("format").value = "bvh";
-  find("lack").hidden = false;
+  find("clean").disabled = find("clean").closest("label").hidden = true;
+  for (const option of [...find("format").options]) if (!/bvh|npz/.test(option.value)) option.remove();
 }
 find("share").addEventListener("click", async () => {
   try {

@@ -87,6 +87,7 @@ export class Directions {
     press("draw-path", tool === "path");
     press("place-goal", tool === "goal");
     press("above", isAbove);
+    press("follow", this.studio.player.stage.follow);
     find("hint").hidden = !tool;
     find("hint").textContent = HINTS[tool] ?? "";
     find("scene").dataset.tool = tool ?? "";

@@ -35,6 +35,7 @@ export class FloorHand {
     this.studio.player.watch(this.tool && takes.length ? picked : null); // what is set is for this take
     if (this.tool) this.lookFromAbove(true);
     else this.changed();
+    this.draw(true);
   }
 
   lookFromAbove(isAbove) {
@@ -75,7 +76,9 @@ export class FloorHand {
     if (isShown && takesGoals(this.studio.draft) && path.length + goals.length) {
       const times = timesOf(path, this.#seconds());
       const stops = path.map(({ x, z }, i) => ({ at: round(times[i], 1), to: [x, z] }));
-      this.marks = this.#places().map(([offset, color]) => {
+      const places = this.#places();
+      const asked = this.tool ? [places[this.studio.picked] ?? places[0]] : places;
+      this.marks = asked.map(([offset, color]) => {
         return new Marks({ marks: { goals, path: stops } }, null, color, offset);
       });
       this.drafted.add(...this.marks.map(({ object }) => object));

@@ -1,8 +1,10 @@
 // The screen Library: all takes with pictures; search, tags, stars; many at once; import.
 
 import { download, get, query, request, send } from "./api.js";
+import { draw } from "./thumbnails.js";
 import { byUse, fill, find, make, onChange, onClick, round, say, trying } from "./dom.js";
 
+const still = matchMedia("(prefers-reduced-motion: reduce)");
 const PAGE = 60; // takes that are asked for at once
 const AHEAD = "600px"; // below what is seen, where the next are asked for
 const MOST_PICTURES = 600; // that are kept in memory
@@ -89,7 +91,7 @@ export class Library {
     const picture = make("button", {
       ...{ type: "button", className: "picture", data: { take: id } },
       aria: { label: missing ? `Make ${title} again: its file is missing` : `Show ${title}` },
-      on: { click: () => trying(show) },
+      on: { click: () => trying(show), pointerenter: () => missing || still.matches || this.#play(take, picture) },
     });
     if (missing) picture.textContent = "File missing: make again";
     else this.seen.observe(picture);
@@ -114,19 +116,46 @@ export class Library {
     return make("li", { data: { take: id } }, picture, tick, starred, name, line);
   }
 
-  // Pictures are asked for as they come into view; the token goes with the request.
+  // Pictures are drawn as they come into view.
   async #paint(place) {
     this.seen.unobserve(place);
-    const { take: id } = place.dataset;
-    const edits = JSON.stringify(this.takes.find((take) => take.id === id)?.edits);
-    const key = `${id} ${edits}`;
+    const take = this.takes.find(({ id }) => id === place.dataset.take);
+    if (!take) return;
+    const key = `${take.id} ${JSON.stringify(take.edits)}`;
     if (!this.pictures.has(key)) {
-      const answer = request("GET", `takes/${id}/thumbnail.svg`);
-      this.pictures.set(key, answer.then((one) => one.blob()).then((blob) => URL.createObjectURL(blob)));
+      this.pictures.set(key, this.#picture(take));
       if (this.pictures.size > MOST_PICTURES) this.#dropPicture();
     }
     const source = await this.pictures.get(key).catch(() => this.pictures.delete(key) && null);
     if (source) place.replaceChildren(make("img", { src: source, alt: "" }));
+  }
+
+  async #picture(take) {
+    const [motion] = await this.studio.motionsOf([take]);
+    const blob = await new Promise((done) => draw(motion).toBlob(done));
+    return URL.createObjectURL(blob);
+  }
+
+  // While the pointer is over a picture, the take moves.
+  async #play(take, place) {
+    const [motion] = await this.studio.motionsOf([take]);
+    const canvas = make("canvas", { width: 440, height: 240 });
+    const still = place.querySelector("img");
+    const began = performance.now();
+    const frame = (now) => {
+      if (!place.matches(":hover") || !place.isConnected) {
+        canvas.replaceWith(still ?? "");
+        return;
+      }
+      const content = draw(motion, ((now - began) / 1000) % motion.seconds);
+      const context = canvas.getContext("2d");
+      context.clearRect(0, 0, canvas.width, canvas.height);
+      context.drawImage(content, 0, 0);
+      requestAnimationFrame(frame);
+    };
+    if (!still) return;
+    still.replaceWith(canvas);
+    requestAnimationFrame(frame);
   }
 
   // The oldest; what shows it goes on showing it.
