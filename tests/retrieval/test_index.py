@@ -31,7 +31,7 @@ def index_of(captions, vectors, tokens=(4, 6), support=1, owner=OWNER):
     """An index of clips of these lengths with captions (text, clip)."""
     starts = np.cumsum([0, *tokens])
     latents = np.random.default_rng(0).standard_normal((starts[-1], 3)).astype(np.float32)
-    codes, scale = quantized(latents, axis=0)
+    codes, scale = quantized(latents, 0, 127)
     return ClipIndex(
         "encoder",
         "space",
@@ -43,7 +43,7 @@ def index_of(captions, vectors, tokens=(4, 6), support=1, owner=OWNER):
         tuple(IndexedCaption(text, clip, 0, tokens[clip], support) for text, clip in captions),
         codes,
         scale,
-        quantized(np.array(vectors, np.float32), axis=1)[0],
+        quantized(np.array(vectors, np.float32), 1, 127)[0],
         {word: 1 for text, _ in captions for word in words_of(text)},
     )
 

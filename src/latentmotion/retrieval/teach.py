@@ -1,6 +1,6 @@
 """Teaching by showing: clips and sentences become an index that sampling starts from, untrained.
 
-features → the VAE's encoder → latents in 8 bits;   sentences → embeddings in 8 bits
+features → the VAE's encoder → codes of latents;   sentences → codes of embeddings
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
 from latentmotion.retrieval.index import (
+    EMBEDDING_LEVELS,
+    LATENT_LEVELS,
     ClipIndex,
     IndexedCaption,
     IndexedClip,
@@ -105,7 +107,7 @@ def build_index(
         for rows_of_clip in own
         for word in {word for row in rows_of_clip for word in words_of(texts[row])}
     )
-    codes, scale = quantized(np.concatenate(latents), axis=0)
+    codes, scale = quantized(np.concatenate(latents), 0, LATENT_LEVELS)
     used = {clip.source for clip in indexed}
     return ClipIndex(
         text_encoder.name,
@@ -115,7 +117,9 @@ def build_index(
         captions,
         codes,
         scale,
-        quantized(embeddings, axis=1)[0][[number[caption.text] for caption, _ in rows]],
+        quantized(embeddings, 1, EMBEDDING_LEVELS)[0][
+            [number[caption.text] for caption, _ in rows]
+        ],
         dict(words),
     )
 
