@@ -48,9 +48,6 @@ denoiser knows of a movement, the more it may change."""
 ALIKE = 0.06
 """How much farther than the nearest a caption may be for its clip to be another start."""
 
-SAME = 0.95
-"""Cosine from which a sentence says what a caption says, as a whole."""
-
 MOST_CHOICES = 4
 """Clips among which takes take turns."""
 
@@ -111,11 +108,12 @@ class ClipStarts:
         Returns:
             Nothing where no movement is rare, or where a rare one has no clip near enough.
         """
-        whole = _near(self.neighbors(sentence))
-        if whole and whole[0].cosine >= SAME:
-            choices = [whole]
-        else:
-            choices = [_near(self.neighbors(part)) for part in parts_of(sentence)]
+        parts = [self.neighbors(part) for part in parts_of(sentence)]
+        whole = self.neighbors(sentence) if len(parts) > 1 else parts[0]
+        # A caption that tells of all movements in a row is nearer than captions of each.
+        if whole[0].cosine >= min(part[0].cosine for part in parts):
+            parts = [whole]
+        choices = [_near(part) for part in parts]
         rare = any(near and is_rare(near[0]) for near in choices)
         return choices if rare and all(choices) else []
 
