@@ -259,8 +259,8 @@ def words_of(sentence: str) -> list[str]:
 
 
 LATENT_LEVELS, EMBEDDING_LEVELS = 31, 15
-"""Largest codes: 6 and 5 bits, which zlib packs. A latent is off by 0.06 of its deviation, a quarter
-of the noise that the fewest steps add; the cosine of two embeddings by 0.0025."""
+"""Largest codes: 6 and 5 bits, which zlib packs. A latent is off by 0.06 of its deviation, a
+quarter of the noise that the fewest steps add; the cosine of two embeddings by 0.0025."""
 
 
 def quantized(
