@@ -56,7 +56,7 @@ from latentmotion.progress import counted
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.retrieval.doubts import DoubtWarning, Reading
-from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder
+from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder, MemoryCachedTextEncoder
 from latentmotion.text.encoder import LazyTextEncoder
 from latentmotion.text.lengths import LengthFile
 
@@ -343,7 +343,9 @@ class MotionPipeline:
         from latentmotion.retrieval.index import fingerprint, joined
         from latentmotion.retrieval.starts import ClipStarts
 
-        text_encoder, backend = self.condition.encoder, self.backend
+        # A sentence is read for its doubts, for its clips and for the takes of several seeds.
+        text_encoder = MemoryCachedTextEncoder(self.condition.encoder, MAX_PROMPTS)
+        backend = self.backend
         index = joined(self.moves, fingerprint(self.card.latents), text_encoder.name)
 
         def decode(latents: np.ndarray, frames: np.ndarray) -> np.ndarray:

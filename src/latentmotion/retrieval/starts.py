@@ -45,7 +45,7 @@ SHARES = ((5, 0.25), (20, 0.5), (RARE, 0.75))
 """Share of the sampling steps that are left after a start, by the largest support: the more the
 denoiser knows of a movement, the more it may change."""
 
-ALIKE = 0.06
+ALIKE = 0.03
 """How much farther than the nearest a caption may be for its clip to be another start."""
 
 MOST_CHOICES = 4
