@@ -52,9 +52,9 @@ class StepRandomness:
         self, seed: int, step: int, rows: int, ranks: Ranks, device: torch.device | str = "cpu"
     ) -> None:
         words = np.random.SeedSequence([seed, step]).generate_state(2, np.uint64)
-        self._generator = torch.Generator().manual_seed(int(words[0] >> 1))
+        self._generator = torch.Generator().manual_seed(int(words[0]) >> 1)
         # Dropout draws from the global generator, by rank: equal masks on all would be correlated.
-        torch.manual_seed(int(words[1] >> 1) ^ ranks.rank)
+        torch.manual_seed((int(words[1]) >> 1) ^ ranks.rank)
         self._rows, self._share, self._device = rows, ranks.shard(rows), device
 
     def normal(self, *shape: int) -> Float[torch.Tensor, "batch ..."]:
