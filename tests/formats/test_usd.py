@@ -217,6 +217,13 @@ def test_what_is_not_the_files_fault_is_not_called_damage(
         usd_reader.read_animations(tmp_path / "a.usda")
 
 
+def test_errors_do_not_name_the_folder(tmp_path: Path):
+    (tmp_path / "a.usdc").write_bytes(b"PXR-USDC" + bytes(80))
+    with pytest.raises(FileFormatError) as raised:
+        usd_reader.read_animations(tmp_path / "a.usdc")
+    assert str(raised.value).count(str(tmp_path)) == 1, "which is the name that was given"
+
+
 def limited(command: Callable[..., list[str]], *words: str) -> list[str]:
     """Returns a command that may write files of no size, as on a full disk."""
     ignore = "trap '' XFSZ; ulimit -f 0; exec \"$@\""

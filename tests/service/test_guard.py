@@ -91,7 +91,13 @@ def test_other_machines_need_a_token() -> None:
 
 @pytest.mark.parametrize(
     ("host", "status"),
-    [("localhost", 200), ("LOCALHOST:80", 200), ("127.0.0.1:8700", 200), ("[::1]:80", 200)]
+    [
+        ("localhost", 200),
+        ("LOCALHOST:80", 200),
+        ("127.0.0.1:8700", 200),
+        ("[::1]:80", 200),
+        ("[::1]evil.example", 403),
+    ]
     + [(host, 403) for host in ("evil.example", "localhost.evil.example", "127.0.0.1.nip.io", "")],
 )
 def test_only_known_hosts_are_served(called: Called, host: str, status: int) -> None:

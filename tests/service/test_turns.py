@@ -6,10 +6,15 @@ import asyncio
 import threading
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
+from latentmotion.service.jobs import Jobs
 from latentmotion.service.problems import Problem
+from latentmotion.service.schemas import BatchRequest
+from latentmotion.service.state import Service
 from latentmotion.service.turns import CLIENT, Turns, room
 from tests.service.conftest import Called
 from tests.service.test_batching import Held, with_held
@@ -82,3 +87,31 @@ def test_the_product_of_prompts_and_count_is_bounded(called: Called, place: str)
     answer = called.post(place, body)
     assert answer.status_code == 422
     assert "256 prompts of count 256 are 65,536 motions; expected 256 at most" in answer.text
+
+
+def test_jobs_of_one_token_leave_room_and_turns_for_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("latentmotion.service.jobs.MOST", 6)
+    finished: list[str] = []
+
+    async def talk() -> None:
+        jobs = Jobs(Mock(spec=Service), tmp_path)
+
+        async def finish(place: Path) -> None:
+            finished.append(place.name)
+            (place / "error").touch()
+
+        monkeypatch.setattr(jobs, "_finish", finish)
+        request = BatchRequest(prompts=["a walk"])
+        CLIENT.set("greedy")
+        greedy = [jobs.add(request).id for _ in range(3)]
+        with pytest.raises(Problem, match="3 of them yours"):
+            jobs.add(request)
+        CLIENT.set("modest")
+        modest = jobs.add(request).id
+        await jobs._look()
+        assert finished[:2] == [greedy[0], modest] or finished[0] == modest
+        assert sorted(finished) == sorted([*greedy, modest])
+
+    asyncio.run(talk())

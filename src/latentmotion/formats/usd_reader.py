@@ -6,6 +6,7 @@ program with bounded memory and time, and hands its result over as arrays.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 from collections.abc import Mapping
@@ -96,13 +97,13 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
     except OSError as error:
         raise _no_room(path, error.strerror or str(error)) from error
     if done.returncode in (REFUSED, UNWRITTEN):
-        problem = _last_line(done.stdout)
+        problem = _last_line(path, done.stdout)
         raise (
             FileFormatError(path, problem)
             if done.returncode == REFUSED
             else _no_room(path, problem)
         )
-    last = _last_line(done.stderr)
+    last = _last_line(path, done.stderr)
     if done.returncode < 0:  # a signal
         problem = f"USD's library ended with {done.returncode} ({last})"
         raise FileFormatError(path, f"{problem}; the file is damaged, or too large")
@@ -112,9 +113,11 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
     )
 
 
-def _last_line(output: bytes) -> str:
+def _last_line(path: Path, output: bytes) -> str:
+    """Returns the last line of output without the folder, which may be the server's."""
     lines = output.decode(errors="replace").strip().splitlines()
-    return f"{(lines or ['it said nothing'])[-1]:.300}"
+    line = (lines or ["it said nothing"])[-1]
+    return f"{line.replace(f'{path.absolute().parent}{os.sep}', ''):.300}"
 
 
 def _no_room(path: Path, problem: str) -> DiskFullError:

@@ -198,7 +198,8 @@ def _name(host: str) -> str:
     """Returns the name in a Host header, without the port."""
     host = host.strip().lower()
     if host.startswith("["):
-        return host[1:].partition("]")[0]
+        name, _, port = host[1:].partition("]")
+        return name if not port or port.startswith(":") else host
     return host.partition(":")[0]
 
 

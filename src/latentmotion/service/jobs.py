@@ -1,6 +1,7 @@
 """Jobs: many motions made in the background, in a folder that outlives the process.
 
     FOLDER/ID/request.json   what is asked for
+              client         whose it is, where the service tells clients apart
               lock           held by the process that works on it, until that ends in any way
               00000.npz …    motions that are there, some in each
               error          why it failed
@@ -19,8 +20,10 @@ import shutil
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Any
@@ -36,6 +39,7 @@ from latentmotion.formats.content import MEDIA_TYPES
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest, JobState
 from latentmotion.service.state import Service
+from latentmotion.service.turns import CLIENT, Turns, room
 from latentmotion.storage.files import atomic_file, is_disk_full
 
 MOST = 1000
@@ -71,7 +75,7 @@ class Jobs:
         self._service, self._own = service, folder is None
         self.folder = folder or Path(tempfile.mkdtemp(prefix="latentmotion-jobs-"))
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._new = asyncio.Event()
+        self._new, self._turns = asyncio.Event(), Turns()
 
     def add(self, request: BatchRequest) -> JobState:
         """Returns a new job.
@@ -80,12 +84,17 @@ class Jobs:
             Problem: There are too many.
             DiskFullError, OSError: It cannot be written.
         """
-        if sum(1 for _ in self.folder.iterdir()) >= MOST:
-            raise Problem(429, f"{MOST} jobs are here; delete some, or try later", 60.0)
+        client = CLIENT.get()
+        jobs = Counter(_client(place) for place in self.folder.iterdir())
+        if room(jobs, MOST, client) < 1:
+            told = f"{jobs.total()} jobs are here, {jobs[client]} of them yours"
+            raise Problem(429, f"{told}; delete some, or try later", 60.0)
         place = self.folder / secrets.token_hex(16)
         try:
             place.mkdir()
             (place / "lock").touch()  # now, as there may be no room later
+            if client:
+                (place / "client").write_text(client)
             with atomic_file(place / "request.json") as temporary:
                 temporary.write_text(request.model_dump_json(), encoding="utf-8")
         except (LatentMotionError, OSError):
@@ -151,7 +160,9 @@ class Jobs:
 
     async def _look(self) -> float:
         """Makes what is open; returns the seconds after which to look again."""
-        for place in await asyncio.to_thread(self._open):
+        for job in self._turns.order(await asyncio.to_thread(self._open)):
+            place = job.place
+            self._turns.served([job])
             try:
                 with suppress(FileNotFoundError), _locked(place) as free:
                     if free:
@@ -161,9 +172,11 @@ class Jobs:
                     raise
                 print(f"error: job {place.name} waits for room: {error}", file=sys.stderr)
                 return ROOM
+            if self._new.is_set():  # what is new may come before what was seen here
+                return 0.0
         return LOOK
 
-    def _open(self) -> list[Path]:
+    def _open(self) -> list[_Open]:
         """Returns the jobs that are not done, the oldest first; removes those of long ago."""
         found = []
         for place in self.folder.iterdir():
@@ -175,7 +188,7 @@ class Jobs:
                     _answer(place) or (place / "error").is_file()
                 ):
                     found.append((changed, place))
-        return [place for _, place in sorted(found)]
+        return [_Open(_client(place), place) for _, place in sorted(found)]
 
     async def _finish(self, place: Path) -> None:
         """Makes what is missing of a job; it stays open while too many files of others wait.
@@ -221,6 +234,22 @@ class Jobs:
             return BatchRequest.model_validate_json(text)
         except (OSError, ValidationError) as error:
             raise Problem(404, "there is no such job, or no more") from error
+
+
+@dataclass(frozen=True)
+class _Open:
+    """A job that is not done."""
+
+    client: str
+    place: Path
+
+
+def _client(place: Path) -> str:
+    """Returns whose a job is."""
+    try:
+        return (place / "client").read_text()[:64]
+    except (OSError, ValueError):
+        return ""
 
 
 def routes(service: Service, jobs: Jobs) -> APIRouter:

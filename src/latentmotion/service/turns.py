@@ -18,8 +18,10 @@ CLIENT: ContextVar[str] = ContextVar("client", default="")
 class Waiting(Protocol):
     """What waits."""
 
-    client: str
-    """Whose it is."""
+    @property
+    def client(self) -> str:
+        """Whose it is."""
+        ...
 
 
 W = TypeVar("W", bound=Waiting)
