@@ -618,6 +618,17 @@ def test_panels_fold_on_a_phone(page):
     page.wait_for_selector("#take[open]")
 
 
+def test_a_phone_shows_one_take(page):
+    generated(page, "a person walks forward", takes=2)
+    page.set_viewport_size({"width": 390, "height": 844})
+    generated(page, "a person walks forward", takes=3)
+    shown = "player.stage.figures.map(({ object }) => object.visible)"
+    until(page, f"{shown}.join() === 'true,false,false'")
+    page.click("#picks button:nth-child(3)")
+    until(page, f"{shown}.join() === 'false,false,true'")
+    page.set_viewport_size({"width": 840, "height": 560})
+
+
 def test_page_holds_nothing_inline():
     folder = Path(__file__).parents[2] / "src/latentmotion/studio/assets"
     page = (folder / "index.html").read_text("utf-8")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import hashlib
 import json
+import re
 import subprocess
 import sys
 import zipfile
@@ -66,7 +69,8 @@ for form in ("raw", "glb", "bvh", "csv", "html", "npz"):
     content = (tmp_path / "walk.npz").read_bytes()
     for form in ("bvh", "csv", "glb"):
         assert (tmp_path / f"walk2.{form}").read_bytes() == rewritten(content, form)[0]
-    assert "// script" in (tmp_path / "walk2.html").read_text("utf-8")
+    packed = re.search('atob\\("(.*?)"', (tmp_path / "walk2.html").read_text("utf-8"))
+    assert packed is not None and b"// script" in gzip.decompress(base64.b64decode(packed[1]))
     assert (tmp_path / "walk2.raw").read_bytes() == walking().cleaned().joints.tobytes()
 
 

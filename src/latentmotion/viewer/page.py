@@ -201,7 +201,7 @@ def script() -> str:
 def _packed_script() -> str:
     """Returns a script that unpacks and runs `script()`: three times smaller, after its notice."""
     plain = script()
-    notice = plain[: plain.index("*/") + 2]
+    notice = "".join(re.findall(r"\A/\*!.*?\*/", plain, re.DOTALL))
     packed = base64.b64encode(gzip.compress(plain.encode(), mtime=0)).decode("ascii")
     return f"""{notice}
 (async () => {{

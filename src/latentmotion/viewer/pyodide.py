@@ -35,7 +35,7 @@ _PARTS = (
     *("cleanup", "formats", "kinematics", "render", "representation", "storage"),
     *("describe/__init__.py", "describe/asked.py", "describe/claims.py", "describe/facts.py"),
     *("describe/repetitions.py", "describe/arms.py", "describe/legs.py", "describe/signals.py"),
-    "describe/whole_body.py",
+    *("describe/whole_body.py", "render/mannequin.json"),
     *("viewer/__init__.py", "viewer/marks.py", "viewer/page.py", "viewer/template.html"),
 )
 """Modules that clean up and write motion; `viewer.js` lies beside the site's page."""

@@ -17,9 +17,10 @@ import { keepWork, restoreWork } from "./restore.js";
 import { Studio } from "./studio.js";
 
 const NAMES = { make: "Make", library: "Library", character: "Character", compare: "Compare" };
+const FLICK = 350; // milliseconds that a flick takes at most
 const isPhone = matchMedia("(max-width: 820px)");
 
-const player = new Player(find("view"), () => ({ above: 44, below: document.body.dataset.takes === "0" ? 56 : 8 }), showTime);
+const player = new Player(find("view"), () => ({ above: 44, below: document.body.dataset.takes === "0" ? find("examples").offsetHeight + 24 : 8 }), showTime);
 open().then(
   () => (document.body.dataset.state = "ready"),
   (error) => fail(error),
@@ -66,11 +67,12 @@ async function open() {
   studio.addEventListener("edited", () => restage(true));
   studio.addEventListener("pick", () => {
     if (document.body.dataset.screen === "character") restage(false);
-    if (isPressed("alone")) look(studio, true);
+    if (isPressed("alone") || isPhone.matches) look(studio, true);
   });
   studio.history.addEventListener("change", () => showHistory(studio.history));
   addEventListener("hashchange", enter);
   wire(studio, directions, restage);
+  listenToFlicks(studio);
   listen(keysOf(studio, screens, directions, projects));
   fold();
   about(studio.capabilities);
@@ -121,11 +123,26 @@ async function stageOf(studio, screens, stay) {
   if (actors.length) await studio.stage(actors, { overlay: screen === "compare" && screens.compare.overlay, stay });
   else await studio.stand(screen === "character" ? screens.character.current : null, find("scale").checked);
   if (screen === "character") screens.character.showSize();
+  if (screen === "make" && isPhone.matches && actors.length > 1) look(studio, true); // there is room for one
 }
 
 function look(studio, isAlone) {
   press("alone", isAlone);
   player.watch(isAlone && studio.takes.length ? studio.picked : null);
+}
+
+// A flick over the stage picks the next take, or the one before.
+function listenToFlicks(studio) {
+  let began = null;
+  find("view").addEventListener("touchstart", ({ touches, timeStamp }) => {
+    began = touches.length === 1 ? { x: touches[0].clientX, y: touches[0].clientY, timeStamp } : null;
+  }, { passive: true });
+  find("view").addEventListener("touchend", ({ changedTouches: [{ clientX, clientY }], timeStamp }) => {
+    if (!began || document.body.dataset.screen !== "make" || find("scene").dataset.tool) return;
+    const [across, up] = [clientX - began.x, clientY - began.y];
+    if (timeStamp - began.timeStamp > FLICK || Math.abs(across) < 60 || Math.abs(up) > Math.abs(across) / 2) return;
+    studio.pick(studio.picked + (across < 0 ? 1 : -1));
+  });
 }
 
 function isPressed(id) {
