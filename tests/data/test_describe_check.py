@@ -66,9 +66,9 @@ def test_a_file_name_is_told_unless_the_motion_contradicts_it(
     left = folder / "turn_left_01.npz"
     left.write_bytes((folder / "turn_right_02.npz").read_bytes())
     assert run("data", "describe", folder, "--names", "-o", out) == 0
-    assert "turn left" in captions(out)
-    assert "turn right" not in captions(out)
-    assert "turn_right_02: name 'turn right', but turn: +" in capsys.readouterr().out
+    assert "a person turns left" in captions(out)
+    assert "a person turns right" not in captions(out)
+    assert "turn_right_02: name 'a person turns right', but turn: +" in capsys.readouterr().out
 
 
 def test_train_captions_of_a_prepared_folder_are_checked_and_reported(

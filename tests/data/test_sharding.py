@@ -126,7 +126,7 @@ def test_a_killed_process_is_resumed(tmp_path: Path, capsys: pytest.CaptureFixtu
     [
         (["--shard=1/1", "--dask=tcp://here"], "either --shard or --dask"),
         (["--shard=3/2"], "expected a number of a total"),
-        (["--shard=1/1", "--unit=meters"], "unit is 'centimeters' there, 'meters' here"),
+        (["--shard=1/1", "--unit=meters"], "unit is None there, 'meters' here"),
         (["--shard=1/1", "--val=0.5"], "val is 0.05 there, 0.5 here"),
     ],
 )

@@ -196,3 +196,15 @@ def test_blender_writes_fbx(motion: Motion, tmp_path: Path):
     content = (tmp_path / "a.fbx").read_bytes()
     assert content.startswith(b"Kaydara FBX Binary")
     assert np.all([name.encode() in content for name in motion.skeleton.names])
+
+
+@pytest.mark.skipif(
+    not (REAL and os.environ.get("LATENTMOTION_SHARED")),
+    reason="set LATENTMOTION_BLENDER and LATENTMOTION_SHARED",
+)
+def test_a_file_at_which_one_importer_fails_is_read_by_the_other() -> None:
+    folder = Path(os.environ["LATENTMOTION_SHARED"]) / "cases"
+    with_light, without = (
+        formats.load(folder / f"{name}_light.fbx")[0] for name in ("with", "without")
+    )
+    np.testing.assert_allclose(with_light.joints[0], without.joints[0], atol=0.01)

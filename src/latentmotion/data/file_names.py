@@ -40,6 +40,14 @@ _DIRECTIONS = frozenset(
 )
 
 
+_VERBS: Mapping[str, str] = {
+    **dict(zip(VERBS, VERBS, strict=True)),
+    **BASE_OF_THIRD,
+    **BASE_OF_PARTICIPLE,
+}
+"""Base forms by forms of a verb."""
+
+
 def captions_of_names(files: Iterable[str]) -> dict[str, str]:
     """Returns a caption for each file, by its path; empty where its name says nothing.
 
@@ -48,6 +56,7 @@ def captions_of_names(files: Iterable[str]) -> dict[str, str]:
     """
     words = {file: _words(PurePath(file).stem) for file in files}
     shared = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
+    shared -= _VERBS.keys()  # of turn_left and turn_right, both turn
     if any(not set(row) - shared - _FILLING for row in words.values()):
         shared = set()  # names that differ by their numbers alone
     return {
@@ -62,8 +71,7 @@ def _words(stem: str) -> list[str]:
 
 
 def _sentence(words: list[str]) -> str:
-    bases: Mapping[str, str] = {**dict(zip(VERBS, VERBS, strict=True)), **BASE_OF_THIRD}
-    bases = {**bases, **BASE_OF_PARTICIPLE}
+    bases = _VERBS
     at = next((number for number, word in enumerate(words) if word in bases), None)
     if at is None:
         return " ".join(words)
