@@ -66,3 +66,26 @@ def chromium(address: str, folder: Path, *flags: str) -> str:
     command = [CHROMIUM, *FLAGS, waits, f"--user-data-dir={folder}", "--window-size=700,600"]
     done = subprocess.run([*command, *flags, address], capture_output=True, check=True)
     return done.stdout.decode()
+
+
+def pictured(address: str, picture: Path, *flags: str) -> None:
+    """Opens a page and takes its picture once its script has run; skips where there is no browser.
+
+    Virtual time, as above, never ends where a page draws on the graphics card.
+
+    Args:
+        address: Of the page.
+        picture: File of the picture.
+        flags: Further ones of the browser.
+    """
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS, *flags])
+        page = browser.new_page(viewport={"width": 700, "height": 600})
+        page.set_default_timeout(60_000)
+        page.goto(address)
+        page.wait_for_selector("body[data-joints]", state="attached")
+        page.screenshot(path=picture)
+        browser.close()

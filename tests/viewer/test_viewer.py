@@ -19,7 +19,7 @@ from latentmotion.motion import Motion
 from latentmotion.render.mannequin import mannequin_of
 from latentmotion.viewer.marks import marks_of
 from latentmotion.viewer.page import Skinned, notebook_html, page_html, write_page
-from tests.support.pages import HOSTILE, Elements, chromium, walking
+from tests.support.pages import HOSTILE, Elements, chromium, pictured, walking
 
 
 def standing_kit(caption: str = "") -> Motion:
@@ -190,7 +190,7 @@ def picture(page: Path, time: float, folder: Path, *flags: str) -> np.ndarray:
     image = pytest.importorskip("PIL.Image")
     path = folder / f"{time}.png"
     address = f"{page.as_uri()}#t={time}"
-    chromium(address, folder / f"{time}", f"--screenshot={path}", *flags)
+    pictured(address, path, *flags)
     # Caption and controls lie above and below these rows.
     return np.asarray(image.open(path).convert("RGB"), dtype=np.int16)[60:480]
 
