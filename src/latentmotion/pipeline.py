@@ -180,6 +180,16 @@ class MotionPipeline:
         _ = pipeline.clip_starts  # read now, so that an error comes here
         return pipeline
 
+    @classmethod
+    def load(cls, *arguments: Any, **named: Any) -> MotionPipeline:
+        """Old name of `from_pretrained`, which takes the same arguments."""
+        warnings.warn(
+            "MotionPipeline.load is now from_pretrained; the old name goes with the next release",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return cls.from_pretrained(*arguments, **named)
+
     def __call__(
         self,
         prompt: str = "",
@@ -228,7 +238,7 @@ class MotionPipeline:
     def batch(
         self,
         prompts: Sequence[str] | str,
-        seconds: float | Sequence[float] | None = None,
+        seconds: float | Sequence[float | None] | None = None,
         seeds: Sequence[int] | None = None,
         steps: int | None = None,
         guidance: float | None = None,
@@ -239,7 +249,7 @@ class MotionPipeline:
 
         Args:
             prompts: One per motion; a single string is one prompt.
-            seconds: Length of all motions, or of each; by default as for one motion.
+            seconds: Length of all motions, or of each; where None, as for one motion.
             seeds: One seed per motion; by default 0, 1, 2, ….
             steps: As for one motion.
             guidance: As for one motion.
@@ -256,7 +266,7 @@ class MotionPipeline:
     def _takes(
         self,
         prompts: Sequence[str] | str,
-        seconds: float | Sequence[float] | None,
+        seconds: float | Sequence[float | None] | None,
         seeds: Sequence[int] | None,
         sampling: Sampling,
         from_clips: bool | Sequence[bool],
@@ -268,13 +278,16 @@ class MotionPipeline:
         for note in dict.fromkeys(note for one in readings.values() for note in one.notes()):
             warnings.warn(note, DoubtWarning, stacklevel=3)
         prompts = [readings[caption].sentence for caption in captions]
-        usual = self.usual_seconds(prompts) if seconds is None else None
         features = self.representation
-        frames = requests.frames_of(self.card, seconds, len(prompts), features.fps, usual)
+        one = seconds is None or isinstance(seconds, int | float)
+        lengths = [seconds] * len(prompts) if one else list(seconds)
+        free = [length is None for length in lengths]
+        usual = self.usual_seconds(prompts) if any(free) else None
+        frames = requests.frames_of(self.card, lengths, len(prompts), features.fps, usual)
         seeds = range(len(prompts)) if seeds is None else seeds
         request = GenerationRequest(tuple(prompts), tuple(frames), tuple(seeds), sampling)
         request.check(self.card, features.fps)
-        starts = self._clip_starts(request, seconds is None, from_clips)
+        starts = self._clip_starts(request, free, from_clips)
         frames = [start.frames if start else n for start, n in zip(starts, frames, strict=True)]
         if any(starts):
             begun = tuple(start and start.start for start in starts)
@@ -284,12 +297,14 @@ class MotionPipeline:
             placed = self.joints_of(self.generate_batch(request.take(batch)))
             joints.append(self.backend.to_host(placed))
         metadata = {"steps": sampling.steps, "guidance": sampling.guidance, **self.card.terms()}
-        reads_text, free = self.card.condition.reads_text, seconds is None
+        reads_text = self.card.condition.reads_text
         unpadded = requests.unpadded(joints, rows, frames)
         takes: list[tuple[Motion, ClipStart | None]] = []
-        for positions, caption, seed, start in zip(unpadded, captions, seeds, starts, strict=True):
+        for positions, caption, seed, start, any_length in zip(
+            unpadded, captions, seeds, starts, free, strict=True
+        ):
             about = {"model": self.card.name, "seed": seed, **metadata}
-            about |= asked_exactly(readings[caption].sentence, free) if reads_text else {}
+            about |= asked_exactly(readings[caption].sentence, any_length) if reads_text else {}
             about |= readings[caption].about()
             about |= start.about() if start else {}
             placed = positions.astype(np.float32, copy=False)
@@ -305,13 +320,13 @@ class MotionPipeline:
         return Reading(prompt) if clips is None else clips.doubts.read(prompt)
 
     def _clip_starts(
-        self, request: GenerationRequest, free: bool, from_clips: bool | Sequence[bool]
+        self, request: GenerationRequest, free: Sequence[bool], from_clips: bool | Sequence[bool]
     ) -> list[ClipStart | None]:
         """Returns what each motion of a request starts from, None for pure noise.
 
         Args:
             request: The motions.
-            free: Whether nobody gave their lengths.
+            free: Whether nobody gave the length of each.
             from_clips: Whether they may start from clips.
         """
         count = len(request.prompts)
@@ -323,11 +338,11 @@ class MotionPipeline:
             return [None] * count
         choices = {prompt: clips.choices(prompt) for prompt in dict.fromkeys(request.prompts)}
         return [
-            clips.start(choices[prompt], None if free else frames, seed)
+            clips.start(choices[prompt], None if any_length else frames, seed)
             if take and choices[prompt]
             else None
-            for prompt, frames, seed, take in zip(
-                request.prompts, request.frames, request.seeds, wanted, strict=True
+            for prompt, frames, seed, take, any_length in zip(
+                request.prompts, request.frames, request.seeds, wanted, free, strict=True
             )
         ]
 

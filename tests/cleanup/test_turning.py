@@ -84,6 +84,7 @@ def test_together_as_alone_and_other_skeletons() -> None:
     assert "made" not in still.cleaned().metadata["turn"]
 
 
+@pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
 def test_a_sentence_tells_the_turn() -> None:
     generate = MotionPipeline.from_pretrained("fast", threads=1)
     prompts = ["do a one-eighty", "turn right by 90 degrees", "turn left", "walk in a circle"]

@@ -20,6 +20,7 @@ from latentmotion.text.encoder import LongSentenceWarning
 from tests.support.walker import walker
 
 
+@pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
 @pytest.mark.parametrize(
     ("words", "warned"),
     [(["a", "person", "walks"], True), (["a person walks", "walks"], False), (["walks"], False)],

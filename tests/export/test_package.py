@@ -83,7 +83,7 @@ def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
 
 
 def test_weights_are_kept_in_half_the_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("latentmotion.export.package._write_graphs", lambda *_: None)
+    monkeypatch.setattr("latentmotion.export.package._write_graphs", lambda *_, **__: None)
     model = untrained("over time")
     save_model(tmp_path / "run", model)
     package_model(tmp_path / "run", model.card, copied(find_model("starter")), tmp_path / "model")
@@ -95,7 +95,7 @@ def test_weights_are_kept_in_half_the_bits(tmp_path: Path, monkeypatch: pytest.M
 def test_matrices_of_the_denoiser_are_kept_in_8_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("latentmotion.export.package._write_graphs", lambda *_: None)
+    monkeypatch.setattr("latentmotion.export.package._write_graphs", lambda *_, **__: None)
     model, encoder = untrained("over time"), copied(find_model("starter"))
     save_model(tmp_path / "run", model)
     package_model(tmp_path / "run", model.card, encoder, tmp_path / "model", weights="int8")

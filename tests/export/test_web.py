@@ -44,7 +44,8 @@ def test_the_graph_makes_the_joints_that_python_makes(
     pipeline = MotionPipeline.from_pretrained(four_steps, "onnxruntime", 1)
     for seed, sentence in enumerate(SENTENCES):
         found = joints(web_folder, sentence, frames, seed, 2.5)
-        expected = pipeline(sentence, frames / 20, seed, 4, 2.5).joints
+        # The graph starts from noise.
+        expected = pipeline(sentence, frames / 20, seed, 4, 2.5, from_clips=False).joints
         np.testing.assert_allclose(found, expected, atol=1e-5)
 
 

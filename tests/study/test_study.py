@@ -134,7 +134,7 @@ def test_page_names_no_model_and_asks_for_nothing() -> None:
     links = [v for _, attrs in elements.tags for k, v in attrs.items() if k in ("src", "href")]
     assert links == ["data:,"]
     assert [tag for tag, _ in elements.tags].count("script") == 2
-    assert page.count("default-src 'none'") == 1 and len(page.encode()) < 800_000
+    assert page.count("default-src 'none'") == 1 and len(page.encode()) < 850_000
     carried = json.loads(elements.text["script"][0])
     assert set(carried["pairs"][0]) == {"id", "prompt", "questions"}
 

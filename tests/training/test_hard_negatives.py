@@ -8,6 +8,7 @@ from latentmotion.data.dataset import Crop, Cropping
 from latentmotion.errors import InputError
 from latentmotion.training.evaluator import _describes, spans_of
 from latentmotion.training.hard_negatives import HardBatchSampler, HardNegatives, alike_groups
+from latentmotion.training.rarity import RarityDraws
 
 
 def clip(number: int, mirrored: bool = False) -> Clip:
@@ -25,7 +26,9 @@ def embed(sentences: list[str]) -> np.ndarray:
 
 
 def sampler() -> HardBatchSampler:
-    return HardBatchSampler(CLIPS, 8, Cropping(), HardNegatives(alike=3, pool=3), 0, embed)
+    return HardBatchSampler(
+        CLIPS, 8, Cropping(), HardNegatives(alike=3, pool=3), 0, embed, RarityDraws()
+    )
 
 
 def test_every_crop_stands_beside_its_mirror_image() -> None:
@@ -50,7 +53,7 @@ def test_alike_sentences_come_together() -> None:
 
 def test_without_mirrored_copies_there_are_no_twins() -> None:
     with pytest.raises(InputError, match="mirror images"):
-        HardBatchSampler(CLIPS[::2], 8, Cropping(), HardNegatives(), 0, embed)
+        HardBatchSampler(CLIPS[::2], 8, Cropping(), HardNegatives(), 0, embed, RarityDraws())
 
 
 @pytest.mark.parametrize(

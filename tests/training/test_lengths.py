@@ -149,7 +149,7 @@ def test_lengths_go_with_an_export(tmp_path: Path, capsys: pytest.CaptureFixture
     mine = tmp_path / "mine.safetensors"
     constant_model(6.0).write(mine)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("latentmotion.export.package._write_graphs", lambda *_: None)
+        patch.setattr("latentmotion.export.package._write_graphs", lambda *_, **__: None)
         main(["export", str(tmp_path / "run"), "-o", str(tmp_path / "plain")])
     shipped = find_model("starter") / LENGTHS_FILE
     assert (tmp_path / "plain" / LENGTHS_FILE).read_bytes() == shipped.read_bytes()

@@ -11,8 +11,13 @@ from jaxtyping import Bool, Float
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from latentmotion.networks.text_encoder import pack
+
 WEIGHTS = Path(__file__).with_name("tower.safetensors")
-"""Frozen weights, 16-bit; `python -m benchmarks.quality.own_clip.train` wrote them."""
+"""Frozen weights; `python -m benchmarks.quality.own_clip.train` wrote them."""
+
+SCALE = ".scale"
+"""Ending of the names of scales."""
 
 CHANNELS = np.r_[0:67, 193:259]
 """Root, positions and velocities among HumanML3D's 263 features."""
@@ -80,14 +85,26 @@ class Tower(nn.Module):
         return torch.cat(vectors).numpy()
 
     def save(self, path: Path) -> None:
-        """Writes the weights with 16 bits."""
-        save_file(
-            {name: each.half().contiguous() for name, each in self.state_dict().items()}, path
-        )
+        """Writes the weights: matrices in 8 bits with a scale for each row, the rest in 16."""
+        weights = {}
+        for name, each in self.state_dict().items():
+            if each.ndim < 2:
+                weights[name] = each.half()
+                continue
+            codes, scale = pack(each.flatten(1))
+            weights[name], weights[name + SCALE] = codes.view(each.shape), scale.half()
+        save_file({name: each.contiguous() for name, each in weights.items()}, path)
 
     @classmethod
     def load(cls, path: Path = WEIGHTS) -> Tower:
         """Reads the weights."""
-        tower = cls()
-        tower.load_state_dict({name: each.float() for name, each in load_file(path).items()})
+        tower, kept = cls(), load_file(path)
+        weights = {
+            name: (each.flatten(1) * kept[name + SCALE]).view(each.shape)
+            if name + SCALE in kept
+            else each
+            for name, each in kept.items()
+            if not name.endswith(SCALE)
+        }
+        tower.load_state_dict({name: each.float() for name, each in weights.items()})
         return tower.eval()

@@ -23,7 +23,6 @@ from latentmotion import __version__
 from latentmotion.bulk.prompts import Row, read_rows
 from latentmotion.cleanup import CleanUp
 from latentmotion.condition.task import SentenceCondition
-from latentmotion.describe.asked import asked_exactly
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
 from latentmotion.errors import InputError, MissingExtraError, ModelError
@@ -120,26 +119,19 @@ class BulkGeneration:
         """Generates the motions of rows without problems, together."""
         if not rows:
             return []
-        condition, fps = pipeline.condition, pipeline.representation.fps
+        condition = pipeline.condition
         if isinstance(condition, SentenceCondition):  # lengths and networks read the same ones
             condition = replace(condition, encoder=MemoryCachedTextEncoder(condition.encoder))
             pipeline = replace(pipeline, condition=condition)
         motions = pipeline.batch(
             [row.prompt for row in rows],
-            [frames / fps for frames in self.frames(pipeline, rows)],
+            [self.seconds if row.seconds is None else row.seconds for row in rows],
             [row.seed for row in rows],
             *(self.steps, self.guidance, self.sampler),
         )
         if not self.clean:
             return motions
-        free = [self.seconds is None and row.seconds is None for row in rows]
-        asking = [  # their lengths were predicted above
-            replace(motion, metadata={**motion.metadata, **asked_exactly(motion.caption, True)})
-            if any_length and pipeline.card.condition.reads_text
-            else motion
-            for motion, any_length in zip(motions, free, strict=True)
-        ]
-        return cleaned(asking, CleanUp(exact_count=self.exact_count, exact_turn=self.exact_turn))
+        return cleaned(motions, CleanUp(exact_count=self.exact_count, exact_turn=self.exact_turn))
 
     def _sampling(self, pipeline: MotionPipeline) -> Sampling:
         return pipeline.card.sampling.but(self.steps, self.guidance, self.sampler)

@@ -210,7 +210,7 @@ USUAL_SECONDS = 4.0
 
 def frames_of(
     card: ModelCard,
-    seconds: float | Sequence[float] | None,
+    seconds: float | Sequence[float | None] | None,
     count: int,
     fps: float,
     usual: Sequence[float] | None = None,
@@ -219,25 +219,29 @@ def frames_of(
 
     Args:
         card: The model.
-        seconds: Length of all, or of each.
+        seconds: Length of all, or of each; None where it is the usual one.
         count: Number of motions.
         fps: Frames per second.
-        usual: Lengths where `seconds` is None, clipped to the model's range; by default 4 s.
+        usual: Lengths where none is given, clipped to the model's range; by default 4 s.
 
     Raises:
         InputError: A length is not a finite number, or their number is not that of the motions.
     """
-    if seconds is None:
-        shortest, longest = card.frames
-        lengths = [USUAL_SECONDS] * count if usual is None else usual
-        return [min(max(round(length * fps), shortest), longest) for length in lengths]
-    lengths = [seconds] * count if isinstance(seconds, int | float) else list(seconds)
-    frames = [length * fps for length in lengths]
-    if not np.isfinite(frames).all():
-        raise InputError(f"{seconds} seconds: expected a number that frames can be counted in")
-    if len(lengths) != count:
-        raise InputError(f"{len(lengths)} lengths for {count} motions")
-    return [round(length) for length in frames]
+    one = seconds is None or isinstance(seconds, int | float)
+    given = [seconds] * count if one else list(seconds)
+    if len(given) != count:
+        raise InputError(f"{len(given)} lengths for {count} motions")
+    shortest, longest = card.frames
+    predicted = [USUAL_SECONDS] * count if usual is None else usual
+    frames = []
+    for length, likely in zip(given, predicted, strict=True):
+        wanted = (likely if length is None else length) * fps
+        if not np.isfinite(wanted):
+            raise InputError(f"{length} seconds: expected a number that frames can be counted in")
+        frames.append(
+            round(wanted) if length is not None else min(max(round(wanted), shortest), longest)
+        )
+    return frames
 
 
 def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:

@@ -258,9 +258,9 @@ def words_of(sentence: str) -> list[str]:
     return _WORD.findall(sentence.lower())
 
 
-LATENT_LEVELS, EMBEDDING_LEVELS = 31, 15
-"""Largest codes: 6 and 5 bits, which zlib packs. A latent is off by 0.06 of its deviation, a
-quarter of the noise that the fewest steps add; the cosine of two embeddings by 0.0025."""
+LATENT_LEVELS, EMBEDDING_LEVELS = 31, 7
+"""Largest codes: 6 and 4 bits, which zlib packs. A latent is off by 0.06 of its deviation, a
+quarter of the noise that the fewest steps add; the cosine of two embeddings by 0.006."""
 
 
 def quantized(

@@ -31,7 +31,7 @@ LEAST_COSINE = 0.6
 """Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
 does, below .60 usually not (trial on 16 sentences, docs/measurements/rare_acts.md)."""
 
-RARE = 150
+RARE = 60
 """Support of a caption up to which its movement is rare: with so few clips of 3,700 the denoiser
 often makes another one from noise."""
 

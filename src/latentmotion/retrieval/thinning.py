@@ -15,10 +15,10 @@ import numpy as np
 from latentmotion.arrays import unit
 from latentmotion.retrieval.index import ClipIndex
 
-SUPPORT = 100
+SUPPORT = 60
 """Support up to which all captions of different meaning are kept."""
 
-SAME_OF_CLIP, SAME_OF_ALL = 0.85, 0.8
+SAME_OF_CLIP, SAME_OF_ALL = 0.8, 0.8
 """Cosines from which two captions of one clip, and two of frequent movements, say the same."""
 
 

@@ -45,13 +45,12 @@ class EncoderWithVocabulary(TextEncoder, Protocol):
         """Returns the words of a sentence that the encoder can only guess."""
         ...
 
-    def pieces(self, word: str) -> list[str]:
-        """Returns the pieces that a word is read in; a frequent English word is one piece."""
-        ...
-
 
 def pieces(encoder: TextEncoder, word: str) -> list[str]:
-    """Returns the pieces that an encoder reads a word in; the word itself if it has no pieces."""
+    """Returns the pieces that an encoder reads a word in; the word itself if it has no pieces.
+
+    A frequent English word is one piece.
+    """
     own = getattr(encoder, "pieces", None)
     return own(word) if own else [word]
 

@@ -219,8 +219,10 @@ def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
         seeds = range(number * AT_ONCE, number * AT_ONCE + len(block))
         prompts = [one.prompt for one in block]
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnknownWordsWarning)  # nobody typed these prompts
-            motions = pipeline.batch(prompts, seeds=seeds, steps=SOLVER_STEPS, sampler="dpm++")
+            for category in (UnknownWordsWarning, DoubtWarning):
+                warnings.simplefilter("ignore", category)  # nobody typed these prompts
+            settings = {"steps": SOLVER_STEPS, "sampler": "dpm++", "from_clips": False}
+            motions = pipeline.batch(prompts, seeds=seeds, **settings)
         kept += [
             (one, motion.joints)
             for one, motion in zip(block, motions, strict=True)
