@@ -37,6 +37,7 @@ def joints(folder: Path, sentence: str, frames: int, seed: int, guidance: float)
 
 
 @pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.LongSentenceWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
 @pytest.mark.parametrize("frames", (14, 81, 196))
 def test_the_graph_makes_the_joints_that_python_makes(
     web_folder: Path, four_steps: Path, frames: int

@@ -152,18 +152,19 @@ def load(path: str | Path, stated: Stated | None = None) -> list[Motion]:
     from latentmotion.formats.takes import standing_motion
 
     source = Path(path)
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", ReadingWarning)
-        try:
+    told: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", ReadingWarning)
             trusted = stated is None and source.suffix.lower() != ".npy"  # bare joints say nothing
-            motions = [standing_motion(take, stated, trusted) for take in read(source)]
-        except (InputError, DataError) as error:  # of what it holds
-            named = str(error).startswith(str(source)) or not source.is_file()
-            raise type(error)(str(error) if named else f"{source}: {error}") from error
-    for text, category in dict.fromkeys((str(one.message), one.category) for one in told):
-        named = category is not ReadingWarning or text.startswith(str(source))
-        warnings.warn(text if named else f"{source}: {text}", category, stacklevel=2)
-    return motions
+            return [standing_motion(take, stated, trusted) for take in read(source)]
+    except (InputError, DataError) as error:  # of what it holds
+        named = str(error).startswith(str(source)) or not source.is_file()
+        raise type(error)(str(error) if named else f"{source}: {error}") from error
+    finally:
+        for text, category in dict.fromkeys((str(one.message), one.category) for one in told):
+            named = category is not ReadingWarning or text.startswith(str(source))
+            warnings.warn(text if named else f"{source}: {text}", category, stacklevel=2)
 
 
 def read(path: str | Path) -> list[SkeletonTake | Motion]:

@@ -30,6 +30,7 @@ from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
 from latentmotion.progress import counted
 from latentmotion.representation.interface import representation_named
+from latentmotion.retrieval.doubts import DoubtWarning
 from latentmotion.storage.files import sha256
 from latentmotion.text.cache import CachedTextEncoder
 from latentmotion.text.encoder import UnknownWordsWarning
