@@ -336,7 +336,11 @@ class MotionPipeline:
         clips = self.clip_starts if any(wanted) else None
         if clips is None or request.sampling.steps < 2:
             return [None] * count
-        choices = {prompt: clips.choices(prompt) for prompt in dict.fromkeys(request.prompts)}
+        # No clip has the count or the turn that a sentence asks for exactly; noise often has.
+        choices = {
+            prompt: [] if asked_exactly(prompt, True) else clips.choices(prompt)
+            for prompt in dict.fromkeys(request.prompts)
+        }
         return [
             clips.start(choices[prompt], None if any_length else frames, seed)
             if take and choices[prompt]
