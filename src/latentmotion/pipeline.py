@@ -279,8 +279,7 @@ class MotionPipeline:
             warnings.warn(note, DoubtWarning, stacklevel=3)
         prompts = [readings[caption].sentence for caption in captions]
         features = self.representation
-        one = seconds is None or isinstance(seconds, int | float)
-        lengths = [seconds] * len(prompts) if one else list(seconds)
+        lengths = requests.each(seconds, len(prompts))
         free = [length is None for length in lengths]
         usual = self.usual_seconds(prompts) if any(free) else None
         frames = requests.frames_of(self.card, lengths, len(prompts), features.fps, usual)
@@ -392,7 +391,8 @@ class MotionPipeline:
         if not isinstance(self.condition, SentenceCondition):
             raise InputError(f"model {self.card.name!r} reads no sentences, so it cannot be taught")
         text_encoder = self.condition.encoder
-        return build_index(clips, sources, self.card, self.feature_encoder, text_encoder)
+        index = build_index(clips, sources, self.card, self.feature_encoder, text_encoder)
+        return index.preferred()
 
     @cached_property
     def feature_encoder(self) -> FeatureEncoder:

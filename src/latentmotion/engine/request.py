@@ -208,6 +208,13 @@ USUAL_SECONDS = 4.0
 """Length of a motion that is neither given nor predicted."""
 
 
+def each(seconds: float | Sequence[float | None] | None, count: int) -> list[float | None]:
+    """Returns a length for each motion, where one may be given for all."""
+    if seconds is None or isinstance(seconds, int | float):
+        return [seconds] * count
+    return list(seconds)
+
+
 def frames_of(
     card: ModelCard,
     seconds: float | Sequence[float | None] | None,
@@ -227,8 +234,7 @@ def frames_of(
     Raises:
         InputError: A length is not a finite number, or their number is not that of the motions.
     """
-    one = seconds is None or isinstance(seconds, int | float)
-    given = [seconds] * count if one else list(seconds)
+    given = each(seconds, count)
     if len(given) != count:
         raise InputError(f"{len(given)} lengths for {count} motions")
     shortest, longest = card.frames

@@ -36,6 +36,9 @@ FORMAT = "latentmotion moves 1"
 
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
 
+ABOUT = 0.05
+"""How much farther than the nearest a caption may be for its support to count."""
+
 _MOST_BYTES = 1 << 28
 """Unpacked size of the largest file: some 5,000 hours of clips."""
 
@@ -72,7 +75,8 @@ class IndexedCaption:
     end: int
     """One past its last."""
     support: int
-    """Number of clips with a caption of nearly the same meaning (`support.py`)."""
+    """Number of clips with a caption of nearly the same meaning (`support.py`); 0 where a user
+    showed the clip, which is started from however frequent the movement is."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +158,24 @@ class ClipIndex:
                 caption.clip, Neighbor(caption, float(best[row]), bool(sides[row]))
             )
         return list(neighbors.values())
+
+    def support(self, sentences: Float[np.ndarray, "sides width"]) -> int:
+        """Returns the largest support of the captions that are about as near as the nearest.
+
+        The nearest caption of "race along" may be of one clip, beside others of hundreds.
+
+        Args:
+            sentences: As for `nearest`.
+        """
+        cosines = (self._units @ unit(sentences).T).max(axis=1)
+        if self.captions[int(cosines.argmax())].support == 0:
+            return 0
+        near = np.flatnonzero(cosines >= cosines.max() - ABOUT)
+        return max(self.captions[row].support for row in near.tolist())
+
+    def preferred(self) -> ClipIndex:
+        """Returns the index with supports of 0: of captions near a sentence its nearest decides."""
+        return replace(self, captions=tuple(replace(one, support=0) for one in self.captions))
 
     def latents_of(self, caption: IndexedCaption) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of the part that a caption tells of, in the denoiser's scale."""

@@ -31,9 +31,9 @@ LEAST_COSINE = 0.6
 """Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
 does, below .60 usually not (trial on 16 sentences, docs/measurements/rare_acts.md)."""
 
-RARE = 60
-"""Support of a caption up to which its movement is rare: with so few clips of 3,700 the denoiser
-often makes another one from noise."""
+RARE = 20
+"""Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
+another one from noise. With 60 frequent movements lost (docs/measurements/rare_acts.md)."""
 
 UNRELATED = 0.55
 """Cosine up to which a caption says nothing of what a sentence asks for."""
@@ -41,7 +41,7 @@ UNRELATED = 0.55
 USUAL = 60.0
 """Support of a movement that succeeds from noise about as often as from a clip."""
 
-SHARES = ((5, 0.25), (20, 0.5), (RARE, 0.75))
+SHARES = ((5, 0.25), (RARE, 0.5))
 """Share of the sampling steps that are left after a start, by the largest support: the more the
 denoiser knows of a movement, the more it may change."""
 
@@ -53,6 +53,21 @@ MOST_CHOICES = 4
 
 LONGEST_STRETCH = 1.4
 """Factor by which a clip may be slowed down or sped up; beyond it is repeated or cut."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Captions near a movement of a sentence, and how many clips show it."""
+
+    neighbors: tuple[Neighbor, ...]
+    """The nearest, and those that are nearly as near; their clips take turns."""
+    support: int
+    """About how many clips show the movement."""
+
+    @property
+    def cosine(self) -> float:
+        """Cosine of the nearest."""
+        return self.neighbors[0].cosine
 
 
 @dataclass(frozen=True)
@@ -98,28 +113,36 @@ class ClipStarts:
 
     def neighbors(self, sentence: str, count: int = MOST_CHOICES) -> list[Neighbor]:
         """Returns the captions nearest to a sentence, the nearest first."""
+        return self.index.nearest(self._sides(sentence), count)
+
+    def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
+        """Returns the embedding of a sentence, and that of its mirror image if it differs."""
         mirrored = mirror_words(sentence)
         texts = [sentence] if mirrored == sentence else [sentence, mirrored]
-        return self.index.nearest(self.text_encoder(texts).pooled, count)
+        return self.text_encoder(texts).pooled
 
-    def choices(self, sentence: str) -> list[list[Neighbor]]:
+    def choices(self, sentence: str) -> list[Choice]:
         """Returns clips to start from, for each movement of a sentence that follows another.
 
         Returns:
             Nothing where no movement is rare, or where a rare one has no clip near enough.
         """
-        parts = [self.neighbors(part) for part in parts_of(sentence)]
-        whole = self.neighbors(sentence) if len(parts) > 1 else parts[0]
+        parts = [self._choice(part) for part in parts_of(sentence)]
+        whole = self._choice(sentence) if len(parts) > 1 else parts[0]
         # A caption that tells of all movements in a row is nearer than captions of each.
-        if whole[0].cosine >= min(part[0].cosine for part in parts):
+        if whole.cosine >= min(part.cosine for part in parts):
             parts = [whole]
-        choices = [_near(part) for part in parts]
-        rare = any(near and is_rare(near[0]) for near in choices)
-        return choices if rare and all(choices) else []
+        rare = min(part.support for part in parts) <= RARE
+        return parts if rare and all(part.cosine >= LEAST_COSINE for part in parts) else []
 
-    def start(
-        self, choices: Sequence[Sequence[Neighbor]], frames: int | None, seed: int
-    ) -> ClipStart:
+    def _choice(self, sentence: str) -> Choice:
+        sides = self._sides(sentence)
+        near = self.index.nearest(sides, MOST_CHOICES)
+        least = near[0].cosine - ALIKE
+        alike = tuple(neighbor for neighbor in near if neighbor.cosine >= least)
+        return Choice(alike, self.index.support(sides))
+
+    def start(self, choices: Sequence[Choice], frames: int | None, seed: int) -> ClipStart:
         """Returns what a motion starts from.
 
         Args:
@@ -127,7 +150,7 @@ class ClipStarts:
             frames: Length of the motion; by default that of the clips.
             seed: Takes turns among them.
         """
-        chosen = [near[seed % len(near)] for near in choices]
+        chosen = [choice.neighbors[seed % len(choice.neighbors)] for choice in choices]
         shortest, longest = self.card.frames
         per_token = self.card.latents.frames_per_token or 1
         parts = [self._latents(neighbor) for neighbor in chosen]
@@ -143,8 +166,8 @@ class ClipStarts:
         ]
         joined = np.concatenate(latents)[:tokens]
         about = tuple(self.index.about(neighbor) for neighbor in chosen)
-        rarest = min(chosen, key=lambda neighbor: neighbor.caption.support)
-        support = rarest.caption.support
+        rarest = min(choices, key=lambda choice: choice.support)
+        support = rarest.support
         share = next((share for most, share in SHARES if support <= most), SHARES[-1][1])
         likely = max(rarest.cosine - UNRELATED, 0.0) / (1 - UNRELATED)
         advantage = likely * USUAL / (USUAL + support)
@@ -158,17 +181,6 @@ class ClipStarts:
         frames = len(latents) * (self.card.latents.frames_per_token or 1)
         features = self.decode(latents[None], prefix_mask([frames]))[0]
         return self.encoder(self.representation.mirror(features))[: len(latents)]
-
-
-def _near(neighbors: Sequence[Neighbor]) -> list[Neighbor]:
-    """Returns the neighbors that are near enough, and nearly as near as the nearest."""
-    least = max(LEAST_COSINE, neighbors[0].cosine - ALIKE) if neighbors else 1.0
-    return [neighbor for neighbor in neighbors if neighbor.cosine >= least]
-
-
-def is_rare(neighbor: Neighbor) -> bool:
-    """Returns whether few clips show what a caption tells of."""
-    return neighbor.caption.support <= RARE
 
 
 def stretched(

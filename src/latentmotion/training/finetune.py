@@ -222,8 +222,9 @@ def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
         with warnings.catch_warnings():
             for category in (UnknownWordsWarning, DoubtWarning):
                 warnings.simplefilter("ignore", category)  # nobody typed these prompts
-            settings = {"steps": SOLVER_STEPS, "sampler": "dpm++", "from_clips": False}
-            motions = pipeline.batch(prompts, seeds=seeds, **settings)
+            motions = pipeline.batch(
+                prompts, seeds=seeds, steps=SOLVER_STEPS, sampler="dpm++", from_clips=False
+            )
         kept += [
             (one, motion.joints)
             for one, motion in zip(block, motions, strict=True)
