@@ -335,11 +335,12 @@ class MotionPipeline:
         clips = self.clip_starts if any(wanted) else None
         if clips is None or request.sampling.steps < 2:
             return [None] * count
-        # No clip has the count or the turn that a sentence asks for exactly; noise often has.
-        choices = {
-            prompt: [] if asked_exactly(prompt, True) else clips.choices(prompt)
-            for prompt in dict.fromkeys(request.prompts)
-        }
+        choices = {prompt: clips.choices(prompt) for prompt in dict.fromkeys(request.prompts)}
+        for prompt, near in choices.items():
+            # Noise has the count or the turn that a sentence asks for exactly more often than a
+            # clip, but for a clip that a user showed.
+            if asked_exactly(prompt, True) and all(choice.support for choice in near):
+                choices[prompt] = []
         return [
             clips.start(choices[prompt], None if any_length else frames, seed)
             if take and choices[prompt]
