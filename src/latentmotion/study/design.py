@@ -23,7 +23,7 @@ from latentmotion.model.card import CARD_FILE, shipped_models
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import atomic_file, read_lines, sha256
-from latentmotion.viewer.page import json_in_html, payload, script
+from latentmotion.viewer.page import json_in_html, packed_script, payload
 
 Model = Literal["A", "B"]
 
@@ -150,7 +150,7 @@ def study_html(study: Study) -> str:
         for row in key.pairs
     ]
     content = {"study": key.study, "questions": key.questions, "pairs": pairs, **payload(motions)}
-    fields = {"study": json_in_html(content), "script": script()}
+    fields = {"study": json_in_html(content), "script": packed_script()}
     template = resources.files("latentmotion.study").joinpath("template.html")
     text = template.read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], text)

@@ -99,7 +99,7 @@ def page_html(
     fields = {
         "title": html.escape(title or motions[0].caption or "Latent Motion"),
         "motions": json_in_html(content),
-        "script": _packed_script(),
+        "script": packed_script(),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
 
@@ -193,12 +193,12 @@ def json_in_html(payload: dict[str, Any]) -> str:
 
 
 def script() -> str:
-    """Returns the script of this page and of a user study's."""
+    """Returns the script of the pages that show motion, as the studio serves it."""
     return _resource("viewer.js")
 
 
 @lru_cache(maxsize=1)
-def _packed_script() -> str:
+def packed_script() -> str:
     """Returns a script that unpacks and runs `script()`: three times smaller, after its notice."""
     plain = script()
     notice = "".join(re.findall(r"\A/\*!.*?\*/", plain, re.DOTALL))
