@@ -13,7 +13,6 @@ import pytest
 from latentmotion import formats
 from latentmotion.cli import usage
 from latentmotion.cli.evaluate import Evaluate
-from latentmotion.cli.evaluate_metrics import MetricsCommand
 from latentmotion.cli.main import main
 from latentmotion.errors import (
     DataError,
@@ -134,7 +133,7 @@ def test_a_hint_is_the_nearest_name_or_all(name: str, told: str) -> None:
     ],
 )
 def test_protocols_are_changed_as_options_say(options: dict, expected: tuple) -> None:
-    protocol = MetricsCommand(Evaluate(**options), "m", Path("d")).protocol()
+    protocol = Evaluate(**options).changed_protocol()
     found = protocol.replications, protocol.split, protocol.repeats.texts, protocol.max_frames
     assert found == expected
 

@@ -17,7 +17,8 @@ from latentmotion.data import store
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.pack_coding import BoneCoder
-from latentmotion.data.packing import pack, unpack, unpacked
+from latentmotion.data.pack_file import unpack, unpacked
+from latentmotion.data.packing import pack
 from latentmotion.data.prepare import merge
 from latentmotion.data.store import MANIFEST, StoredMotion, write_dataset
 from latentmotion.errors import DataError, FileFormatError, InputError

@@ -11,19 +11,9 @@ import yaml
 
 from latentmotion.data.clip import Caption, Clip, Source, TaggedSentence
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.prepare import (
-    MIN_FRAMES,
-    REPORT,
-    Part,
-    Preparation,
-    Report,
-    encode,
-    encode_all,
-    merge,
-    parts_of,
-    read_report,
-)
+from latentmotion.data.prepare import MIN_FRAMES, Preparation, encode, encode_all, merge
 from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording, Recording
+from latentmotion.data.report import REPORT, Part, Report, parts_of, read_report
 from latentmotion.data.store import MANIFEST, StoredClip, caption_rows, read_manifest
 from latentmotion.errors import DataError, InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES

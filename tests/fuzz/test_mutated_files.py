@@ -33,7 +33,8 @@ from latentmotion.control.scene import read_scene
 from latentmotion.convert.reading import read_checkpoint
 from latentmotion.data.clip import Source, fit_sentences, parse_sentences
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.packing import pack, unpack
+from latentmotion.data.pack_file import unpack
+from latentmotion.data.packing import pack
 from latentmotion.data.sources.humanact12 import humanact12_recordings
 from latentmotion.data.sources.humanml3d import read_texts
 from latentmotion.data.sources.own import OwnMotions

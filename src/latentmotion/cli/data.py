@@ -18,14 +18,15 @@ from tyro.conf import Positional, arg
 from latentmotion import __version__
 from latentmotion.cli import options
 from latentmotion.cli.motions import write_draft
-from latentmotion.data import described, packing, sharding
+from latentmotion.data import described, pack_file, packing, sharding
 from latentmotion.data.clip import Source
 from latentmotion.data.compose import Composition, compose
 from latentmotion.data.compose_actions import compose_actions
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.inspection import inspect_folder
-from latentmotion.data.prepare import Preparation, Report, encode_all, merge, parts_of
+from latentmotion.data.prepare import Preparation, encode_all, merge
 from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup
+from latentmotion.data.report import Report, parts_of
 from latentmotion.data.sources import cmu, hdm05, humanact12, humanml3d, snu, uestc
 from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
@@ -330,7 +331,7 @@ class PackData:
     """Prepared folder."""
     output: options.Output
     """File to write."""
-    quantum: float = 1000 * packing.QUANTUM
+    quantum: float = 1000 * pack_file.QUANTUM
     """Quantization step of positions in millimeters; joints return within about four thirds of
     it."""
 
@@ -359,7 +360,7 @@ class UnpackData:
 
     def run(self) -> None:
         """Writes the folder and prints what is in it."""
-        manifest = packing.unpack(self.file, self.output)
+        manifest = pack_file.unpack(self.file, self.output)
         print(Report(parts_of(manifest), (), None).table())
         print(f"wrote {self.output}")
 

@@ -1,28 +1,41 @@
-"""`latentmotion evaluate`: measures a model, by metrics on a data set or by instructions."""
+"""`latentmotion evaluate`: measures a model, by metrics on a data set or by instructions.
+
+Metrics need PyTorch and are imported where they are measured, so that instructions need none.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from jaxtyping import Float
 from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
-from latentmotion.cli.generate import load_generator
+from latentmotion.cli.generate import load_generator, located
 from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
 from latentmotion.engine.backend import ExecutionOptions
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.instructions import benchmark, ground_truth, motions
 from latentmotion.evaluation.instructions.prompts import instructions, write_prompts
+from latentmotion.evaluation.protocol import PROTOCOLS, Protocol
 from latentmotion.instructions import prompts as trained_prompts
+from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import CARD_FILE, find_model, read_card
+from latentmotion.storage import shards
+from latentmotion.storage.address import folder_at
+from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable
+from latentmotion.storage.shards import Share
+
+if TYPE_CHECKING:
+    from latentmotion.evaluation.candidates import Candidate
+    from latentmotion.evaluation.evaluate import Comparison
+    from latentmotion.evaluation.report import Report
 
 Joints = Float[np.ndarray, "_ 22 3"]
 
@@ -104,9 +117,105 @@ class Evaluate:
         if self.model is None or self.data is None:
             lacking = "MODEL" if self.model is None else "--data"
             raise InputError(f"{lacking} is missing; see latentmotion evaluate --help")
-        # Imported only here, so that instructions need no PyTorch.
-        metrics = import_module("latentmotion.cli.evaluate_metrics")
-        metrics.MetricsCommand(self, self.model, self.data).run()
+        self.measure_metrics(self.model, self.data)
+
+    def measure_metrics(self, model: str, data: Path) -> None:
+        """Prints the report of the metrics on a prepared data set, and writes it.
+
+        Raises:
+            ModelError: The model has nothing to measure.
+        """
+        from latentmotion.evaluation import cost, evaluate, position_scores
+        from latentmotion.evaluation.evaluators.interface import load_evaluator
+        from latentmotion.evaluation.report import REPORT_FILE, card_figures
+        from latentmotion.gpu.backend import text_encoder_named
+
+        if self.output is not None:
+            check_replaceable(self.output, REPORT_FILE)
+        folder, dataset = find_model(model), Dataset.load(data)
+        evaluator = load_evaluator(self.evaluator) if self.evaluator else None
+        if self.body is not None:
+            body = load_smpl(self.body)
+            dataset, evaluator = position_scores.with_smpl_joints(body, dataset, evaluator)
+        candidates, protocol = self.candidates(folder), self.changed_protocol()
+        comparison = evaluate.Comparison(tuple(candidates), dataset, evaluator, protocol)
+        report = self._shared(comparison, self.shard) if self.shard else comparison()
+        if report is None:
+            print(f"shard {self.shard} is finished, others are not")
+            return
+        if self.cost:
+            replication = comparison.test_set.replication(0)
+            first = candidates[0]
+            generated = first if isinstance(first, evaluate.Generated) else None
+            encoder = text_encoder_named(self.text_encoder) if self.text_encoder else None
+            timed = cost.timed_prompts(replication.prompts)
+            report = replace(report, cost=cost.cost_of(folder, generated, timed, encoder))
+        print(report.markdown(), end="")
+        if self.output is not None:
+            report.write(self.output)
+            print(f"\nwrote {self.output / 'report.json'} and report.md")
+        if self.card:
+            card = read_card(folder)
+            figures = {**card.figures, "evaluation": card_figures(report)}
+            replace(card, figures=to_json(figures)).write(folder)
+            print(f"\nwrote the figures into {folder / 'model.json'}")
+
+    def _shared(self, comparison: Comparison, shard: str) -> Report | None:
+        """Measures the replications of a share; returns the report if all are finished.
+
+        Raises:
+            InputError: There is no output folder, or the scores beside it are of another run.
+        """
+        share, output = Share.parse(shard), self.output
+        if output is None:
+            raise InputError("--shard keeps scores beside the report; name its folder by --output")
+        folder = folder_at(str(output.with_name(f"{output.name}.replications")), create=True)
+        manifest = shards.make(comparison.work(), folder, share)
+        return manifest and comparison.report_of(folder, manifest)
+
+    def changed_protocol(self) -> Protocol:
+        """Returns the protocol that the options name, changed as they say."""
+        protocol, replications = PROTOCOLS[self.protocol], self.replications
+        repeats = protocol.repeats
+        if self.multimodality is not None:
+            repeats = replace(repeats, texts=self.multimodality)
+        if replications is None:
+            replications = protocol.replications if self.evaluator else 1
+        return replace(
+            protocol,
+            split=self.split,
+            replications=replications,
+            seed=self.seed,
+            repeats=repeats,
+            max_frames=self.max_frames,
+        )
+
+    def candidates(self, folder: Path) -> list[Candidate]:
+        """Returns the rows of the report: generated motions, and reconstructions of a VAE."""
+        from latentmotion.evaluation import evaluate, report
+        from latentmotion.gpu.backend import torch_prior
+        from latentmotion.networks.checkpoint import load_stages
+
+        model = load_stages(folder)
+        card, vae, weights = model.card, model.vae, report.weights_hash(folder)
+        kinds = ("mean", "sampled") if self.protocol == "clean" else ("sampled", "mean")
+        rebuilt: list[Candidate] = [
+            evaluate.Reconstructed(
+                vae, card, kind == "sampled", weights, f"reconstruction ({kind} z)"
+            )
+            for kind in kinds
+            if card.vae.has_weights
+        ]
+        if self.prior:
+            prior = torch_prior(folder, located(self.execution))
+            return [evaluate.Prior(prior, weights), *rebuilt]
+        if card.denoiser is None and not rebuilt:
+            raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
+        if card.denoiser is None:
+            return rebuilt
+        generator = load_generator(folder, text_encoder=self.text_encoder, execution=self.execution)
+        sampling = generator.card.sampling.but(self.steps, self.guidance, self.sampler)
+        return [evaluate.Generated(generator, sampling, weights), *rebuilt]
 
     def measure_instructions(self) -> None:
         """Writes the prompts, or checks the motions of a model or of a folder of joints."""

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from safetensors import SafetensorError, safe_open
 
 from latentmotion.data.clip import SPLITS, Clip, Source
+from latentmotion.data.pack_file import unpacked
 from latentmotion.data.store import MANIFEST, Manifest, StoredClip, read_manifest
 from latentmotion.errors import DataError, InputError
 from latentmotion.representation.interface import Normalizer, Representation, representation_named
@@ -46,9 +47,6 @@ class Dataset:
             FileFormatError: The file is no pack, of another version or damaged.
         """
         if Path(folder).is_file():
-            # Looked up only here: packs are made of data sets.
-            from latentmotion.data.packing import unpacked
-
             folder = unpacked(Path(folder))
         manifest = read_manifest(folder)
         try:

@@ -22,8 +22,9 @@ from latentmotion.data import singles
 from latentmotion.data.clip import Caption, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.file_names import captions_of_names
-from latentmotion.data.prepare import REPORT, Report, encode_all, parts_of, read_report
+from latentmotion.data.prepare import encode_all
 from latentmotion.data.recording import FPS, Dropped
+from latentmotion.data.report import REPORT, Report, parts_of, read_report
 from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
 from latentmotion.describe.agreement import check as check_agreement

@@ -11,8 +11,8 @@ import numpy as np
 
 from latentmotion.data.clip import SPLITS
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.prepare import Report, parts_of
 from latentmotion.data.recording import files_below
+from latentmotion.data.report import Report, parts_of
 from latentmotion.data.sources import humanml3d
 from latentmotion.data.sources.cmu import CMU, find_trials, rows_by_trial
 from latentmotion.data.sources.hdm05 import find_clips

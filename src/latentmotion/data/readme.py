@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from latentmotion.data.report import Part
 from latentmotion.data.store import Manifest
 from latentmotion.storage.hub import PIPELINE, front_matter, license_fields
-
-if TYPE_CHECKING:
-    from latentmotion.data.prepare import Part
 
 README = "README.md"
 
