@@ -8,6 +8,9 @@
 
 Needs `pip install "latentmotion[client]"`. A service that is busy is asked again, as long as its
 answers say when; so is one whose connection is refused or lost, a few times.
+
+A method is written once, as a generator of requests and pauses without I/O; `Client` runs it where
+it is called, `AsyncClient` on an event loop.
 """
 
 from __future__ import annotations
@@ -16,11 +19,19 @@ import asyncio
 import json
 import tempfile
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from collections.abc import (
+    AsyncIterator,
+    Callable,
+    Coroutine,
+    Generator,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from contextlib import asynccontextmanager, contextmanager
-from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, Generic, ParamSpec, TypeAlias, TypeVar, overload
 
 import numpy as np
 
@@ -33,6 +44,9 @@ try:
     import httpx
 except ModuleNotFoundError as error:
     raise MissingExtraError("latentmotion.client", "httpx", "client") from error
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 BUSY = (429, 503)
 """Statuses of a service that asks to be called again."""
@@ -69,140 +83,209 @@ class ServiceError(LatentMotionError):
         self.status, self.detail = status, detail
 
 
-@dataclass(frozen=True)
-class Request:
-    """One call of a service."""
+Outcome: TypeAlias = "httpx.Response | httpx.HTTPError | None"
+"""What a request leads to; None after a pause."""
 
-    method: str
-    """Method of HTTP."""
-    path: str
-    """Path below the address of the service."""
-    body: Any = None
-    """JSON."""
-    content: bytes | None = None
-    """A file in place of JSON."""
-    query: Mapping[str, Any] | None = None
-    """Parameters of the address; None is left out."""
-
-    @property
-    def repeatable(self) -> bool:
-        """Whether it may arrive twice: all but a new job, since the service keeps no other."""
-        return (self.method, self.path) != ("POST", "/v1/jobs")
-
-    def arguments(self) -> dict[str, Any]:
-        """Returns the arguments of httpx."""
-        query = {name: value for name, value in (self.query or {}).items() if value is not None}
-        found: dict[str, Any] = {"method": self.method, "url": self.path, "params": query}
-        if self.content is not None:
-            headers = {"Content-Type": "application/octet-stream"}
-            return {**found, "content": self.content, "headers": headers}
-        return found if self.body is None else {**found, "json": self.body}
+Flow: TypeAlias = Generator[httpx.Request | float, Outcome, T]
+"""A conversation without I/O: yields requests and pauses in seconds, is sent their outcomes."""
 
 
-def motion_request(prompt: str, form: str, **options: Any) -> Request:
-    """Returns the call for one motion."""
-    return Request("POST", "/v1/motions", {"prompt": prompt, "format": form, **_given(options)})
+class _Blocking:
+    """Runs flows where they are called."""
+
+    _http: Any
+
+    def _run(self, flow: Flow[T]) -> T:
+        outcome: Outcome = None
+        while True:
+            try:
+                step = flow.send(outcome)
+                if isinstance(step, httpx.Request):
+                    outcome = self._http.send(step)
+                else:
+                    outcome = time.sleep(step)
+            except StopIteration as end:
+                return end.value
+            except httpx.HTTPError as error:
+                outcome = error
 
 
-def timeline_request(
-    spans: Sequence[str | tuple[str, float | None]],
-    parts: Sequence[tuple[str, str, float, float]],
-    **options: Any,
-) -> Request:
-    """Returns the call for one motion of several prompts."""
-    pairs = [(span, None) if isinstance(span, str) else span for span in spans]
-    timeline = [{"prompt": prompt, "seconds": seconds} for prompt, seconds in pairs]
-    keys = "part", "prompt", "start", "end"
-    tracks = {
-        "timeline": timeline,
-        "timeline_parts": [dict(zip(keys, part, strict=True)) for part in parts],
-    }
-    return Request("POST", "/v1/motions", {"format": "npz", **tracks, **_given(options)})
+class _Awaited:
+    """Runs flows on an event loop."""
+
+    _http: Any
+
+    async def _run(self, flow: Flow[T]) -> T:
+        outcome: Outcome = None
+        while True:
+            try:
+                step = flow.send(outcome)
+                if isinstance(step, httpx.Request):
+                    outcome = await self._http.send(step)
+                else:
+                    outcome = await asyncio.sleep(step)
+            except StopIteration as end:
+                return end.value
+            except httpx.HTTPError as error:
+                outcome = error
 
 
-def batch_request(prompts: Sequence[str], form: str, path: str, **options: Any) -> Request:
-    """Returns the call for several motions, at once or as a job."""
-    return Request("POST", path, {"prompts": list(prompts), "format": form, **_given(options)})
+class _Method(Generic[P, T]):
+    """A flow as a method, which blocks in `Client` and `Job`, and is awaited in the others."""
+
+    def __init__(self, flow: Callable[Concatenate[Any, P], Flow[T]]) -> None:
+        self._flow = flow
+
+    @overload
+    def __get__(self, owner: _Blocking, kind: type) -> Callable[P, T]: ...
+    @overload
+    def __get__(self, owner: _Awaited, kind: type) -> Callable[P, Coroutine[Any, Any, T]]: ...
+    @overload
+    def __get__(self, owner: None, kind: type) -> Callable[Concatenate[Any, P], Flow[T]]: ...
+    def __get__(self, owner: Any, kind: type) -> Any:
+        flow = self._flow
+
+        @wraps(flow)
+        def run(*arguments: P.args, **named: P.kwargs) -> Any:
+            return owner._run(flow(owner, *arguments, **named))
+
+        return flow if owner is None else run
 
 
-def file_request(verb: str, file: str | Path, form: str, **options: Any) -> Request:
-    """Returns the call that sends a file.
+class ClientMethods:
+    """The methods of `Client`, and of `AsyncClient`, where they are awaited."""
 
-    Raises:
-        LatentMotionError: The file cannot be read.
-    """
-    path = Path(file)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise LatentMotionError(f"{path}: cannot be read: {unreadable(error)}") from error
-    query = {"source": path.suffix.lower().lstrip("."), "format": form, **options}
-    return Request("POST", f"/v1/{verb}", content=content, query=query)
+    _http_client: type[httpx.Client] | type[httpx.AsyncClient]
+
+    def __init__(
+        self,
+        url: str = "http://localhost:8700",
+        token: str | None = None,
+        timeout: float = 60.0,
+        patience: float = 60.0,
+        transport: Any = None,
+    ) -> None:
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self._http: Any = self._http_client(
+            base_url=url, headers=headers, timeout=timeout, transport=transport
+        )
+        self._patience = patience
+
+    @_Method
+    def motion(self, prompt: str, seconds: float | None = None, **options: Any) -> Flow[Motion]:
+        """Returns a motion.
+
+        Args:
+            prompt: What the person does.
+            seconds: Length; by default as predicted.
+            options: seed, steps, guidance, sampler, clean, fps, goals, headings, path, as the
+                service's OpenAPI has them.
+        """
+        return (yield from self._motions(prompt=prompt, seconds=seconds, **options))[0]
+
+    @_Method
+    def file(self, prompt: str, form: str = "glb", **options: Any) -> Flow[bytes]:
+        """Returns a motion as a file: glb, bvh, npz, csv, usdz, html, json or raw."""
+        return self._content("/v1/motions", prompt=prompt, format=form, **options)
+
+    @_Method
+    def timeline(
+        self,
+        spans: Sequence[str | tuple[str, float | None]],
+        parts: Sequence[tuple[str, str, float, float]] = (),
+        **options: Any,
+    ) -> Flow[Motion]:
+        """Returns one motion of several prompts.
+
+        Args:
+            spans: Prompts one after the other, or `(prompt, seconds)`.
+            parts: What parts of the body do meanwhile: `(part, prompt, start, end)`.
+            options: seed, steps, guidance, clean, fps.
+        """
+        pairs = [(span, None) if isinstance(span, str) else span for span in spans]
+        keys = "part", "prompt", "start", "end"
+        options |= {
+            "timeline": [{"prompt": prompt, "seconds": seconds} for prompt, seconds in pairs],
+            "timeline_parts": [dict(zip(keys, part, strict=True)) for part in parts],
+        }
+        return (yield from self._motions(**options))[0]
+
+    @_Method
+    def batch(self, prompts: Sequence[str], **options: Any) -> Flow[list[Motion]]:
+        """Returns several motions."""
+        return self._motions("/v1/batches", prompts=list(prompts), **options)
+
+    @_Method
+    def clean(self, file: str | Path, form: str = "glb", **options: Any) -> Flow[bytes]:
+        """Returns a motion file cleaned up."""
+        return self._from_file("clean", file, format=form, **options)
+
+    @_Method
+    def convert(self, file: str | Path, form: str = "glb", **options: Any) -> Flow[bytes]:
+        """Returns a motion file in another format."""
+        return self._from_file("convert", file, format=form, **options)
+
+    @_Method
+    def retarget(
+        self, character: str | Path, prompt: str, form: str = "glb", **options: Any
+    ) -> Flow[bytes]:
+        """Returns a character file with a motion."""
+        return self._from_file("retarget", character, format=form, prompt=prompt, **options)
+
+    @_Method
+    def models(self) -> Flow[list[dict[str, Any]]]:
+        """Returns what the service's models are."""
+        return (yield from self._answer("GET", "/v1/models")).json()
+
+    @_Method
+    def _new_job(self, prompts: Sequence[str], form: str, options: Mapping[str, Any]) -> Flow[str]:
+        body = {"prompts": list(prompts), "format": form, **_given(options)}
+        # The service keeps no other: a new job must not arrive twice.
+        return (yield from self._answer("POST", "/v1/jobs", False, json=body)).json()["id"]
+
+    def _content(self, path: str, **body: Any) -> Flow[bytes]:
+        return (yield from self._answer("POST", path, json=_given(body))).content
+
+    def _motions(self, path: str = "/v1/motions", **body: Any) -> Flow[list[Motion]]:
+        return read_motions((yield from self._content(path, format="npz", **body)))
+
+    def _from_file(self, verb: str, file: str | Path, **query: Any) -> Flow[bytes]:
+        path = Path(file)
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise LatentMotionError(f"{path}: cannot be read: {unreadable(error)}") from error
+        sent = {
+            "params": {"source": path.suffix.lower().lstrip("."), **_given(query)},
+            "content": content,
+            "headers": {"Content-Type": "application/octet-stream"},
+        }
+        return (yield from self._answer("POST", f"/v1/{verb}", **sent)).content
+
+    def _answer(
+        self, method: str, path: str, repeatable: bool = True, **sent: Any
+    ) -> Flow[httpx.Response]:
+        """Sends a request, again where the service is busy or was not reached.
+
+        Args:
+            method: Method of HTTP.
+            path: Path below the address of the service.
+            repeatable: Whether the request may arrive twice.
+            sent: Content and parameters, as httpx takes them.
+        """
+        end, lost = time.monotonic() + self._patience, 0
+        while True:
+            outcome = yield self._http.build_request(method, path, **sent)
+            pause = _retry_after(outcome)
+            if pause is None and lost < RECONNECTS and _lost(outcome, repeatable):
+                pause = PAUSE * 2**lost
+                lost += 1
+            if pause is None or time.monotonic() + pause >= end:
+                return _checked(outcome, self._http.base_url)
+            yield pause
 
 
-def read_motions(content: bytes) -> list[Motion]:
-    """Returns the motions of an `.npz` answer.
-
-    Raises:
-        FileFormatError: It is damaged.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "answer.npz"
-        file.write_bytes(content)
-        return formats.load(file)
-
-
-class _Patience:
-    """Whether and when a call is sent again."""
-
-    def __init__(self, seconds: float, repeatable: bool) -> None:
-        self._end, self._repeatable, self._lost = time.monotonic() + seconds, repeatable, 0
-
-    def wait(self, outcome: httpx.Response | httpx.HTTPError) -> float | None:
-        """Returns the seconds to wait; None if the outcome stands."""
-        answer = outcome if isinstance(outcome, httpx.Response) else None
-        after = "" if answer is None else answer.headers.get("Retry-After", "")
-        if answer is not None and answer.status_code in BUSY and after.isdecimal():
-            seconds = min(float(after), LONGEST_WAIT)
-        elif self._lost == RECONNECTS or not self._may_repeat(outcome):
-            return None
-        else:
-            seconds = PAUSE * 2**self._lost
-            self._lost += 1
-        return seconds if time.monotonic() + seconds < self._end else None
-
-    def _may_repeat(self, outcome: httpx.Response | httpx.HTTPError) -> bool:
-        if isinstance(outcome, httpx.Response):
-            return self._repeatable and outcome.status_code in LOST
-        # A connection that was refused has carried nothing.
-        lost = httpx.NetworkError | httpx.RemoteProtocolError
-        return isinstance(outcome, lost if self._repeatable else httpx.ConnectError)
-
-
-def _checked(outcome: httpx.Response | httpx.HTTPError, url: object) -> httpx.Response:
-    """Raises LatentMotionError for an answer that is none, or where none came."""
-    if isinstance(outcome, httpx.HTTPError):
-        problem = f"no service at {url}: {outcome or type(outcome).__name__}"
-        raise LatentMotionError(problem) from outcome
-    if outcome.is_success:
-        return outcome
-    try:
-        detail = str(outcome.json()["detail"])
-    except (ValueError, KeyError, TypeError):
-        detail = outcome.text[:200] or outcome.reason_phrase
-    raise ServiceError(outcome.status_code, detail)
-
-
-def _given(options: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if value is not None}
-
-
-def _settings(url: str, token: str | None, timeout: float) -> dict[str, Any]:
-    headers = {"Authorization": f"Bearer {token}"} if token else {}
-    return {"base_url": url, "headers": headers, "timeout": timeout}
-
-
-class Client:
+class Client(_Blocking, ClientMethods):
     """A service.
 
     Args:
@@ -217,16 +300,7 @@ class Client:
     there is none.
     """
 
-    def __init__(
-        self,
-        url: str = "http://localhost:8700",
-        token: str | None = None,
-        timeout: float = 60.0,
-        patience: float = 60.0,
-        transport: httpx.BaseTransport | None = None,
-    ) -> None:
-        self._http = httpx.Client(**_settings(url, token, timeout), transport=transport)
-        self._patience = patience
+    _http_client = httpx.Client
 
     def __enter__(self) -> Client:
         return self
@@ -238,153 +312,25 @@ class Client:
         """Closes the connections."""
         self._http.close()
 
-    def call(self, request: Request) -> httpx.Response:
-        """Returns the answer to a call."""
-        patience = _Patience(self._patience, request.repeatable)
-        while True:
-            try:
-                outcome = self._http.request(**request.arguments())
-            except httpx.HTTPError as error:
-                outcome = error
-            seconds = patience.wait(outcome)
-            if seconds is None:
-                return _checked(outcome, self._http.base_url)
-            time.sleep(seconds)
-
-    def motion(self, prompt: str, seconds: float | None = None, **options: Any) -> Motion:
-        """Returns a motion.
-
-        Args:
-            prompt: What the person does.
-            seconds: Length; by default as predicted.
-            options: seed, steps, guidance, sampler, clean, fps, goals, headings, path, as the
-                service's OpenAPI has them.
-        """
-        return read_motions(self.file(prompt, "npz", seconds=seconds, **options))[0]
-
-    def file(self, prompt: str, form: str = "glb", **options: Any) -> bytes:
-        """Returns a motion as a file: glb, bvh, npz, csv, usdz, html, json or raw."""
-        return self.call(motion_request(prompt, form, **options)).content
-
-    def timeline(
-        self,
-        spans: Sequence[str | tuple[str, float | None]],
-        parts: Sequence[tuple[str, str, float, float]] = (),
-        **options: Any,
-    ) -> Motion:
-        """Returns one motion of several prompts.
-
-        Args:
-            spans: Prompts one after the other, or `(prompt, seconds)`.
-            parts: What parts of the body do meanwhile: `(part, prompt, start, end)`.
-            options: seed, steps, guidance, clean, fps.
-        """
-        return read_motions(self.call(timeline_request(spans, parts, **options)).content)[0]
-
-    def batch(self, prompts: Sequence[str], **options: Any) -> list[Motion]:
-        """Returns several motions."""
-        request = batch_request(prompts, "npz", "/v1/batches", **options)
-        return read_motions(self.call(request).content)
-
     def job(self, prompts: Sequence[str], form: str = "npz", **options: Any) -> Job:
         """Has motions made in the background."""
-        added = self.call(batch_request(prompts, form, "/v1/jobs", **options))
-        return Job(self, added.json()["id"])
-
-    def clean(self, file: str | Path, form: str = "glb", **options: Any) -> bytes:
-        """Returns a motion file cleaned up."""
-        return self.call(file_request("clean", file, form, **options)).content
-
-    def convert(self, file: str | Path, form: str = "glb", **options: Any) -> bytes:
-        """Returns a motion file in another format."""
-        return self.call(file_request("convert", file, form, **options)).content
-
-    def retarget(
-        self, character: str | Path, prompt: str, form: str = "glb", **options: Any
-    ) -> bytes:
-        """Returns a character file with a motion."""
-        request = file_request("retarget", character, form, prompt=prompt, **options)
-        return self.call(request).content
-
-    def models(self) -> list[dict[str, Any]]:
-        """Returns what the service's models are."""
-        return self.call(Request("GET", "/v1/models")).json()
+        return Job(self, self._new_job(prompts, form, options))
 
     @contextmanager
     def stream(self, prompt: str, seed: int = 0, **options: Any) -> Iterator[Stream]:
         """Opens an endless motion: iterate over its pieces, call `say` to change what is done."""
-        from websockets.exceptions import WebSocketException
         from websockets.sync.client import connect
 
-        address, headers = _socket_address(self._http)
-        try:
-            with connect(address, additional_headers=headers, max_size=LARGEST_PIECE) as socket:
-                socket.send(_first(prompt, seed, options))
-                yield Stream(socket)
-        except (OSError, WebSocketException) as error:
-            raise LatentMotionError(f"the stream of {address} ended: {error}") from error
+        address, arguments = _socket(self._http)
+        with _told_stream(address), connect(address, **arguments) as socket:
+            socket.send(json.dumps({"prompt": prompt, "seed": seed, **_given(options)}))
+            yield Stream(socket)
 
 
-class Job:
-    """A job of a service, made by `Client.job`."""
-
-    def __init__(self, client: Client, name: str) -> None:
-        self._client, self.name = client, name
-
-    def state(self) -> dict[str, Any]:
-        """Returns how far it is: state, motions, made, error."""
-        return self._client.call(Request("GET", f"/v1/jobs/{self.name}")).json()
-
-    def result(self, timeout: float = 3600.0) -> bytes:
-        """Waits for the file and returns it.
-
-        Raises:
-            ServiceError: The job failed, or is not done in time.
-        """
-        end = time.monotonic() + timeout
-        while self.state()["state"] in UNDONE and time.monotonic() < end:
-            time.sleep(0.5)
-        return self._client.call(Request("GET", f"/v1/jobs/{self.name}/result")).content
-
-    def delete(self) -> None:
-        """Ends it and removes its files."""
-        self._client.call(Request("DELETE", f"/v1/jobs/{self.name}"))
-
-
-class Stream:
-    """An endless motion: an iterator of its pieces, each of some seconds."""
-
-    def __init__(self, socket: Any) -> None:
-        self._socket, self._pieces = socket, _Pieces()
-
-    def __iter__(self) -> Iterator[Motion]:
-        return self
-
-    def __next__(self) -> Motion:
-        while True:
-            motion = self._pieces.read(self._socket.recv())
-            if motion is not None:
-                self._socket.send(self._pieces.acknowledgement())
-                return motion
-
-    def say(self, prompt: str) -> None:
-        """Changes what the person does, some pieces from now."""
-        self._socket.send(json.dumps({"prompt": prompt}))
-
-
-class AsyncClient:
+class AsyncClient(_Awaited, ClientMethods):
     """A service, for programs with an event loop; see `Client`."""
 
-    def __init__(
-        self,
-        url: str = "http://localhost:8700",
-        token: str | None = None,
-        timeout: float = 60.0,
-        patience: float = 60.0,
-        transport: httpx.AsyncBaseTransport | None = None,
-    ) -> None:
-        self._http = httpx.AsyncClient(**_settings(url, token, timeout), transport=transport)
-        self._patience = patience
+    _http_client = httpx.AsyncClient
 
     async def __aenter__(self) -> AsyncClient:
         return self
@@ -396,65 +342,9 @@ class AsyncClient:
         """Closes the connections."""
         await self._http.aclose()
 
-    async def call(self, request: Request) -> httpx.Response:
-        """Returns the answer to a call."""
-        patience = _Patience(self._patience, request.repeatable)
-        while True:
-            try:
-                outcome = await self._http.request(**request.arguments())
-            except httpx.HTTPError as error:
-                outcome = error
-            seconds = patience.wait(outcome)
-            if seconds is None:
-                return _checked(outcome, self._http.base_url)
-            await asyncio.sleep(seconds)
-
-    async def motion(self, prompt: str, seconds: float | None = None, **options: Any) -> Motion:
-        """Returns a motion; see `Client.motion`."""
-        return read_motions(await self.file(prompt, "npz", seconds=seconds, **options))[0]
-
-    async def file(self, prompt: str, form: str = "glb", **options: Any) -> bytes:
-        """Returns a motion as a file."""
-        return (await self.call(motion_request(prompt, form, **options))).content
-
-    async def timeline(
-        self,
-        spans: Sequence[str | tuple[str, float | None]],
-        parts: Sequence[tuple[str, str, float, float]] = (),
-        **options: Any,
-    ) -> Motion:
-        """Returns one motion of several prompts; see `Client.timeline`."""
-        answer = await self.call(timeline_request(spans, parts, **options))
-        return read_motions(answer.content)[0]
-
-    async def batch(self, prompts: Sequence[str], **options: Any) -> list[Motion]:
-        """Returns several motions."""
-        request = batch_request(prompts, "npz", "/v1/batches", **options)
-        return read_motions((await self.call(request)).content)
-
     async def job(self, prompts: Sequence[str], form: str = "npz", **options: Any) -> AsyncJob:
         """Has motions made in the background."""
-        added = await self.call(batch_request(prompts, form, "/v1/jobs", **options))
-        return AsyncJob(self, added.json()["id"])
-
-    async def clean(self, file: str | Path, form: str = "glb", **options: Any) -> bytes:
-        """Returns a motion file cleaned up."""
-        return (await self.call(file_request("clean", file, form, **options))).content
-
-    async def convert(self, file: str | Path, form: str = "glb", **options: Any) -> bytes:
-        """Returns a motion file in another format."""
-        return (await self.call(file_request("convert", file, form, **options))).content
-
-    async def retarget(
-        self, character: str | Path, prompt: str, form: str = "glb", **options: Any
-    ) -> bytes:
-        """Returns a character file with a motion."""
-        request = file_request("retarget", character, form, prompt=prompt, **options)
-        return (await self.call(request)).content
-
-    async def models(self) -> list[dict[str, Any]]:
-        """Returns what the service's models are."""
-        return (await self.call(Request("GET", "/v1/models"))).json()
+        return AsyncJob(self, await self._new_job(prompts, form, options))
 
     @asynccontextmanager
     async def stream(
@@ -462,68 +352,62 @@ class AsyncClient:
     ) -> AsyncIterator[AsyncStream]:
         """Opens an endless motion: iterate over its pieces, call `say` to change what is done."""
         from websockets.asyncio.client import connect
-        from websockets.exceptions import WebSocketException
 
-        address, headers = _socket_address(self._http)
-        connected = connect(address, additional_headers=headers, max_size=LARGEST_PIECE)
-        try:
-            async with connected as socket:
-                await socket.send(_first(prompt, seed, options))
+        address, arguments = _socket(self._http)
+        with _told_stream(address):
+            async with connect(address, **arguments) as socket:
+                await socket.send(json.dumps({"prompt": prompt, "seed": seed, **_given(options)}))
                 yield AsyncStream(socket)
-        except (OSError, WebSocketException) as error:
-            raise LatentMotionError(f"the stream of {address} ended: {error}") from error
 
 
-class AsyncJob:
-    """A job of a service, made by `AsyncClient.job`."""
+class JobMethods:
+    """The methods of `Job`, and of `AsyncJob`, where they are awaited."""
 
-    def __init__(self, client: AsyncClient, name: str) -> None:
-        self._client, self.name = client, name
+    def __init__(self, client: ClientMethods, name: str) -> None:
+        self._client, self._http, self.name = client, client._http, name
 
-    async def state(self) -> dict[str, Any]:
+    @_Method
+    def state(self) -> Flow[dict[str, Any]]:
         """Returns how far it is: state, motions, made, error."""
-        return (await self._client.call(Request("GET", f"/v1/jobs/{self.name}"))).json()
+        return self._state()
 
-    async def result(self, timeout: float = 3600.0) -> bytes:
-        """Waits for the file and returns it; see `Job.result`."""
+    @_Method
+    def result(self, timeout: float = 3600.0) -> Flow[bytes]:
+        """Waits for the file and returns it.
+
+        Raises:
+            ServiceError: The job failed, or is not done in time.
+        """
         end = time.monotonic() + timeout
-        while (await self.state())["state"] in UNDONE and time.monotonic() < end:
-            await asyncio.sleep(0.5)
-        return (await self._client.call(Request("GET", f"/v1/jobs/{self.name}/result"))).content
+        while (yield from self._state())["state"] in UNDONE and time.monotonic() < end:
+            yield 0.5
+        return (yield from self._client._answer("GET", f"/v1/jobs/{self.name}/result")).content
 
-    async def delete(self) -> None:
+    @_Method
+    def delete(self) -> Flow[None]:
         """Ends it and removes its files."""
-        await self._client.call(Request("DELETE", f"/v1/jobs/{self.name}"))
+        yield from self._client._answer("DELETE", f"/v1/jobs/{self.name}")
+
+    def _state(self) -> Flow[dict[str, Any]]:
+        return (yield from self._client._answer("GET", f"/v1/jobs/{self.name}")).json()
 
 
-class AsyncStream:
-    """An endless motion: an asynchronous iterator of its pieces, each of some seconds."""
+class Job(_Blocking, JobMethods):
+    """A job of a service, made by `Client.job`."""
 
-    def __init__(self, socket: Any) -> None:
-        self._socket, self._pieces = socket, _Pieces()
 
-    def __aiter__(self) -> AsyncIterator[Motion]:
-        return self
-
-    async def __anext__(self) -> Motion:
-        while True:
-            motion = self._pieces.read(await self._socket.recv())
-            if motion is not None:
-                await self._socket.send(self._pieces.acknowledgement())
-                return motion
-
-    async def say(self, prompt: str) -> None:
-        """Changes what the person does, some pieces from now."""
-        await self._socket.send(json.dumps({"prompt": prompt}))
+class AsyncJob(_Awaited, JobMethods):
+    """A job of a service, made by `AsyncClient.job`."""
 
 
 class _Pieces:
     """Messages of a stream to motions."""
 
-    def __init__(self) -> None:
+    def __init__(self, socket: Any) -> None:
+        self._socket = socket
         self._skeleton, self._fps, self._number, self._prompt = HUMANML3D, 20.0, 0, ""
 
-    def read(self, message: str | bytes) -> Motion | None:
+    def _read(self, message: str | bytes) -> Motion | None:
         """Returns the motion that a message holds, if it holds one."""
         if isinstance(message, bytes):
             joints = np.frombuffer(message, "<f4").reshape(-1, len(self._skeleton), 3)
@@ -540,17 +424,106 @@ class _Pieces:
             self._number, self._prompt = about["piece"], about["prompt"]
         return None
 
-    def acknowledgement(self) -> str:
+    def _acknowledgement(self) -> str:
         """Returns the message that asks for one piece more."""
         return json.dumps({"ack": self._number})
 
 
-def _first(prompt: str, seed: int, options: Mapping[str, Any]) -> str:
-    return json.dumps({"prompt": prompt, "seed": seed, **_given(options)})
+class Stream(_Pieces):
+    """An endless motion: an iterator of its pieces, each of some seconds."""
+
+    def __iter__(self) -> Iterator[Motion]:
+        return self
+
+    def __next__(self) -> Motion:
+        while (motion := self._read(self._socket.recv())) is None:
+            pass
+        self._socket.send(self._acknowledgement())
+        return motion
+
+    def say(self, prompt: str) -> None:
+        """Changes what the person does, some pieces from now."""
+        self._socket.send(json.dumps({"prompt": prompt}))
 
 
-def _socket_address(http: httpx.Client | httpx.AsyncClient) -> tuple[str, dict[str, str]]:
-    """Returns the address of the stream, and the header with the token."""
+class AsyncStream(_Pieces):
+    """An endless motion: an asynchronous iterator of its pieces, each of some seconds."""
+
+    def __aiter__(self) -> AsyncIterator[Motion]:
+        return self
+
+    async def __anext__(self) -> Motion:
+        while (motion := self._read(await self._socket.recv())) is None:
+            pass
+        await self._socket.send(self._acknowledgement())
+        return motion
+
+    async def say(self, prompt: str) -> None:
+        """Changes what the person does, some pieces from now."""
+        await self._socket.send(json.dumps({"prompt": prompt}))
+
+
+def read_motions(content: bytes) -> list[Motion]:
+    """Returns the motions of an `.npz` answer.
+
+    Raises:
+        FileFormatError: It is damaged.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "answer.npz"
+        file.write_bytes(content)
+        return formats.load(file)
+
+
+def _retry_after(outcome: Outcome) -> float | None:
+    """Returns for how many seconds a busy service wants to be left alone, if it says so."""
+    if not isinstance(outcome, httpx.Response) or outcome.status_code not in BUSY:
+        return None
+    after = outcome.headers.get("Retry-After", "")
+    return min(float(after), LONGEST_WAIT) if after.isdecimal() else None
+
+
+def _lost(outcome: Outcome, repeatable: bool) -> bool:
+    """Returns whether a call did not arrive, or may arrive twice and was not answered."""
+    if isinstance(outcome, httpx.Response):
+        return repeatable and outcome.status_code in LOST
+    # A connection that was refused has carried nothing.
+    lost = httpx.NetworkError | httpx.RemoteProtocolError
+    return isinstance(outcome, lost if repeatable else httpx.ConnectError)
+
+
+def _checked(outcome: Outcome, url: object) -> httpx.Response:
+    """Raises LatentMotionError for an answer that is none, or where none came."""
+    if not isinstance(outcome, httpx.Response):
+        problem = f"no service at {url}: {outcome or type(outcome).__name__}"
+        raise LatentMotionError(problem) from outcome
+    if outcome.is_success:
+        return outcome
+    try:
+        detail = str(outcome.json()["detail"])
+    except (ValueError, KeyError, TypeError):
+        detail = outcome.text[:200] or outcome.reason_phrase
+    raise ServiceError(outcome.status_code, detail)
+
+
+def _given(options: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _socket(http: Any) -> tuple[str, dict[str, Any]]:
+    """Returns the address of the stream, and the arguments of its connection."""
     address = str(http.base_url).rstrip("/").replace("http", "ws", 1) + "/v1/stream"
     token = http.headers.get("Authorization")
-    return address, {"Authorization": token} if token else {}
+    headers = {"Authorization": token} if token else {}
+    return address, {"additional_headers": headers, "max_size": LARGEST_PIECE}
+
+
+@contextmanager
+def _told_stream(address: str) -> Iterator[None]:
+    """Raises LatentMotionError where the connection fails or ends."""
+    from websockets.exceptions import WebSocketException
+
+    try:
+        yield
+    except (OSError, WebSocketException) as error:
+        raise LatentMotionError(f"the stream of {address} ended: {error}") from error
