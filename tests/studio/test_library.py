@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from pathlib import Path
 
@@ -11,17 +12,22 @@ import pytest
 from latentmotion import Motion
 from latentmotion.errors import InputError
 from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import Library, MissingMotionError, UnknownError, new_id
+from latentmotion.studio.library import ID, Library, MissingMotionError, UnknownError
 from tests.studio.conftest import kept
 from tests.support.simple_motions import figure
 
 WALK = Motion(figure(2.0, speed=1.0), caption="a person walks to the left")
 
 
-def test_names_are_in_the_order_of_their_making() -> None:
-    names = [new_id() for _ in range(1000)]
-    assert names == sorted(set(names))
-    assert {len(name) for name in names} == {26}
+def test_takes_are_listed_from_the_newest_on_whatever_their_names(library: Library) -> None:
+    names = [kept(library, WALK).id for _ in range(20)]
+    assert all(re.fullmatch(ID, name) for name in names) and len(set(names)) == 20
+    ulid = "01M83KC31REF7RP72GNKH69SHQ"  # as libraries had them until November 2026
+    with sqlite3.connect(library.folder / "library.sqlite3") as database:
+        database.execute("UPDATE takes SET id = ? WHERE id = ?", (ulid, names[3]))
+    expected = [*names[:3], ulid, *names[4:]][::-1]
+    assert [take.id for take in library.takes()[1]] == expected
+    assert library.take(ulid).title == WALK.caption and re.fullmatch(ID, ulid)
 
 
 def test_a_motion_comes_back_to_the_bit(library: Library) -> None:

@@ -15,11 +15,9 @@ import hashlib
 import json
 import os
 import re
-import secrets
 import shutil
 import sqlite3
 import sys
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -29,6 +27,7 @@ from math import inf
 from pathlib import Path
 from threading import RLock
 from typing import Any, TypeVar
+from uuid import uuid4
 
 from latentmotion.errors import DiskFullError, FileFormatError, InputError, LatentMotionError
 from latentmotion.formats import npz
@@ -45,8 +44,8 @@ P = TypeVar("P")
 VERSION = 1
 """Version of the database that this code writes and reads."""
 
-ID = "[0-7][0-9A-HJKMNP-TV-Z]{25}"
-"""Pattern of the names of takes and characters: ULIDs, which sort by the time of their making."""
+ID = "[0-9A-Za-z]{26,32}"
+"""Pattern of the names of takes and characters: UUIDs in hexadecimal; libraries have ULIDs, too."""
 
 MOST_TITLE = 200
 """Characters of a title."""
@@ -55,7 +54,6 @@ MOST_LISTED = 500
 """Takes of a page of the list."""
 
 _EACH_TAG = "json_each(CASE WHEN json_valid(tags) THEN tags ELSE '[]' END)"
-_ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
 _TABLES = """
 CREATE TABLE IF NOT EXISTS takes (
     id TEXT PRIMARY KEY, made TEXT NOT NULL, title TEXT NOT NULL, recipe TEXT NOT NULL,
@@ -63,7 +61,7 @@ CREATE TABLE IF NOT EXISTS takes (
     star INTEGER NOT NULL, deleted INTEGER NOT NULL, edits TEXT NOT NULL, goals TEXT,
     words TEXT NOT NULL
 );
-CREATE INDEX IF NOT EXISTS takes_shown ON takes (deleted, id);
+CREATE INDEX IF NOT EXISTS takes_newest ON takes (deleted);
 CREATE INDEX IF NOT EXISTS takes_tagged ON takes (deleted, tags) WHERE tags <> '[]';
 CREATE TABLE IF NOT EXISTS characters (
     id TEXT PRIMARY KEY, name TEXT NOT NULL, ending TEXT NOT NULL, bones TEXT NOT NULL,
@@ -85,7 +83,7 @@ class Take:
     """A motion of the library and all that is known of it."""
 
     id: str
-    """Its name; later ones sort behind earlier ones."""
+    """Its name in the library."""
     made: str
     """When it was made, ISO 8601."""
     title: str
@@ -234,7 +232,7 @@ class Library:
             ]
             takes.append(
                 Take(
-                    new_id(),
+                    uuid4().hex,
                     _now(),
                     title[:MOST_TITLE],
                     recipe,
@@ -256,7 +254,7 @@ class Library:
         """
         own = self.take(name)
         title = f"{own.title[: MOST_TITLE - 7]} (copy)"
-        take = replace(own, id=new_id(), made=_now(), title=title, star=False, deleted=False)
+        take = replace(own, id=uuid4().hex, made=_now(), title=title, star=False, deleted=False)
         self._insert([take])
         return take
 
@@ -314,7 +312,7 @@ class Library:
                 f"SELECT count(*) FROM takes WHERE {where}", values
             ).fetchone()
             rows = self._database.execute(
-                f"SELECT * FROM takes WHERE {where} ORDER BY id DESC LIMIT ? OFFSET ?",
+                f"SELECT * FROM takes WHERE {where} ORDER BY rowid DESC LIMIT ? OFFSET ?",
                 (*values, limit, offset),
             ).fetchall()
         return total, [self._take(row) for row in rows]
@@ -391,7 +389,7 @@ class Library:
         Raises:
             InputError: The folder cannot be written.
         """
-        character = Character(new_id(), name, file.suffix[1:], bones)
+        character = Character(uuid4().hex, name, file.suffix[1:], bones)
         with atomic_file(self.character_file(character)) as temporary:
             shutil.copyfile(file, temporary)
         with self._written() as database:
@@ -421,7 +419,7 @@ class Library:
         """
         with self._lock:
             rows = self._database.execute(
-                "SELECT * FROM characters WHERE deleted = ? ORDER BY id DESC", (int(deleted),)
+                "SELECT * FROM characters WHERE deleted = ? ORDER BY rowid DESC", (int(deleted),)
             ).fetchall()
         return [_character(row) for row in rows]
 
@@ -519,20 +517,6 @@ class Library:
                 self._database.execute("ROLLBACK")
                 raise
             self._database.execute("COMMIT")
-
-
-def new_id() -> str:
-    """Returns a ULID: milliseconds since 1970 in 10 letters, chance in 16."""
-    global _last
-    with _naming:
-        number = max(time.time_ns() // 1_000_000 << 80 | secrets.randbits(79), _last + 1)
-        _last = number
-    return "".join(_ALPHABET[number >> 5 * place & 31] for place in reversed(range(26)))
-
-
-_naming = RLock()
-_last = 0
-"""The last number, so that names made within a millisecond are in order, too."""
 
 
 def _now() -> str:

@@ -51,7 +51,7 @@ def _matched(pattern: str, expected: str) -> AfterValidator:
 
 Id = Annotated[
     str,
-    _matched(ID, "the name of a take or character, 26 letters and digits"),
+    _matched(ID, "the name of a take or character, 26 to 32 letters and digits"),
     Field(json_schema_extra={"pattern": f"^{ID}$"}),
 ]
 ProjectName = Annotated[
