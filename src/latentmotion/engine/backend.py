@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -179,11 +179,11 @@ ON_CPU = ExecutionOptions()
 
 
 @dataclass(frozen=True)
-class FeatureDecoder:
-    """A VAE's decoder between the scale of the latents and that of the features."""
+class _Scaled:
+    """A half of a VAE, with the scales at both of its ends."""
 
     network: Callable[..., Any]
-    """`latents`, `mask` → normalized features: a session, or `decode` of a VAE."""
+    """The half: a session, or a method of a VAE."""
     latents: Scale
     """Scale in which the denoiser sees latents."""
     features: Scale
@@ -195,18 +195,23 @@ class FeatureDecoder:
         card: ModelCard,
         network: Callable[..., Any],
         to_device: Callable[[np.ndarray], Any] = np.asarray,
-    ) -> FeatureDecoder:
-        """Returns the decoder of a model.
+    ) -> Self:
+        """Returns that of a model.
 
         Args:
             card: States the scales of latents and features.
-            network: The VAE's decoder.
+            network: The VAE's decoder or encoder.
             to_device: Makes arrays of the network's library, on its device.
         """
         space = card.latents
         rows = space.mean, space.std, card.normalizer_mean, card.normalizer_std
         mean, std, features_mean, features_std = (to_device(np.array(r, np.float32)) for r in rows)
         return cls(network, Scale(mean, std), Scale(features_mean, features_std))
+
+
+@dataclass(frozen=True)
+class FeatureDecoder(_Scaled):
+    """A VAE's decoder, `latents`, `mask` → normalized features, between both scales."""
 
     def __call__(
         self, z: Float[Any, "batch tokens width"], frames: Bool[Any, "batch frames"]
@@ -227,26 +232,8 @@ class FeatureDecoder:
 
 
 @dataclass(frozen=True)
-class FeatureEncoder:
-    """A VAE's encoder between the scale of the features and that of the denoiser's latents."""
-
-    network: Callable[..., Any]
-    """`features`, `mask` → mean of the posterior: a session."""
-    latents: Scale
-    """Scale in which the denoiser sees latents."""
-    features: Scale
-    """Scale in which the networks see features."""
-
-    @classmethod
-    def of(cls, card: ModelCard, network: Callable[..., Any]) -> FeatureEncoder:
-        """Returns the encoder of a model.
-
-        Args:
-            card: States the scales of latents and features.
-            network: The VAE's encoder.
-        """
-        scales = FeatureDecoder.of(card, network)
-        return cls(network, scales.latents, scales.features)
+class FeatureEncoder(_Scaled):
+    """A VAE's encoder, `features`, `mask` → mean of the posterior, between both scales."""
 
     def __call__(self, features: Float[np.ndarray, "frames features"]) -> np.ndarray:
         """Returns the latents of one motion, (tokens, width).

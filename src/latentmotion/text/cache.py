@@ -36,18 +36,11 @@ SENTENCES_PER_FILE = 512
 
 
 @dataclass(frozen=True, eq=False)
-class MemoryCachedTextEncoder:
-    """A text encoder that keeps embeddings in memory; threads may share it.
-
-    New ones of a batch are read together; an embedding does not depend on the company.
-    """
+class _Cached:
+    """An encoder with a cache looks like the encoder inside."""
 
     encoder: TextEncoder
     """The encoder inside; not used for known sentences."""
-    most: int | None = None
-    """Sentences that are kept, those used last; None for all."""
-    _known: OrderedDict[str, TextEmbedding] = field(default_factory=OrderedDict, repr=False)
-    _lock: Lock = field(default_factory=Lock, repr=False)
 
     @property
     def name(self) -> str:
@@ -62,6 +55,19 @@ class MemoryCachedTextEncoder:
     def pieces(self, word: str) -> list[str]:
         """Returns the pieces that a word is read in; the word itself if the encoder has none."""
         return pieces(self.encoder, word)
+
+
+@dataclass(frozen=True, eq=False)
+class MemoryCachedTextEncoder(_Cached):
+    """A text encoder that keeps embeddings in memory; threads may share it.
+
+    New ones of a batch are read together; an embedding does not depend on the company.
+    """
+
+    most: int | None = None
+    """Sentences that are kept, those used last; None for all."""
+    _known: OrderedDict[str, TextEmbedding] = field(default_factory=OrderedDict, repr=False)
+    _lock: Lock = field(default_factory=Lock, repr=False)
 
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns the embeddings of sentences.
@@ -84,7 +90,7 @@ class MemoryCachedTextEncoder:
 
 
 @dataclass(frozen=True, eq=False)
-class CachedTextEncoder:
+class CachedTextEncoder(_Cached):
     """A text encoder with a cache; its embeddings are those of the encoder inside.
 
     Without `max_prompts` the cache is that of a data set: files of many sentences, all of which
@@ -92,8 +98,6 @@ class CachedTextEncoder:
     its own, and those unused for longest are deleted when there are too many.
     """
 
-    encoder: TextEncoder
-    """The encoder inside; not used for known sentences."""
     folder: Path
     """Folder of the cache, which several encoders may share."""
     files: tuple[Path, ...] = ()
@@ -102,20 +106,6 @@ class CachedTextEncoder:
     """Maximum number of prompts that are kept on disk."""
     _rows: dict[str, TextEmbedding] = field(default_factory=dict, init=False, repr=False)
     _files_read: set[Path] = field(default_factory=set, init=False, repr=False)
-
-    @property
-    def name(self) -> str:
-        """The encoder's name."""
-        return self.encoder.name
-
-    @property
-    def width(self) -> int:
-        """Numbers per vector."""
-        return self.encoder.width
-
-    def pieces(self, word: str) -> list[str]:
-        """Returns the pieces that a word is read in; the word itself if the encoder has none."""
-        return pieces(self.encoder, word)
 
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns embeddings of sentences, without white space at their ends and runs of it.
