@@ -11,7 +11,6 @@ Public names are imported when first used, so that importing the package costs n
 
 from __future__ import annotations
 
-import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -76,14 +75,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "MotionGenerator":
-        warnings.warn(
-            "MotionGenerator is now called MotionPipeline, and its load is from_pretrained; the "
-            "old name goes with the next release",
-            DeprecationWarning,
-            stacklevel=2,
-        )
-        name = "MotionPipeline"
     if name not in _HOMES:
         raise AttributeError(f"module 'latentmotion' has no attribute {name!r}")
     return getattr(import_module(f"latentmotion.{_HOMES[name]}"), name)

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.cli import old_spellings
 from latentmotion.cli.main import VERBS, main
 
 SNAPSHOT = Path(__file__).parent / "command_line.txt"
@@ -60,9 +59,8 @@ def test_the_interface_is_as_it_was() -> None:
     expected = SNAPSHOT.read_text(encoding="utf-8")
     difference = "\n".join(unified_diff(expected.splitlines(), found.splitlines(), lineterm=""))
     assert found == expected, (
-        f"the command line differs from {SNAPSHOT.name}:\n{difference}\nA renamed option keeps its "
-        "old spelling in cli/old_spellings.py for one release. If the change is wanted, write the "
-        f"snapshot anew: {UPDATE}=1 pytest {Path(__file__).name}"
+        f"the command line differs from {SNAPSHOT.name}:\n{difference}\nIf the change is wanted, "
+        f"write the snapshot anew: {UPDATE}=1 pytest {Path(__file__).name}"
     )
 
 
@@ -94,57 +92,10 @@ def test_options_of_one_name_look_the_same_in_every_verb(verb: str) -> None:
     assert found.get("--seed", "--seed INT  (default: 0)") == "--seed INT  (default: 0)"
 
 
-@pytest.mark.parametrize("verb", old_spellings.OPTIONS)
-def test_an_old_spelling_is_hidden_and_leads_to_an_option(verb: str) -> None:
-    assert verb in VERBS
-    for old, new in old_spellings.OPTIONS[verb].items():
-        assert old not in options_of(verb)
-        assert new in options_of(verb) or frozen()[verb][0].startswith(f"{new}  ")
-
-
-@pytest.mark.parametrize(
-    ("verb", "typed", "read", "told"),
-    [
-        ("data merge", "a b --out c", "a b --output=c", ["--out is deprecated; type --output"]),
-        ("data merge", "a --out=c", "a --output=c", ["--out is deprecated; type --output"]),
-        ("data merge", "a b -o c", "a b -o c", []),
-        (
-            "data prepare uestc",
-            "--folder f --out c",
-            "f --output=c",
-            ["type FOLDER without --folder", "type --output"],
-        ),
-        (
-            "data prepare humanact12",
-            "-o c --poses f.pkl",
-            "f.pkl -o c",
-            ["type FILE without --poses"],
-        ),
-        ("train text-encoder", "--batch 8", "--batch-size=8", ["type --batch-size"]),
-        ("experiment run", "vae --rows a,b", "vae --rows a b", ["type --rows a b"]),
-        ("experiment run", "vae --rows=a,b", "vae --rows a b", ["type --rows a b"]),
-        ("experiment run", "vae --rows a b", "vae --rows a b", []),
-        ("train denoiser", "--vae none", "--vae none", []),
-    ],
-)
-def test_old_spellings_are_read_and_named(
-    verb: str, typed: str, read: str, told: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert old_spellings.current_options(verb, typed.split()) == read.split()
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == len(told)
-    for line, end in zip(lines, told, strict=True):
-        assert line.startswith("warning: ") and line.endswith(end)
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("data merge a --out b --output c", "--out is the old spelling of --output; give --output"),
-        ("data merge a --out b -o c", "--out is the old spelling of --output; give --output alone"),
-        ("data merge a --out", "--out needs a value; see latentmotion data merge --help"),
         ("data merge a --outt b", "unknown option '--outt'; did you mean '--output'?"),
-        ("train decoder --vae a --model b -d c -o d", "--vae is the old spelling of --model"),
         ("train vae -d no -o out --stps 3", "unknown option '--stps'; did you mean '--steps'?"),
         ("train vae -d no -o out --steps 0", "training with steps 0: expected 1 or more"),
         ("train vae -d no -o out --steps 1e3", "--steps '1e3': expected a whole number"),
@@ -155,7 +106,7 @@ def test_old_spellings_are_read_and_named(
         ("experiment run vae -d no -o out --rows real,b", "experiment vae has no row 'b'"),
     ],
 )
-def test_mistakes_of_both_spellings_are_named(
+def test_mistakes_are_named(
     words: str, message: str, tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -172,19 +123,11 @@ def test_the_defaults_of_training_are_those_of_the_preset() -> None:
     assert "  --schedule {cosine,constant}  (default: constant)" in rows
 
 
-def test_an_old_verb_leads_to_the_new_one(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "swap-decoder" in VERBS and "exchange" not in VERBS
-    with pytest.raises(SystemExit):
-        main(["exchange", "starter", "--decoder", "no_such_model", "-o", "out"])
-    first, second = capsys.readouterr().err.splitlines()
-    assert first.endswith("type latentmotion swap-decoder") and "no_such_model" in second
-
-
 def test_the_overview_loads_nothing_that_is_slow() -> None:
     code = (
         "import sys; from latentmotion.cli.main import main; main(['--help']); "
         "print({'torch', 'onnxruntime', 'tyro', 'numpy'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "swap-decoder" in done.stdout and "exchange" not in done.stdout
+    assert "swap-decoder" in done.stdout
     assert done.stdout.splitlines()[-1] == "set()"

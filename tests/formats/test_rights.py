@@ -42,14 +42,6 @@ def test_so_does_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert (told["rights"], told["weights_license"]) == (RIGHTS_IN_MOTIONS, WEIGHTS)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_the_old_name_is_read(tmp_path: Path, ending: str):
-    joints = walker(8).joints().astype("f4")
-    Motion(joints, metadata={"model": "fast", "license": WEIGHTS}).save(tmp_path / f"a{ending}")
-    read = Motion.load(tmp_path / f"a{ending}").metadata
-    assert read == {"model": "fast", "weights_license": WEIGHTS}
-
-
 def test_a_license_of_somebody_elses_stays(tmp_path: Path):
     motion = Motion(walker(8).joints().astype(np.float32), metadata={"license": "CC0"})
     motion.save(tmp_path / "a.glb")

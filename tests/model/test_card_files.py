@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import jsonschema_rs
@@ -39,8 +40,11 @@ def test_the_published_schema_is_the_readers() -> None:
 
 
 @pytest.mark.parametrize("name", shipped_models())
-def test_shipped_cards_fit_the_schema(name: str) -> None:
+def test_shipped_cards_fit_the_schema_and_come_back_as_written(name: str, tmp_path: Path) -> None:
     jsonschema_rs.validate(SCHEMA, shipped(name))
+    card = read_card(find_model(name))
+    card.write(tmp_path)
+    assert read_card(tmp_path) == card and shipped(name)["format"] == 2
 
 
 def _lacking(card: dict[str, Any]) -> None:

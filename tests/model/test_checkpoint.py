@@ -12,15 +12,14 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from latentmotion.condition.task import ActionTask, TextConditioning, TextTask, UnconditionalTask
+from latentmotion.condition.task import TextTask
 from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.errors import ModelError
-from latentmotion.model.card import ModelCard, read_card
+from latentmotion.model.card import ModelCard
 from latentmotion.model.config import (
     ConvolutionalVAEConfig,
     DenoiserConfig,
-    IdentityVAEConfig,
     LatentSpace,
     TransformerConfig,
 )
@@ -32,7 +31,6 @@ from latentmotion.networks.checkpoint import (
     load_stages,
     save_model,
 )
-from tests.support.version_1 import write_version_1_card
 
 VAE = ConvolutionalVAEConfig(features=5, width=8, channels=3, dilations=(1, 2))
 DENOISER = DenoiserConfig(
@@ -88,66 +86,12 @@ def test_a_first_stage_alone(tmp_path: Path) -> None:
         load_model(tmp_path / "model")
 
 
-OLD_CARDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-    "no vae": (
-        {
-            "vae": {},
-            "normalizer_mean": [0.0] * 3,
-            "normalizer_std": [1.0] * 3,
-            "latents": {"width": 3, "frames_per_token": 1},
-        },
-        {"vae": IdentityVAEConfig(3)},
-    ),
-    "vae alone": ({"denoiser": {}, "condition": {}}, {"denoiser": None}),
-    "sentences": (
-        {"condition": {"encoder": "clip", "width": 6}},
-        {"condition": TextTask("clip", 6, TextConditioning())},
-    ),
-    "labels": (
-        {"task": "action", "condition": {"kind": "action", "labels": ["a", "b"]}},
-        {"condition": ActionTask(("a", "b"))},
-    ),
-    "numbers": (
-        {"task": "action", "condition": {"classes": 2}, "denoiser": {"condition_width": 2}},
-        {"condition": ActionTask(("0", "1")), "denoiser": DenoiserConfig(condition_width=2)},
-    ),
-    "nothing": (
-        {"task": "unconditional", "condition": {"kind": "unconditional"}},
-        {"condition": UnconditionalTask()},
-    ),
-}
-"""Content of cards that earlier versions wrote, and what it means."""
-
-
-@pytest.mark.parametrize("name", OLD_CARDS)
-def test_cards_of_earlier_versions_are_read(name: str, tmp_path: Path) -> None:
-    written, meant = OLD_CARDS[name]
-    small_model().card.write(tmp_path)
-    write_version_1_card(tmp_path)
-    edit_card(lambda card: card.update(written))(tmp_path)
-    card = read_card(tmp_path)
-    for key, value in meant.items():
-        assert getattr(card, key) == value
-    card.write(tmp_path)
-    assert read_card(tmp_path) == card
-    kept = json.loads((tmp_path / "model.json").read_text())
-    assert kept["format"] == 2 and kept["condition"]["kind"] == type(card.condition).__name__
-
-
 def edit_card(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
     def edit(folder: Path) -> None:
         path = folder / "model.json"
         card = json.loads(path.read_text())
         change(card)
         path.write_text(json.dumps(card))
-
-    return edit
-
-
-def edit_version_1(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
-    def edit(folder: Path) -> None:
-        write_version_1_card(folder)
-        edit_card(change)(folder)
 
     return edit
 
@@ -172,10 +116,14 @@ DAMAGES: dict[str, tuple[Callable[[Path], Any], str]] = {
     "misspelt": (edit_card(lambda card: card["sampling"].update(gidance=3)), "mean 'guidance'"),
     "misspelt size": (edit_card(lambda card: card["vae"].update(widht=3)), "mean 'width'"),
     "misspelt label": (edit_card(lambda card: card["condition"].update(encodr="x")), "'encoder'"),
-    "other task": (edit_version_1(lambda card: card.update(task="texts")), "one of text, act"),
-    "no task": (edit_version_1(lambda card: card.pop("task")), "missing key 'task'"),
+    "other task": (
+        edit_card(lambda card: card["condition"].update(kind="TextsTask")),
+        "one of TextTask, ActionTask",
+    ),
+    "no condition": (edit_card(lambda card: card.pop("condition")), "missing key 'condition'"),
     "other kind": (edit_card(lambda card: card["vae"].update(kind="Vae3")), "Vae3"),
     "future": (edit_card(lambda card: card.update(format=99)), "format 99"),
+    "no format": (edit_card(lambda card: card.pop("format")), "format None, expected 2"),
     "missing": (edit_card(lambda card: card.pop("schedule")), "missing key 'schedule'"),
     "other size": (edit_card(lambda card: card["vae"].update(width=9)), "has shape"),
     "no weights": (lambda folder: (folder / "weights.safetensors").unlink(), "missing or dam"),

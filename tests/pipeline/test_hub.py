@@ -158,10 +158,5 @@ def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_old_names_work_and_say_what_they_are_called_now() -> None:
-    import latentmotion
-
-    with pytest.warns(DeprecationWarning, match="MotionGenerator is now called MotionPipeline"):
-        old = latentmotion.MotionGenerator
-    assert old is MotionPipeline and "MotionGenerator" not in latentmotion.__all__
     with pytest.warns(DeprecationWarning, match="now from_pretrained"):
-        assert old.load("starter", threads=1).card.name == "starter"
+        assert MotionPipeline.load("starter", threads=1).card.name == "starter"

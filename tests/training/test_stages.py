@@ -24,6 +24,7 @@ from latentmotion.training.distributed import DistributedContext, Ranks, distrib
 from latentmotion.training.experiment import Experiment, with_changes
 from latentmotion.training.journal import Previews, read_journal
 from latentmotion.training.presets import PRESETS, preset_named
+from latentmotion.training.run_folder import Run, read_run
 from latentmotion.training.stages import train_denoiser, train_vae, with_networks_of
 from latentmotion.training.vae import VAEStage
 from tests.support.moving_figures import write_moving_figures
@@ -411,3 +412,11 @@ def test_bfloat16_is_chosen_where_the_processor_multiplies_it(
     device.has_bfloat16.cache_clear()
     auto = torch.bfloat16 if halved else torch.float32
     assert products == {"auto": auto, "float32": torch.float32, "bfloat16": torch.bfloat16}
+
+
+@pytest.mark.parametrize("version", [1, 3])
+def test_a_run_of_another_version_is_refused(vae_run: Path, tmp_path: Path, version: int) -> None:
+    data = json.loads((vae_run / "experiment.json").read_text())
+    (tmp_path / "experiment.json").write_text(json.dumps(data | {"format": version}))
+    with pytest.raises(InputError, match=f"format {version}, expected 2; update latentmotion"):
+        read_run(Run, tmp_path)

@@ -185,9 +185,9 @@ def test_a_run_with_other_settings_is_refused(encoder_folder: Path) -> None:
         train_text_encoder(RECIPE, captions[1:], teacher, encoder_folder.parent, CONTEXT)
 
 
-def test_a_run_of_an_earlier_version_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "state.pt").touch()
-    with pytest.raises(InputError, match=r"earlier version \(state.pt\)"):
+def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "report.json").touch()
+    with pytest.raises(InputError, match=r"holds data or a model \(report.json\)"):
         train_text_encoder(RECIPE, numbered_captions(800), tiny_teacher(), tmp_path, CONTEXT)
 
 

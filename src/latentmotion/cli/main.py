@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from latentmotion import __version__
-from latentmotion.cli.old_spellings import current_verb
 from latentmotion.errors import InputError, LatentMotionError, MissingExtraError, hint
 from latentmotion.progress import shown_progress
 
@@ -148,7 +147,6 @@ def _run(words: list[str]) -> None:
     if words[0] == "--version":
         print(f"latentmotion {__version__}")
         return
-    words = current_verb(words)
     name = next((" ".join(words[:n]) for n in (3, 2, 1) if " ".join(words[:n]) in VERBS), None)
     if name is None:
         _print_group(words)

@@ -16,7 +16,6 @@ from typing import Any, TypeVar, get_type_hints
 
 import tyro
 
-from latentmotion.cli.old_spellings import current_options
 from latentmotion.errors import InputError, hint
 
 events: Any
@@ -40,7 +39,6 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     Raises:
         InputError: An option is unknown or missing, or its value is.
     """
-    words = current_options(name, words)
     cls = _with_presets_training(command, words)
 
     def refuse(event: Any) -> None:

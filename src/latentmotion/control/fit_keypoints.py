@@ -126,7 +126,7 @@ def generate_fitted(
     if scene.flat:
         notes["camera"] = {"focal": scene.focal, "pitch": round(float(np.degrees(pitch)), 2)}
     card = generator.card
-    metadata = {"model": card.name, "license": card.provenance.license, "fit": notes}
+    metadata = {"model": card.name, **card.terms(), "fit": notes}
     joints = (joints / scene.scale).astype(np.float32)
     return Motion(joints, space.fps, space.skeleton, "", metadata)
 

@@ -23,7 +23,6 @@ from typing import Any, Literal
 import numpy as np
 
 from latentmotion.errors import InputError, MissingExtraError, ModelError
-from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard
 from latentmotion.storage.limits import GRAPH_MEMORY
 
@@ -105,7 +104,6 @@ def open_fused_samplers(
     sessions: dict[int, Session] = {}
     for steps in card.few_step.steps if card.few_step else ():
         path = folder / fused_sampler_file(steps)
-        path = path if path.is_file() else version_1.existing(path)
         if path.is_file():
             sessions[steps] = LazySession(path, runtime, threads)
     return sessions
@@ -238,11 +236,10 @@ def _checked(path: Path, runtime: Runtime) -> str:
 
 def _on_onnxruntime(path: Path, threads: int) -> Session:
     session = onnxruntime_session(path, threads)
-    names = [value.name for value in session.get_inputs()]
 
     def run(**inputs: np.ndarray) -> np.ndarray:
         try:
-            return np.asarray(session.run(None, version_1.inputs_of(names, inputs))[0])
+            return np.asarray(session.run(None, inputs)[0])
         except Exception as error:  # ONNX Runtime has error classes of its own
             raise _unfit(path, inputs, error) from error
 
@@ -264,13 +261,11 @@ def _on_openvino(path: Path, threads: int) -> Session:
     check_graph(path)
     with _without_links(path) as graph:
         model = openvino.Core().compile_model(graph, "CPU", settings)
-    names = [name for value in model.inputs for name in value.get_names()]
 
     def run(**inputs: np.ndarray) -> np.ndarray:
         # A request of its own for each call keeps sessions safe to share between threads.
-        renamed = version_1.inputs_of(names, inputs)
         try:
-            return np.array(model.create_infer_request().infer(renamed)[0])
+            return np.array(model.create_infer_request().infer(inputs)[0])
         except Exception as error:  # OpenVINO has error classes of its own
             raise _unfit(path, inputs, error) from error
 

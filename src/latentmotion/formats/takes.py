@@ -121,7 +121,7 @@ def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
     Warns:
         ReadingWarning: Something is a guess.
     """
-    animation, notes = take.animation, current_notes(take.notes)
+    animation, notes = take.animation, take.notes
     metadata = {key: value for key, value in notes.items() if key not in ("caption", "fps")}
     if stated.fps is not None:
         animation = replace(animation, fps=stated.fps)
@@ -175,17 +175,7 @@ def parse_notes(path: str | Path, text: Any) -> dict[str, Any]:
         raise FileFormatError(
             path, f"its metadata are a {type(notes).__name__}, expected an object"
         )
-    return current_notes(notes)
-
-
-def current_notes(notes: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns a file's metadata in today's names.
-
-    Earlier files call the license of the model's weights `license`, as if it were that of the
-    motion.
-    """
-    old = "license" in notes and "model" in notes and "weights_license" not in notes
-    return {"weights_license" if old and key == "license" else key: notes[key] for key in notes}
+    return notes
 
 
 def numbered(path: Path, count: int) -> list[Path]:

@@ -27,12 +27,11 @@ from latentmotion.diffusion.parametrization import (
 from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
 from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
 from latentmotion.model.config import DenoiserConfig, LatentSpace, Sampling, VAEConfig
-from latentmotion.model.version_1 import upgraded_card
 from latentmotion.storage import limits
 from latentmotion.storage.configuration import from_json, read_plain, write_json
 
 FORMAT = 2
-"""Version of model.json that this code writes; it reads version 1 too."""
+"""Version of model.json that this code writes and reads."""
 
 SCHEMA_FILE = Path(__file__).with_name("model.schema.json")
 """JSON Schema of model.json, as this code writes it."""
@@ -191,11 +190,11 @@ def read_card(folder: Path) -> ModelCard:
         data = read_plain(path)
     except InputError as error:
         raise ModelError(str(error)) from error
-    version = data.get("format", 1) if isinstance(data, Mapping) else FORMAT
-    if version not in (1, FORMAT):
+    version = data.get("format") if isinstance(data, Mapping) else FORMAT
+    if version != FORMAT:
         raise ModelError(f"{path}: format {version}, expected {FORMAT}; update latentmotion")
     try:
-        card = from_json(ModelCard, upgraded_card(data) if version == 1 else data)
+        card = from_json(ModelCard, data)
         check_card(card)
         return card
     except InputError as error:

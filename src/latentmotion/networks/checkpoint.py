@@ -18,7 +18,6 @@ from torch import Tensor, nn
 
 from latentmotion.errors import ModelError
 from latentmotion.model.card import CARD_FILE, ModelCard, find_model, read_card, shipped_models
-from latentmotion.model.version_1 import upgraded_weights
 from latentmotion.networks.build import build
 from latentmotion.networks.denoiser import Denoiser
 from latentmotion.networks.vae.interface import MotionVAE
@@ -234,7 +233,7 @@ def read_weights(path: Path) -> dict[str, Tensor]:
         ModelError: It is missing or damaged.
     """
     try:
-        weights = upgraded_weights(load_file(path))
+        weights = load_file(path)
     except (OSError, SafetensorError) as error:
         raise ModelError(
             f"{path} cannot be read, it is missing or damaged: {error}; copy the folder again"

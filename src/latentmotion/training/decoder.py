@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.swap_decoder import check_latents, other_figures, scale_of
-from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import VAEConfig
 from latentmotion.networks.build import build
@@ -125,7 +124,7 @@ def load_imitation(run: Path, model: FirstStageModel) -> Imitation:
     """
     student = load_stages(run / MODEL)
     check_latents(model, student)
-    trajectories, space = version_1.existing(run / TRAJECTORIES_FILE), student.card.latents
+    trajectories, space = run / TRAJECTORIES_FILE, student.card.latents
     if not trajectories.is_file() or space.frames_per_token is None:
         raise InputError(
             f"{run}: expected latents over time in {TRAJECTORIES_FILE}; pass the run folder of a "

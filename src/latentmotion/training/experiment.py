@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
@@ -16,7 +15,6 @@ from latentmotion.condition.task import TaskName, TextConditioning
 from latentmotion.data.dataset import Cropping
 from latentmotion.errors import InputError
 from latentmotion.model.config import DenoiserConfig, Sampling, VAEConfig
-from latentmotion.model.version_1 import upgraded_setting
 from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.training.denoiser_loss import DenoiserObjective
@@ -148,18 +146,14 @@ def with_changes(experiment: Settings, changes: Sequence[str]) -> Settings:
             value = json.loads(text)
         except ValueError:
             value = text
-        keys, value = upgraded_setting(path.split("."), value, data)
-        if ".".join(keys) != path:
-            message = f"the setting {path} is deprecated; use {'.'.join(keys)}"
-            warnings.warn(message, FutureWarning, stacklevel=2)
+        *parents, key = path.split(".")
         part = data
-        for parent in keys[:-1]:
+        for parent in parents:
             # An unknown part is made here, so that reading the whole back can name the nearest.
             part = part.setdefault(parent, {})
             if not isinstance(part, dict):
-                name = ".".join(keys)
-                raise InputError(f"{name}: {parent} is a plain value and has no {keys[-1]!r}")
-        part[keys[-1]] = value
+                raise InputError(f"{path}: {parent} is a plain value and has no {key!r}")
+        part[key] = value
     return from_json(type(experiment), data)
 
 

@@ -25,7 +25,6 @@ from torch.nn.parallel import DistributedDataParallel
 
 from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.gpu.device import autocast
-from latentmotion.model.version_1 import upgraded_weights
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file
 from latentmotion.training.distributed import DistributedContext
@@ -139,8 +138,8 @@ def load_snapshot(
     state = _read_snapshot(path)
     try:
         for part, key in ((network, "network"), (average.network, "average")):
-            found, own = upgraded_weights(state[key]), part.state_dict()
-            placed = {k: shared_like(v, own[k]) if k in own else v for k, v in found.items()}
+            own = part.state_dict()
+            placed = {k: shared_like(v, own[k]) if k in own else v for k, v in state[key].items()}
             part.load_state_dict(placed)
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
         for number, moments in state["optimizer"]["state"].items():
@@ -162,8 +161,7 @@ def _read_snapshot(path: Path, mmap: bool = False) -> dict[str, Any]:
 
 
 def _progress_of(state: dict[str, Any]) -> Progress:
-    # Snapshots of earlier versions lack the processor's time.
-    return Progress(**{key: state[key] for key in Progress._fields if key in state})
+    return Progress(**{key: state[key] for key in Progress._fields})
 
 
 class Stage(nn.Module, ABC, Generic[Network]):

@@ -14,7 +14,6 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.gpu.device import describe_machine
 from latentmotion.model.card import CARD_FILE, ModelCard, Provenance
-from latentmotion.model.version_1 import upgraded
 from latentmotion.storage.configuration import from_json, read_plain, to_json, write_json
 from latentmotion.storage.provenance import command_line, commit
 from latentmotion.training.distributed import DistributedContext
@@ -47,12 +46,12 @@ def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = 
 NAME = "experiment.json"
 
 FORMAT = 2
-"""Version of experiment.json that this code writes; it reads version 1 too."""
+"""Version of experiment.json that this code writes and reads."""
 
 AnyRun = TypeVar("AnyRun")
 
-_OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json", "state.pt")
-"""Files of other folders of this package; `state.pt` is of text encoders trained earlier."""
+_OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json")
+"""Files of other folders of this package."""
 
 _STEPS = re.compile(r"(?:\w+\.)*\w*training\.steps \((\d+) → (\d+)\)")
 _MACHINE = re.compile(r"(?:\w+\.)*\w*training\.(?:precision|parallel) \(.*\)")
@@ -114,8 +113,7 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
         other = next((name for name in _OTHERS if (folder / name).is_file()), None)
         if other:
             raise InputError(
-                f"{folder} holds data or a model, or a run of an earlier version ({other}); choose "
-                "another folder to train in"
+                f"{folder} holds data or a model ({other}); choose another folder to train in"
             )
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -126,18 +124,18 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
 
 
 def read_run(cls: type[AnyRun], folder: Path) -> AnyRun:
-    """Reads what a run folder was made with, of this version or of version 1.
+    """Reads what a run folder was made with.
 
     Raises:
-        InputError: There is none, it is damaged, or it is of a later version.
+        InputError: There is none, it is damaged, or it is of another version.
     """
     path = folder / NAME
     data = read_plain(path)
-    version = data.pop("format", 1) if isinstance(data, dict) else FORMAT
-    if version not in (1, FORMAT):
+    version = data.pop("format", None) if isinstance(data, dict) else FORMAT
+    if version != FORMAT:
         raise InputError(f"{path}: format {version}, expected {FORMAT}; update latentmotion")
     try:
-        return from_json(cls, upgraded(data) if version == 1 else data)
+        return from_json(cls, data)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 

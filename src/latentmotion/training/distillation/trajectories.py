@@ -44,7 +44,6 @@ from latentmotion.diffusion.samplers import (
 from latentmotion.diffusion.schedule import Schedule, StepCondition
 from latentmotion.errors import InputError
 from latentmotion.gpu.device import autocast
-from latentmotion.model import version_1
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig, Sampling
 from latentmotion.networks.denoiser import Denoiser
@@ -174,7 +173,6 @@ def cached_trajectories(
         blocks: Number of blocks.
         context: Device and rank.
     """
-    path = version_1.existing(path)
     shares = [path.with_suffix(f".{rank}{path.suffix}") for rank in range(context.ranks.world)]
     own = shares[context.ranks.rank]
     if not path.exists() and not own.exists():
