@@ -9,13 +9,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from benchmarks.quality.strips import FIGURES, REAL, draw_strips, sheet, spread
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.reproduce.joined import interval, join_runs, joined_row
 from latentmotion.reproduce.markdown import RowResult, TableResult, fill
 from latentmotion.reproduce.runner import TableRunner
-from latentmotion.reproduce.strips import FIGURES, REAL, draw_strips, sheet, spread
 from latentmotion.reproduce.tables import TABLES, rows_named
 from latentmotion.reproduce.training_cost import training_cost
 from latentmotion.reproduce.workspace import Workspace

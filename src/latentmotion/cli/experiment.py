@@ -1,10 +1,11 @@
-"""`latentmotion experiment`: the paper's tables beside ours, and experiments of directing."""
+"""`latentmotion experiment`: the paper's tables beside ours."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,13 +13,10 @@ from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.errors import InputError, hint
-from latentmotion.model.card import DEFAULT
-from latentmotion.reproduce.directing import EXPERIMENTS
 from latentmotion.reproduce.tables import TABLES, rows_named, table_named
 
 if TYPE_CHECKING:
-    from latentmotion.data.dataset import Dataset
+    from latentmotion.reproduce.runner import TableRunner
 
 
 @dataclass(frozen=True)
@@ -39,13 +37,7 @@ class ListExperiments:
         """
         from latentmotion.reproduce.markdown import overview, rows_of
 
-        if self.name in EXPERIMENTS:
-            print(f"{self.name}: {EXPERIMENTS[self.name][0]}")
-        elif self.name:
-            print(rows_of(table_named(self.name)))
-        else:
-            directing = [f"{name:<18}{title}" for name, (title, _) in EXPERIMENTS.items()]
-            print("\n".join([overview(TABLES.values()), "", "directing (--model):", *directing]))
+        print(rows_of(table_named(self.name)) if self.name else overview(TABLES.values()))
 
 
 @dataclass(frozen=True)
@@ -152,11 +144,8 @@ class RunExperiment:
     """Train and measure the rows of a table; the same command again resumes a stopped run.
 
     Tables that share a folder share models. Writes OUTPUT/NAME.md, .json and, for a figure, .svg.
-    Experiments of directing train nothing: they measure --model.
 
-    Examples:
-        latentmotion experiment run vae --data my_data --budget small -o results
-        latentmotion experiment run goals --data my_data --model fast -o results
+    Example: latentmotion experiment run vae --data my_data --budget small -o results
     """
 
     name: Annotated[Positional[str], arg(metavar="TABLE")]
@@ -178,32 +167,30 @@ class RunExperiment:
     they are trained, too."""
     replications: int | None = None
     """Repetitions of each measurement; by default those of the budget."""
-    strips: int | None = None
-    """Draw the motions of so many test prompts by the rows named, beside the real ones, instead of
-    measuring: OUTPUT/TABLE_strips.svg."""
     device: options.Device = options.AUTO
-    model: str = DEFAULT
-    """Name or folder of the model of an experiment of directing."""
-    count: int | None = None
-    """Clips of a row of an experiment of directing; by default 40."""
-    seeds: int | None = None
-    """Motions of each clip in an experiment of directing, of another seed each; by default 3."""
 
     def run(self) -> None:
         """Trains, measures and writes; prints the page.
 
         Raises:
-            InputError: Experiment, row or budget is unknown, or the folder holds other runs.
+            InputError: Table, row or budget is unknown, or the folder holds other runs.
+        """
+        rows = rows_named(table_named(self.name), self.rows)
+        with self.opened() as runner:
+            print(runner.run(rows).read_text(encoding="utf-8"))
+
+    @contextmanager
+    def opened(self) -> Iterator[TableRunner]:
+        """Yields the table's runner, with its device, data and models.
+
+        Raises:
+            InputError: Table or budget is unknown.
         """
         from latentmotion.data.dataset import Dataset
-
-        if self.name in EXPERIMENTS:
-            self._directing(Dataset.load(self.data))
-            return
         from latentmotion.evaluation.evaluators.interface import load_evaluator
         from latentmotion.evaluation.protocol import PROTOCOLS
         from latentmotion.gpu.backend import text_encoder_named
-        from latentmotion.reproduce import budget, runner, strips, workspace
+        from latentmotion.reproduce import budget, runner, workspace
         from latentmotion.text.cache import CachedTextEncoder
         from latentmotion.training.distributed import distributed_context
 
@@ -212,11 +199,7 @@ class RunExperiment:
             folder = self.output / "text" / name.replace(":", "_").replace("/", "_")
             return CachedTextEncoder(text_encoder_named(name), folder)
 
-        if self.name not in TABLES:
-            known = [*TABLES, *EXPERIMENTS]
-            raise InputError(f"unknown experiment {self.name!r}; {hint(self.name, known)}")
         table = table_named(self.name)
-        rows = rows_named(table, self.rows)
         with distributed_context(self.device) as context:
             sizes = budget.budget_named(self.budget).of_table(self.name).changed(self.set)
             data = Dataset.load(self.data)
@@ -226,32 +209,4 @@ class RunExperiment:
             evaluator = load_evaluator(self.evaluator) if self.evaluator else None
             count = self.replications or sizes.replications
             protocol = sizes.protocol(replace(PROTOCOLS[self.protocol], replications=count))
-            tables = runner.TableRunner(table, work, protocol, evaluator)
-            if self.strips is not None:
-                print(strips.draw_strips(tables, rows, self.strips))
-                return
-            print(tables.run(rows).read_text(encoding="utf-8"))
-
-    def _directing(self, data: Dataset) -> None:
-        """Measures an experiment of directing; prints the page."""
-        from latentmotion.pipeline import MotionPipeline
-        from latentmotion.ranking.scorer import shipped_scorer
-        from latentmotion.reproduce.directing.bench import Bench, write_results
-
-        count = 40 if self.count is None else self.count
-        seeds = 3 if self.seeds is None else self.seeds
-        if count < 2:
-            raise InputError(f"--count {count}: expected 2 or more clips")
-        if seeds < 1:
-            raise InputError(f"--seeds {seeds}: expected 1 or more")
-        if self.evaluator or self.rows or self.set:
-            raise InputError(
-                f"{self.name} is an experiment of directing: leave --evaluator, --rows, --set out"
-            )
-        title, place = EXPERIMENTS[self.name]
-        module, _, function = place.partition(":")
-        measure = getattr(import_module(f"latentmotion.reproduce.directing.{module}"), function)
-        generate = MotionPipeline.from_pretrained(self.model, threads=1)
-        bench = Bench(generate, data, shipped_scorer(), count, seeds)
-        page = write_results(self.name, title, measure(bench), bench, self.output)
-        print(page.read_text(encoding="utf-8"))
+            yield runner.TableRunner(table, work, protocol, evaluator)

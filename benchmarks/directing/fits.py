@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from benchmarks.directing.bench import CLIP, Bench, Rows, jitter
+from benchmarks.directing.smoothers import kalman, spline
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
-from latentmotion.reproduce.directing.bench import CLIP, Bench, Rows, jitter
-from latentmotion.reproduce.directing.smoothers import kalman, spline
 
 _LEGS = tuple(
     f"{side}_{joint}" for side in ("left", "right") for joint in ("knee", "ankle", "foot")

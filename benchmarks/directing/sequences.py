@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from benchmarks.directing.bench import CLIP, Bench, Rows, beside, blended, jerk
 from latentmotion.control.generator import decoders_of, margin_of
 from latentmotion.control.stream import decode_in_windows
 from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
-from latentmotion.reproduce.directing.bench import CLIP, Bench, Rows, beside, blended, jerk
 
 SECONDS, CHAIN = 3.0, 3
 """Length of a prompt of a timeline, and their number."""

@@ -1,11 +1,16 @@
 """Qualitative strips: motions of the same prompts by several rows of a table, beside the real ones.
 
-One SVG: a line of cells for each prompt, a column for each row. A cell shows stick figures evenly
-in time, seen half from the front, without root motion; the left side is orange, the right blue.
+    python -m benchmarks.quality.strips 8 quality --data DATA --budget small --rows z0 fast -o OUT
+
+The words after the number of prompts are those of `latentmotion experiment run`. The picture,
+OUT/TABLE_strips.svg, has a line of cells for each prompt, a column for each row. A cell shows stick
+figures evenly in time, seen half from the front, without root motion; the left side is orange, the
+right blue.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
@@ -13,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from latentmotion.cli.experiment import RunExperiment
+from latentmotion.cli.usage import parsed
 from latentmotion.errors import InputError
 from latentmotion.evaluation.candidates import Generated
 from latentmotion.evaluation.evaluate import build_test_set
@@ -20,6 +27,7 @@ from latentmotion.motion import Motion
 from latentmotion.render.painter import half_front
 from latentmotion.reproduce.runner import TableRunner
 from latentmotion.reproduce.table import Row
+from latentmotion.reproduce.tables import rows_named
 from latentmotion.storage.files import atomic_file
 
 REAL = "Real"
@@ -36,6 +44,15 @@ _STYLE = (
     "path{fill:none;stroke-width:2.2;stroke-linecap:round;stroke-linejoin:round}"
     ".m{stroke:#3a404c}.l{stroke:#de8054}.r{stroke:#5880c4}.f{stroke:#cdd3dc;stroke-width:1}"
 )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("count", type=int, help="prompts of the test split")
+    options, words = parser.parse_known_args()
+    command = parsed(RunExperiment, "experiment run", words)
+    with command.opened() as runner:
+        print(draw_strips(runner, rows_named(runner.table, command.rows), options.count))
 
 
 def draw_strips(runner: TableRunner, rows: Sequence[Row], count: int) -> Path:
@@ -126,3 +143,7 @@ def figures(motion: Motion, left: float, floor: float) -> str:
                 for n in range(FIGURES)
             ]
     return "".join(f'<path class="{side}" d="{"".join(drawn)}"/>' for side, drawn in lines.items())
+
+
+if __name__ == "__main__":
+    main()

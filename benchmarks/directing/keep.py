@@ -7,10 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from latentmotion.control.exact import inertialized
-from latentmotion.errors import InputError
-from latentmotion.motion import Motion
-from latentmotion.reproduce.directing.bench import (
+from benchmarks.directing.bench import (
     CLIP,
     Bench,
     Recording,
@@ -19,6 +16,9 @@ from latentmotion.reproduce.directing.bench import (
     blended,
     jerk,
 )
+from latentmotion.control.exact import inertialized
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
 
 _NEAR = 5
 """Frames to either side of a seam in which its jerk is."""

@@ -6,9 +6,9 @@ import re
 
 import numpy as np
 
+from benchmarks.directing.bench import Bench, Rows
 from latentmotion.data.dataset import items_of
 from latentmotion.errors import ModelError
-from latentmotion.reproduce.directing.bench import Bench, Rows
 
 
 def length_rows(bench: Bench) -> Rows:

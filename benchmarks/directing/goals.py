@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.directing.bench import CLIP, Bench, Recording, Rows, Values, beside
 from latentmotion.control.exact import distances
 from latentmotion.control.goals import Goal, Heading, Path, Reach, targets_of
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding
 from latentmotion.motion import Motion, cleaned
 from latentmotion.representation.canonical import heading
-from latentmotion.reproduce.directing.bench import CLIP, Bench, Recording, Rows, Values, beside
 
 SETS = {
     "pelvis, 5 goals": ("pelvis",) * 5,
