@@ -1,7 +1,7 @@
-"""All tables of docs/measurements/performance.md, in some ten minutes, and the page filled.
+"""All tables of lab/diary/performance.md, in some ten minutes, and the page filled.
 
     python -m benchmarks runs/benchmarks --models starter fast --int8 fast-int8=FOLDER
-    python -m benchmarks runs/benchmarks … --page docs/measurements/performance.md
+    python -m benchmarks runs/benchmarks … --page lab/diary/performance.md
 
 What a program prints becomes a file of its name in the folder. With --page the parts of a document
 between <!-- NAME --> and <!-- end of NAME --> are replaced by these files.

@@ -271,9 +271,7 @@ def test_every_table_of_the_page_has_a_program(monkeypatch, tmp_path):
     ran = {}
     monkeypatch.setattr(everything, "_printed", lambda words: ran.setdefault(str(words), "table"))
     everything.main([str(tmp_path), "--models", "starter", "--int8", "small=starter"])
-    named = set(
-        re.findall(r"<!-- (\w+) -->", (ROOT / "docs/measurements/performance.md").read_text())
-    )
+    named = set(re.findall(r"<!-- (\w+) -->", (ROOT / "lab/diary/performance.md").read_text()))
     assert named == {path.stem for path in tmp_path.iterdir()}
     assert all(find_spec("benchmarks." + words.split("'")[1]) for words in ran)
 

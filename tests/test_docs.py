@@ -178,7 +178,7 @@ def _run(block: Block) -> None:
                 main(words[1:])
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@pytest.mark.parametrize("page", [*PAGES, *sorted((ROOT / "lab").rglob("*.md"))], ids=name_of)
 def test_links_lead_to_files(page: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
         path = target.partition("#")[0]
@@ -200,7 +200,7 @@ def test_pages_that_code_cites_exist() -> None:
     cited = {
         (path.relative_to(ROOT).as_posix(), page)
         for path in SOURCES
-        for page in re.findall(r"\bdocs/[\w/.-]+\.md", path.read_text(encoding="utf-8"))
+        for page in re.findall(r"\b(?:docs|lab)/[\w/.-]+\.md", path.read_text(encoding="utf-8"))
     }
     assert [pair for pair in sorted(cited) if not (ROOT / pair[1]).is_file()] == []
 

@@ -1,6 +1,6 @@
 """How long a picture or a video of 4 seconds of motion takes: the whole command, a new process.
 
-    python -m benchmarks.generation.render   # the table in docs/measurements/performance.md
+    python -m benchmarks.generation.render   # the table in lab/diary/performance.md
 
 CPU seconds are those of all threads of the command, system time included; on a busy machine they
 say more than the clock does. Medians of a few runs.

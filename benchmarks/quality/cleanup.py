@@ -1,6 +1,6 @@
 """What each step of the clean-up does to generated motions and to real clips.
 
-    python -m benchmarks.quality.cleanup PREPARED_FOLDER  # docs/measurements/cleanup.md
+    python -m benchmarks.quality.cleanup PREPARED_FOLDER  # lab/diary/cleanup.md
 
 Feet are measured four ways; the first two judge the same frames before and after:
 

@@ -4,7 +4,7 @@
 
 FOLDER is a prepared one. Every caption's claims are compared with its own frames; `silent` is what
 cannot be told either way, and the rate is of the others. Disagreements are errors of the describer,
-of its reading of the sentence, or of who wrote it: see docs/measurements/describing.md.
+of its reading of the sentence, or of who wrote it: see lab/diary/describing.md.
 """
 
 from __future__ import annotations

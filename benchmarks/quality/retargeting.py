@@ -2,7 +2,7 @@
 
     python -m benchmarks.quality.retargeting PREPARED_FOLDER [RIG.glb ...]
 
-fills the table of docs/measurements/retargeting.md.
+fills the table of lab/diary/retargeting.md.
 
 Besides the three rigs that the tests build, rigs of your own (or of CMU: 07.asf, 07_03.bvh) can be
 named. For each rig, over clips of the test split, cleaned up as `latentmotion clean` does:

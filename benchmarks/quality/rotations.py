@@ -1,6 +1,6 @@
 """How good joints → rotations is, against the shortest arc from a rest direction that is usual.
 
-    python -m benchmarks.quality.rotations PREPARED_FOLDER  # docs/measurements/cleanup.md
+    python -m benchmarks.quality.rotations PREPARED_FOLDER  # lab/diary/cleanup.md
 
 Bones are compared by their rotation in the world. A bone's *reason* to turn in a step is the
 largest angular speed of its own direction and of those of the bones within two bones of its upper

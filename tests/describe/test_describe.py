@@ -181,7 +181,7 @@ def test_any_numbers_are_described_without_a_crash(seed: int) -> None:
 
 
 def test_hdm05_is_read_as_its_classes_say(shared: Path, tmp_path: Path) -> None:
-    """Reliable sides: the names of HDM05's classes; table in docs/measurements/describing.md."""
+    """Reliable sides: the names of HDM05's classes; table in lab/diary/describing.md."""
     expected = {"kickLFront": ("kick", "left"), "depositFloorR": ("pick_up", "right")}
     with tarfile.open(shared / "data/hdm05_asfamc.tar.xz") as tar:
         for member in tar:

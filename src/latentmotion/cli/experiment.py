@@ -44,7 +44,7 @@ class ListExperiments:
 class FillDocument:
     """Insert finished tables into a document, between lines such as <!-- table vae -->.
 
-    Example: latentmotion experiment document docs/measurements/results.md --results results
+    Example: latentmotion experiment document results.md --results results
     """
 
     document: Annotated[Positional[Path], arg(metavar="DOCUMENT")]

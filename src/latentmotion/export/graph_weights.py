@@ -8,7 +8,7 @@ stay in the graph.
 In graphs of 8 bits 64 weights share a scale, and so do 64 inputs. This is ONNX Runtime's
 MatMulNBits, which OpenVINO reads, too. Dynamic quantization has one scale for all inputs, so that a
 motion would depend on its batch. Convolutions stay in float32: in 8 bits they took three times as
-long (docs/measurements/runtime.md).
+long (lab/diary/runtime.md).
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@
 ways, paces and order (`describe/closeness.py`). Sliding is in m/s, penetration in m, jerk in m/s³
 (`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such that claims
 decide first, and ordinary differences of feet and floor only between takes that match about as
-well (docs/measurements/best_of.md). A take of a rare movement that starts from a clip of it has an
+well (lab/diary/best_of.md). A take of a rare movement that starts from a clip of it has an
 advantage, since claims and scorer know rare movements least (`retrieval/starts.py`); the largest
 advantage of the takes is the rarity.
 """

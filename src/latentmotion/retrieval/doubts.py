@@ -1,6 +1,6 @@
 """Doubts: what a sentence asks for that the model does not know, and words that are misspelled.
 
-Three signs, measured on sentences that no rule was written for (docs/measurements/rare_acts.md): no
+Three signs, measured on sentences that no rule was written for (lab/diary/rare_acts.md): no
 caption of the training data is near the sentence; a word that no caption has changes what the
 sentence means, since without it the embedding is another one; or a word names what is never moved
 (`outside.toml`).

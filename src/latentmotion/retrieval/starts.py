@@ -5,7 +5,7 @@
 
 A denoiser averages movements away that few clips show; started from such a clip at half of the
 steps it keeps the movement, and sentence, seed and length still shape it (SDEdit, Meng et al. 2022;
-figures in docs/measurements/rare_acts.md). Frequent movements start from pure noise, as before.
+figures in lab/diary/rare_acts.md). Frequent movements start from pure noise, as before.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from latentmotion.retrieval.index import ClipIndex, Neighbor
 
 LEAST_COSINE = 0.6
 """Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
-does, below .60 usually not (trial on 16 sentences, docs/measurements/rare_acts.md)."""
+does, below .60 usually not (trial on 16 sentences, lab/diary/rare_acts.md)."""
 
 RARE = 20
 """Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
-another one from noise. With 60 frequent movements lost (docs/measurements/rare_acts.md)."""
+another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md)."""
 
 UNRELATED = 0.55
 """Cosine up to which a caption says nothing of what a sentence asks for."""

@@ -3,7 +3,7 @@
     support(s) = #{clips with a caption c : cos(embedding(s), embedding(c)) ≥ 0.7}
 
 It tells rare movements from frequent ones without a list of words: "a person sweeps the floor" has
-a support of 1, "a person walks forward" one of 1,800 (docs/measurements/rare_acts.md).
+a support of 1, "a person walks forward" one of 1,800 (lab/diary/rare_acts.md).
 """
 
 from __future__ import annotations
