@@ -9,8 +9,10 @@ other programs the files, make targets and extras that a block names must exist.
 from __future__ import annotations
 
 import ast
+import io
 import re
 import shlex
+import tokenize
 import tomllib
 import warnings
 from collections.abc import Iterator
@@ -233,3 +235,47 @@ def test_sections_of_the_reference_that_code_cites_exist() -> None:
 def test_every_command_stands_in_the_table_of_commands() -> None:
     page = (ROOT / "docs/reference/commands.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `([a-z0-9 -]+)` \|", page, re.MULTILINE)) == set(VERBS)
+
+
+SOURCE_FILE = re.compile(r"(?<![\w/.-])((?:[\w-]+/)*[A-Za-z_][\w-]*\.(?:py|js))\b")
+
+
+def prose(path: Path) -> Iterator[tuple[int, str]]:
+    """Yields docstrings and comments of a file, with their lines."""
+    text = path.read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            yield node.lineno, str(node.value.value)
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.start[0], token.string
+
+
+def missing_files(path: Path, files: frozenset[str]) -> list[str]:
+    """Returns what a file's docstrings and comments call by the name of no file of the tree."""
+    return [
+        f"{path.name}:{line} {name}"
+        for line, text in prose(path)
+        for name in SOURCE_FILE.findall(text)
+        if not any(file.endswith(f"/{name}") for file in files)
+    ]
+
+
+def test_source_files_that_docstrings_and_comments_name_exist(tmp_path: Path) -> None:
+    folders = [ROOT / name for name in ("src", "tests", "benchmarks", "examples", "packages")]
+    paths = [
+        path
+        for folder in folders
+        for path in folder.rglob("*")
+        if path.suffix in (".py", ".js") and "node_modules" not in path.parts
+    ]
+    files = frozenset(path.as_posix() for path in paths)
+    sources = [path for path in paths if path.suffix == ".py"]
+    assert len(sources) > 500
+    assert [each for path in sources for each in missing_files(path, files)] == []
+    wrong = tmp_path / "wrong.py"
+    wrong.write_text('"""As `no_such_room/gone.py` says."""\n\nN = 1  # see absent.js\n')
+    assert missing_files(wrong, files) == [
+        "wrong.py:1 no_such_room/gone.py",
+        "wrong.py:3 absent.js",
+    ]

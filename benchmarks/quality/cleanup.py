@@ -8,7 +8,7 @@ Feet are measured four ways; the first two judge the same frames before and afte
                and speed: of the slower of its joints in contact, since feet roll
     by model   the same where the contact features of the motion, the model's own, say that it
                stands
-    sliding    height-weighted speed of foot joints (metrics/physical.py), mm/s
+    sliding    height-weighted speed of foot joints (`kinematics/plausibility.py`), mm/s
     skating    share of steps with a foot below 5 cm that moves faster than 0.5 m/s
 
 `knees` is the highest angular acceleration of knees but for one frame in 1000, rad/s²; `back`

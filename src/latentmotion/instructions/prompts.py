@@ -10,7 +10,7 @@ A check is a small expression, e.g. `kick(right, 2)` or `turn(left, 60, 120)`:
     term  = name | name(word or number, …)
 
 A name is that of an act (`checking.py`), with words that say which and numbers that say how often,
-or of a condition (`conditions.py`). One number is an exact count, two are a range, and none is once
+or of a condition. One number is an exact count, two are a range, and none is once
 or more.
 """
 

@@ -31,7 +31,7 @@ A bone's direction fixes two of its three degrees of freedom. The third, the twi
     pelvis, chest    the rigid rotation that fits all bones that leave them
     spine between    interpolated from the pelvis' rotation to the chest's, then swing only
     hip, shoulder    the hinge: knee and elbow bend about one axis, normal to the limb's plane;
-                     for straight limbs see `hinge.py`
+                     for straight limbs see 1 and 2 above
     all others       swing only, from the parent
 
 The rest pose is a T: arms along ±x, legs down and a little apart, feet flat and pointing ahead. Its

@@ -1,6 +1,6 @@
 """A trained model as a folder: its card, `model.json`, and `weights.safetensors`.
 
-Nothing is ever unpickled here; foreign checkpoints are the business of `upstream.py`.
+Nothing is ever unpickled here; foreign checkpoints are the business of `convert/reading.py`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """A table or figure: its rows and columns, and the paper's figures (Chen et al., CVPR 2023).
 
-The paper's figures stand beside ours. One that could not be found in a source stays empty;
-`published.py` names the source of each.
+The paper's figures stand beside ours. One that could not be found in a source stays empty.
 
 Sources, none of them copied but for the numbers:
  [S] the paper and its code (targets, cost), see docs/reference/mld.md

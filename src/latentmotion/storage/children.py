@@ -23,8 +23,8 @@ _ONE_THREAD: Mapping[str, str] = dict.fromkeys(
 def command(program: str, *arguments: str) -> list[str]:
     """Returns the words that start a module as a program.
 
-    `-P` keeps the working folder off its path: `python -m` would put it first, and a `json.py` in
-    a downloaded folder would run.
+    `-P` keeps the working folder off its path: `python -m` would put it first, and a module
+    called `json` in a downloaded folder would run.
     """
     return [sys.executable, "-P", "-m", program, *arguments]
 

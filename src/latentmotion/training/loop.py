@@ -3,7 +3,7 @@
 The average is ē ← d ē + (1 − d) θ, with d growing at the start. A snapshot holds all that a killed
 run needs to resume, in one file that is whole or absent: weights, their average, the optimizer's
 moments and the number of steps done. The position in the data and the state of every random
-generator follow from that number (`rng.py`).
+generator follow from that number (`distributed.py`).
 
 A stage is a module whose forward takes a step's number and returns that step's losses; it finds
 batch and random numbers from the number alone, so weights and number are the whole state.
