@@ -215,19 +215,6 @@ def test_deeper_models_are_layer_after_layer(tmp_path: Path) -> None:
     np.testing.assert_array_equal(LengthModel.read(tmp_path / "deep.safetensors")(x), twice(x))
 
 
-def test_files_of_one_hidden_layer_are_read(tmp_path: Path) -> None:
-    path = tmp_path / "older.safetensors"
-    names = ("hidden", "out"), ("hidden_bias", "out_bias")
-    arrays = {
-        name: array.astype(np.float16)
-        for some, values in zip(names, (MODEL.weights, MODEL.biases), strict=True)
-        for name, array in zip(some, values, strict=True)
-    }
-    save_file(arrays, path, {"encoder": "made up", "quantiles": json.dumps(QUANTILES)})
-    x = np.array([[3.0, 0.0]], np.float32)
-    np.testing.assert_array_equal(LengthModel.read(path)(x), MODEL(x))
-
-
 def test_files_with_other_arrays_are_refused(tmp_path: Path) -> None:
     path, about = (
         tmp_path / "many.safetensors",

@@ -22,10 +22,6 @@ from latentmotion.storage.files import atomic_file
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 """Shares of motions that are shorter; the median is the usual length."""
 
-_FIRST_NAMES = {"hidden": "0.weight", "hidden_bias": "0.bias", "out": "1.weight",
-                "out_bias": "1.bias"}  # fmt: skip
-"""Arrays of files that were written while all models had one hidden layer."""
-
 _MOST_ARRAYS = 16
 _MAKE = "make it anew: latentmotion train length"
 
@@ -97,10 +93,7 @@ class LengthModel:
                 about, names = file.metadata() or {}, list(file.keys())
                 if len(names) > _MOST_ARRAYS:
                     raise ValueError(f"{len(names)} arrays; expected at most {_MOST_ARRAYS}")
-                arrays = {
-                    _FIRST_NAMES.get(name, name): file.get_tensor(name).astype(np.float32)
-                    for name in names
-                }
+                arrays = {name: file.get_tensor(name).astype(np.float32) for name in names}
             layers = range((len(arrays) + 1) // 2)
             weights, biases = (
                 tuple(arrays[f"{layer}.{part}"] for layer in layers) for part in ("weight", "bias")
