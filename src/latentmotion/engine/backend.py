@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, Self, runtime_checkable
+from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -178,6 +178,9 @@ ON_CPU = ExecutionOptions()
 """The options by default."""
 
 
+Half = TypeVar("Half", bound="_Scaled")
+
+
 @dataclass(frozen=True)
 class _Scaled:
     """A half of a VAE, with the scales at both of its ends."""
@@ -191,11 +194,11 @@ class _Scaled:
 
     @classmethod
     def of(
-        cls,
+        cls: type[Half],
         card: ModelCard,
         network: Callable[..., Any],
         to_device: Callable[[np.ndarray], Any] = np.asarray,
-    ) -> Self:
+    ) -> Half:
         """Returns that of a model.
 
         Args:
