@@ -10,6 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.training.curves import (
+    CurveRunner,
+    Curves,
+    Point,
+    last_fall,
+    over_clips,
+)
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
@@ -19,13 +26,6 @@ from latentmotion.evaluation.protocol import CLEAN, Repeats
 from latentmotion.model.config import TransformerVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.reproduce.budget import BUDGETS, PAPER, SMALL, Budget, budget_named
-from latentmotion.reproduce.curves import (
-    CurveRunner,
-    Curves,
-    Point,
-    last_fall,
-    over_clips,
-)
 from latentmotion.reproduce.markdown import (
     RowResult,
     TableResult,

@@ -93,53 +93,6 @@ class JoinRuns:
 
 
 @dataclass(frozen=True)
-class DrawCurves:
-    """Train the VAEs of a table in turn, and draw their error by steps and processor time.
-
-    The row that has had the least time goes on by a slice, of `vae_training.validate_every` steps,
-    so a stopped run shows all rows alike; the same command goes on. Errors are of held-out clips,
-    never of test clips. Writes OUTPUT/TABLE_curves.md, .json and .svg.
-
-    Example: latentmotion experiment curves vae --data my_data --budget small --hours 1 -o curves
-    """
-
-    name: Annotated[Positional[str], arg(metavar="TABLE")]
-    """Table of VAEs; `latentmotion experiment list` names them."""
-    data: options.Data
-    output: options.Output
-    """Folder of models and results."""
-    hours: float
-    """Core hours of each row, earlier ones included; then all held-out clips are measured."""
-    budget: Literal["paper", "small"] = "paper"
-    """paper for the paper's sizes, small for two cores."""
-    set: options.Changes = ()
-    """Change one setting of every model, e.g. vae_training.learning_rate=1e-3; repeatable."""
-    rows: tuple[str, ...] = ()
-    """Rows to train; by default all VAEs."""
-    device: options.Device = options.AUTO
-
-    def run(self) -> None:
-        """Trains and draws; prints the page.
-
-        Raises:
-            InputError: Table or row is unknown or trains no VAE, or the folder holds other runs.
-        """
-        from latentmotion.data.dataset import Dataset
-        from latentmotion.gpu.backend import text_encoder_named
-        from latentmotion.reproduce import budget, curves, workspace
-        from latentmotion.training.distributed import distributed_context
-
-        table = table_named(self.name)
-        rows = rows_named(table, self.rows)
-        sizes = budget.budget_named(self.budget).of_table(self.name).changed(self.set)
-        with distributed_context(self.device) as context:
-            data = Dataset.load(self.data)
-            work = workspace.Workspace(data, self.output, sizes, context, text_encoder_named)
-            page = curves.CurveRunner(table, rows, work).run(self.hours)
-            print(page.read_text(encoding="utf-8"))
-
-
-@dataclass(frozen=True)
 class RunExperiment:
     """Train and measure the rows of a table; the same command again resumes a stopped run.
 
@@ -163,8 +116,7 @@ class RunExperiment:
     text_encoder: options.TextEncoderName = options.TEXT_ENCODER
     protocol: options.ProtocolChoice = "clean"
     vaes: Path | None = None
-    """Folder of trained VAEs, such as the output of `latentmotion experiment curves`; by default
-    they are trained, too."""
+    """Folder of trained VAEs, the output of another run; by default they are trained, too."""
     replications: int | None = None
     """Repetitions of each measurement; by default those of the budget."""
     device: options.Device = options.AUTO

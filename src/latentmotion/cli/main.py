@@ -80,9 +80,6 @@ VERBS = {
     "experiment list": Verb(
         "experiment:ListExperiments", "List the paper's tables that can be run."
     ),
-    "experiment curves": Verb(
-        "experiment:DrawCurves", "Train the VAEs of a table in turn; draw error by steps and hours."
-    ),
     "experiment run": Verb("experiment:RunExperiment", "Train and measure the rows of a table."),
     "experiment join": Verb(
         "experiment:JoinRuns", "Join runs of a table with other seeds or evaluators."

@@ -165,10 +165,7 @@ def _notes(table: Table, result: TableResult) -> list[str]:
     return notes + [f"Warning for {', '.join(rows)}: {text}" for text, rows in warned.items()]
 
 
-CURVES = "_curves"
-"""Suffix of the page of a table's curves."""
-
-_SUFFIX = re.compile(rf"{CURVES}$|_\d+$")
+_SUFFIX = re.compile(r"_curves$|_\d+$")
 """Suffix of pages of curves and of further evaluators, behind the table's name."""
 
 _PART = re.compile(r"<!-- table (\w+) -->\n(.*?)<!-- end of table \1 -->", re.DOTALL)
@@ -179,7 +176,7 @@ def fill(document: Path, results: Path) -> list[str]:
 
     Args:
         document: Markdown with marked parts.
-        results: Output folder of `latentmotion experiment run` or `curves`.
+        results: Output folder of `latentmotion experiment run`, or of `benchmarks.training.curves`.
 
     Returns:
         The names of the inserted tables.

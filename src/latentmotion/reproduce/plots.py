@@ -99,35 +99,14 @@ def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> b
     """
     if not curves:
         return False
-    figure, panels = _figure(columns=2)
+    figure, panels = new_figure(columns=2)
     labels = {"loss": "Training loss", "error": "Joint error of held-out clips, mm"}
     for panel, (curve, label) in zip(panels, labels.items(), strict=True):
         for name, run in curves.items():
             panel.plot(*zip(*run[curve], strict=True), label=name)
         panel.set(xlabel="Optimizer step", ylabel=label)
         _finish(panel)
-    return _save(figure, path)
-
-
-def error_curves(path: Path, curves: Mapping[str, Sequence[tuple[int, float, float]]]) -> None:
-    """Draws the joint error of held-out clips by optimizer step and by processor time.
-
-    Args:
-        path: SVG to write.
-        curves: For each run its (step, hours, mm).
-    """
-    figure, panels = _figure(columns=2)
-    for panel, column, label in (
-        (panels[0], 0, "Optimizer step"),
-        (panels[1], 1, "Core hours"),
-    ):
-        for name, points in curves.items():
-            panel.plot([p[column] for p in points], [p[2] for p in points], ".-", label=name)
-        panel.set(xlabel=label, ylabel="MPJPE of held-out clips, mm")
-        panel.grid(alpha=0.3)
-    if curves:
-        panels[0].legend(fontsize=8)
-    _save(figure, path)
+    return save_figure(figure, path)
 
 
 def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float, float]]]) -> bool:
@@ -142,7 +121,7 @@ def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float,
     """
     if not series:
         return False
-    figure, (panel,) = _figure()
+    figure, (panel,) = new_figure()
     for name, points in series.items():
         ordered = sorted(points, key=lambda point: point[1])
         panel.plot([p[1] for p in ordered], [p[2] for p in ordered], "o-", label=name)
@@ -153,7 +132,7 @@ def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float,
     panel.grid(alpha=0.3)
     # Below the panel, where it hides no point.
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def by_guidance(
@@ -171,12 +150,12 @@ def by_guidance(
     """
     if not figures:
         return False
-    figure, panels = _figure(columns=len(figures))
+    figure, panels = new_figure(columns=len(figures))
     for panel, (name, values) in zip(panels, figures.items(), strict=True):
         panel.plot(scales, values, "o-")
         panel.set(xlabel="Guidance scale s", ylabel=name)
         panel.grid(alpha=0.3)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def latent_maps(
@@ -191,7 +170,7 @@ def latent_maps(
         maps: Maps by title, e.g. `t = 981`.
         labels: The action of each item.
     """
-    figure, panels = _figure(columns=len(maps), width=3.4)
+    figure, panels = new_figure(columns=len(maps), width=3.4)
     actions = sorted(set(labels))
     for panel, (name, points) in zip(panels, maps.items(), strict=True):
         for number, action in enumerate(actions):
@@ -203,10 +182,19 @@ def latent_maps(
     panels[0].set_ylabel("t-SNE 2")
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=6, fontsize=8, markerscale=2)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
-def _figure(columns: int = 1, width: float | None = None) -> tuple[Any, list[Any]]:
+def new_figure(columns: int = 1, width: float | None = None) -> tuple[Any, list[Any]]:
+    """Returns a figure and its panels side by side.
+
+    Args:
+        columns: Panels.
+        width: Inches of each; by default 7 of a single one, 4.4 of several.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
     try:
         # Not pyplot, which needs a display and keeps every figure.
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -224,7 +212,8 @@ def _finish(panel: Any) -> None:
     panel.legend()
 
 
-def _save(figure: Any, path: Path) -> bool:
+def save_figure(figure: Any, path: Path) -> bool:
+    """Writes a figure as SVG, the same bytes for the same figure; returns True."""
     import matplotlib as mpl
 
     # Text stays text, and the same figure is the same file.

@@ -2,7 +2,7 @@
 
     FOLDER/MODEL/vae       first stage, a run folder of `latentmotion train vae`
     FOLDER/MODEL/denoiser  second stage, a run folder of `latentmotion train denoiser`
-    VAES/MODEL/vae         first stage that was trained already, by `latentmotion experiment curves`
+    VAES/MODEL/vae         first stage that was trained already, in another folder
 
 A finished stage is used as it is if it was trained with the same data and settings; an interrupted
 one resumes.
@@ -152,7 +152,7 @@ class Workspace:
         folder = self.vaes / name / "vae"
         if not (folder / MODEL / CARD_FILE).is_file():
             raise InputError(
-                f"{folder} holds no trained VAE; train it by latentmotion experiment curves vae "
+                f"{folder} holds no trained VAE; train it by latentmotion experiment run vae "
                 f"--rows {name} -o {self.vaes}, or leave out --vaes"
             )
         run = read_run(Run, folder)

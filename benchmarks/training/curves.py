@@ -1,5 +1,9 @@
 """Learning curves: the VAEs of a table, trained in turn, by steps and by hours of processor time.
 
+    python -m benchmarks.training.curves 1 vae --data DATA --budget small --rows mld_1 -o FOLDER
+
+The words after the hours are those of `latentmotion experiment run`.
+
     FOLDER/MODEL/vae          run folder, as `latentmotion train vae` writes it
     FOLDER/TABLE_curves.json  the curves, and the error on every held-out clip at their end
     FOLDER/TABLE_curves.md    a page of them, with TABLE_curves.svg
@@ -11,13 +15,16 @@ Errors are of the split `val`; the split `test` is not read.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import argparse
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import torch
 
+from latentmotion.cli.experiment import RunExperiment
+from latentmotion.cli.usage import parsed
 from latentmotion.errors import InputError
 from latentmotion.evaluation.candidates import MAX_BATCH_SIZE, Reconstructed
 from latentmotion.evaluation.cost import parameters
@@ -25,9 +32,10 @@ from latentmotion.evaluation.metrics.joints import mpjpe
 from latentmotion.evaluation.report import Figure, table_line
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_stages
-from latentmotion.reproduce.markdown import CURVES, cell, number
-from latentmotion.reproduce.plots import error_curves
+from latentmotion.reproduce.markdown import cell, number
+from latentmotion.reproduce.plots import new_figure, save_figure
 from latentmotion.reproduce.table import Row, Table
+from latentmotion.reproduce.tables import rows_named
 from latentmotion.reproduce.workspace import Workspace
 from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file
@@ -39,8 +47,22 @@ from latentmotion.training.run_folder import MODEL, Run, open_run
 from latentmotion.training.stages import train_first_stage
 from latentmotion.training.vae import FeatureCache, VAEStage
 
+CURVES = "_curves"
+"""Suffix of the page of a table's curves."""
+
 REFERENCE = "mld_1"
 """Row that the others are compared with, clip by clip."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("hours", type=float, help="core hours of each row, earlier ones included")
+    options, words = parser.parse_known_args()
+    command = parsed(RunExperiment, "experiment run", words)
+    with command.opened() as tables:
+        rows = rows_named(tables.table, command.rows)
+        page = CurveRunner(tables.table, rows, tables.work).run(options.hours)
+        print(page.read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -318,3 +340,28 @@ def last_fall(points: Sequence[Point]) -> str:
     if not before:
         return "–"
     return f"{1 - points[-1].held_out_mm / before[-1].held_out_mm:.1%}"
+
+
+def error_curves(path: Path, curves: Mapping[str, Sequence[tuple[int, float, float]]]) -> None:
+    """Draws the joint error of held-out clips by optimizer step and by processor time.
+
+    Args:
+        path: SVG to write.
+        curves: For each run its (step, hours, mm).
+    """
+    figure, panels = new_figure(columns=2)
+    for panel, column, label in (
+        (panels[0], 0, "Optimizer step"),
+        (panels[1], 1, "Core hours"),
+    ):
+        for name, points in curves.items():
+            panel.plot([p[column] for p in points], [p[2] for p in points], ".-", label=name)
+        panel.set(xlabel=label, ylabel="MPJPE of held-out clips, mm")
+        panel.grid(alpha=0.3)
+    if curves:
+        panels[0].legend(fontsize=8)
+    save_figure(figure, path)
+
+
+if __name__ == "__main__":
+    main()
