@@ -78,7 +78,7 @@ export interface LoadOptions {
 }
 
 /** A loaded model. */
-export interface MotionGenerator {
+export interface MotionPipeline {
   readonly model: Model;
   /**
    * Turns a sentence into a motion; for models of actions the prompt is one of `model.labels`, for
@@ -97,4 +97,4 @@ export class InputError extends Error {}
  * Opens a model that `latentmotion export MODEL --web -o FOLDER` wrote.
  * @param place The folder's address; in Node also its path.
  */
-export function load(place: string | URL, options?: LoadOptions): Promise<MotionGenerator>;
+export function load(place: string | URL, options?: LoadOptions): Promise<MotionPipeline>;
