@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.directing.bench import CLIP, Bench, Recording, Rows, Values, beside
 from latentmotion.control.exact import distances
-from latentmotion.control.goals import Goal, Heading, Path, Reach, targets_of
+from latentmotion.control.goals import Goal, Heading, Reach, RootPath, targets_of
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding
 from latentmotion.motion import Motion, cleaned
@@ -92,7 +92,7 @@ def courses() -> dict[str, tuple[str, tuple[Goal, ...], float]]:
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         seconds = min(max(float(lengths.sum()) / speed + 0.05, 1.0), 9.5)
         times = np.concatenate([[0], np.cumsum(lengths)]) / lengths.sum() * (seconds - 0.05)
-        path = Path([(float(x), float(z)) for x, z in points], times.tolist())
+        path = RootPath([(float(x), float(z)) for x, z in points], times.tolist())
         found[name] = WALK, (path,), seconds
     steps = tuple(Reach("pelvis", at, (0, None, -0.6 * at)) for at in (1.0, 2.0, 3.0))
     found["backwards, 0.6 m/s"] = (BACK, (*steps, Heading(3.0, 0.0)), 3.2)

@@ -17,11 +17,11 @@ import time
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from pathlib import Path as FilePath
+from pathlib import Path
 
 import numpy as np
 
-from latentmotion import Motion, MotionPipeline, Path, Reach, read_bvh, to_humanml3d
+from latentmotion import Motion, MotionPipeline, Reach, RootPath, read_bvh, to_humanml3d
 from latentmotion.control.direct import sliding_in_contact
 from latentmotion.representation.canonical import heading
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
@@ -45,7 +45,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("table", choices=["goals", "paths", "edits"])
     parser.add_argument(
-        "motions", nargs="*", type=FilePath, help="BVH files of real motions, for edits"
+        "motions", nargs="*", type=Path, help="BVH files of real motions, for edits"
     )
     parser.add_argument("--unit", default="cmu", help="of these BVH files")
     parser.add_argument("--model", default="fast")
@@ -143,7 +143,7 @@ def paths_table(generate: MotionPipeline, count: int) -> Iterable[str]:
         times = np.concatenate([[0], np.cumsum(lengths)]) / lengths.sum() * (seconds - 0.05)
         rows = []
         for seed in range(min(count, 4)):
-            path = Path(course.points, times.tolist())
+            path = RootPath(course.points, times.tolist())
             motion = generate(PROMPTS[0], seconds, seed, goals=[path]).cleaned()
             found = motion.metadata["goals"]
             rows.append(
@@ -169,7 +169,7 @@ def facing_error(motion: Motion) -> float:
     return float(np.degrees(off[moving].mean())) if moving.any() else 0.0
 
 
-def edits_table(generate: MotionPipeline, files: list[FilePath], unit: str) -> Iterable[str]:
+def edits_table(generate: MotionPipeline, files: list[Path], unit: str) -> Iterable[str]:
     yield "| motion | other frames, mm | jerk at seams, m | same frames recorded | ratio | ms |"
     yield "|---|--:|--:|--:|--:|--:|"
     ratios = []

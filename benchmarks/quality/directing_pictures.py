@@ -9,12 +9,12 @@ import argparse
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path as Folder
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from latentmotion import Motion, MotionPipeline, Path, Reach
+from latentmotion import Motion, MotionPipeline, Reach, RootPath
 from latentmotion.render.strip import write
 
 WIDTH, MOST = 880, 58_000
@@ -23,7 +23,7 @@ WIDTH, MOST = 880, 58_000
 
 def path(generate: MotionPipeline) -> list[Motion]:
     wave = [(0.9 * float(np.sin(1.1 * z)), z) for z in np.linspace(0, 5.4, 8).tolist()]
-    motion = generate("a person walks forward", 5, 1, goals=[Path(wave)]).cleaned()
+    motion = generate("a person walks forward", 5, 1, goals=[RootPath(wave)]).cleaned()
     return [replace(motion, caption="walks forward, along a path")]
 
 
@@ -85,7 +85,7 @@ PICTURES: dict[str, Callable[[MotionPipeline], list[Motion]]] = {
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Folder)
+    parser.add_argument("folder", type=Path)
     parser.add_argument("--model", default="fast")
     parser.add_argument("--only", nargs="*", default=list(PICTURES))
     options = parser.parse_args()

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from latentmotion.control.goals import Heading as Heading
-    from latentmotion.control.goals import Path as Path
     from latentmotion.control.goals import Pose as Pose
     from latentmotion.control.goals import Reach as Reach
+    from latentmotion.control.goals import RootPath as RootPath
     from latentmotion.data.dataset import Dataset as Dataset
     from latentmotion.errors import LatentMotionError as LatentMotionError
     from latentmotion.formats import load as load
@@ -37,7 +37,7 @@ __version__ = "1.0.0rc1"
 _HOMES = {
     "Animation": "kinematics.skeleton",
     "Heading": "control.goals",
-    "Path": "control.goals",
+    "RootPath": "control.goals",
     "Pose": "control.goals",
     "Reach": "control.goals",
     "Dataset": "data.dataset",
@@ -60,9 +60,9 @@ __all__ = [
     "LatentMotionError",
     "Motion",
     "MotionPipeline",
-    "Path",
     "Pose",
     "Reach",
+    "RootPath",
     "Skeleton",
     "__version__",
     "load",

@@ -60,7 +60,7 @@ def quantile(values: Float[np.ndarray, "n ..."], share: float) -> Float[np.ndarr
 
     `numpy.quantile` is the same and takes ten times as long for arrays as short as motions.
     """
-    ordered, place = np.sort(values, axis=0), share * (len(values) - 1)
-    lower = int(place)
+    ordered, position = np.sort(values, axis=0), share * (len(values) - 1)
+    lower = int(position)
     upper = min(lower + 1, len(values) - 1)
-    return np.asarray(ordered[lower] + (place - lower) * (ordered[upper] - ordered[lower]))
+    return np.asarray(ordered[lower] + (position - lower) * (ordered[upper] - ordered[lower]))

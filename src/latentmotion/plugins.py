@@ -31,14 +31,14 @@ def plugin_names(group: Group) -> tuple[str, ...]:
 
 def plugin(group: Group, name: str) -> Any | None:
     """Returns a plugin; None if there is none of that name, or it is broken, which is warned of."""
-    found = _entry_points(group)
-    return _loaded(found[name]) if name in found.names else None
+    entries = _entry_points(group)
+    return _loaded(entries[name]) if name in entries.names else None
 
 
 def plugins(group: Group) -> dict[str, Any]:
     """Returns all plugins of a group by name, but for broken ones, which are warned of."""
-    found = {name: plugin(group, name) for name in plugin_names(group)}
-    return {name: each for name, each in found.items() if each is not None}
+    loaded = {name: plugin(group, name) for name in plugin_names(group)}
+    return {name: each for name, each in loaded.items() if each is not None}
 
 
 def warn_of(group: Group, name: str, error: Exception) -> None:

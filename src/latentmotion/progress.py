@@ -69,6 +69,6 @@ def counted(
         delay=DELAY,
         initial=done,
     )
-    bars[:] = [one for one in bars if not one.disable]  # tqdm disables what it has closed
+    bars[:] = [bar for bar in bars if not bar.disable]  # tqdm disables what it has closed
     bars.append(bar)
     return bar

@@ -17,8 +17,7 @@ import pytest
 
 from latentmotion.blender.build import SOURCE, build_zip, own_command
 from latentmotion.cli.main import main
-from latentmotion.control.goals import Path as MotionPath
-from latentmotion.control.goals import Reach
+from latentmotion.control.goals import Reach, RootPath
 from latentmotion.control.scene import read_scene
 from latentmotion.control.timeline import Span
 from latentmotion.errors import InputError
@@ -175,7 +174,7 @@ def test_calls_run_in_order_and_nobody_waits(tmp_path: Path):
             asked.append((word, log.read_text() if log.exists() else ""))
             yield [made, word]
 
-    job = command.Job(calls(), tmp_path)
+    job = command.CommandJob(calls(), tmp_path)
     assert not job.is_done()
     start.touch()
     job.wait()
@@ -187,13 +186,13 @@ def test_calls_run_in_order_and_nobody_waits(tmp_path: Path):
 @posix
 def test_errors_are_the_commands_own_line(tmp_path: Path):
     bad = script(tmp_path / "a", "sys.exit('warning: so so\\nerror: no such thing; do that')")
-    job = command.Job([[bad], [bad]], tmp_path)
+    job = command.CommandJob([[bad], [bad]], tmp_path)
     job.wait()
     assert job.error == "no such thing; do that"
-    silent = command.Job([[script(tmp_path / "b", "sys.exit(3)")]], tmp_path)
+    silent = command.CommandJob([[script(tmp_path / "b", "sys.exit(3)")]], tmp_path)
     silent.wait()
     assert "code 3" in silent.error
-    missing = command.Job([[str(tmp_path / "c")]], tmp_path)
+    missing = command.CommandJob([[str(tmp_path / "c")]], tmp_path)
     missing.wait()
     assert "cannot run" in missing.error
 
@@ -202,7 +201,7 @@ def test_errors_are_the_commands_own_line(tmp_path: Path):
 def test_a_job_can_be_ended(tmp_path: Path):
     late = tmp_path / "late"
     slow = script(tmp_path / "a", f"time.sleep(600); open({str(late)!r}, 'w').close()")
-    job = command.Job([[slow]] * 2, tmp_path)
+    job = command.CommandJob([[slow]] * 2, tmp_path)
     assert not job.is_done()
     job.cancel()
     assert job.is_done() and not late.exists()
@@ -231,7 +230,7 @@ def test_goals_become_a_scene_that_the_command_reads(tmp_path: Path):
     read = read_scene(tmp_path / "scene.json")
     assert (read.prompt, read.seconds) == ("a person walks", 4.0)
     assert read.all_goals(tmp_path) == [
-        MotionPath(((0.0, 0.0), (0.0, 2.0))),
+        RootPath(((0.0, 0.0), (0.0, 2.0))),
         Reach("head", 1.0, (0.0, 1.6, 0.0)),
         Reach("right_wrist", 2.0, (0.5, 1.2, 1.0)),
     ]

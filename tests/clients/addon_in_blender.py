@@ -95,17 +95,17 @@ def press_in_window() -> dict[str, object]:
     )
     operator = SimpleNamespace(report=lambda kind, text: None, _timer=None)
     for name in ("_finished", "_failed", "_over"):
-        setattr(operator, name, MethodType(getattr(generate.Generate, name), operator))
+        setattr(operator, name, MethodType(getattr(generate.GenerateMotions, name), operator))
     looks, result = [], {"PASS_THROUGH"}
-    generate.Task.running = generate.Task(bpy.context)
+    generate.GenerationTask.running = generate.GenerationTask(bpy.context)
     while result == {"PASS_THROUGH"}:
         start = time.perf_counter()
-        result = generate.Generate.modal(operator, context, events[len(looks) % 2])
+        result = generate.GenerateMotions.modal(operator, context, events[len(looks) % 2])
         looks.append(time.perf_counter() - start)
         time.sleep(0.02)
-    generate.Task.running = task = generate.Task(bpy.context)
-    generate.Generate.modal(operator, context, events[0])
-    escaped = generate.Generate.modal(operator, context, SimpleNamespace(type="ESC"))
+    generate.GenerationTask.running = task = generate.GenerationTask(bpy.context)
+    generate.GenerateMotions.modal(operator, context, events[0])
+    escaped = generate.GenerateMotions.modal(operator, context, SimpleNamespace(type="ESC"))
     return {
         "result": [*result],
         "looks": len(looks),

@@ -13,9 +13,9 @@ from latentmotion.control.goals import (
     NO_TARGETS,
     Goal,
     Heading,
-    Path,
     Pose,
     Reach,
+    RootPath,
     TargetResidual,
     check_path,
     check_targets,
@@ -239,11 +239,11 @@ def test_a_pose_of_another_body_gives_the_joints_that_both_have() -> None:
 
 def test_the_speed_of_a_path_is_that_of_its_fastest_part() -> None:
     points, fast = [(0, 0), (0, 1), (0, 9.1)], FASTEST + 0.1
-    check_path(Path(points, [0, 1, 2.1]), 60, FPS)
+    check_path(RootPath(points, [0, 1, 2.1]), 60, FPS)
     with pytest.raises(InputError, match=rf"{fast:.1f} m/s from 1 to 2 s: people run 8 m/s"):
-        check_path(Path(points, [0, 1, 2]), 60, FPS)
+        check_path(RootPath(points, [0, 1, 2]), 60, FPS)
     with pytest.raises(InputError, match="points 1 and 2 of the path are at one place"):
-        check_path(Path([(0, 0), (0, 0)]), 60, FPS)
+        check_path(RootPath([(0, 0), (0, 0)]), 60, FPS)
 
 
 # Curves
@@ -251,7 +251,7 @@ def test_the_speed_of_a_path_is_that_of_its_fastest_part() -> None:
 
 @pytest.fixture(scope="module")
 def curve() -> Curve:
-    return Curve.through(Path([(0, 0), (0.2, 1), (1, 2), (2.5, 2.2)], [0, 0.7, 1.5, 2.5]))
+    return Curve.through(RootPath([(0, 0), (0.2, 1), (1, 2), (2.5, 2.2)], [0, 0.7, 1.5, 2.5]))
 
 
 def test_a_curve_passes_its_points_at_its_marks(curve: Curve) -> None:
@@ -263,7 +263,7 @@ def test_a_curve_passes_its_points_at_its_marks(curve: Curve) -> None:
 
 
 def test_a_straight_path_is_the_line_itself() -> None:
-    line = Curve.through(Path([(0, 0), (0, 1), (0, 3)]))
+    line = Curve.through(RootPath([(0, 0), (0, 1), (0, 3)]))
     along, aside = np.array([-1.0, 0.5, 2.0, 5.0]), np.array([0.0, 0.3, -0.2, 1.0])
     np.testing.assert_allclose(
         line.place(along, aside), np.stack([aside, along], axis=1), atol=1e-9
@@ -277,7 +277,7 @@ def test_a_motion_bent_onto_a_straight_line_is_itself(joints: np.ndarray) -> Non
     still = turn(still, -heading(still, HUMANML3D)[:, None])
     still[..., ::2] -= still[:1, :1, ::2]
     still[..., 2] += np.linspace(0, 2, 30)[:, None]
-    line = Curve.through(Path([(0, 0), (0, 2)]))
+    line = Curve.through(RootPath([(0, 0), (0, 2)]))
     np.testing.assert_allclose(bent(still, line, FPS, HUMANML3D), still, atol=1e-5)
 
 
@@ -289,9 +289,9 @@ def test_points_of_the_world_come_back_from_the_straight_line(curve: Curve) -> N
 
 
 def test_times_of_a_path_are_its_own_or_the_whole_motion(curve: Curve) -> None:
-    times, marks = straight_points(Path([(0, 0)], [0, 0.7, 1.5, 2.5]), curve, 60, FPS)
+    times, marks = straight_points(RootPath([(0, 0)], [0, 0.7, 1.5, 2.5]), curve, 60, FPS)
     assert times.tolist() == [0, 0.7, 1.5, 2.5] and (marks == curve.marks).all()
-    times, marks = straight_points(Path([(0, 0)]), curve, 60, FPS)
+    times, marks = straight_points(RootPath([(0, 0)]), curve, 60, FPS)
     assert times.tolist() == [0, 59 / FPS] and marks.tolist() == [0, curve.length]
 
 

@@ -13,7 +13,7 @@ from latentmotion.control.exact import (
     quintic,
     spread,
 )
-from latentmotion.control.goals import Path, Pose, Reach, targets_of
+from latentmotion.control.goals import Pose, Reach, RootPath, targets_of
 from latentmotion.control.path import Curve, bent, straightened
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
@@ -115,7 +115,7 @@ def test_a_pasted_piece_leaves_and_meets_what_is_around_it() -> None:
 def test_a_straight_walk_is_bent_onto_a_circle() -> None:
     radius, angles = 2.0, np.linspace(0, np.pi, 7)
     points = [(radius * (1 - np.cos(a)), radius * np.sin(a)) for a in angles]
-    curve = Curve.through(Path(points))
+    curve = Curve.through(RootPath(points))
     assert abs(curve.length - np.pi * radius) < 0.05
     joints = np.repeat(walker(1).joints(), 60, axis=0)
     joints[..., ::2] -= joints[:1, :1, ::2]
@@ -129,7 +129,7 @@ def test_a_straight_walk_is_bent_onto_a_circle() -> None:
 
 
 def test_planted_feet_stay_planted_on_a_curve() -> None:
-    curve = Curve.through(Path([(0, 0), (0, 1), (0.5, 2), (1.5, 2.5)]))
+    curve = Curve.through(RootPath([(0, 0), (0, 1), (0.5, 2), (1.5, 2.5)]))
     joints = np.repeat(walker(1).joints(), 20, axis=0)
     joints[..., ::2] -= joints[:1, :1, ::2]
     sway = 0.05 * np.linspace(0, 1, 20)[:, None]
@@ -141,7 +141,7 @@ def test_planted_feet_stay_planted_on_a_curve() -> None:
 
 
 def test_points_of_the_world_go_back_onto_the_straight_line() -> None:
-    curve = Curve.through(Path([(1, 2), (1, 3), (2, 4)]))
+    curve = Curve.through(RootPath([(1, 2), (1, 3), (2, 4)]))
     place = curve.place(np.array(1.2), np.array(0.0))
     there = straightened((place[0], 0.9, place[1]), (0.1, 1.1), 1.1, curve)
     joints = np.repeat(walker(1).joints(), 3, axis=0)

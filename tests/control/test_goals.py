@@ -10,9 +10,9 @@ import pytest
 from latentmotion.control.goals import (
     Goal,
     Heading,
-    Path,
     Pose,
     Reach,
+    RootPath,
     check_path,
     targets_of,
 )
@@ -58,16 +58,16 @@ def test_goals_that_nobody_meets_are_refused(goals: Sequence[Goal], reason: str)
 @pytest.mark.parametrize(
     ("path", "reason"),
     [
-        (Path([(0, 0)]), "two points"),
-        (Path([(0, 0), (0, 0)]), "are at one place"),
-        (Path([(0, 0), (0, 9)], [0, 1]), r"9.0 m/s from 0 to 1 s: people run 8"),
-        (Path([(0, 0), (0, 40)]), "m/s"),
-        (Path([(0, 0), (0, 1)], [1, 0]), "starts at 1 s"),
-        (Path([(0, 0), (0, 1), (0, 2)], [0, 2, 1]), "ascend"),
-        (Path([(0, 0), (0, 1)], [0, 1, 2]), "3 times for 2"),
-        (Path([(0, 0), (0, 1)], [0, 9]), "lasts from 0"),
+        (RootPath([(0, 0)]), "two points"),
+        (RootPath([(0, 0), (0, 0)]), "are at one place"),
+        (RootPath([(0, 0), (0, 9)], [0, 1]), r"9.0 m/s from 0 to 1 s: people run 8"),
+        (RootPath([(0, 0), (0, 40)]), "m/s"),
+        (RootPath([(0, 0), (0, 1)], [1, 0]), "starts at 1 s"),
+        (RootPath([(0, 0), (0, 1), (0, 2)], [0, 2, 1]), "ascend"),
+        (RootPath([(0, 0), (0, 1)], [0, 1, 2]), "3 times for 2"),
+        (RootPath([(0, 0), (0, 1)], [0, 9]), "lasts from 0"),
     ],
 )
-def test_paths_that_nobody_walks_are_refused(path: Path, reason: str) -> None:
+def test_paths_that_nobody_walks_are_refused(path: RootPath, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
         check_path(path, 80, 20.0)

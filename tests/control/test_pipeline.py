@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path as FilePath
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from latentmotion import Heading, Motion, MotionPipeline, Path, Pose, Reach
+from latentmotion import Heading, Motion, MotionPipeline, Pose, Reach, RootPath
 from latentmotion.cli.main import main
 from latentmotion.control.direct import goal_report
 from latentmotion.errors import InputError, ModelError
@@ -17,7 +17,7 @@ from tests.support.walker import walker
 
 
 @pytest.fixture(scope="module")
-def generate(student: FilePath) -> MotionPipeline:
+def generate(student: Path) -> MotionPipeline:
     return MotionPipeline.from_pretrained(student, "onnxruntime", 1)
 
 
@@ -36,7 +36,7 @@ def test_goals_are_met_exactly_in_the_cleaned_motion(generate: MotionPipeline) -
 
 
 def test_a_path_is_taken(generate: MotionPipeline) -> None:
-    path = Path([(1, 0), (1, 0.2), (1.1, 0.4)], [0, 1, 1.9])
+    path = RootPath([(1, 0), (1, 0.2), (1.1, 0.4)], [0, 1, 1.9])
     motion = generate("1", 2.0, 3, goals=[path]).cleaned()
     assert np.abs(motion.joints[20, 0, ::2] - (1, 0.2)).max() < 1e-3
     assert np.abs(motion.joints[38, 0, ::2] - (1.1, 0.4)).max() < 1e-3
@@ -83,8 +83,8 @@ def test_a_model_without_a_pullback_says_so(generate: MotionPipeline) -> None:
 
 
 def test_the_command_line(
-    student: FilePath,
-    tmp_path: FilePath,
+    student: Path,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -100,6 +100,6 @@ def test_the_command_line(
     main(["between", "one.npz", "two.npz", "--prompt", "1", *common, "-o", "three.npz"])
     assert len(Motion.load("three.npz")) == 100
     scene = {"format": 1, "prompt": "1", "seconds": 2, "headings": [{"at": 1, "degrees": 3}]}
-    FilePath("scene.json").write_text(json.dumps(scene), encoding="utf-8")
+    Path("scene.json").write_text(json.dumps(scene), encoding="utf-8")
     main(["generate", "--scene", "scene.json", *common, "-o", "four.npz"])
     assert len(Motion.load("four.npz")) == 40

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path as FilePath
+from pathlib import Path
 
 import pytest
 
-from latentmotion.control.goals import Heading, Path, Pose, Reach
+from latentmotion.control.goals import Heading, Pose, Reach, RootPath
 from latentmotion.control.scene import (
     SCHEMA_FILE,
     Scene,
@@ -26,7 +26,7 @@ def test_the_published_schema_is_the_readers() -> None:
     assert json.loads(SCHEMA_FILE.read_text(encoding="utf-8")) == json_schema(Scene, "Scene")
 
 
-def test_a_scene_becomes_goals(tmp_path: FilePath) -> None:
+def test_a_scene_becomes_goals(tmp_path: Path) -> None:
     Motion(walker(3).joints()).save(tmp_path / "stand.npz")
     content = {
         "format": 1,
@@ -39,7 +39,7 @@ def test_a_scene_becomes_goals(tmp_path: FilePath) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(content), encoding="utf-8")
     path, head, turned, pose = read_scene(file).all_goals(tmp_path)
-    assert path == Path(((0.0, 0.0), (0.0, 2.0)), (0.0, 3.0))
+    assert path == RootPath(((0.0, 0.0), (0.0, 2.0)), (0.0, 3.0))
     assert head == Reach("head", 1.0, (0.0, None, 1.5))
     assert turned == Heading(3.0, 10.0)
     assert isinstance(pose, Pose)
@@ -57,7 +57,7 @@ def test_a_scene_becomes_goals(tmp_path: FilePath) -> None:
         ({"format": 1, "path": {"points": [[0, "a"]]}}, "expected a number"),
     ],
 )
-def test_a_wrong_scene_is_refused(tmp_path: FilePath, content: object, reason: str) -> None:
+def test_a_wrong_scene_is_refused(tmp_path: Path, content: object, reason: str) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(content), encoding="utf-8")
     with pytest.raises(InputError, match=reason):
@@ -66,8 +66,8 @@ def test_a_wrong_scene_is_refused(tmp_path: FilePath, content: object, reason: s
 
 def test_goals_as_the_command_line_has_them() -> None:
     assert parse_reach("right_wrist@2.5=.3,_,2.1") == Reach("right_wrist", 2.5, (0.3, None, 2.1))
-    assert parse_path("0,0@0 0,2@2") == Path([(0.0, 0.0), (0.0, 2.0)], [0.0, 2.0])
-    assert parse_path("0,0 0,2") == Path([(0.0, 0.0), (0.0, 2.0)])
+    assert parse_path("0,0@0 0,2@2") == RootPath([(0.0, 0.0), (0.0, 2.0)], [0.0, 2.0])
+    assert parse_path("0,0 0,2") == RootPath([(0.0, 0.0), (0.0, 2.0)])
     assert parse_heading("90@2") == Heading(2.0, 90.0)
 
 

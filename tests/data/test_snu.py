@@ -12,7 +12,7 @@ from latentmotion.data.sources.evidence import shows
 from latentmotion.data.sources.snu import (
     ACTIONS,
     Group,
-    Span,
+    LabeledSpan,
     find_takes,
     grouped,
     namings,
@@ -136,7 +136,7 @@ def test_labels_marked_as_left_out_are(tmp_path: Path) -> None:
     (tmp_path / "annotation").mkdir()
     text = block("a.bvh", 1, 20, "pass", "false") + block("a.bvh", 30, 59, "pass")
     (tmp_path / "annotation" / "a.lab").write_text(text)
-    assert read_annotations(tmp_path) == {"a": [Span(30, 60, "pass")]}
+    assert read_annotations(tmp_path) == {"a": [LabeledSpan(30, 60, "pass")]}
 
 
 def test_damaged_labels(tmp_path: Path) -> None:
@@ -147,7 +147,11 @@ def test_damaged_labels(tmp_path: Path) -> None:
 
 
 def test_short_and_close_stretches() -> None:
-    spans = [Span(100, 110, "pass"), Span(150, 160, "walk"), Span(165, 180, "run")]
+    spans = [
+        LabeledSpan(100, 110, "pass"),
+        LabeledSpan(150, 160, "walk"),
+        LabeledSpan(165, 180, "run"),
+    ]
     assert grouped(spans, 300) == [
         Group(93, 117, ("pass",)),
         Group(146, 184, ("walk", "run")),

@@ -28,7 +28,7 @@ from latentmotion.evaluation.instructions.benchmark import (
     write,
 )
 from latentmotion.evaluation.instructions.body import Body
-from latentmotion.evaluation.instructions.ground_truth import Claim
+from latentmotion.evaluation.instructions.ground_truth import CaptionClaim
 from latentmotion.evaluation.instructions.prompts import VERSION, write_prompts
 from latentmotion.instructions.prompts import GROUPS, Instruction, parse
 from tests.support import acted
@@ -45,7 +45,7 @@ TAKES = ([KICK, KICK], [KICK, acted.kick("right")], [acted.jump(2)] * 2, [acted.
 
 @pytest.fixture(scope="module")
 def found() -> Benchmark:
-    real = [Claim("0001", "he kicks left", "side", parse("kick(left)"), KICK)]
+    real = [CaptionClaim("0001", "he kicks left", "side", parse("kick(left)"), KICK)]
     trained = {one.id: one.check for one in ASKED[:2]}
     return judge("mine", {"motions": "raw"}, ASKED, TAKES, real, trained)
 

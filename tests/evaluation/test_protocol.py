@@ -31,7 +31,7 @@ from latentmotion.model.config import ConvolutionalVAEConfig, IdentityVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
-from latentmotion.storage.shards import Share
+from latentmotion.storage.shards import ShardSubset
 from tests.support.moving_figures import write_moving_figures
 
 SMALL = replace(CLEAN, replications=3, split="val", repeats=Repeats(4, 3, None, 2))
@@ -122,8 +122,8 @@ def test_the_same_seed_repeats_and_replications_differ(dataset: Dataset) -> None
 def test_replications_in_shards_give_the_same_report(dataset: Dataset, tmp_path: Path) -> None:
     comparison = Comparison((noise_model(),), dataset, Echo(), SMALL)
     folder = folder_at(str(tmp_path / "replications"), create=True)
-    assert shards.make(comparison.work(), folder, Share(2, 2)) is None
-    manifest = shards.make(comparison.work(), folder, Share(1, 2))
+    assert shards.make(comparison.work(), folder, ShardSubset(2, 2)) is None
+    manifest = shards.make(comparison.work(), folder, ShardSubset(1, 2))
     assert manifest is not None and len(manifest.shards) == 3
     assert comparison.report_of(folder, manifest).rows == comparison().rows
     other = Comparison((noise_model(),), dataset, Echo(), replace(SMALL, seed=1))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from latentmotion.errors import FileFormatError, InputError, ReadingWarning
-from latentmotion.formats.keypoints import Stated, read_keypoints
+from latentmotion.formats.keypoints import KeypointOptions, read_keypoints
 from latentmotion.kinematics.keypoints import (
     LAYOUTS,
     UNREAD,
@@ -53,7 +53,9 @@ def test_files_of_all_formats_hold_the_same(tmp_path: Path, points: np.ndarray) 
     ]
     (tmp_path / "a.csv").write_text("\n".join(",".join(row) for row in [header, *rows]))
     for ending in ("npz", "npy", "json", "csv"):
-        stated = Stated(fps=30.0, names="coco_17") if ending == "npy" else Stated()
+        stated = (
+            KeypointOptions(fps=30.0, names="coco_17") if ending == "npy" else KeypointOptions()
+        )
         found = read_keypoints(tmp_path / f"a.{ending}", stated)
         assert (found.names, found.fps) == (COCO, 30.0)
         np.testing.assert_array_equal(found.points, points)
@@ -62,12 +64,12 @@ def test_files_of_all_formats_hold_the_same(tmp_path: Path, points: np.ndarray) 
 
 def test_axes_and_cameras_are_stated(tmp_path: Path, points: np.ndarray) -> None:
     np.save(tmp_path / "a.npy", points)
-    down = read_keypoints(tmp_path / "a.npy", Stated(30.0, "coco_17", up="-y"))
+    down = read_keypoints(tmp_path / "a.npy", KeypointOptions(30.0, "coco_17", up="-y"))
     np.testing.assert_array_equal(down.points, points * (1, -1, -1))
-    high = read_keypoints(tmp_path / "a.npy", Stated(30.0, "coco_17", up="z"))
+    high = read_keypoints(tmp_path / "a.npy", KeypointOptions(30.0, "coco_17", up="z"))
     np.testing.assert_array_equal(high.points[..., 1], points[..., 2])
     np.savez(tmp_path / "b.npz", points=points[..., :2], fps=25.0, size=[640, 480], focal=500.0)
-    flat = read_keypoints(tmp_path / "b.npz", Stated(focal=600.0))
+    flat = read_keypoints(tmp_path / "b.npz", KeypointOptions(focal=600.0))
     assert (flat.flat, flat.size, flat.focal) == (True, (640.0, 480.0), 600.0)
 
 
@@ -220,7 +222,7 @@ def scored(path: Path, pixels: np.ndarray) -> Path:
 def test_what_trackers_write_is_read(tracker: str, tmp_path: Path) -> None:
     layout, write = TRACKERS[tracker]
     pixels = 400 - 200 * seen_as(layout)[..., :2]
-    found = read_keypoints(write(tmp_path, pixels), Stated(fps=30.0))
+    found = read_keypoints(write(tmp_path, pixels), KeypointOptions(fps=30.0))
     assert found.flat and len(found) == len(pixels)
     seen = found.confidence[:, LAYOUTS[layout].index("left_knee")] > 0
     np.testing.assert_allclose(found.points[seen], pixels[seen])
@@ -232,7 +234,7 @@ def test_landmarks_of_mediapipe_with_their_visibility(tmp_path: Path) -> None:
     points = seen_as("mediapipe_33") * (1, -1, -1)
     np.save(tmp_path / "a.npy", np.concatenate([points, np.ones((6, 33, 1))], axis=2))
     with pytest.warns(ReadingWarning, match=r"a guess: -y is taken to point up.*\(or --up\)$"):
-        found = read_keypoints(tmp_path / "a.npy", Stated(fps=30.0))
+        found = read_keypoints(tmp_path / "a.npy", KeypointOptions(fps=30.0))
     np.testing.assert_allclose(found.points, points * (1, -1, -1))
     header = ["frame", *(f"{axis}{n}" for n in range(33) for axis in "xyzv")]
     rows = [
@@ -240,7 +242,7 @@ def test_landmarks_of_mediapipe_with_their_visibility(tmp_path: Path) -> None:
         for n, frame in enumerate(points * (1, -1, -1))
     ]
     (tmp_path / "a.csv").write_text("\n".join(",".join(row) for row in [header, *rows]))
-    table = read_keypoints(tmp_path / "a.csv", Stated(fps=30.0))
+    table = read_keypoints(tmp_path / "a.csv", KeypointOptions(fps=30.0))
     np.testing.assert_allclose(table.points, found.points, atol=1e-6)
     with pytest.raises(FileFormatError, match="give it with --fps"):
         read_keypoints(tmp_path / "a.csv")
@@ -253,10 +255,10 @@ def test_other_units_are_guessed_by_the_limbs_or_stated(
     points = seen_as("mediapipe_33")
     np.save(tmp_path / "a.npy", points / meters)
     with pytest.warns(ReadingWarning, match=f"lengths are taken for {unit}, by the limbs"):
-        found = read_keypoints(tmp_path / "a.npy", Stated(fps=30.0))
+        found = read_keypoints(tmp_path / "a.npy", KeypointOptions(fps=30.0))
     np.testing.assert_allclose(found.points, points)
     for stated in (unit, meters, str(meters)):
-        found = read_keypoints(tmp_path / "a.npy", Stated(fps=30.0, unit=stated))
+        found = read_keypoints(tmp_path / "a.npy", KeypointOptions(fps=30.0, unit=stated))
         np.testing.assert_allclose(found.points, points)
 
 
@@ -265,7 +267,7 @@ def test_uneven_times_are_made_even(tmp_path: Path) -> None:
     header = ["timestamp", "head_x", "head_y", "head_z", "head_score"]
     rows = [f"{t},{t},1,{-t},0.9" for t in times.tolist()]
     (tmp_path / "a.csv").write_text("\n".join([",".join(header), *rows]))
-    found = read_keypoints(tmp_path / "a.csv", Stated(up="y"))
+    found = read_keypoints(tmp_path / "a.csv", KeypointOptions(up="y"))
     assert 19 < found.fps < 21
     even = times[0] + np.arange(len(found)) / found.fps
     np.testing.assert_allclose(found.points[:, 0, 0], even, atol=0.02)

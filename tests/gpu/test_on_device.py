@@ -19,7 +19,7 @@ from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.engine.request import GenerationRequest, padded_batch
 from latentmotion.errors import InputError
 from latentmotion.gpu.backend import Buckets, denoiser_session, torch_pipeline
-from latentmotion.gpu.device import Recorder, on_gpu
+from latentmotion.gpu.device import FunctionRecorder, on_gpu
 from latentmotion.model.card import find_model, read_card
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.pipeline import MotionPipeline, sampler_of
@@ -109,7 +109,7 @@ def test_one_recording_serves_a_bucket(exact: MotionPipeline) -> None:
         made.append(function)
         return function
 
-    recorded = on_backend(exact, padding=Buckets(exact.card), launch=Recorder(record))
+    recorded = on_backend(exact, padding=Buckets(exact.card), launch=FunctionRecorder(record))
     for frames in (33, 40, 64):
         recorded.batch([PROMPTS[0]], frames / 20, [1], steps=1)
     assert len(made) == 2  # features and joints
@@ -130,7 +130,7 @@ def test_the_recording_unused_for_longest_goes() -> None:
         made.append(len(inputs[0]))
         return function
 
-    recorder = Recorder(record, most=2)
+    recorder = FunctionRecorder(record, most=2)
     for size in (1, 2, 1, 3, 1, 2):
         assert recorder("twice", lambda x: 2 * x, torch.ones(size)).sum() == 2 * size
     assert made == [1, 2, 3, 2]
@@ -143,7 +143,7 @@ def test_a_recording_makes_the_motions_of_other_prompts(
     devices = play_graphs(monkeypatch)
     alone = torch_pipeline(model)
     filled = on_backend(alone, padding=Buckets(alone.card))
-    recorded = on_backend(filled, launch=Recorder(on_gpu(torch.device("cuda:1"))))
+    recorded = on_backend(filled, launch=FunctionRecorder(on_gpu(torch.device("cuda:1"))))
     orders = [
         (PROMPTS[:2], [2.0, 3.0], [1, 2], 2),
         (PROMPTS[1:], [3.2, 2.5], [5, 6], 2),
@@ -158,7 +158,7 @@ def test_a_recording_makes_the_motions_of_other_prompts(
 
 def test_a_recording_keeps_what_it_reads(monkeypatch: pytest.MonkeyPatch) -> None:
     play_graphs(monkeypatch)
-    recorder, constant = Recorder(on_gpu(torch.device("cuda"))), torch.ones(3)
+    recorder, constant = FunctionRecorder(on_gpu(torch.device("cuda"))), torch.ones(3)
     there = weakref.ref(constant)
 
     def make() -> Callable[..., Tensor]:

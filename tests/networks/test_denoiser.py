@@ -11,7 +11,7 @@ from torch import Tensor
 from latentmotion.condition.interface import Conditioning
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.build import build
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.transformer import Dropout, NumberEmbedding, sinusoid
 from latentmotion.training.presets import mdm_denoiser
 
@@ -44,7 +44,7 @@ CONFIGS = {
 }
 
 
-def called(name: str) -> tuple[Denoiser, Tensor, Tensor, Conditioning, Tensor]:
+def called(name: str) -> tuple[DenoiserNetwork, Tensor, Tensor, Conditioning, Tensor]:
     """Returns a network and what it is called with: z, t, condition, mask."""
     torch.manual_seed(0)
     config = CONFIGS[name]

@@ -15,7 +15,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.retarget import Rig, find_humanoid, read_rig, retarget
-from latentmotion.retarget.rig import Pose, RestPose, SourceCharacter
+from latentmotion.retarget.rig import RestPose, RigPose, SourceCharacter
 from latentmotion.retarget.transfer import check_output, write
 from tests.support.walker import walker
 
@@ -81,7 +81,7 @@ def test_bones_have_the_rigs_lengths(moved: Animation, rig: Rig) -> None:
 
 def test_a_figure_at_rest_keeps_the_rigs_rest_pose(rig: Rig) -> None:
     hips = np.mean([rig.rest()[rig.body.joints[f"{side}_hip"]] for side in ("left", "right")], 0)
-    pose = Pose(rig, {}, np.tile(hips, (3, 1)))
+    pose = RigPose(rig, {}, np.tile(hips, (3, 1)))
     np.testing.assert_allclose(pose.joints, np.tile(rig.rest(), (3, 1, 1)), atol=1e-9)
     np.testing.assert_allclose(
         pose.moved({}, np.tile(hips + np.array([0, 1, 0]), (3, 1))).joints[0, rig.body.pelvis],
@@ -95,7 +95,7 @@ def test_a_pose_has_its_hips_where_it_was_told(rig: Rig) -> None:
     hips = generator.normal(size=(4, 3))
     turns = np.linalg.qr(generator.normal(size=(4, 3, 3)))[0]
     turns *= np.linalg.det(turns)[:, None, None]
-    pose = Pose(rig, {rig.body.pelvis: turns}, hips)
+    pose = RigPose(rig, {rig.body.pelvis: turns}, hips)
     middle = (pose.position("left_hip") + pose.position("right_hip")) / 2
     np.testing.assert_allclose(middle, hips, atol=1e-9)
     np.testing.assert_allclose(pose.world[:, rig.body.pelvis], turns)

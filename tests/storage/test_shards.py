@@ -15,15 +15,15 @@ import pytest
 from latentmotion.errors import DataError, InputError
 from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
-from latentmotion.storage.shards import Run, Shard, Share, Work, Wrong
+from latentmotion.storage.shards import Run, ShardContent, ShardSubset, Work, Wrong
 
 COUNT = 9
 NAMES = tuple(f"numbers-{number}.txt" for number in range(COUNT))
 
 
-def numbers(first: int) -> Shard:
+def numbers(first: int) -> ShardContent:
     content = "".join(f"{first + number}\n" for number in range(1000)).encode()
-    return Shard(content, 9, (Wrong(first + 1, "one is wrong"),))
+    return ShardContent(content, 9, (Wrong(first + 1, "one is wrong"),))
 
 
 def work(seed: int = 0) -> Work:
@@ -74,7 +74,7 @@ from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
 from tests.storage.test_shards import work
 
-shards.make(work(), folder_at(sys.argv[1], create=True), shards.Share.parse(sys.argv[2]))
+shards.make(work(), folder_at(sys.argv[1], create=True), shards.ShardSubset.parse(sys.argv[2]))
 """
 """Makes shards, but is killed before or after a rename, or half through a file."""
 
@@ -113,7 +113,7 @@ def test_finished_shards_are_skipped(whole: dict[str, bytes], tmp_path: Path) ->
 
 @pytest.mark.parametrize("count", [1, 2, 5, 20])
 def test_shares_cover_every_shard_once(count: int, whole: dict[str, bytes], tmp_path: Path) -> None:
-    shares = [Share(number, count) for number in range(1, count + 1)]
+    shares = [ShardSubset(number, count) for number in range(1, count + 1)]
     assert sorted(name for share in shares for name in share.of(NAMES)) == sorted(NAMES)
     folder = folder_at(str(tmp_path / "shared"), create=True)
     manifests = [shards.make(work(), folder, share) for share in shares]
@@ -124,7 +124,7 @@ def test_shares_cover_every_shard_once(count: int, whole: dict[str, bytes], tmp_
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "-1/3", "1/0"])
 def test_a_wrong_share_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="expected a number of a total"):
-        Share.parse(text)
+        ShardSubset.parse(text)
 
 
 def test_another_run_is_refused(whole: dict[str, bytes], tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_another_run_is_refused(whole: dict[str, bytes], tmp_path: Path) -> None
 def test_a_shard_of_another_run_is_not_taken(tmp_path: Path) -> None:
     for seed in (0, 1):
         folder = folder_at(str(tmp_path / str(seed)), create=True)
-        shards.make(work(seed), folder, Share(1, 2))
+        shards.make(work(seed), folder, ShardSubset(1, 2))
     other = tmp_path / "1" / f"{NAMES[0]}.json"
     (tmp_path / "0" / other.name).write_bytes(other.read_bytes())
     with pytest.raises(DataError, match=r"numbers-0\.txt is of another run"):
@@ -173,7 +173,7 @@ def test_a_check_names_what_is_not_finished(tmp_path: Path) -> None:
     folder = folder_at(str(tmp_path / "run"), create=True)
     with pytest.raises(DataError, match=r"no run: it has no run\.json"):
         shards.check(folder)
-    shards.make(work(), folder, Share(2, 2))
+    shards.make(work(), folder, ShardSubset(2, 2))
     with pytest.raises(DataError, match=r"5 of 9 files are missing \(numbers-0.txt, .*, …\)"):
         shards.check(folder)
 
@@ -183,7 +183,7 @@ def test_a_url_holds_the_same_bytes(whole: dict[str, bytes]) -> None:
     memory = fsspec.filesystem("memory")
     memory.pipe_file("/bulk/numbers/.left.txt.part", b"half")
     folder = folder_at("memory://bulk/numbers", create=True)
-    shards.make(work(), folder, Share(2, 2))
+    shards.make(work(), folder, ShardSubset(2, 2))
     shards.make(work(), folder)
     shards.check(folder)
     assert {name: folder.read(name) for name in folder.names()} == whole

@@ -13,7 +13,7 @@ from latentmotion import Motion
 from latentmotion.service.settings import Settings
 from latentmotion.studio.app import create_studio
 from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import Library, Take
+from latentmotion.studio.library import Library, StoredTake
 from tests.service.conftest import TOKEN, Called, calling, serving
 
 SETTINGS = Settings(file_workers=1, tokens=(hashlib.sha256(TOKEN.encode()).digest(),))
@@ -35,7 +35,7 @@ def library(tmp_path: Path) -> Iterator[Library]:
     library.close()
 
 
-def kept(library: Library, motion: Motion, **recipe: Any) -> Take:
+def kept(library: Library, motion: Motion, **recipe: Any) -> StoredTake:
     """Returns the take of a motion that is put into a library."""
     edits = Edits()
     (take,) = library.add([(motion, {"prompt": motion.caption, **recipe}, motion.caption, edits)])

@@ -21,12 +21,12 @@ from latentmotion.training.journal import read_journal
 from latentmotion.training.loop import train
 from latentmotion.training.text_encoder.data import (
     GROUP,
-    Batch,
-    HeldOut,
+    SentenceBatch,
     SentenceSampler,
     TaggedCaption,
-    Targets,
+    TeacherOutputs,
     TrainingSet,
+    ValidationSentences,
     compare,
     padded,
     parse_line,
@@ -64,7 +64,7 @@ def test_losses_are_zero_for_the_teacher_itself() -> None:
     words = torch.randn(2, 3, 4)
     mask = torch.tensor([[True, True, True], [True, True, False]])
     pooled = torch.nn.functional.normalize(torch.randn(2, 4), dim=1)
-    batch = Batch(torch.zeros(2, 3, dtype=torch.long), mask, pooled, mask, words[mask])
+    batch = SentenceBatch(torch.zeros(2, 3, dtype=torch.long), mask, pooled, mask, words[mask])
     assert not any(distillation_losses(pooled, words, batch).values())
     losses = distillation_losses(-pooled, words, batch)
     assert float(losses["total"]) == pytest.approx(80)
@@ -94,9 +94,11 @@ def tiny_stage(ranks: Ranks = CONTEXT.ranks) -> TextEncoderStage:
     torch.manual_seed(0)
     network = StudentNetwork(NetworkShape(teacher_tokenizer().get_vocab_size(), 8, 1, 2, 16, 16))
     aligned = [row % 3 > 0 for row in range(len(ids))]
-    data = TrainingSet(ids, aligned, Targets(pooled, words, starts))
+    data = TrainingSet(ids, aligned, TeacherOutputs(pooled, words, starts))
     context = replace(CONTEXT, ranks=ranks)
-    return TextEncoderStage(network, data, HeldOut(CAPTIONS, ids, pooled), SETTINGS, context)
+    return TextEncoderStage(
+        network, data, ValidationSentences(CAPTIONS, ids, pooled), SETTINGS, context
+    )
 
 
 def test_an_interrupted_run_goes_on_bit_for_bit(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion, cleaned
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import sha256
-from latentmotion.storage.shards import Run, Shard, Work, Wrong
+from latentmotion.storage.shards import Run, ShardContent, Work, Wrong
 from latentmotion.text.cache import MemoryCachedTextEncoder
 
 Format = Literal["safetensors", "parquet"]
@@ -174,7 +174,7 @@ def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int 
     return Work(Run(settings, len(every), tuple(tasks)), tasks)
 
 
-def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> Shard:
+def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> ShardContent:
     """Generates the motions of a shard.
 
     Raises:
@@ -202,7 +202,7 @@ def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> Shard:
     pack = _parquet if generation.format == "parquet" else _safetensors
     content = pack(joints, columns, [row.prompt for row in good], about)
     wrong = (Wrong(line, problem) for line, problem in problems.items() if problem)
-    return Shard(content, len(good), tuple(wrong))
+    return ShardContent(content, len(good), tuple(wrong))
 
 
 @lru_cache(maxsize=1)

@@ -88,7 +88,7 @@ class Bulk:
             raise InputError("no prompts given; name a file: latentmotion bulk prompts.txt")
         if self.dask and self.shard:
             raise InputError("give either --shard or --dask, not both")
-        share = shards.Share.parse(self.shard) if self.shard else shards.Share()
+        share = shards.ShardSubset.parse(self.shard) if self.shard else shards.ShardSubset()
         execution = ExecutionOptions(self.device, self.precision, self.launch)
         generation = BulkGeneration(
             load_generator,

@@ -23,7 +23,7 @@ _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
 
 
 @dataclass(frozen=True)
-class Clean(options.Reading):
+class Clean(options.ReadingOptions):
     """Clean up a motion: hold standing feet, remove jitter, put the figure on the floor.
 
     A BVH file that is cleaned into a BVH file keeps its skeleton, its unit and its axes.

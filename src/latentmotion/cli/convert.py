@@ -117,9 +117,11 @@ class ConvertEvaluator:
         weights = evaluators.action_classifier_weights(reading.read_content(self.file))
         if weights is not None:
             labels = read_lines(self.labels, "label") if self.labels else None
-            about = evaluators.convert_action_classifier(weights, self.file, self.output, labels)
-            kind = type(about.network).__name__.removesuffix("Config")
-            print(f"wrote {self.output}: {kind}, {len(about.labels)} actions")
+            description = evaluators.convert_action_classifier(
+                weights, self.file, self.output, labels
+            )
+            kind = type(description.network).__name__.removesuffix("Config")
+            print(f"wrote {self.output}: {kind}, {len(description.labels)} actions")
             return
         evaluators.evaluator_weights(self.file)
         if self.statistics is None or self.glove is None:

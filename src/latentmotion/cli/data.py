@@ -97,8 +97,8 @@ class PrepareCmu:
     def run(self) -> None:
         """Prepares the folder and prints the report."""
         data = cmu.CmuTrials.load(self.trials, self.humanml3d, self.fps)
-        known = to_json([data.rates, data.rows, data.splits, data.texts, data.exercises])
-        digest = hashlib.sha256(json.dumps(known).encode()).hexdigest()
+        tables = to_json([data.rates, data.rows, data.splits, data.texts, data.exercises])
+        digest = hashlib.sha256(json.dumps(tables).encode()).hexdigest()
         settings = {"source": "cmu", "uncaptioned": self.uncaptioned, "annotations": digest}
         notes = (
             f"HumanML3D's index has {data.missing} more CMU clips, of trials that are not in "
@@ -200,7 +200,7 @@ class PrepareUestc:
 
 
 @dataclass(frozen=True)
-class PrepareLabelled(options.Reading):
+class PrepareLabelled(options.ReadingOptions):
     """Take motion files in folders named after their actions: LABEL/take.bvh."""
 
     folder: options.Folder
@@ -240,7 +240,7 @@ class PrepareLabelled(options.Reading):
 
 
 @dataclass(frozen=True)
-class PrepareOwn(options.Reading):
+class PrepareOwn(options.ReadingOptions):
     """Take your own BVH, FBX, GLB, AMC, USD or NPZ files, with captions beside them or in a CSV."""
 
     folder: options.Folder
@@ -293,16 +293,16 @@ class PreparePlugin:
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        found = plugin("latentmotion.data_sources", self.source)
-        if found is None:
-            known = plugin_names("latentmotion.data_sources")
-            advice = hint(self.source, known) if known else "no plugin adds one"
+        source = plugin("latentmotion.data_sources", self.source)
+        if source is None:
+            names = plugin_names("latentmotion.data_sources")
+            advice = hint(self.source, names) if names else "no plugin adds one"
             raise InputError(f"no data source {self.source!r}; {advice}")
-        if missing := [name for name in ("SOURCE", "recordings") if not hasattr(found, name)]:
+        if missing := [name for name in ("SOURCE", "recordings") if not hasattr(source, name)]:
             raise InputError(f"the data source {self.source!r} lacks {' and '.join(missing)}")
         representation = representation_named(self.representation)
-        recordings = encode_all(found.recordings(self.folder), representation)
-        _prepare(self.output, representation, found.SOURCE, recordings)
+        recordings = encode_all(source.recordings(self.folder), representation)
+        _prepare(self.output, representation, source.SOURCE, recordings)
 
 
 @dataclass(frozen=True)
@@ -337,13 +337,13 @@ class PackData:
 
     def run(self) -> None:
         """Writes the file and prints its size and accuracy."""
-        found = packing.pack(self.folder, self.output, self.quantum / 1000)
+        pack = packing.pack(self.folder, self.output, self.quantum / 1000)
         size = self.output.stat().st_size
-        bits = 8 * size / found.frames
+        bits = 8 * size / pack.frames
         print(f"wrote {self.output} ({size / 1e6:.2f} MB, {bits:.0f} bits per frame)")
-        print(f"joints within {found.joints_mm:.3f} mm, {found.contacts} contact labels differ")
-        squares = found.squares.items()
-        errors = (f"{name} {sqrt(total / found.frames):.4f}" for name, total in squares)
+        print(f"joints within {pack.joints_mm:.3f} mm, {pack.contacts} contact labels differ")
+        squares = pack.squares.items()
+        errors = (f"{name} {sqrt(total / pack.frames):.4f}" for name, total in squares)
         print(f"normalized features off by (RMS): {', '.join(errors)}")
 
 
@@ -366,7 +366,7 @@ class UnpackData:
 
 
 @dataclass(frozen=True)
-class Check:
+class CheckData:
     """List what a folder of raw or prepared data holds, what it lacks and how to get it."""
 
     folder: options.Folder
@@ -410,13 +410,13 @@ class Compose:
         check_replaceable(self.output, MANIFEST)
         dataset = Dataset.load(self.folder)
         if self.single:
-            wanted = Composition(
+            composition = Composition(
                 self.count,
                 self.seed,
                 seconds=(1.2, 9.8),
                 refused_captions=refused_captions(),
             )
-            composed = compose_actions(dataset, wanted)
+            composed = compose_actions(dataset, composition)
         else:
             composed = compose(dataset, Composition(self.count, self.seed))
         preparation = Preparation(dataset.representation)
@@ -429,7 +429,7 @@ class Compose:
 
 
 @dataclass(frozen=True)
-class Describe(options.Reading):
+class Describe(options.ReadingOptions):
     """Measure what motions do and write it as captions.
 
     A prepared folder becomes a prepared folder with more captions. A folder of BVH, FBX, GLB, AMC
@@ -493,12 +493,12 @@ class Describe(options.Reading):
         print(report.text() if self.check else report.table())
         print(f"wrote {self.output}")
 
-    def write_csv(self, found: list[described.FileRow | Dropped]) -> None:
+    def write_csv(self, items: list[described.FileRow | Dropped]) -> None:
         """Writes the captions and prints which motions were dropped."""
-        for item in found:
+        for item in items:
             if isinstance(item, Dropped):
                 print(f"{item.id}: {item.reason}")
-        rows = [item for item in found if isinstance(item, described.FileRow)]
+        rows = [item for item in items if isinstance(item, described.FileRow)]
         if not rows:
             raise InputError(f"{self.folder}: no motion in it can be described")
         described.write_captions(self.output, rows)
@@ -530,7 +530,9 @@ def _prepare_official(
     print(f"wrote {output}")
 
 
-def _settings_of(motions: OwnMotions, captions: Path | None, reading: options.Reading) -> Any:
+def _settings_of(
+    motions: OwnMotions, captions: Path | None, reading: options.ReadingOptions
+) -> Any:
     """Returns what decides how motion files are read, as plain values."""
     return {
         "source": motions.source.name,
@@ -575,12 +577,12 @@ class _Files:
         """
         if shard and dask:
             raise InputError("give either --shard or --dask, not both")
-        share = shards.Share.parse(shard) if shard else shards.Share()
+        share = shards.ShardSubset.parse(shard) if shard else shards.ShardSubset()
         check_replaceable(self.output, MANIFEST)
         groups = self.groups(sharding.FILES if shard or dask else None)
         if not (shard or dask):
-            found = chain.from_iterable(group.read() for group in groups)
-            recordings = encode_all(found, self.representation)
+            read = chain.from_iterable(group.read() for group in groups)
+            recordings = encode_all(read, self.representation)
         else:
             settings = {"version": __version__, **self.settings}
             work = sharding.work_of(groups, self.representation, settings)

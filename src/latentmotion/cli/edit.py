@@ -24,7 +24,7 @@ _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Filling(options.Reading):
+class _Filling(options.ReadingOptions):
     """Options of both verbs."""
 
     output: Outputs = (Path("motion.npz"),)
@@ -51,7 +51,7 @@ class _Filling(options.Reading):
 
 
 @dataclass(frozen=True)
-class Edit(_Filling):
+class EditMotion(_Filling):
     """Generate a part of a motion anew; all other frames stay as they are.
 
     Example: latentmotion edit walk.npz "a person jumps" --between 1.2 2.4 -o jump.bvh

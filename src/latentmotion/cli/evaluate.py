@@ -30,7 +30,7 @@ from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable
-from latentmotion.storage.shards import Share
+from latentmotion.storage.shards import ShardSubset
 
 if TYPE_CHECKING:
     from latentmotion.evaluation.candidates import Candidate
@@ -139,7 +139,7 @@ class Evaluate:
             dataset, evaluator = position_scores.with_smpl_joints(body, dataset, evaluator)
         candidates, protocol = self.candidates(folder), self.changed_protocol()
         comparison = evaluate.Comparison(tuple(candidates), dataset, evaluator, protocol)
-        report = self._shared(comparison, self.shard) if self.shard else comparison()
+        report = self._measure_share(comparison, self.shard) if self.shard else comparison()
         if report is None:
             print(f"shard {self.shard} is finished, others are not")
             return
@@ -160,13 +160,13 @@ class Evaluate:
             replace(card, figures=to_json(figures)).write(folder)
             print(f"\nwrote the figures into {folder / 'model.json'}")
 
-    def _shared(self, comparison: Comparison, shard: str) -> Report | None:
+    def _measure_share(self, comparison: Comparison, shard: str) -> Report | None:
         """Measures the replications of a share; returns the report if all are finished.
 
         Raises:
             InputError: There is no output folder, or the scores beside it are of another run.
         """
-        share, output = Share.parse(shard), self.output
+        share, output = ShardSubset.parse(shard), self.output
         if output is None:
             raise InputError("--shard keeps scores beside the report; name its folder by --output")
         folder = folder_at(str(output.with_name(f"{output.name}.replications")), create=True)
@@ -238,9 +238,9 @@ class Evaluate:
             answers = name or "joints", {"joints": name, **takes}, takes_of
         else:
             answers = self.generated()
-        name, about, takes_of = answers
-        trained = {one.id: one.check for one in trained_prompts.instructions()}
-        result = benchmark.judge(name, about, instructions(), takes_of, claims, trained)
+        name, settings, takes_of = answers
+        trained = {item.id: item.check for item in trained_prompts.instructions()}
+        result = benchmark.judge(name, settings, instructions(), takes_of, claims, trained)
         print(benchmark.table(result))
         if self.output is not None:
             benchmark.write(result, self.output)
@@ -248,7 +248,7 @@ class Evaluate:
         if self.card and self.model is not None:
             folder = find_model(self.model)
             card = read_card(folder)
-            obeyed = {group: round(one.share, 4) for group, one in result.model.items()}
+            obeyed = {group: round(item.share, 4) for group, item in result.model.items()}
             replace(card, figures={**card.figures, "instructions": obeyed}).write(folder)
             print(f"\nwrote the figures into {folder / CARD_FILE}")
 
@@ -262,7 +262,7 @@ class Evaluate:
         card = generator.card
         sampling = card.sampling.but(self.steps, self.guidance, self.sampler)
         settings = motions.GenerationSettings(self.takes, self.clean, sampling)
-        about = {
+        described = {
             "model": card.name,
             "steps": str(sampling.steps),
             "guidance": f"{sampling.guidance:g}",
@@ -270,7 +270,7 @@ class Evaluate:
             "takes": str(settings.takes),
             "motions": "cleaned" if settings.clean else "as the network made them",
         }
-        return card.name, about, motions.generate_motions(generator, instructions(), settings)
+        return card.name, described, motions.generate_motions(generator, instructions(), settings)
 
     @property
     def execution(self) -> ExecutionOptions:

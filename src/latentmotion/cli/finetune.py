@@ -16,7 +16,7 @@ from latentmotion.training.finetune import FineTuning, finetune
 
 
 @dataclass(frozen=True)
-class FineTune(options.Reading):
+class FineTune(options.ReadingOptions):
     """Teach a model the movements of your own clips: prepare, train, distill, export.
 
     The same command again resumes a stopped run, which is kept in OUTPUT.run.

@@ -13,7 +13,7 @@ from latentmotion.cleanup.changes import Changes
 from latentmotion.cli.clean import tell
 from latentmotion.cli.options import Outputs, RuntimeChoice, Threads
 from latentmotion.errors import InputError
-from latentmotion.formats.keypoints import ENDINGS, Stated, read_keypoints
+from latentmotion.formats.keypoints import ENDINGS, KeypointOptions, read_keypoints
 from latentmotion.model.card import DEFAULT
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import check_writable
@@ -68,17 +68,17 @@ class Fit:
             check_writable(path)
         if self.runtime == "pytorch":
             raise InputError("--runtime pytorch: motions are fitted on onnxruntime or openvino")
-        stated = Stated(self.fps, self.layout, self.size, self.focal, self.up, self.unit)
+        stated = KeypointOptions(self.fps, self.layout, self.size, self.focal, self.up, self.unit)
         keypoints = read_keypoints(self.file, stated)
         generate = MotionPipeline.from_pretrained(self.model, self.runtime, self.threads)
         motion = generate.fit(keypoints, noise=self.noise)
         fitted = motion
         if self.clean:
             motion = motion.cleaned()
-        found = motion.metadata["fit"]
+        fit = motion.metadata["fit"]
         print(
-            f"noise {100 * found['noise']:.1f} cm, {100 * found['dropped']:.1f} % of the points "
-            f"dropped as mistakes, body {1 / found['scale']:.2f} times the model's"
+            f"noise {100 * fit['noise']:.1f} cm, {100 * fit['dropped']:.1f} % of the points "
+            f"dropped as mistakes, body {1 / fit['scale']:.2f} times the model's"
         )
         written = [file for path in self.output for file in formats.save(path, [motion])]
         print("\n".join(f"wrote {path}" for path in written))

@@ -29,7 +29,7 @@ VERBS = {
     "generate": Verb("generate:Generate", "Turn sentences or labels into motion files."),
     "bulk": Verb("bulk:Bulk", "Turn a file of prompts into many motions."),
     "clean": Verb("clean:Clean", "Clean up a motion: hold standing feet, remove jitter."),
-    "edit": Verb("edit:Edit", "Generate a part of a motion anew."),
+    "edit": Verb("edit:EditMotion", "Generate a part of a motion anew."),
     "between": Verb("edit:Between", "Generate what leads from one motion to another."),
     "teach": Verb("teach:Teach", "Show a model a movement: a clip and what it shows."),
     "fit": Verb("fit:Fit", "Turn keypoints of a tracker into a clean motion."),
@@ -58,7 +58,7 @@ VERBS = {
     "data unpack": Verb("data:UnpackData", "Write the prepared folder that a pack holds."),
     "data compose": Verb("data:Compose", "Join pairs of actions into sequences, for training."),
     "data describe": Verb("data:Describe", "Write captions measured from the motions."),
-    "data check": Verb("data:Check", "List what a data folder holds and what it lacks."),
+    "data check": Verb("data:CheckData", "List what a data folder holds and what it lacks."),
     "train vae": Verb("train:TrainVAE", "Train a motion VAE (stage 1)."),
     "train denoiser": Verb("train:TrainDenoiser", "Train the diffusion (stage 2)."),
     "train decoder": Verb("train:TrainDecoder", "Train a cheaper decoder for a model's latents."),
@@ -105,11 +105,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with warnings.catch_warnings():
-            told: set[str] = set()
+            printed: set[str] = set()
 
             def tell_once(message: Warning | str, *_: object, **__: object) -> None:
-                if str(message) not in told:
-                    told.add(str(message))
+                if str(message) not in printed:
+                    printed.add(str(message))
                     print(f"warning: {message}", file=sys.stderr)
 
             warnings.showwarning = tell_once
@@ -119,9 +119,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
+        # 128 + SIGINT, as shells report it.
         raise SystemExit(130) from None
     except BrokenPipeError:
         _close_output()
+        # 128 + SIGPIPE.
         raise SystemExit(141) from None
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT) or error.filename is not None:
@@ -132,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _close_output() -> None:
-    """Sends what is left of standard output into nothing, as Python flushes it once more."""
+    """Sends the rest of standard output to the null device, since Python flushes it once more."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -164,15 +166,15 @@ def _run(words: list[str]) -> None:
 
 def _print_group(words: list[str]) -> None:
     """Prints the verbs of a group such as `data`; raises InputError for an unknown verb."""
-    known = next((n for n in (2, 1) if n <= len(words) and _group(words[:n])), 0)
-    group = _group(words[:known])
-    if known and (len(words) == known or words[known] in ("-h", "--help")):
+    depth = next((n for n in (2, 1) if n <= len(words) and _group(words[:n])), 0)
+    group = _group(words[:depth])
+    if depth and (len(words) == depth or words[depth] in ("-h", "--help")):
         print(_overview(group))
         return
-    typed = " ".join(words[: known + 1])
+    typed = " ".join(words[: depth + 1])
     # One word further than what was understood, so that "xyz" is no reason to name every verb.
-    names = dict.fromkeys(" ".join(name.split()[: known + 1]) for name in group)
-    verbs = [name for name in group if words[known] in name.split()[known + 1 :]]
+    names = dict.fromkeys(" ".join(name.split()[: depth + 1]) for name in group)
+    verbs = [name for name in group if words[depth] in name.split()[depth + 1 :]]
     advice = f"did you mean {verbs[0]!r}?" if verbs else hint(typed, names)
     raise InputError(f"unknown command {typed!r}; {advice}")
 

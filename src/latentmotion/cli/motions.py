@@ -23,7 +23,7 @@ from latentmotion.storage.files import check_writable
 
 
 @dataclass(frozen=True)
-class Retarget(options.Reading):
+class Retarget(options.ReadingOptions):
     """Retarget motions to your own character: any skeleton in .glb, .gltf, .vrm, .fbx, .bvh, .asf.
 
     The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,

@@ -143,7 +143,7 @@ Changes = UseAppendAction[tuple[str, ...]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading:
+class ReadingOptions:
     """Options of every command that reads motion files, with one meaning."""
 
     unit: Annotated[

@@ -38,7 +38,7 @@ _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a 
 
 
 @dataclass(frozen=True)
-class Render(options.Reading):
+class Render(options.ReadingOptions):
     """Draw motions as a video, a GIF, a picture strip or a page, with a figure of your choice.
 
     Examples:
@@ -80,8 +80,8 @@ class Render(options.Reading):
             check_fps(self.output_fps)
         for path in self.output:
             if path.suffix.lower() not in _VIDEOS + _PICTURES + _PAGES:
-                known = " ".join(_VIDEOS + _PICTURES + _PAGES)
-                raise InputError(f"cannot draw {path}: its ending is none of {known}")
+                endings = " ".join(_VIDEOS + _PICTURES + _PAGES)
+                raise InputError(f"cannot draw {path}: its ending is none of {endings}")
             if path.is_dir():
                 raise InputError(f"cannot write {path}: it is a folder; name a file in it")
             check_writable(path)

@@ -58,8 +58,8 @@ class Search:
         if self.index is not None:
             check_writable(self.index)
         scorer, caches = Scorer.load(self.scorer), cache_folder()
-        kept = self.index or (caches and caches / "search" / index_name(self.folder, scorer))
-        index = MotionIndex.of(self.folder, scorer, kept)
+        index_path = self.index or (caches and caches / "search" / index_name(self.folder, scorer))
+        index = MotionIndex.of(self.folder, scorer, index_path)
         hits = index.search(self.sentence, self.count)
         for path, problem in index.problems.items():
             print(f"warning: left out: {problem or path}", file=sys.stderr)
@@ -79,7 +79,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Nearest(options.Reading):
+class Nearest(options.ReadingOptions):
     """Report the clips of the training data that are nearest to a motion.
 
     Example: latentmotion nearest walk.bvh -n 5

@@ -104,10 +104,10 @@ class Serve:
             if error.name is None or error.name.startswith("latentmotion"):
                 raise
             raise MissingExtraError("latentmotion serve", error.name, "serve") from error
-        with bound(self.host, self.port) as place:
+        with bound(self.host, self.port) as listener:
             app = create_app(settings)
-            print(address(place), flush=True)
-            serve(app, place, self.notice, self.shutdown)
+            print(address(listener), flush=True)
+            serve(app, listener, self.notice, self.shutdown)
 
 
 def middleware_named(name: str) -> Middleware:
@@ -120,9 +120,9 @@ def middleware_named(name: str) -> Middleware:
     if not (module and colon and function):
         raise InputError(f"--asgi-middleware {name}: expected MODULE:CALLABLE")
     try:
-        found = getattr(import_module(module), function)
+        middleware = getattr(import_module(module), function)
     except (ImportError, AttributeError) as error:
         raise InputError(f"--asgi-middleware {name}: {error}") from error
-    if not callable(found):
+    if not callable(middleware):
         raise InputError(f"--asgi-middleware {name}: it cannot be called")
-    return found
+    return middleware

@@ -71,14 +71,14 @@ class Studio:
             if error.name is None or error.name.startswith("latentmotion"):
                 raise
             raise MissingExtraError("latentmotion studio", error.name, "studio") from error
-        with bound(self.host, self.port) as place:
+        with bound(self.host, self.port) as listener:
             library = Library((self.library or default_folder()).expanduser().resolve())
             token = kept_token(library.folder)
             settings = replace(settings, tokens=(hashlib.sha256(token.encode()).digest(),))
             app = create_studio(settings, library, self.model[1:])
             # Behind #, so that neither a log nor another page ever sees it.
-            page = f"{address(place)}/studio#token={token}"
+            page = f"{address(listener)}/studio#token={token}"
             print(page, flush=True)
             if self.browser:  # in a thread, since a browser of the terminal holds the server up
                 Thread(target=webbrowser.open, args=(page,), daemon=True).start()
-            serve(app, place, 0.0, 5.0)
+            serve(app, listener, 0.0, 5.0)

@@ -51,12 +51,12 @@ class MakeStudy:
         check_writable(self.output)
         if self.order_seed is not None and self.order_seed < 0:
             raise InputError(f"--order-seed {self.order_seed}: expected a number from 0 up")
-        wanted = design.Wanted(design.read_prompts(self.prompts), self.seeds, self.seconds)
-        a, b = (design.motions_of(source, wanted, load_generator) for source in (self.a, self.b))
+        plan = design.StudyPlan(design.read_prompts(self.prompts), self.seeds, self.seconds)
+        a, b = (design.motions_of(source, plan, load_generator) for source in (self.a, self.b))
         both = list(zip(a, b, strict=True))
         for warning in design.check_lengths(both):
             print(f"warning: {warning}", file=sys.stderr)
-        rows = zip(wanted.rows(), both, strict=True)
+        rows = zip(plan.rows(), both, strict=True)
         pairs = [design.Pair(prompt, seed, a, b) for (prompt, seed), (a, b) in rows]
         seed = secrets.randbits(32) if self.order_seed is None else self.order_seed
         study = design.design(pairs, design.describe(self.a), design.describe(self.b), seed)

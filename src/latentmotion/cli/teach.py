@@ -14,7 +14,7 @@ from latentmotion.data.recording import features_of
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT, MOVES_FILE
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.retrieval.index import ClipIndex, index_file, joined
+from latentmotion.retrieval.index import index_file, joined
 from latentmotion.retrieval.teach import ShownClip
 from latentmotion.storage.files import check_writable
 
@@ -61,17 +61,18 @@ class Teach:
         target = self.output / MOVES_FILE
         check_writable(target if self.output.exists() else self.output)
         pipeline = MotionPipeline.from_pretrained(self.model)
-        clips = [self._shown(pipeline, *one) for one in enumerate(formats.load(self.file))]
+        clips = [self._clip_of(pipeline, *item) for item in enumerate(formats.load(self.file))]
         source = Source(self.credit or self.output.resolve().name, self.license, self.credit)
         index = pipeline.taught(clips, [source])
-        before = self._before(index)
-        index = before.joined(index) if before else index
+        if target.exists():
+            earlier = joined([index_file(self.output)], index.latent_space, index.text_encoder)
+            index = earlier.joined(index)
         self.output.mkdir(exist_ok=True)
         index.write(target)
         print(f"wrote {target}: {len(index.clips)} clips, {len(index.captions)} sentences")
         print(f'try: latentmotion generate "{self.sentences[0]}" --moves {self.output}')
 
-    def _shown(self, pipeline: MotionPipeline, number: int, motion: formats.Motion) -> ShownClip:
+    def _clip_of(self, pipeline: MotionPipeline, number: int, motion: formats.Motion) -> ShownClip:
         space = pipeline.representation
         features = features_of(motion, space)
         if self.between:
@@ -86,10 +87,3 @@ class Teach:
         captions = tuple(Caption(text.strip(), 0, len(features)) for text in self.sentences)
         owner = self.credit or self.output.resolve().name
         return ShownClip(name, owner, self.file.name, features, captions)
-
-    def _before(self, index: ClipIndex) -> ClipIndex | None:
-        """Returns the clips that the folder holds, None if it holds none."""
-        if not (self.output / MOVES_FILE).exists():
-            return None
-        file = index_file(self.output)
-        return joined([file], index.latent_space, index.text_encoder)

@@ -435,7 +435,7 @@ class TrainClassifier:
         experiment = with_changes(experiment, self.set)
         with distributed_context(self.device) as context:
             folder = classifier.train_classifier(experiment, self.data, self.output, context)
-            about = describe_action_classifier(folder) if context.is_main else None
+            description = describe_action_classifier(folder) if context.is_main else None
         print(folder)
-        for name, value in about.figures.items() if about else ():
+        for name, value in description.figures.items() if description else ():
             print(f"{name} {value:.3f}")

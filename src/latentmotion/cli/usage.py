@@ -42,14 +42,14 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     cls = _with_presets_training(command, words)
 
     def refuse(event: Any) -> None:
-        if told := _told(event, cls):
-            raise InputError(told + ("" if told.endswith("?") else advice))
+        if problem := _explanation(event, cls):
+            raise InputError(problem + ("" if problem.endswith("?") else advice))
 
     advice, box = f"; see latentmotion {name} --help", io.StringIO()
     try:
         hook = events.on_parse_error(refuse) if events else nullcontext()
         with hook, redirect_stderr(box):
-            found = tyro.cli(
+            command_values = tyro.cli(
                 cls,
                 prog=f"latentmotion {name}",
                 description=getdoc(command),  # tyro leaves out the examples
@@ -60,8 +60,8 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
             raise
         rows = (row.strip(" │-─╭╮╰╯") for row in box.getvalue().splitlines())
         raise InputError(" ".join(filter(None, rows)) + advice) from None
-    _check_lists(found, words)
-    return found
+    _check_lists(command_values, words)
+    return command_values
 
 
 def _with_presets_training(command: Any, words: Sequence[str]) -> Any:
@@ -86,15 +86,15 @@ def _check_lists(command: object, words: Sequence[str]) -> None:
         if not isinstance(value, tuple):
             continue
         # A short name, where there is one, is the first letter.
-        given = sum(word.partition("=")[0] in (f"--{name}", f"-{name[0]}") for word in words)
-        if given and not value:
+        count = sum(word.partition("=")[0] in (f"--{name}", f"-{name[0]}") for word in words)
+        if count and not value:
             raise InputError(f"--{name} needs a value")
-        if given > 1 and tyro.conf.UseAppendAction not in getattr(hints[name], "__metadata__", ()):
-            raise InputError(f"--{name} is given {given} times; name all its values behind one")
+        if count > 1 and tyro.conf.UseAppendAction not in getattr(hints[name], "__metadata__", ()):
+            raise InputError(f"--{name} is given {count} times; name all its values behind one")
 
 
-def _told(event: Any, command: type) -> str | None:
-    """Returns what is wrong, in one line; None where tyro's own words are best."""
+def _explanation(event: Any, command: type) -> str | None:
+    """Returns what is wrong, in one line; None where tyro's own message is best."""
     match event:
         case events.UnrecognizedArgs(tokens=[word, *_]):
             return _unknown(word, command)
@@ -110,8 +110,8 @@ def _told(event: Any, command: type) -> str | None:
             return f"{_name(event.argument)} {value!r}: {hint(value, choices)}"
         case events.InstantiationFailure(argument=argument, message=message) if argument:
             for start, expected in _NUMBERS.items():
-                _, found, rest = message.partition(start)
-                if found:
+                _, separator, rest = message.partition(start)
+                if separator:
                     value = rest.partition(": ")[2].splitlines()[0]
                     return f"{_name(argument)} {value}: expected {expected}"
             return f"{_name(argument)}: {' '.join(message.split()).rstrip('.')}"

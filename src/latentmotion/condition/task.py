@@ -1,4 +1,4 @@
-"""Tasks: what steers a motion, and all that follows from it in training, generation, evaluation.
+"""Tasks: the kinds of condition, and what follows from each in training, generation, evaluation.
 
 Each is one class, whose fields are what a model's card says of its condition. Adding a task means
 adding a class to `TASKS`; nothing else tells tasks apart.
@@ -44,9 +44,9 @@ class TextConditioning:
 
     def __call__(self, embedding: TextEmbedding) -> Conditioning:
         """Returns the tokens of a batch of sentences."""
-        words, seen = embedding.words[:, : self.words], embedding.mask[:, : self.words]
+        words, mask = embedding.words[:, : self.words], embedding.mask[:, : self.words]
         if not self.pooled:
-            return Conditioning(words, seen)
+            return Conditioning(words, mask)
         xp = array_namespace(embedding.pooled)
         pooled, always = (
             embedding.pooled[:, None],
@@ -55,7 +55,7 @@ class TextConditioning:
         if not self.words:  # CLIP's words may be of another width than its sentences
             return Conditioning(pooled, always)
         tokens = xp.concat([pooled, words], axis=1)
-        return Conditioning(tokens, xp.concat([always, seen], axis=1))
+        return Conditioning(tokens, xp.concat([always, mask], axis=1))
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Unconditional:
 
 @dataclass(frozen=True)
 class TrainingCondition:
-    """What training has at hand to condition a model on."""
+    """Inputs from which a task builds the condition that a model is trained with."""
 
     source: str
     """Where the data is."""
@@ -146,22 +146,22 @@ class TrainingCondition:
 
 
 class Task(ABC):
-    """What every task answers."""
+    """Interface of a task: the kind of prompt that a model is conditioned on."""
 
     name: ClassVar[TaskName]
-    """As cards and experiments name it."""
+    """Name of the task in cards and experiments."""
     reads_text: ClassVar[bool] = False
     """Whether prompts are sentences, which need a text encoder."""
     prompted: ClassVar[bool] = True
-    """Whether the model is asked anything, so that its answers can match a prompt."""
+    """Whether motions have prompts, so that their match with the prompt can be measured."""
     whole_clips: ClassVar[bool] = True
     """Whether a clip is shown as a whole; else parts with sentences of their own are items."""
     asks_for: ClassVar[str]
-    """Which clips an evaluation can ask for, in words."""
+    """Clips that an evaluation can use, as a phrase for messages."""
 
     @classmethod
     @abstractmethod
-    def of_training(cls, given: TrainingCondition) -> Task:
+    def of_training(cls, training: TrainingCondition) -> Task:
         """Returns the task as training has it.
 
         Raises:
@@ -208,7 +208,7 @@ class Task(ABC):
 
     @property
     def parents(self) -> dict[str, str]:
-        """What a model of this task builds on, by name."""
+        """Fingerprints of the models that a model of this task depends on, by name."""
         return {}
 
     @property
@@ -218,7 +218,7 @@ class Task(ABC):
 
     @property
     def known_prompts(self) -> tuple[str, ...]:
-        """All prompts that there are, where they can be counted."""
+        """All possible prompts, where their number is finite."""
         return ()
 
 
@@ -239,10 +239,10 @@ class TextTask(Task):
     """Sentence embeddings that the denoiser reads."""
 
     @classmethod
-    def of_training(cls, given: TrainingCondition) -> TextTask:
+    def of_training(cls, training: TrainingCondition) -> TextTask:
         """Returns the task with the text encoder that was passed."""
-        encoder = given.encoder()
-        return cls(encoder.name, encoder.width, given.conditioning)
+        encoder = training.encoder()
+        return cls(encoder.name, encoder.width, training.conditioning)
 
     def condition(self, width: int, encoder: Callable[[], TextEncoder]) -> SentenceCondition:
         """Returns the text encoder as a condition."""
@@ -259,7 +259,7 @@ class TextTask(Task):
             )
 
     def no_prompt(self, model: str) -> InputError:
-        """Returns an example."""
+        """Returns the error for a missing sentence, with an example."""
         example = 'latentmotion generate "a person walks" -o walk.bvh'
         return InputError(f"no sentence given; name it before -o: {example}")
 
@@ -273,12 +273,12 @@ class TextTask(Task):
 
     @property
     def condition_width(self) -> int:
-        """The encoder's."""
+        """Width of the text encoder's vectors."""
         return self.width
 
     @property
     def parents(self) -> dict[str, str]:
-        """The text encoder."""
+        """Fingerprint of the text encoder."""
         return {"text": self.encoder} if self.encoder else {}
 
     @property
@@ -298,24 +298,24 @@ class ActionTask(Task):
     """Labels that the model knows, in the order of the denoiser's table."""
 
     @classmethod
-    def of_training(cls, given: TrainingCondition) -> ActionTask:
+    def of_training(cls, training: TrainingCondition) -> ActionTask:
         """Returns the task with the labels of the data."""
-        if not given.labels:
+        if not training.labels:
             raise InputError(
-                f"no training clip of {given.source} has an action label, which task=action needs; "
-                "use data with labels, or task=text or task=unconditional"
+                f"no training clip of {training.source} has an action label, which task=action "
+                "needs; use data with labels, or task=text or task=unconditional"
             )
-        return cls(given.labels)
+        return cls(training.labels)
 
     def condition(self, width: int, encoder: Callable[[], TextEncoder]) -> ActionCondition:
         """Returns the labels as unit vectors."""
         return ActionCondition(self.labels)
 
     def check_prompt(self, prompt: str, model: str) -> None:
-        """Refuses empty labels; whether a label is known, the condition tells."""
+        """Refuses empty labels; the condition itself refuses unknown ones."""
         if not prompt.strip():
-            known = ", ".join(self.labels)
-            raise InputError(f"model {model!r} takes an action label; known are {known}")
+            labels = ", ".join(self.labels)
+            raise InputError(f"model {model!r} takes an action label; known are {labels}")
 
     def no_prompt(self, model: str) -> InputError:
         """Returns the labels."""
@@ -333,25 +333,25 @@ class ActionTask(Task):
 
     @property
     def condition_width(self) -> int:
-        """As many as labels."""
+        """One number per label, since a label is a one-hot vector."""
         return len(self.labels)
 
     @property
     def known_prompts(self) -> tuple[str, ...]:
-        """The labels."""
+        """All labels."""
         return self.labels
 
 
 @dataclass(frozen=True)
 class UnconditionalTask(Task):
-    """Nothing: the model moves as it likes."""
+    """No condition: the model draws from the distribution of all motions."""
 
     name = "unconditional"
     prompted = False
     asks_for = "of any kind"
 
     @classmethod
-    def of_training(cls, given: TrainingCondition) -> UnconditionalTask:
+    def of_training(cls, training: TrainingCondition) -> UnconditionalTask:
         """Returns the task."""
         return cls()
 
@@ -368,11 +368,11 @@ class UnconditionalTask(Task):
             )
 
     def no_prompt(self, model: str) -> InputError:
-        """Returns the empty prompt, which stands for none."""
+        """Returns the error for a missing prompt: the empty one stands for none."""
         return InputError(f'model {model!r} takes no prompt; pass ""')
 
     def prompts(self, captions: tuple[str, ...], label: str | None) -> tuple[str, ...]:
-        """Returns none."""
+        """Returns no prompts, whatever a clip's captions are."""
         return ()
 
     def question(self, caption: str, label: str | None) -> str:
@@ -381,7 +381,7 @@ class UnconditionalTask(Task):
 
     @property
     def condition_width(self) -> int:
-        """One, though there is no word."""
+        """1, since arrays of words have a width even if there are none."""
         return 1
 
 

@@ -22,9 +22,9 @@ from latentmotion.control.generator import Generator, decoders_of, latents_of, m
 from latentmotion.control.goals import (
     Goal,
     Heading,
-    Path,
     Pose,
     Reach,
+    RootPath,
     TargetResidual,
     check_path,
     frame_at,
@@ -174,12 +174,12 @@ def direction_of(goals: Sequence[Goal], frames: int, fps: float, skeleton: Skele
     """
     for goal in goals:
         if not isinstance(goal, Goal):
-            known = "Path, Reach, Heading or Pose of latentmotion"
+            known = "RootPath, Reach, Heading or Pose of latentmotion"
             raise InputError(f"a goal is {goal!r}; expected {known}")
-    paths = [goal for goal in goals if isinstance(goal, Path)]
+    paths = [goal for goal in goals if isinstance(goal, RootPath)]
     if len(paths) > 1:
         raise InputError(f"{len(paths)} paths for one motion: join their points to one")
-    others = [goal for goal in goals if not isinstance(goal, Path)]
+    others = [goal for goal in goals if not isinstance(goal, RootPath)]
     places = tuple(
         place
         for goal in others

@@ -56,7 +56,7 @@ class Heading:
 
 
 @dataclass(frozen=True)
-class Path:
+class RootPath:
     """The pelvis goes along a curve through points of the floor."""
 
     points: Sequence[tuple[float, float]]
@@ -97,7 +97,7 @@ class Pose:
         return [Reach(name, self.at, (x, y, z)) for name, (x, y, z) in places.items()]
 
 
-Goal = Reach | Heading | Path | Pose
+Goal = Reach | Heading | RootPath | Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +195,7 @@ def targets_of(
     points: list[tuple[int, int, tuple[float, ...]]] = []
     turns: dict[int, float] = {}
     for goal in goals:
-        if isinstance(goal, Path):
+        if isinstance(goal, RootPath):
             continue
         frame = frame_at(goal.at, frames, fps)
         if isinstance(goal, Heading):
@@ -278,7 +278,7 @@ def check_targets(
             )
 
 
-def check_path(path: Path, frames: int, fps: float) -> None:
+def check_path(path: RootPath, frames: int, fps: float) -> None:
     """Compares a path with what people can do.
 
     Raises:

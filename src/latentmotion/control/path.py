@@ -16,7 +16,7 @@ from jaxtyping import Float
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.leg_ik import reach as bend_leg
 from latentmotion.cleanup.pipeline import ground_path
-from latentmotion.control.goals import Path
+from latentmotion.control.goals import RootPath
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import turn
 
@@ -41,7 +41,7 @@ class Curve:
     """Meters from its start at which it passes the points that it was made from."""
 
     @classmethod
-    def through(cls, path: Path) -> Curve:
+    def through(cls, path: RootPath) -> Curve:
         """Returns the smooth curve through the points of a path (centripetal Catmull-Rom)."""
         points = np.array(path.points, float)
         ends = 2 * points[0] - points[1], 2 * points[-1] - points[-2]
@@ -96,7 +96,7 @@ class Curve:
 
 
 def straight_points(
-    path: Path, curve: Curve, frames: int, fps: float
+    path: RootPath, curve: Curve, frames: int, fps: float
 ) -> tuple[Float[np.ndarray, " marks"], Float[np.ndarray, " marks"]]:
     """Returns when, and how far along the curve, the pelvis has to be: seconds and meters."""
     if path.at is not None:

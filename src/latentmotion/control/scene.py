@@ -13,9 +13,9 @@ folder.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path as FilePath
+from pathlib import Path
 
-from latentmotion.control.goals import Goal, Heading, Path, Pose, Reach
+from latentmotion.control.goals import Goal, Heading, Pose, Reach, RootPath
 from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
@@ -25,7 +25,7 @@ from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 FORMAT = 1
 """Version of scene files that this code reads."""
 
-SCHEMA_FILE = FilePath(__file__).with_name("scene.schema.json")
+SCHEMA_FILE = Path(__file__).with_name("scene.schema.json")
 """JSON Schema of scene files."""
 
 
@@ -134,7 +134,7 @@ class Scene:
         """
         return [PartSpan(**vars(span)) for span in self.timeline_parts]
 
-    def all_goals(self, folder: FilePath) -> list[Goal]:
+    def all_goals(self, folder: Path) -> list[Goal]:
         """Returns the goals for `MotionPipeline`, poses read.
 
         Args:
@@ -145,14 +145,14 @@ class Scene:
         """
         found: list[Goal] = []
         if self.path is not None:
-            found.append(Path(self.path.points, self.path.at))
+            found.append(RootPath(self.path.points, self.path.at))
         found += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
         found += [Heading(goal.at, goal.degrees) for goal in self.headings]
         found += [Pose(pose.at, Motion.load(folder / pose.file), pose.frame) for pose in self.poses]
         return found
 
 
-def read_scene(path: FilePath) -> Scene:
+def read_scene(path: Path) -> Scene:
     """Reads a scene file.
 
     Raises:
@@ -209,7 +209,7 @@ def parse_heading(text: str) -> Heading:
         raise InputError(f"--heading {text}: expected DEGREES@SECONDS, such as 90@2.5") from error
 
 
-def parse_path(text: str) -> Path:
+def parse_path(text: str) -> RootPath:
     """Reads `0,0@0 0,2@2 1,3@4`, as the command line has it, or the points without times.
 
     Raises:
@@ -226,4 +226,4 @@ def parse_path(text: str) -> Path:
         raise InputError(f"--path: {word!r}: expected X,Z or X,Z@SECONDS, such as 0,2@2") from error
     if times and len(times) != len(points):
         raise InputError(f"--path: {len(times)} of {len(points)} points have times: all or none")
-    return Path(points, times or None)
+    return RootPath(points, times or None)

@@ -124,9 +124,9 @@ def evaluator_weights(path: Path) -> dict[str, Tensor]:
     }
     missing = [part for part in _PARTS if not parts[part]]
     if missing:
-        found = ", ".join(map(str, list(content)[:5])) if isinstance(content, Mapping) else content
+        keys = ", ".join(map(str, list(content)[:5])) if isinstance(content, Mapping) else content
         raise ModelError(
-            f"{path} lacks {', '.join(missing)}, found {found!s:.100}; expected the T2M code's "
+            f"{path} lacks {', '.join(missing)}, found {keys!s:.100}; expected the T2M code's "
             "text_mot_match/model/finest.tar"
         )
     return {
@@ -217,19 +217,19 @@ def convert_action_classifier(
     network = action_classifier_config(weights, source)
     count = network.labels
     if labels is None:
-        known = len(HUMANACT12_LABELS) == count
-        labels = HUMANACT12_LABELS if known else [str(number) for number in range(count)]
+        is_humanact12 = len(HUMANACT12_LABELS) == count
+        labels = HUMANACT12_LABELS if is_humanact12 else [str(number) for number in range(count)]
     if len(labels) != count:
         raise InputError(f"{len(labels)} labels given, the classifier has {count}; give them all")
-    about = ActionClassifier(
+    description = ActionClassifier(
         labels=tuple(labels),
         representation="smpl",
         network=network,
         origin=f"{source.name}, SHA-256 {sha256(source)}",
         license="MIT, (c) Chuan Guo" if isinstance(network, MotionGRUConfig) else "see ACTOR",
     )
-    save_action_classifier(folder, about, weights)
-    return about
+    save_action_classifier(folder, description, weights)
+    return description
 
 
 def action_classifier_config(

@@ -34,7 +34,7 @@ from latentmotion.model.config import (
 )
 from latentmotion.networks import checkpoint
 from latentmotion.networks.build import build
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.transformer import LEARNED_LENGTH
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
@@ -105,8 +105,8 @@ def convert_checkpoint(
     try:
         parts, others = reading.split_parts(reading.read_checkpoint(path))
         if not any(parts.values()):
-            found = ", ".join(list(others)[:5]) or "nothing"
-            raise ModelError(f"{path} has no weights under 'vae.' or 'denoiser.'; found {found}")
+            prefixes = ", ".join(list(others)[:5]) or "nothing"
+            raise ModelError(f"{path} has no weights under 'vae.' or 'denoiser.'; found {prefixes}")
         denoiser = config = None
         if parts["denoiser"]:
             denoiser, config = load_denoiser(parts["denoiser"], origin.unstated, path)
@@ -153,7 +153,7 @@ def load_vae(
 
 def load_denoiser(
     weights: Weights, unstated: Unstated, path: str | Path
-) -> tuple[Denoiser, DenoiserConfig]:
+) -> tuple[DenoiserNetwork, DenoiserConfig]:
     """Builds the network of an `MldDenoiser` and loads its weights.
 
     Args:
@@ -210,6 +210,7 @@ def model_card(
         vae=vae,
         denoiser=denoiser,
         condition=condition,
+        # The authors' configuration: 50 steps on latents, all 1,000 on raw frames.
         sampling=Sampling(50, 7.5, "ddim") if encoded else Sampling(1000, 7.5, "ddpm"),
         frames=_FRAMES[condition.name],
         provenance=Provenance(
@@ -311,8 +312,8 @@ def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple
         )
     mean, std = (tuple(map(float, np.ravel(values))) for values in origin.normalizer)
     if not len(mean) == len(std) == features:
-        found = f"{len(mean)} means and {len(std)} deviations"
-        raise InputError(f"the normalizer has {found}, the checkpoint {features} features")
+        sizes = f"{len(mean)} means and {len(std)} deviations"
+        raise InputError(f"the normalizer has {sizes}, the checkpoint {features} features")
     return mean, std
 
 

@@ -65,7 +65,7 @@ _STORAGES = {
 
 
 _MOST_SHARED = 8
-"""Times that tensors may repeat what is stored, as weights that two networks share."""
+"""Times that tensors may repeat stored numbers, such as weights that two networks share."""
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Tensor]:

@@ -70,12 +70,12 @@ class Composed:
     """Number of pairs that were left out, by reason."""
 
 
-def compose(dataset: Dataset, wanted: Composition) -> Composed:
+def compose(dataset: Dataset, composition: Composition) -> Composed:
     """Makes sequences of the train split of a prepared folder.
 
     Args:
         dataset: Clips with captions, in HumanML3D's features.
-        wanted: Number and quality of the sequences.
+        composition: Number and quality of the sequences.
 
     Raises:
         DataError: Too few clips describe a single action.
@@ -86,11 +86,12 @@ def compose(dataset: Dataset, wanted: Composition) -> Composed:
             f"{dataset.folder}: {len(actions)} train clips tell of a single action, expected at "
             "least 2; add captions (`latentmotion data describe`) or more clips"
         )
-    composer = _Composer(dataset, actions, wanted)
+    composer = _SequenceComposer(dataset, actions, composition)
     motions: list[StoredMotion] = []
     in_vain = 0
-    while len(motions) < wanted.count and in_vain < 40 * len(actions):
-        motion = composer.draw(f"{COMPOSED}-{wanted.seed}-{len(motions):05d}")
+    # Gives up after 40 draws in vain for each action.
+    while len(motions) < composition.count and in_vain < 40 * len(actions):
+        motion = composer.draw(f"{COMPOSED}-{composition.seed}-{len(motions):05d}")
         in_vain = 0 if motion else in_vain + 1
         motions += [motion] if motion else []
     return Composed(tuple(motions), composed_source(dataset.sources), composer.refused)
@@ -110,26 +111,26 @@ def objection(
     joints: Float[np.ndarray, "frames joints 3"],
     seam: int,
     representation: Representation,
-    wanted: Composition,
+    limits: Composition,
 ) -> str:
-    """Returns why a sequence is not good enough; empty where it is.
+    """Returns the quality limit that a sequence breaks, or an empty string.
 
     Args:
         joints: Positions of the whole sequence, meters.
         seam: Frame at which the second motion begins.
         representation: Frame rate and skeleton.
-        wanted: Required quality.
+        limits: Required quality.
     """
     fps, skeleton = representation.fps, representation.skeleton
-    shortest, longest = wanted.seconds
+    shortest, longest = limits.seconds
     if not shortest * fps <= len(joints) - 1 <= longest * fps:
         return "too short or too long"
-    fit = seam_of(joints, seam, fps, skeleton, round(wanted.transition * fps))
+    fit = seam_of(joints, seam, fps, skeleton, round(limits.transition * fps))
     if fit.lowest < -_DIP:
         return "below the floor"
-    if fit.slide > wanted.slide:
+    if fit.slide > limits.slide:
         return "feet slide"
-    return "jerk" if fit.jerk > wanted.jerk else ""
+    return "jerk" if fit.jerk > limits.jerk else ""
 
 
 def composed_motion(
@@ -154,31 +155,33 @@ def composed_motion(
     return StoredMotion(clip, features)
 
 
-class _Composer:
+class _SequenceComposer:
     """Draws a first action, finds one that can follow, joins and checks."""
 
-    def __init__(self, dataset: Dataset, actions: list[ActionClip], wanted: Composition) -> None:
+    def __init__(
+        self, dataset: Dataset, actions: list[ActionClip], composition: Composition
+    ) -> None:
         self.representation = dataset.representation
-        self.actions, self.wanted = actions, wanted
-        self.generator = np.random.default_rng(wanted.seed)
+        self.actions, self.wanted = actions, composition
+        self.generator = np.random.default_rng(composition.seed)
         self.rarity = rarity(actions)
-        self.pairing = Pairing(actions, self.representation, self.generator, wanted.distance)
+        self.pairing = Pairing(actions, self.representation, self.generator, composition.distance)
         self.refused: Counter[str] = Counter()
         self.used: Counter[str] = Counter()
         self.joined: set[tuple[str, str]] = set()
 
     def draw(self, name: str) -> StoredMotion | None:
         """Returns a sequence, or None where the actions drawn do not fit."""
-        wanted, representation = self.wanted, self.representation
+        composition, representation = self.wanted, self.representation
         first = self.actions[int(self.generator.choice(len(self.actions), p=self.rarity))]
-        if self.used[first.name] >= wanted.uses:
+        if self.used[first.name] >= composition.uses:
             return None
         # Other actions, not yet joined, not too often used.
         allowed = [
             action.name != first.name
             and action.verbs != first.verbs
             and (first.name, action.name) not in self.joined
-            and self.used[action.name] < wanted.uses
+            and self.used[action.name] < composition.uses
             for action in self.actions
         ]
         pair = self.pairing.follower(first, np.array(allowed))
@@ -188,12 +191,12 @@ class _Composer:
         second, end, start = pair
         following = second.joints[start:]
         if second.steady:  # cut at random, and where the sequence gets too long
-            longest = int(wanted.seconds[1] * representation.fps) - end
+            longest = int(composition.seconds[1] * representation.fps) - end
             most = max(len(following), second.fewest)
             frames = int(self.generator.integers(second.fewest, most + 1))
             following = following[: min(frames, longest)]
-        joints = splice(first.joints[: end + 1], following, wanted.transition, representation)
-        reason = objection(joints, end, representation, wanted)
+        joints = splice(first.joints[: end + 1], following, composition.transition, representation)
+        reason = objection(joints, end, representation, composition)
         if reason:
             self.refused[reason] += 1
             return None

@@ -98,43 +98,46 @@ class Shot:
 
 
 def compose_actions(
-    dataset: Dataset, wanted: compose.Composition, found: Sequence[Found] | None = None
+    dataset: Dataset, composition: compose.Composition, singles: Sequence[Found] | None = None
 ) -> compose.Composed:
     """Makes repeats and ordered pairs of single actions of the train split.
 
     Args:
         dataset: Motions in HumanML3D's features.
-        wanted: Number of sequences, three in eight of them repeats, and their quality.
-        found: Single actions, where they are known.
+        composition: Number of sequences, three in eight of them repeats, and their quality.
+        singles: Single actions, where they are known.
 
     Raises:
         DataError: There are no single actions to join.
     """
     clips = [clip for clip in dataset.clips("train") if clip.source != COMPOSED]
-    found = find_singles(dataset, wanted.seed, clips) if found is None else found
-    composer = _Composer(dataset, found, wanted)
+    singles = find_singles(dataset, composition.seed, clips) if singles is None else singles
+    composer = _ActionComposer(dataset, singles, composition)
     if len(composer.by_kind) < 2:
         raise DataError(
             f"{dataset.folder}: expected at least 2 kinds of single actions in the train split, "
             f"found {len(composer.by_kind)}; add more clips"
         )
-    repeats = composer.repeats(wanted.count * 3 // 8)
-    made = [*repeats, *composer.pairs(wanted.count - len(repeats))]
+    repeats = composer.repeats(composition.count * 3 // 8)
+    sequences = [*repeats, *composer.pairs(composition.count - len(repeats))]
     motions = tuple(
-        replace(one, clip=replace(one.clip, id=f"{COMPOSED}-single-{wanted.seed}-{number:05d}"))
-        for number, one in enumerate(made)
+        replace(
+            sequence,
+            clip=replace(sequence.clip, id=f"{COMPOSED}-single-{composition.seed}-{number:05d}"),
+        )
+        for number, sequence in enumerate(sequences)
     )
     return compose.Composed(motions, compose.composed_source(dataset.sources), composer.refused)
 
 
-class _Composer:
+class _ActionComposer:
     """Draws shots, joins them and checks the result."""
 
     def __init__(
-        self, dataset: Dataset, singles: Sequence[Found], wanted: compose.Composition
+        self, dataset: Dataset, singles: Sequence[Found], composition: compose.Composition
     ) -> None:
-        self.wanted, self.representation = wanted, dataset.representation
-        self.generator = np.random.default_rng(wanted.seed)
+        self.wanted, self.representation = composition, dataset.representation
+        self.generator = np.random.default_rng(composition.seed)
         self.refused: Counter[str] = Counter()
         self.by_kind: dict[str, list[Shot]] = defaultdict(list)
         # Some shots of every kind, and their mirror images, of different clips first.
@@ -158,12 +161,12 @@ class _Composer:
 
     def repeats(self, count: int) -> list[StoredMotion]:
         """Returns single acts repeated two to four times, and marching, equally of all kinds."""
-        wanted: list[tuple[str, int]] = [
+        act_counts: list[tuple[str, int]] = [
             (kind, times) for kind in sorted(REPEATED & set(self.by_kind)) for times in (2, 3, 4)
         ]
         if "knee" in self.by_kind:
-            wanted += [("march", times) for times in (3, 4, 5, 6)]
-        quotas = dict.fromkeys(wanted, 1.2 * count / max(len(wanted), 1))
+            act_counts += [("march", times) for times in (3, 4, 5, 6)]
+        quotas = dict.fromkeys(act_counts, 1.2 * count / max(len(act_counts), 1))
         return self._filled(quotas, count, lambda key: self._repeated(*key))
 
     def pairs(self, count: int) -> list[StoredMotion]:
@@ -190,24 +193,24 @@ class _Composer:
         make: Callable[[Any], StoredMotion | None],
     ) -> list[StoredMotion]:
         """Makes sequences in rounds until each key has its quota or has failed too often."""
-        made: list[StoredMotion] = []
+        sequences: list[StoredMotion] = []
         successes: Counter[tuple[Any, ...]] = Counter()
         failures: Counter[tuple[Any, ...]] = Counter()
         keys = list(quotas)
-        while keys and len(made) < count:
+        while keys and len(sequences) < count:
             for index in self.generator.permutation(len(keys)).tolist():
                 key = keys[index]
                 motion = make(key)
                 failures[key] = 0 if motion else failures[key] + 1
                 successes[key] += motion is not None
-                made += [motion] if motion else []
+                sequences += [motion] if motion else []
             keys = [
                 key
                 for key in keys
                 if successes[key] < quotas[key] and failures[key] < _MOST_FAILURES
             ]
-        order = self.generator.permutation(len(made))[:count]
-        return [made[index] for index in order.tolist()]
+        order = self.generator.permutation(len(sequences))[:count]
+        return [sequences[index] for index in order.tolist()]
 
     def _repeated(self, kind: str, times: int) -> StoredMotion | None:
         """Repeats one shot, or marches with a knee's shot and its mirror image in turn."""
@@ -258,8 +261,8 @@ class _Composer:
     def _pair(self, first_kind: str, second_kind: str) -> StoredMotion | None:
         """Joins two actions, of several drawn those whose poses are nearest."""
         best: tuple[float, Shot, Shot] | None = None
-        for first in [self._drawn(first_kind) for _ in range(4)]:
-            candidates = [self._drawn(second_kind) for _ in range(16)]
+        for first in [self._draw_shot(first_kind) for _ in range(4)]:
+            candidates = [self._draw_shot(second_kind) for _ in range(16)]
             if first_kind == second_kind:  # only those that captions distinguish
                 action = first.action
                 candidates = [
@@ -314,7 +317,7 @@ class _Composer:
         joints = self.representation.retarget(joints)
         return self._shot(f"M{shot.clip}".removeprefix("MM"), _mirrored(shot.action), joints)
 
-    def _drawn(self, kind: str) -> Shot:
+    def _draw_shot(self, kind: str) -> Shot:
         shots = self.by_kind[kind]
         return shots[int(self.generator.integers(len(shots)))]
 

@@ -114,9 +114,9 @@ class Dataset:
             with safe_open(path, "np") as opened:
                 rows = opened.get_slice("features")
                 if rows.get_dtype() != "F32" or rows.get_shape() != expected:
-                    found = f"features {rows.get_shape()} of {rows.get_dtype()}"
+                    actual = f"features {rows.get_shape()} of {rows.get_dtype()}"
                     raise DataError(
-                        f"{path}: {found}, expected {expected} of F32; prepare it again"
+                        f"{path}: {actual}, expected {expected} of F32; prepare it again"
                     )
                 features = rows[stored.offset : stored.offset + stored.frames]
         except (OSError, SafetensorError) as error:

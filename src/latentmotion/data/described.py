@@ -120,11 +120,11 @@ def without_captions(clip: StoredClip, refused: frozenset[str]) -> StoredClip:
     """Returns a clip, in the train split without captions that are refused sentences."""
     if clip.split != "train" or not refused:
         return clip
-    kept, mirrored = (
+    allowed, mirrored = (
         tuple(row for row in rows if plain(row[0]) not in refused)
         for rows in (clip.captions, clip.mirrored_captions)
     )
-    return replace(clip, captions=kept, mirrored_captions=mirrored)
+    return replace(clip, captions=allowed, mirrored_captions=mirrored)
 
 
 def described_clips(
@@ -139,12 +139,12 @@ def described_clips(
         generator = singles.clip_generator(seed, clip.id)
         if clip.split == "train":
             captions = [Caption(*row) for row in clip.captions]
-            known = [(c.text, c.start_frame, c.end_frame) for c in captions]
+            existing = [(c.text, c.start_frame, c.end_frame) for c in captions]
             reworded = [
                 (c.text, c.start_frame, c.end_frame)
                 for c in reworded_captions(captions, generator, rewordings)
             ]
-            measured = caption_windows(joints, [*known, *reworded], generator, windows)
+            measured = caption_windows(joints, [*existing, *reworded], generator, windows)
             rows = [*reworded, *measured]
         else:
             texts = sentences(describe(joints), generator, count=3)
@@ -167,13 +167,13 @@ def reworded_captions(
     Returns:
         The new captions alone, without tokens; none that the clip has already.
     """
-    known = {(c.text.rstrip(". "), c.start_frame, c.end_frame) for c in captions}
+    existing = {(c.text.rstrip(". "), c.start_frame, c.end_frame) for c in captions}
     reworded: list[Caption] = []
     for caption in captions:
         for text in reworded_texts(caption.text, generator, count):
             key = (text.rstrip(". "), caption.start_frame, caption.end_frame)
-            if key not in known:
-                known.add(key)
+            if key not in existing:
+                existing.add(key)
                 reworded.append(Caption(text, caption.start_frame, caption.end_frame))
     return tuple(reworded)
 
@@ -183,7 +183,7 @@ def contradiction(caption: str, joints: Joints) -> str:
 
     Args:
         caption: A sentence, or the name of an action.
-        joints: As `describe` takes them.
+        joints: Positions, meters, 20 frames per second.
     """
     if len(joints) < _SHORTEST:
         return ""
@@ -253,6 +253,7 @@ def describe_files(
             rows.append(Dropped(item.label.id, "caption", f"name {action!r}, but {reason}"))
             action = ""
         generator = singles.clip_generator(seed, item.label.id)
+        # Parts of equal length, as few as keep each below the longest.
         edges = np.linspace(0, frames, -(-frames // LONGEST_FILE) + 1).astype(int).tolist()
         for start, end in pairwise(edges):
             texts = sentences(describe(joints[start:end]), generator, action or None, count=3)
@@ -311,15 +312,15 @@ def _agreeing_rows(
     if not rows:
         return rows
     joints = dataset.representation.decode(dataset.features(clip.clip(mirrored)))
-    kept = []
+    agreeing = []
     for row in rows:
         text, start, end, _ = row
         if reason := contradiction(text, joints[start:end]):
             side = "mirrored: " if mirrored else ""
             dropped.append(Dropped(clip.id, "caption", f"{side}{text!r}, but {reason}"))
         else:
-            kept.append(row)
-    return tuple(kept)
+            agreeing.append(row)
+    return tuple(agreeing)
 
 
 def _seconds(start: int, end: int, frames: int, before: float = 0.0) -> tuple[float, float]:

@@ -80,7 +80,7 @@ class BoneCoder:
                 numbers[rows, bone] = np.rint(angles * self.lengths[bone] / self.quantum)
                 rounded = numbers[rows, bone] * (self.quantum / self.lengths[bone])
                 before[:, bone] = last[:, bone]
-                last[:, bone] = _turned(guess[:, bone], rounded)
+                last[:, bone] = _tilted(guess[:, bone], rounded)
                 decoded[rows, bone + 1] = decoded[rows, parent] + self.lengths[bone] * last[:, bone]
         return numbers
 
@@ -94,7 +94,7 @@ class BoneCoder:
         angles = numbers * (self.quantum / self.lengths[:, None])
         directions = np.zeros((*numbers.shape[:2], 3))
         for rows, last, before in _steps(frames, self._rest(len(frames))):
-            turned = _turned(_extrapolated(last, before), angles[rows])
+            turned = _tilted(_extrapolated(last, before), angles[rows])
             before[:], last[:] = last, turned
             directions[rows] = turned
         joints = [root]
@@ -145,8 +145,8 @@ class MotionCoder:
         signless = ((numbers << 1) ^ (numbers >> 63)).astype(np.uint16)
         planes = [signless >> 8, signless & 255]
         contacts, flips = self.representation.blocks["contacts"], []
-        for given, decoded in zip(clips, self._features(numbers, frames), strict=True):
-            differ = (given[:, contacts] > 0.5) ^ (decoded[:, contacts] > 0.5)
+        for original, decoded in zip(clips, self._features(numbers, frames), strict=True):
+            differ = (original[:, contacts] > 0.5) ^ (decoded[:, contacts] > 0.5)
             flips += [differ @ (1 << np.arange(_CONTACTS)), np.zeros(1, np.int64)]
         arrays = [*(plane.T for plane in planes), np.concatenate(flips)]
         return b"".join(array.astype(np.uint8).tobytes() for array in arrays)
@@ -155,7 +155,7 @@ class MotionCoder:
         """Returns the features of the clips of a block, float32.
 
         Args:
-            block: As `encode` made it; `size` says how long it is.
+            block: Result of `encode`, uncompressed.
             frames: Feature frames of each clip.
         """
         counts = np.array(frames) + 1
@@ -239,7 +239,7 @@ def _extrapolated(
     return ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
 
 
-def _turned(
+def _tilted(
     guess: Float[np.ndarray, "*batch 3"], angles: Float[np.ndarray, "*batch 2"]
 ) -> Float[np.ndarray, "*batch 3"]:
     first, second = _plane(guess)

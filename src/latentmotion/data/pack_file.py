@@ -144,9 +144,9 @@ def read_pack(path: Path) -> PackFile:
 def _header(path: Path, plain: bytes) -> PackHeader:
     try:
         data = json.loads(plain)
-        found = data.get("format") if isinstance(data, dict) else None
-        if found != FORMAT:
-            raise InputError(f"format {found!r}, expected {FORMAT!r}; update latentmotion")
+        version = data.get("format") if isinstance(data, dict) else None
+        if version != FORMAT:
+            raise InputError(f"format {version!r}, expected {FORMAT!r}; update latentmotion")
         header = from_json(PackHeader, data)
     except (ValueError, RecursionError) as error:
         raise FileFormatError(path, f"its header is no JSON: {error}") from error

@@ -128,8 +128,8 @@ class Preparation:
                     reasons.setdefault(item.reason, []).append(item.id)
             listed = [f"{_named(ids)}: {reason}" for reason, ids in reasons.items()]
             more = [f"{len(listed) - _LISTED} more reasons"] if len(listed) > _LISTED else []
-            told = "; ".join([*listed[:_LISTED], *more])
-            raise DataError(f"no clip can be used ({told or 'no clip found'})")
+            summary = "; ".join([*listed[:_LISTED], *more])
+            raise DataError(f"no clip can be used ({summary or 'no clip found'})")
         if normalizer is None and not self.representation.normalized:
             identity = Normalizer.identity(self.representation.width)
             normalizer = stored_normalizer(identity, "none: the features are used as they are")
@@ -137,7 +137,7 @@ class Preparation:
             train = [motion.features for motion in self.motions if motion.clip.split == "train"]
             if not train:
                 raise DataError("no clip is in the train split, so no normalizer can be fit")
-            both = [side for one in train for side in (one, self.representation.mirror(one))]
+            both = [side for clip in train for side in (clip, self.representation.mirror(clip))]
             fitted = Normalizer.fit(both, self.representation.blocks)
             normalizer = stored_normalizer(
                 fitted, f"{len(train)} train clips and their mirror images"

@@ -112,7 +112,7 @@ def clean_spans(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> lis
 
 
 def begins_with_t_pose(animation: Animation, least: float = 0.0) -> bool:
-    """Returns whether frame 0 is the skeleton's rest pose and the motion is far from it.
+    """Returns whether frame 0 is the skeleton's rest pose and later frames are far from it.
 
     Args:
         animation: Any skeleton.
@@ -165,24 +165,28 @@ def held_t_pose(joints: Float[np.ndarray, "frames joints 3"]) -> Bool[np.ndarray
     """
     index = HUMANML3D.names.index
     across = unit(joints[:, index("left_shoulder")] - joints[:, index("right_shoulder")])
-    held = np.ones(len(joints), bool)
+    is_t_pose = np.ones(len(joints), bool)
     for side, sign in (("left", 1), ("right", -1)):
         shoulder, elbow, wrist, hip, ankle = (
             joints[:, index(f"{side}_{name}")]
             for name in ("shoulder", "elbow", "wrist", "hip", "ankle")
         )
         upper, lower = unit(elbow - shoulder), unit(wrist - elbow)
-        held &= np.sum(upper * lower, axis=-1) > np.cos(np.radians(35))
-        held &= np.abs(unit(wrist - shoulder)[:, 1]) < np.sin(np.radians(30))
-        held &= sign * np.sum(unit(wrist - shoulder) * across, axis=-1) > np.cos(np.radians(40))
-        held &= unit(hip - ankle)[:, 1] > np.cos(np.radians(20))
-    return held
+        # A T-pose as people hold it: elbows bent by less than 35 degrees, arms within 30 degrees of
+        # level and 40 degrees of sideways.
+        is_t_pose &= np.sum(upper * lower, axis=-1) > np.cos(np.radians(35))
+        is_t_pose &= np.abs(unit(wrist - shoulder)[:, 1]) < np.sin(np.radians(30))
+        is_t_pose &= sign * np.sum(unit(wrist - shoulder) * across, axis=-1) > np.cos(
+            np.radians(40)
+        )
+        is_t_pose &= unit(hip - ankle)[:, 1] > np.cos(np.radians(20))
+    return is_t_pose
 
 
 def without_t_poses(joints: Float[np.ndarray, "frames joints 3"]) -> list[tuple[int, int]]:
     """Returns the stretches without calibration poses and the motion into and out of them."""
-    held = held_t_pose(joints)
-    runs = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]]))).reshape(-1, 2)
+    is_t_pose = held_t_pose(joints)
+    runs = np.flatnonzero(np.diff(np.concatenate([[0], is_t_pose.astype(int), [0]]))).reshape(-1, 2)
     posed = np.zeros(len(joints), bool)
     for first, last in runs.tolist():
         at_edge = first < EDGE or last > len(joints) - EDGE

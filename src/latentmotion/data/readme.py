@@ -15,7 +15,7 @@ def readme(manifest: Manifest, parts: tuple[Part, ...], title: str) -> str:
     """Returns the page, with the YAML that the hub reads at its head.
 
     Args:
-        manifest: What the folder holds.
+        manifest: Manifest of the folder.
         parts: Counts by source and split.
         title: Name of the data set.
     """

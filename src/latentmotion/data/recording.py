@@ -43,7 +43,7 @@ def as_numbers(values: Any) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Label:
-    """Everything known about a recording besides its motion."""
+    """Everything known about a recording except its motion."""
 
     id: str
     """Unique name of the clip that is made from it."""
@@ -96,7 +96,7 @@ class Dropped:
     what: str
     """`clip`, `part` of one (the rest is kept) or `caption`."""
     reason: str
-    """Why."""
+    """The reason, as the report prints it."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def files_below(folder: Path, endings: Collection[str]) -> list[Path]:
     """Returns the files below a folder by their endings, sorted; links to folders are followed.
 
     Args:
-        folder: Where to look, at any depth.
+        folder: Folder to search, at any depth.
         endings: Endings in lower case, as `.bvh`; those of files may be in either.
     """
     files, visited = [], set()

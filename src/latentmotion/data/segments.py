@@ -24,7 +24,8 @@ USUAL = 120
 """Frames of a piece where nothing else decides."""
 
 _STAY = 0.3
-"""Meters per second by which a cut may be less still for every `USUAL` frames it is off."""
+"""Trade-off between a still cut and a piece of usual length: a cut may be faster by this many m/s
+for every `USUAL` frames that it brings the length nearer to `USUAL`."""
 
 _SUBJECT = re.compile(
     r"(?:(?P<article>an?|the|this|one)\s+)?"

@@ -36,15 +36,15 @@ def work_of(
 
     Args:
         groups: The files.
-        representation: How they are encoded.
+        representation: Representation of the features.
         settings: Plain values on which it depends how they are read.
     """
     files = [path for group in groups for path in group.files]
-    known = "\n".join(f"{path.name} {path.stat().st_size}" for path in files)
+    sizes = "\n".join(f"{path.name} {path.stat().st_size}" for path in files)
     about = {
         "representation": representation.name,
         **settings,
-        "names and sizes": hashlib.sha256(known.encode(errors="surrogateescape")).hexdigest(),
+        "names and sizes": hashlib.sha256(sizes.encode(errors="surrogateescape")).hexdigest(),
     }
     tasks = {
         f"recordings-{number:05d}.safetensors": partial(_shard, group, representation)
@@ -71,14 +71,14 @@ def recordings_of(folder: Folder) -> Iterator[EncodedRecording | Dropped]:
                 yield EncodedRecording(label, arrays[str(number)], item["round_trip_mm"])
 
 
-def _shard(group: FileGroup, representation: Representation) -> shards.Shard:
+def _shard(group: FileGroup, representation: Representation) -> shards.ShardContent:
     items = list(encode_all(group.read(), representation))
     arrays: dict[str, np.ndarray] = {}
-    about = []
+    items_json = []
     for number, item in enumerate(items):
         if isinstance(item, EncodedRecording):
             arrays[str(number)] = np.ascontiguousarray(item.features)
             item = {"kind": "", "label": to_json(item.label), "round_trip_mm": item.round_trip_mm}
-        about.append(to_json(item))
-    arrays[_ABOUT] = np.frombuffer(json.dumps(about).encode(), np.uint8)
-    return shards.Shard(save(arrays), len(group.files))
+        items_json.append(to_json(item))
+    arrays[_ABOUT] = np.frombuffer(json.dumps(items_json).encode(), np.uint8)
+    return shards.ShardContent(save(arrays), len(group.files))

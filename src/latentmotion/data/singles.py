@@ -140,9 +140,9 @@ def single_rows(
 
 def with_prompts(clip: StoredClip, rows: Mapping[str, list[tuple[str, int, int]]]) -> StoredClip:
     """Returns a clip with the prompts of its windows, and the mirrored ones."""
-    known = {row[:3] for row in clip.captions}
+    existing = {row[:3] for row in clip.captions}
     return clip.with_captions(
-        [row for row in dict.fromkeys(rows.get(clip.id, ())) if row not in known]
+        [row for row in dict.fromkeys(rows.get(clip.id, ())) if row not in existing]
     )
 
 
@@ -151,7 +151,7 @@ def _subsampled(singles: list[Found], most: int, generator: np.random.Generator)
     categories: dict[Category, list[Found]] = defaultdict(list)
     for index in generator.permutation(len(singles)).tolist():
         categories[category_of(singles[index].action)].append(singles[index])
-    kept = []
+    sample = []
     for group in categories.values():
         count: Counter[str] = Counter()
         ranks = []
@@ -159,8 +159,8 @@ def _subsampled(singles: list[Found], most: int, generator: np.random.Generator)
             ranks.append(count[single.clip])
             count[single.clip] += 1
         order = sorted(range(len(group)), key=ranks.__getitem__)
-        kept += [group[n] for n in order[:most]]
-    return kept
+        sample += [group[n] for n in order[:most]]
+    return sample
 
 
 _SEAMS = 8
@@ -293,6 +293,8 @@ def action_clips(dataset: Dataset) -> list[ActionClip]:
 def rarity(actions: Sequence[ActionClip]) -> Float[np.ndarray, " actions"]:
     """Returns weights by which actions are drawn, so that frequent ones do not dominate."""
     frequency = Counter(action.verbs for action in actions)
+    # Between draws by frequency (exponent 0) and all verbs alike (-1): rare verbs have few clips,
+    # which would repeat.
     weights = np.array([frequency[action.verbs] ** -0.7 for action in actions])
     return weights / weights.sum()
 
@@ -351,8 +353,8 @@ class Pairing:
             return None
         # Users ask most for "walk, then ..." and "..., then walk".
         going = np.array([bool(self.actions[n].verbs & _GOING_OR_STANDING) for n in near.tolist()])
-        wanted = np.where(going != bool(first.verbs & _GOING_OR_STANDING), 4.0, 1.0)
-        weights = wanted * self.rarity[near] / (0.05 + best[near])
+        preference = np.where(going != bool(first.verbs & _GOING_OR_STANDING), 4.0, 1.0)
+        weights = preference * self.rarity[near] / (0.05 + best[near])
         chosen = int(self.generator.choice(near, p=weights / weights.sum()))
         columns = np.flatnonzero(self.owners == chosen)
         row, column = np.unravel_index(distance[:, columns].argmin(), (len(ends), len(columns)))

@@ -151,9 +151,9 @@ def read_manifest(folder: str | Path) -> Manifest:
     """
     path = Path(folder) / MANIFEST
     if not path.is_file():
-        found = "a folder without it" if path.parent.is_dir() else "no such folder"
+        cause = "a folder without it" if path.parent.is_dir() else "no such folder"
         raise DataError(
-            f"{folder}: expected a prepared data set ({MANIFEST}), found {found}; "
+            f"{folder}: expected a prepared data set ({MANIFEST}), found {cause}; "
             "make one with `latentmotion data prepare`"
         )
     try:
@@ -173,8 +173,8 @@ def read_manifest(folder: str | Path) -> Manifest:
                 "followed, since data from others could name any file: copy it there"
             )
     for clip in manifest.clips:
-        known = 0 <= clip.shard < len(manifest.shards)
-        rows = manifest.shards[clip.shard].frames if known else 0
+        has_shard = 0 <= clip.shard < len(manifest.shards)
+        rows = manifest.shards[clip.shard].frames if has_shard else 0
         if not 0 < clip.frames <= rows or not 0 <= clip.offset <= clip.offset + clip.frames <= rows:
             raise DataError(f"{path}: clip {clip.id} lies outside its shard; prepare again")
         if clip.source == COMPOSED and clip.split != "train":

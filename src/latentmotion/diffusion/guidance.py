@@ -54,25 +54,25 @@ class ClassifierFreeGuidance:
         """Returns the guided output."""
         if isinstance(self.scale, (int, float)) and self.scale == 1:
             return self.denoiser(z, t, condition, mask)
-        without, given = _both(self.denoiser, self.null, z, t, condition, mask)
+        unconditional, conditional = _both(self.denoiser, self.null, z, t, condition, mask)
         scale: Any = self.scale
         if getattr(scale, "ndim", 0):  # one per item becomes a column that multiplies the outputs
             scale = scale[:, None, None]
-        return without + scale * (given - without)
+        return unconditional + scale * (conditional - unconditional)
 
 
 @dataclass(frozen=True)
 class ProjectedGuidance:
-    """Moves the answer across the latents that it stands for, at middle times alone."""
+    """Guides only across the predicted clean latents, and only at middle noise levels."""
 
     parametrized: ParametrizedDenoiser
     """The denoiser, with the meaning of its output."""
     null: Conditioning
     """No condition, one row."""
     scale: float | Float[Any, " batch"]
-    """As above."""
+    """1 follows the condition, more exaggerates it; one for all or one per item."""
     interval: tuple[float, float] = INTERVAL
-    """Where it acts."""
+    """Least and greatest share of noise, sigma / (alpha + sigma), at which guidance acts."""
 
     def __call__(
         self,
@@ -85,16 +85,18 @@ class ProjectedGuidance:
         if isinstance(self.scale, (int, float)) and self.scale == 1:
             return self.parametrized.denoiser(z, t, condition, mask)
         xp = array_namespace(z)
-        without, given = _both(self.parametrized.denoiser, self.null, z, t, condition, mask)
-        clean, _ = self.parametrized.estimates(given, z, t)
-        clean, difference = clean * mask[..., None], given - without
+        unconditional, conditional = _both(
+            self.parametrized.denoiser, self.null, z, t, condition, mask
+        )
+        clean, _ = self.parametrized.estimates(conditional, z, t)
+        clean, difference = clean * mask[..., None], conditional - unconditional
         along = (difference * clean).sum(axis=(1, 2)) / ((clean * clean).sum(axis=(1, 2)) + 1e-8)
         across = difference - along[:, None, None] * clean
         schedule = self.parametrized.schedule
         alpha, sigma = schedule.alpha(t), schedule.sigma(t)
         lost, (least, most) = sigma / (alpha + sigma), self.interval
         acts = xp.asarray((lost >= least) & (lost <= most), dtype=z.dtype)
-        return given + (acts * (self.scale - 1))[:, None, None] * across
+        return conditional + (acts * (self.scale - 1))[:, None, None] * across
 
 
 def guided(
@@ -106,10 +108,10 @@ def guided(
     """Returns a denoiser with guidance around it.
 
     Args:
-        rule: Which guidance.
+        rule: Kind of guidance.
         model: A denoiser that is not distilled.
         null: No condition, one row.
-        scale: How strong, one for all or one per item.
+        scale: Guidance scale, one for all or one per item.
     """
     if rule == "projected":
         return replace(model, denoiser=ProjectedGuidance(model, null, scale))
@@ -123,7 +125,7 @@ class DistilledGuidance:
     denoiser: Callable[..., Any]
     """A denoiser whose last argument is a `StepCondition`."""
     scale: float | Float[Any, " batch"]
-    """As above."""
+    """Scale that is passed to the network; one for all or one per item."""
     steps: int
     """Number of sampling steps."""
 
@@ -175,10 +177,10 @@ def repeat(condition: Conditioning, rows: int) -> Conditioning:
     )
 
 
-def align(one: Conditioning, other: Conditioning) -> tuple[Conditioning, Conditioning]:
+def align(first: Conditioning, second: Conditioning) -> tuple[Conditioning, Conditioning]:
     """Pads the one with fewer words, so that both have the same number."""
-    words = max(one.mask.shape[1], other.mask.shape[1])
-    return _pad(one, words), _pad(other, words)
+    words = max(first.mask.shape[1], second.mask.shape[1])
+    return _pad(first, words), _pad(second, words)
 
 
 def _pad(condition: Conditioning, words: int) -> Conditioning:

@@ -1,4 +1,4 @@
-"""What a denoiser is to a sampler, and what its output means: noise, clean latents or velocity.
+"""The interface of denoisers, and the meaning of their output: noise, clean latents or velocity.
 
 With z_t = alpha z_0 + sigma epsilon each of the three determines (z_0, epsilon). A
 `ParametrizedDenoiser` returns that pair, so neither samplers nor control know which one it is.
@@ -43,7 +43,7 @@ class Denoiser(Protocol):
         Args:
             z: Noisy latents, NumPy or torch.
             t: Time of each item, in the units of the schedule.
-            condition: What steers the motion, one row per item.
+            condition: Condition of the motion, one row per item.
             mask: True on real tokens.
         """
         ...
@@ -51,7 +51,7 @@ class Denoiser(Protocol):
 
 @runtime_checkable
 class Estimator(Protocol):
-    """A denoiser with the meaning of its output: what a sampler asks at every step."""
+    """A denoiser with the meaning of its output, as samplers call it at every step."""
 
     def __call__(
         self,
@@ -65,7 +65,7 @@ class Estimator(Protocol):
         Args:
             z: Noisy latents, NumPy or torch.
             t: Time of all items, in the units of the schedule.
-            condition: What steers the motion, one row per item.
+            condition: Condition of the motion, one row per item.
             mask: True on real tokens.
         """
         ...
@@ -138,7 +138,7 @@ class Velocity:
         return d * z - sigma * output, alpha * output - c * z
 
     def target(self, z0: Latents, epsilon: Latents, t: Time, schedule: Schedule) -> Latents:
-        """Returns the velocity of the way from z_0 to epsilon."""
+        """Returns the velocity of the path from z_0 to epsilon."""
         c, d = map(_columns, schedule.velocity_coefficients(t))
         return c * z0 + d * epsilon
 

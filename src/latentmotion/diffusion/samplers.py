@@ -1,4 +1,4 @@
-"""From noise to latents: how a sampler walks from time t to an earlier time s, again and again.
+"""Samplers: solvers that integrate from noise to latents, in steps from time t to an earlier s.
 
 A sampler knows the schedule alone. What the network's output means is its estimator's business, and
 guidance is a denoiser around a denoiser. Of `Heun` and `DPMSolver` the error falls with the square
@@ -35,7 +35,7 @@ class Sampler(Protocol):
 
     @property
     def schedule(self) -> Schedule:
-        """The noise schedule that it walks along."""
+        """The noise schedule, which gives alpha and sigma at each time."""
         ...
 
     def integrate(
@@ -46,14 +46,14 @@ class Sampler(Protocol):
         Args:
             estimate: Returns the estimates of (z_0, epsilon), given latents and one time for all.
             z: Latents at the first of the times.
-            times: Where it stops over.
-            noise: Draws further noise, where it wants any.
+            times: Descending times between which it steps.
+            noise: Draws fresh noise, for samplers that add some.
         """
         ...
 
 
 class SingleStepSampler(ABC):
-    """A sampler whose steps ask once each and know nothing of each other."""
+    """A sampler with one network evaluation per step, each step independent of earlier ones."""
 
     @abstractmethod
     def step(self, estimates: Estimates, z: Latents, t: float, s: float, noise: Noise) -> Latents:
@@ -86,9 +86,9 @@ class DDIM(SingleStepSampler):
         alpha, sigma = self.schedule.alpha(s), self.schedule.sigma(s)
         if self.eta == 0:
             return alpha * z0 + sigma * epsilon
-        fresh = self.eta * _posterior(self.schedule, t, s)[2]
-        kept = (sigma**2 - fresh**2) ** 0.5
-        return alpha * z0 + kept * epsilon + fresh * _like(z, noise)
+        added = self.eta * _posterior(self.schedule, t, s)[2]
+        remaining = (sigma**2 - added**2) ** 0.5
+        return alpha * z0 + remaining * epsilon + added * _like(z, noise)
 
 
 @dataclass(frozen=True)
@@ -160,8 +160,8 @@ class DPMSolver:
         return z
 
     def _step(self, z0: Latents, z: Latents, t: float, s: float) -> Latents:
-        kept = self.schedule.sigma(s) / self.schedule.sigma(t)
-        return kept * z + (self.schedule.alpha(s) - self.schedule.alpha(t) * kept) * z0
+        ratio = self.schedule.sigma(s) / self.schedule.sigma(t)
+        return ratio * z + (self.schedule.alpha(s) - self.schedule.alpha(t) * ratio) * z0
 
     def _lambda(self, t: float) -> float:
         alpha, sigma = self.schedule.alpha(t), self.schedule.sigma(t)
@@ -193,17 +193,17 @@ def sample(
     noise: Noise,
     remaining: int | None = None,
 ) -> Latents:
-    """Walks from pure noise to latents, or from noised latents the last of these steps.
+    """Integrates from pure noise to latents, or from noised latents over the last of the steps.
 
     Args:
         estimator: A denoiser, with guidance around it, that returns estimates of (z_0, epsilon).
         sampler: The rule for one step.
         z: Standard normal noise; with `remaining` steps, latents noised to where these begin.
-        condition: What steers the motion.
+        condition: Condition of the motion.
         mask: True on real tokens.
         steps: Number of steps from pure noise.
         noise: Draws further noise, where the sampler wants any.
-        remaining: How many of the steps are left; by default all.
+        remaining: Number of steps that are left; by default all.
     """
 
     def estimate(z: Latents, t: float) -> Estimates:
@@ -247,11 +247,11 @@ def _like(z: Latents, noise: Noise) -> Latents:
 
 
 class SeededNoise:
-    """Standard normal numbers; each row of the batch comes from a generator of its own.
+    """Standard normal numbers, each row of a batch from a generator of its own.
 
     Args:
         seeds: One per row.
-        tokens: How many tokens each row has; the rest of it is zero. By default all are real.
+        tokens: Number of real tokens of each row; the others are zero. By default all are real.
             So a row gets the same numbers whatever it is padded to.
     """
 

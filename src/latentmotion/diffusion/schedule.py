@@ -48,7 +48,7 @@ class Schedule(Protocol):
         ...
 
     def timesteps(self, steps: int) -> np.ndarray:
-        """Returns `steps` + 1 descending times: where a sampler stops over, its end included."""
+        """Returns the `steps` + 1 descending times of a sampler's steps, the end included."""
         ...
 
 
@@ -140,6 +140,8 @@ class Cosine(DiscreteTimes):
     def signal(self) -> np.ndarray:
         """The signal, a squared cosine but for its very end."""
         fractions = np.arange(self.length + 1) / self.length
+        # Nichol & Dhariwal 2021, eq. 17: s = 0.008 keeps the first step from being too small, and
+        # betas are clipped at 0.999 near the end.
         f = np.cos(np.pi / 2 * (fractions + 0.008) / 1.008) ** 2
         return _signal(np.minimum(1 - f[1:] / f[:-1], 0.999))
 

@@ -204,7 +204,7 @@ class _Scaled:
         Args:
             card: States the scales of latents and features.
             network: The VAE's decoder or encoder.
-            to_device: Makes arrays of the network's library, on its device.
+            to_device: Converts to arrays of the network's library, on its device.
         """
         space = card.latents
         rows = space.mean, space.std, card.normalizer_mean, card.normalizer_std

@@ -47,7 +47,7 @@ class MotionPrior:
             raise ModelError(f"model {self.card.name!r} has no VAE, so there is no prior to sample")
 
     def batch(self, seconds: float | Sequence[float] | None, seeds: Sequence[int]) -> list[Motion]:
-        """Returns a motion for each seed, of 4 seconds or the nearest possible by default.
+        """Returns a motion for each seed, by default of 4 seconds or the nearest possible length.
 
         Raises:
             InputError: A number is out of range.

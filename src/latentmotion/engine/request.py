@@ -106,7 +106,7 @@ class GenerationRequest:
         return [
             [rows[n] for n in batch]
             for steps in dict.fromkeys(remaining)
-            for rows in [[row for row, own in enumerate(remaining) if own == steps]]
+            for rows in [[row for row, row_steps in enumerate(remaining) if row_steps == steps]]
             for batch in batches([self.frames[row] for row in rows], most, mixed)
         ]
 
@@ -159,9 +159,9 @@ def with_starts(
 
     Args:
         batch: Pure noise and masks.
-        starts: What each motion starts from; rows beyond are padding.
+        starts: Latents that each motion starts from; further rows are padding.
         schedule: Weights of latents and noise.
-        time: Where sampling begins.
+        time: Time at which sampling begins.
         backend: Device of the arrays.
     """
     latents = np.zeros(tuple(batch.noise.shape), np.float32)
@@ -234,18 +234,18 @@ def frames_of(
     Raises:
         InputError: A length is not a finite number, or their number is not that of the motions.
     """
-    given = each(seconds, count)
-    if len(given) != count:
-        raise InputError(f"{len(given)} lengths for {count} motions")
+    lengths = each(seconds, count)
+    if len(lengths) != count:
+        raise InputError(f"{len(lengths)} lengths for {count} motions")
     shortest, longest = card.frames
     predicted = [USUAL_SECONDS] * count if usual is None else usual
     frames = []
-    for length, likely in zip(given, predicted, strict=True):
-        wanted = (likely if length is None else length) * fps
-        if not np.isfinite(wanted):
+    for length, likely in zip(lengths, predicted, strict=True):
+        exact = (likely if length is None else length) * fps
+        if not np.isfinite(exact):
             raise InputError(f"{length} seconds: expected a number that frames can be counted in")
         frames.append(
-            round(wanted) if length is not None else min(max(round(wanted), shortest), longest)
+            round(exact) if length is not None else min(max(round(exact), shortest), longest)
         )
     return frames
 

@@ -196,12 +196,12 @@ def check_graph(path: Path) -> None:
     """
     try:
         with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-            found = [match[1].decode() for match in _REPEATING.finditer(content)]
+            repeating = [match[1].decode() for match in _REPEATING.finditer(content)]
     except (OSError, ValueError) as error:  # ValueError: an empty file
         raise ModelError(f"{path} cannot be read: {error}; copy the folder again") from error
-    if found:
+    if repeating:
         raise ModelError(
-            f"{path} has a node {found[0]}, which may repeat others forever; graphs of "
+            f"{path} has a node {repeating[0]}, which may repeat others forever; graphs of "
             "this package have none"
         )
 

@@ -56,7 +56,7 @@ class Candidate(Protocol):
 
     @property
     def prompted(self) -> bool:
-        """Whether its motions depend on the test prompts, so that they can match them."""
+        """Whether its motions depend on the test prompts, so that their match can be measured."""
         ...
 
     def __call__(self, replication: Replication, protocol: EvaluationProtocol) -> Motions:
@@ -65,7 +65,7 @@ class Candidate(Protocol):
 
 
 @runtime_checkable
-class Generator(Protocol):
+class EvaluatedGenerator(Protocol):
     """The part of `MotionPipeline` that an evaluation uses."""
 
     @property
@@ -82,7 +82,7 @@ class Generator(Protocol):
 class Generated:
     """Motions that a generator makes from captions, labels, or lengths alone."""
 
-    generator: Generator
+    generator: EvaluatedGenerator
     """The model, a `MotionPipeline`."""
     sampling: Sampling | None = None
     """Steps, guidance scale and sampler; by default the model's own."""

@@ -149,7 +149,7 @@ class Traffic:
 
     @property
     def total(self) -> int:
-        """Both."""
+        """Bytes of parameters and activations."""
         return self.weights + self.activations
 
 
@@ -224,8 +224,8 @@ class Cost:
         if self.gflops is not None:
             lines.append(f"FLOPs: {self.gflops:.2f} G for {self.gflops_frames} frames")
         if self.aits is not None:
-            about = f"{self.timed} motions one at a time, {self.engine}"
-            lines.append(f"AITS: {self.aits:.4f} s ({about})")
+            conditions = f"{self.timed} motions one at a time, {self.engine}"
+            lines.append(f"AITS: {self.aits:.4f} s ({conditions})")
         return lines
 
 
@@ -289,4 +289,4 @@ def longest_of(prompts: Sequence[TestPrompt]) -> TestPrompt:
 def timed_prompts(prompts: Sequence[TestPrompt]) -> list[TestPrompt]:
     """Returns the longest prompt and others spread over the set, `TIMED` at most, each once."""
     stride, longest = max(len(prompts) // TIMED, 1), longest_of(prompts)
-    return [longest, *(one for one in prompts[::stride] if one is not longest)][:TIMED]
+    return [longest, *(prompt for prompt in prompts[::stride] if prompt is not longest)][:TIMED]

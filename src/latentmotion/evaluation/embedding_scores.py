@@ -114,14 +114,14 @@ class ActionCache(EmbeddingCache):
         actions = [prompt.item.clip.action for prompt in replication.prompts]
         if None in actions:
             return Embeddings(recognition.features, recognition.logits)
-        known = list(self.evaluator.labels)
-        unknown = sorted({str(label) for label in actions} - set(known))
+        names = list(self.evaluator.labels)
+        unknown = sorted({str(label) for label in actions} - set(names))
         if unknown:
             raise InputError(
-                f"the evaluator does not know the label {unknown[0]!r}, only {', '.join(known)}; "
+                f"the evaluator does not know the label {unknown[0]!r}, only {', '.join(names)}; "
                 "take one that was trained on this data set"
             )
-        labels = np.array([known.index(str(label)) for label in actions])
+        labels = np.array([names.index(str(label)) for label in actions])
         return Embeddings(recognition.features, recognition.logits, labels)
 
     def motions(self, motions: Motions) -> Float[np.ndarray, "items width"]:
@@ -176,9 +176,10 @@ def ground_truth_scores(real: Embeddings, protocol: Protocol, replication: int) 
     """Returns the figures of the real motions; FID and KID are those of two random halves."""
     order = protocol.generator("halves", replication).permutation(len(real.motions))
     half = len(order) // 2
+    # A covariance needs two motions; with fewer, both sides are all of them.
     whole = protocol.quirks.permuted_truth or half < 2
-    one, other = (order, slice(None)) if whole else (order[:half], order[half:])
-    first, second = Embeddings(real.motions[one]), Embeddings(real.motions[other])
+    rows, other_rows = (order, slice(None)) if whole else (order[:half], order[half:])
+    first, second = Embeddings(real.motions[rows]), Embeddings(real.motions[other_rows])
     return {
         **_distances(first, second, protocol, replication, paired=False),
         "Diversity": _diversity(real, protocol, replication, real=True),
@@ -189,8 +190,8 @@ def ground_truth_scores(real: Embeddings, protocol: Protocol, replication: int) 
 def measures_multimodality(candidate: Generated, protocol: Protocol, replication: int) -> bool:
     """Returns whether a replication measures MultiModality of captions."""
     repeats = protocol.repeats
-    wanted = repeats.texts > 0 and repeats.samples > 1
-    return wanted and candidate.card.condition.reads_text and replication < repeats.replications
+    repeated = repeats.texts > 0 and repeats.samples > 1
+    return repeated and candidate.card.condition.reads_text and replication < repeats.replications
 
 
 def caption_multimodality(
@@ -212,8 +213,8 @@ def caption_multimodality(
     if repeats.pairs is None:
         return metrics.multimodality(list(embeddings))
     pairs = min(repeats.pairs, repeats.samples)
-    one, other = (generator.choice(repeats.samples, pairs, replace=False) for _ in range(2))
-    return metrics.shared_pairs_multimodality(embeddings, one, other)
+    first, second = (generator.choice(repeats.samples, pairs, replace=False) for _ in range(2))
+    return metrics.shared_pairs_multimodality(embeddings, first, second)
 
 
 def groups(
@@ -237,11 +238,11 @@ def groups(
 
 
 def _distances(
-    one: Embeddings, other: Embeddings, protocol: Protocol, replication: int, paired: bool
+    first: Embeddings, second: Embeddings, protocol: Protocol, replication: int, paired: bool
 ) -> Scores:
     """FID and KID."""
     pairs, single = protocol.quirks.drawn_pairs, protocol.quirks.float32_means
-    x, y = one.motions, other.motions
+    x, y = first.motions, second.motions
     distance = metrics.frechet_distance(
         metrics.Gaussian.of(x, single), metrics.Gaussian.of(y, single)
     )
@@ -259,11 +260,11 @@ def _diversity(embeddings: Embeddings, protocol: Protocol, replication: int, rea
     generator, items = protocol.generator("diversity", replication), len(embeddings.motions)
     if embeddings.logits is None:
         count = min(pairs.text_diversity, items)
-        one, other = (generator.choice(items, count, replace=False) for _ in range(2))
+        first, second = (generator.choice(items, count, replace=False) for _ in range(2))
     else:
         count = pairs.true_action_diversity if real else pairs.action_diversity
-        one, other = generator.integers(items, size=(2, count))
-    return metrics.drawn_diversity(embeddings.motions, one, other)
+        first, second = generator.integers(items, size=(2, count))
+    return metrics.drawn_diversity(embeddings.motions, first, second)
 
 
 def _prompt_scores(
@@ -277,9 +278,9 @@ def _prompt_scores(
         drop = protocol.quirks.remainder_dropped
         drawn = list(groups(len(motions), protocol.group, generator, drop))
         places = np.concatenate(
-            [metrics.ranks(texts[rows], motions[rows])[:own] for rows, own in drawn]
+            [metrics.ranks(texts[rows], motions[rows])[:scored] for rows, scored in drawn]
         )
-        counted = np.concatenate([rows[:own] for rows, own in drawn])
+        counted = np.concatenate([rows[:scored] for rows, scored in drawn])
         shares = metrics.r_precision(places)
         scores |= {f"R@{k}": share for k, share in zip(metrics.BEST, shares, strict=True)}
         scores["MM-Dist"] = metrics.mm_dist(texts[counted], motions[counted])
@@ -292,6 +293,6 @@ def _prompt_scores(
         else:
             quota = pairs.true_action_multimodality if real else pairs.action_multimodality
             chance = protocol.generator("multimodality", replication)
-            one, other = metrics.label_pairs(labels, quota, lambda n: int(chance.integers(n)))
-            scores["MultiModality"] = metrics.drawn_diversity(motions, one, other)
+            first, second = metrics.label_pairs(labels, quota, lambda n: int(chance.integers(n)))
+            scores["MultiModality"] = metrics.drawn_diversity(motions, first, second)
     return scores

@@ -48,7 +48,7 @@ from latentmotion.progress import counted
 from latentmotion.storage.address import Folder
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.reading import parse_json
-from latentmotion.storage.shards import Manifest, Run, Shard, Work
+from latentmotion.storage.shards import Manifest, Run, ShardContent, Work
 
 __all__ = [
     "CLEAN",
@@ -123,10 +123,10 @@ def build_test_set(
     if not candidates or len(set(rows)) < len(rows):
         raise InputError(f"rows {', '.join(rows)}: expected one or more, each of another name")
     for candidate in candidates:
-        made, expected = candidate.card.representation, dataset.representation.name
-        if made != expected:
+        name, expected = candidate.card.representation, dataset.representation.name
+        if name != expected:
             raise ModelError(
-                f"model {candidate.card.name!r} makes features {made!r}, {dataset.folder} has "
+                f"model {candidate.card.name!r} makes features {name!r}, {dataset.folder} has "
                 f"{expected!r}; evaluate it on data of its own kind"
             )
     needs = _needs(candidates, dataset, evaluator, protocol)
@@ -203,7 +203,10 @@ class Comparison:
             scores = scores | self.positions.nearest(features)
         if real is not None:
             scores = scores | ground_truth_scores(real, self.protocol, number)
-        rows = {one.row: self._measure(one, replication, real) for one in self.candidates}
+        rows = {
+            candidate.row: self._measure(candidate, replication, real)
+            for candidate in self.candidates
+        }
         return {GROUND_TRUTH: scores, **rows}
 
     def report(self, replications: Sequence[Mapping[str, Scores]]) -> Report:
@@ -251,8 +254,8 @@ class Comparison:
         names = [record.name for record in manifest.shards]
         return self.report([parse_json(folder.read(name), f"{folder}/{name}") for name in names])
 
-    def _shard(self, number: int) -> Shard:
-        return Shard(json.dumps(self.replication(number), indent=1).encode(), 1)
+    def _shard(self, number: int) -> ShardContent:
+        return ShardContent(json.dumps(self.replication(number), indent=1).encode(), 1)
 
     def _measure(
         self, candidate: Candidate, replication: Replication, real: Embeddings | None

@@ -87,7 +87,7 @@ AUTHORS = Quirks(
     random_state=True,
     population_deviation=True,
 )
-"""All of them, as the authors evaluate."""
+"""All quirks, as in the authors' evaluation."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Protocol:
 
 
 CLEAN = Protocol("clean")
-"""The default."""
+"""The default protocol."""
 
 PAPER = Protocol(
     "paper",
@@ -275,14 +275,14 @@ class TestSet:
                 items += [TestItem(clip, *part, tuple(group)) for part, group in parts.items()]
             elif self.needs != "action" or clip.action:
                 items.append(TestItem(clip, 0, clip.frames, ()))
-        kept = [item for item in items if self.lengths.of(item) >= max(shortest, 1)]
-        if len(kept) < 2:
+        usable = [item for item in items if self.lengths.of(item) >= max(shortest, 1)]
+        if len(usable) < 2:
             raise DataError(
-                f"{self.dataset.folder} has {len(kept)} clips {TASKS[self.needs].asks_for} of "
+                f"{self.dataset.folder} has {len(usable)} clips {TASKS[self.needs].asks_for} of "
                 f"{shortest} frames or more in its {split} split, expected at least 2; take "
                 "another split or data set"
             )
-        return kept
+        return usable
 
     def replication(self, number: int) -> Replication:
         """Returns the test prompts of a replication and their real motions."""

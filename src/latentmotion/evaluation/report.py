@@ -85,6 +85,7 @@ class Figure:
         """
         count = len(values)
         deviation = float(np.std(values, ddof=0 if population else 1)) if count > 1 else None
+        # 1.96 deviations of the mean: the 95 % interval of a normal distribution.
         interval = None if deviation is None else 1.96 * deviation / sqrt(count)
         return cls(float(np.mean(values)), interval, tuple(map(float, values)))
 
@@ -161,29 +162,32 @@ class Report:
 
     def markdown(self) -> str:
         """Returns a page: figures, warnings, notes and provenance."""
-        p, made = self.protocol, self.provenance
+        p, provenance = self.protocol, self.provenance
         models: dict[str, list[str]] = {}
-        for row, name in made.models.items():
-            weights, statistics = made.weights[row] or "not from a folder", made.statistics[row]
+        for row, name in provenance.models.items():
+            weights, statistics = (
+                provenance.weights[row] or "not from a folder",
+                provenance.statistics[row],
+            )
             model = f"{name}: weights {weights}, statistics {statistics}"
-            models.setdefault(model, []).append(row + made.sampling[row])
-        about = [
+            models.setdefault(model, []).append(row + provenance.sampling[row])
+        origins = [
             f"protocol {p.name}, split {p.split}, {p.replications} replications, seed {p.seed}",
             "motions: " + ", ".join(f"{row} {count}" for row, count in self.items.items()),
-            f"data {made.data} {made.data_hash}",
-            f"evaluator {made.evaluator or 'none'}",
-            *([f"body {made.body}"] if made.body else ()),
+            f"data {provenance.data} {provenance.data_hash}",
+            f"evaluator {provenance.evaluator or 'none'}",
+            *([f"body {provenance.body}"] if provenance.body else ()),
             *(f"{model} ({'; '.join(rows)})" for model, rows in models.items()),
-            "versions: " + ", ".join(f"{name} {v}" for name, v in made.versions.items()),
+            "versions: " + ", ".join(f"{name} {v}" for name, v in provenance.versions.items()),
         ]
         parts = [
-            f"# {', '.join(dict.fromkeys(made.models.values()))}: {p.name} protocol",
+            f"# {', '.join(dict.fromkeys(provenance.models.values()))}: {p.name} protocol",
             "\n".join(f"> **Warning.** {line}" for line in self.warnings),
             self.table(),
             "± is a 95 % interval over replications; ↓ less is better, ↑ more, → near the truth.",
             "\n".join(f"* {line}" for line in (self.cost.lines() if self.cost else ())),
             "\n".join(f"* {line}" for line in self.notes),
-            "## Made from\n\n" + "\n".join(f"* {line}" for line in about),
+            "## Made from\n\n" + "\n".join(f"* {line}" for line in origins),
         ]
         return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -201,14 +205,14 @@ class Report:
 
 def card_figures(report: Report) -> dict[str, Any]:
     """Returns the figures for a model card: the means of every row, and how they were measured."""
-    protocol, made = report.protocol, report.provenance
+    protocol, provenance = report.protocol, report.provenance
     rows = {
         row: {name: float(f"{figure.mean:.4g}") for name, figure in figures.items()}
         for row, figures in report.rows.items()
     }
     return {
-        "data": f"{made.data} {made.data_hash}",
-        "evaluator": made.evaluator,
+        "data": f"{provenance.data} {provenance.data_hash}",
+        "evaluator": provenance.evaluator,
         "protocol": protocol.name,
         "split": protocol.split,
         "replications": protocol.replications,

@@ -87,27 +87,27 @@ def share_weights(graph: Path, weights: Path) -> None:
     """
     model = onnx.load(graph, load_external_data=False)
     stored = stored_tensors(weights)
-    kept: list[TensorProto] = []
+    initializers: list[TensorProto] = []
     nodes: list[NodeProto] = []
     for tensor in model.graph.initializer:
         inside = tensor.data_location != TensorProto.EXTERNAL
         float32 = inside and tensor.data_type == TensorProto.FLOAT
-        found = stored.get(_key(numpy_helper.to_array(tensor))) if float32 else None
-        if found is None:
-            kept.append(tensor)
+        shared = stored.get(_key(numpy_helper.to_array(tensor))) if float32 else None
+        if shared is None:
+            initializers.append(tensor)
             continue
         name, stored_as, file = tensor.name, f"{tensor.name}.stored", weights.name
-        kept.append(found.external(stored_as, file))
+        initializers.append(shared.external(stored_as, file))
         # Nodes that restore the graph's tensor; engines run them once, while loading.
-        whole = f"{name}.whole" if found.transposed else name
-        if found.scale is None:
+        whole = f"{name}.whole" if shared.transposed else name
+        if shared.scale is None:
             nodes.append(helper.make_node("Cast", [stored_as], [whole], to=TensorProto.FLOAT))
         else:
-            kept.append(found.scale.external(f"{name}.scale", file))
+            initializers.append(shared.scale.external(f"{name}.scale", file))
             nodes += scaled_rows(stored_as, f"{name}.scale", whole)
-        if found.transposed:
+        if shared.transposed:
             nodes.append(helper.make_node("Transpose", [whole], [name]))
-    _replace(model.graph.initializer, kept)
+    _replace(model.graph.initializer, initializers)
     _replace(model.graph.node, [*nodes, *model.graph.node])
     with atomic_file(graph) as temporary:
         temporary.write_bytes(model.SerializeToString())

@@ -28,7 +28,7 @@ from latentmotion.engine.session import open_session
 from latentmotion.errors import ModelError
 from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.networks.checkpoint import LatentModel
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.convolutional import Pullback
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise, sampler_of
@@ -45,19 +45,21 @@ PULLBACK_TOLERANCE = 1e-5
 """Largest difference between graph and automatic differentiation, relative to the largest value."""
 
 
-def export_denoiser(denoiser: Denoiser, latent_width: int, words_width: int, path: Path) -> None:
+def export_denoiser(
+    denoiser: DenoiserNetwork, latent_width: int, words_width: int, path: Path
+) -> None:
     """Writes a denoiser's graph: z, t, words, words_mask, mask → prediction.
 
     A distilled one has two more inputs, guidance and step_size.
     """
-    told = denoiser.further_inputs
-    graph = _StudentGraph(denoiser) if told else _DenoiserGraph(denoiser)
+    further = denoiser.further_inputs
+    graph = _StudentGraph(denoiser) if further else _DenoiserGraph(denoiser)
     inputs = {
         "z": torch.randn(_BATCH, _TOKENS, latent_width),
         "t": torch.rand(_BATCH),
         **_condition(words_width),
         "mask": torch.ones(_BATCH, _TOKENS, dtype=torch.bool),
-        **{name: torch.rand(_BATCH) for name in told},
+        **{name: torch.rand(_BATCH) for name in further},
     }
     trace(graph, inputs, path)
 
@@ -102,8 +104,8 @@ def pullback_error(vae: MotionVAE, graph: Path) -> float:
     features = vae.decode(z, inputs["mask"].expand(rows, -1))[..., :_FEATURES]
     (expected,) = torch.autograd.grad(features, z, inputs["gradient"])
     session = open_session(graph, "onnxruntime")
-    found = session(**{name: tensor.numpy() for name, tensor in inputs.items()})
-    return float((torch.from_numpy(found) - expected).abs().max() / expected.abs().max())
+    actual = session(**{name: tensor.numpy() for name, tensor in inputs.items()})
+    return float((torch.from_numpy(actual) - expected).abs().max() / expected.abs().max())
 
 
 def _pullback_inputs(width: int, tokens: int, rows: int, features: int) -> dict[str, torch.Tensor]:
@@ -201,7 +203,7 @@ class _DenoiserGraph(nn.Module):
 
 
 class _StudentGraph(_DenoiserGraph):
-    """A distilled denoiser, likewise."""
+    """A distilled denoiser with plain tensors as inputs."""
 
     def forward(  # one graph has two inputs more
         self,
@@ -229,7 +231,7 @@ class _EncoderGraph(nn.Module):
 
 
 class _DecoderGraph(nn.Module):
-    """The decoder of a VAE."""
+    """The decoder of a VAE with plain tensors as inputs."""
 
     def __init__(self, vae: MotionVAE) -> None:
         super().__init__()

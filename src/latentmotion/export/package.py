@@ -58,8 +58,8 @@ def package_model(
         text_encoder: Writes the text encoder; None for models of actions and unconditional ones.
         output: Folder to write, replaced as a whole.
         share_encoder: Whether to leave out the VAE's encoder if a shipped model has the same.
-        weights: How the denoiser's matrices are kept. The VAE stays in 16 bits: other models may
-            have the same one.
+        weights: Precision of the denoiser's matrices in the file. The VAE stays in 16 bits, since
+            other models may have the same one.
 
     Raises:
         ModelError: A file or network is missing, a graph does not repeat its network, or no
@@ -82,19 +82,20 @@ def package_model(
                 "no shipped model has this VAE's encoder, so it cannot be left out; export without "
                 "--share-encoder"
             )
-        kept = {key: value for key, value in rounded.items() if key not in left_out}
-        for key in [key for key in kept if key.startswith("denoiser.")]:
-            if weights == "int8" and kept[key].is_floating_point() and kept[key].ndim == 2:
-                kept[key], kept[key + checkpoint.SCALE] = pack(kept[key].float())
+        tensors = {key: value for key, value in rounded.items() if key not in left_out}
+        for key in [key for key in tensors if key.startswith("denoiser.")]:
+            if weights == "int8" and tensors[key].is_floating_point() and tensors[key].ndim == 2:
+                tensors[key], tensors[key + checkpoint.SCALE] = pack(tensors[key].float())
         metadata = {checkpoint.ENCODER_HASH: shared} if left_out else None
-        save_file(kept, folder / checkpoint.WEIGHTS_FILE, metadata)
+        save_file(tensors, folder / checkpoint.WEIGHTS_FILE, metadata)
         if text_encoder is not None:
             text_encoder(folder)
-            found = load_text_encoder(folder).width
-            if found != width:
+            encoder_width = load_text_encoder(folder).width
+            if encoder_width != width:
                 raise ModelError(
-                    f"the text encoder has {found} numbers per vector, model {card.name!r} reads "
-                    f"{width}; it was trained with {card.condition.text_encoder or 'another'!r}"
+                    f"the text encoder has {encoder_width} numbers per vector, model {card.name!r} "
+                    f"reads {width}; it was trained with "
+                    f"{card.condition.text_encoder or 'another'!r}"
                 )
         _write_graphs(checkpoint.load_model(folder), folder, with_encoder=not left_out)
 
@@ -171,13 +172,13 @@ def _check_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
 
     shown = card.trained_denoiser.condition_width
     inputs = {**drawn("z"), "t": t}
-    told = {"guidance": 3 * t, "step_size": t} if model.denoiser.further_inputs else {}
+    further = {"guidance": 3 * t, "step_size": t} if model.denoiser.further_inputs else {}
     condition = Conditioning(inputs["words"], inputs["words_mask"])
     with torch.no_grad():
         expected = model.denoiser(
-            inputs["z"], t, condition, inputs["mask"], StepCondition(**told) if told else None
+            inputs["z"], t, condition, inputs["mask"], StepCondition(**further) if further else None
         )
-    _compare(folder / "denoiser.onnx", inputs | told, expected)
+    _compare(folder / "denoiser.onnx", inputs | further, expected)
     if (folder / "decoder.onnx").is_file():
         latents = torch.randn(count, tokens, width)
         with torch.no_grad():
@@ -205,8 +206,8 @@ def _check_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
 def _compare(graph: Path, inputs: dict[str, torch.Tensor], expected: torch.Tensor) -> None:
     """Raises ModelError if a graph's output differs from the expected one."""
     session = open_session(graph, "onnxruntime")
-    found = session(**{name: tensor.numpy() for name, tensor in inputs.items()})
-    difference = float(np.abs(found - expected.numpy()).max())
+    actual = session(**{name: tensor.numpy() for name, tensor in inputs.items()})
+    difference = float(np.abs(actual - expected.numpy()).max())
     tolerance = TOLERANCE[cards.read_card(graph.parent).precision]
     if not difference < tolerance * max(1.0, float(expected.abs().max())):
         raise ModelError(f"{graph.name} differs from its network by {difference:.2g}; not written")

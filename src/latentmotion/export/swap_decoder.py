@@ -31,13 +31,13 @@ def with_decoder(model: Model, other: FirstStageModel) -> Model:
         ModelError: One of them has no VAE.
     """
     check_latents(model, other)
-    one, another = model.card.provenance, other.card.provenance
+    ours, theirs = model.card.provenance, other.card.provenance
     provenance = replace(
-        one,
-        data=tuple(dict.fromkeys((*one.data, *another.data))),
-        data_hashes={**another.data_hashes, **one.data_hashes},
-        commands=tuple(dict.fromkeys((*one.commands, *another.commands))),
-        hours=round(one.hours + other.card.figures.get("decoder_hours", 0.0), 3),
+        ours,
+        data=tuple(dict.fromkeys((*ours.data, *theirs.data))),
+        data_hashes={**theirs.data_hashes, **ours.data_hashes},
+        commands=tuple(dict.fromkeys((*ours.commands, *theirs.commands))),
+        hours=round(ours.hours + other.card.figures.get("decoder_hours", 0.0), 3),
     )
     card = replace(
         model.card,
@@ -59,8 +59,8 @@ def check_latents(model: FirstStageModel, other: FirstStageModel) -> None:
         "encoders": (_encoder_of(model), _encoder_of(other)),
         "normalizers": (scale_of(model.card), scale_of(other.card)),
     }
-    for what, (one, another) in pairs.items():
-        if one != another:
+    for what, (ours, theirs) in pairs.items():
+        if ours != theirs:
             raise InputError(
                 f"models {model.card.name!r} and {other.card.name!r} have different {what}, so one "
                 "cannot read the other's latents; make a decoder for them: latentmotion train "

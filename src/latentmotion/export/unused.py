@@ -45,9 +45,9 @@ def without_unused(sampler: ModelProto, joints: ModelProto) -> ModelProto:
     frames, rest = divmod(layer[0].dims[0] if layer[0].dims else 0, width)
     if rest or not frames:
         return sampler
-    kept = (np.arange(frames)[:, None] * width + np.arange(used)).ravel()
+    columns = (np.arange(frames)[:, None] * width + np.arange(used)).ravel()
     for tensor in layer:
-        _set(tensor, numpy_helper.to_array(tensor)[kept])
+        _set(tensor, numpy_helper.to_array(tensor)[columns])
     for tensor in graph.initializer:
         if list(tensor.dims) == [width]:
             _set(tensor, numpy_helper.to_array(tensor)[:used])

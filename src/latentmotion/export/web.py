@@ -101,7 +101,7 @@ def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
     Args:
         source: Model folder that `latentmotion export` wrote, of a few-step model.
         output: Folder to write, replaced as a whole.
-        weights: How large matrices are kept.
+        weights: Precision of large matrices in the file.
 
     Raises:
         InputError: There is something else at `output`.
@@ -119,7 +119,7 @@ def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
         reads = isinstance(pipeline.condition, SentenceCondition)
         text_graph, tokenizer = cards.find_text_encoder(card, source) if reads else (None, None)
         text = onnx.load(text_graph) if text_graph else None
-        seen = _seen_prompt(pipeline, text, Path(temporary))
+        prompt = _seen_prompt(pipeline, text, Path(temporary))
         representation = representation_of(card)
         example = {"features": torch.randn(1, 9, representation.width)}
         joints_graph = Path(temporary) / "joints.onnx"
@@ -127,7 +127,7 @@ def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
         joints = onnx.load(joints_graph)
         for steps in pipeline.backend.fused:
             fused = without_unused(onnx.load(source / fused_sampler_file(steps)), joints)
-            graph = store.taken(_joined(seen, fused, joints))
+            graph = store.taken(_joined(prompt, fused, joints))
             onnx.save(anonymous(graph), folder / motion_file(steps))
         lengths = cards.lengths_file(card, source)
         if lengths and text:
@@ -163,7 +163,7 @@ def joints_error(pipeline: MotionPipeline, folder: Path, steps: int) -> float:
         ids = [0] if prompt else []
     space = pipeline.card.latents
     session = open_session(folder / motion_file(steps), "onnxruntime", 1)
-    found = session(
+    actual = session(
         tokens=np.array([ids], np.int64),
         noise=SeededNoise([seed])((1, space.tokens_of(frames), space.width)),
         frames=np.array([frames]),
@@ -171,7 +171,7 @@ def joints_error(pipeline: MotionPipeline, folder: Path, steps: int) -> float:
     )
     seconds = frames / pipeline.representation.fps
     expected = pipeline(prompt, seconds, seed, steps, guidance).joints
-    return float(np.linalg.norm(found[0] - expected, axis=-1).max())
+    return float(np.linalg.norm(actual[0] - expected, axis=-1).max())
 
 
 class _Reading(nn.Module):
@@ -182,8 +182,8 @@ class _Reading(nn.Module):
         self.conditioning = conditioning
 
     def forward(self, pooled: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        seen = self.conditioning(TextEmbedding(pooled, words, mask))
-        return seen.tokens, seen.mask
+        conditioning = self.conditioning(TextEmbedding(pooled, words, mask))
+        return conditioning.tokens, conditioning.mask
 
 
 class _Joints(nn.Module):
@@ -244,12 +244,17 @@ def _joined(prompt: SeenPrompt, fused: ModelProto, joints: ModelProto) -> ModelP
     graph = helper.make_graph([], "motion", inputs, [output])
     masks = parser.parse_model(_MASKS)
     features = fused.graph.output[0].name
-    seen = {"words": "seen", "words_mask": words_mask}
-    given = {"mask": "latents_mask", "frames": "frames_mask", "noise": "noise"}
+    prompt_inputs = {"words": "seen", "words_mask": words_mask}
+    direct_inputs = {"mask": "latents_mask", "frames": "frames_mask", "noise": "noise"}
     _add(graph, masks, "masks", {name: name for name in ("tokens", "noise", "frames", *_MADE)})
     for part, prefix, names in parts:
         _add(graph, part, prefix, names)
-    _add(graph, fused, "fused", seen | given | {"guidance": "guidance", features: "features"})
+    _add(
+        graph,
+        fused,
+        "fused",
+        prompt_inputs | direct_inputs | {"guidance": "guidance", features: "features"},
+    )
     _add(graph, joints, "joints", _same("features", "joints"))
     return helper.make_model(graph, opset_imports=fused.opset_import, ir_version=fused.ir_version)
 
@@ -266,13 +271,13 @@ def _seconds(text: ModelProto, model: LengthModel) -> ModelProto:
     inputs = helper.make_tensor_value_info("tokens", TensorProto.INT64, [1, "pieces"])
     output = helper.make_tensor_value_info("seconds", TensorProto.FLOAT, [1, 1])
     graph = helper.make_graph([], "seconds", [inputs], [output])
-    made = {"mask": "mask", "tokens": "tokens"}
+    token_inputs = {"mask": "mask", "tokens": "tokens"}
     mask = parser.parse_model(_MASKS)
     keep = [node for node in mask.graph.node if node.output[0] in ("n_shape", "mask")]
     del mask.graph.node[:], mask.graph.initializer[:]
     mask.graph.node.extend(keep)
-    _add(graph, mask, "masks", made)
-    _add(graph, text, "text", made | {"pooled": "pooled"})
+    _add(graph, mask, "masks", token_inputs)
+    _add(graph, text, "text", token_inputs | {"pooled": "pooled"})
     longer = len(QUANTILES) - QUANTILES.index(0.5)  # the median is the last of so many from above
     *hidden, last = zip(model.weights, model.biases, strict=True)
     value = "pooled"
@@ -329,7 +334,7 @@ class _WeightStore:
 
     def taken(self, model: ModelProto) -> ModelProto:
         """Moves the weights of a graph to the file, those in 16 bits as they are to be kept."""
-        casts, kept = [], []
+        casts, initializers = [], []
         for tensor in model.graph.initializer:
             array = numpy_helper.to_array(tensor)
             if array.dtype == np.float16 and array.ndim > 1 and self.weights == "int8":
@@ -338,13 +343,13 @@ class _WeightStore:
                 scale = np.maximum(most / 127, 1e-12).astype(np.float32)  # of each row
                 packed = np.round(rows / scale).astype(np.int8)
                 names = f"{tensor.name}.packed", f"{tensor.name}.scale"
-                kept += [self._stored(packed, names[0]), self._stored(scale, names[1])]
+                initializers += [self._stored(packed, names[0]), self._stored(scale, names[1])]
                 casts += scaled_rows(*names, tensor.name)  # engines run them once, while loading
             else:
-                kept.append(self._stored(array, tensor.name))
+                initializers.append(self._stored(array, tensor.name))
         nodes = list(model.graph.node)
         del model.graph.initializer[:], model.graph.node[:]
-        model.graph.initializer.extend(kept)
+        model.graph.initializer.extend(initializers)
         model.graph.node.extend([*casts, *nodes])
         return model
 

@@ -115,8 +115,8 @@ def check_text(motions: Sequence[Motion], target: Path) -> None:
         InputError: There is text that is none.
     """
     for motion in motions:
-        about = json.dumps(dict(motion.metadata), ensure_ascii=False, default=str)
-        for text in (motion.caption, *motion.skeleton.names, about):
+        metadata = json.dumps(dict(motion.metadata), ensure_ascii=False, default=str)
+        for text in (motion.caption, *motion.skeleton.names, metadata):
             if "\0" in text:
                 raise InputError(
                     f"cannot write {target}: the text {ascii(text)[:100]} holds the character NUL, "

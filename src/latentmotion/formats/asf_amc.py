@@ -62,7 +62,7 @@ class Bone:
 
 
 @dataclass(frozen=True)
-class Figure:
+class AsfSkeleton:
     """The content of an ASF file."""
 
     meters: float
@@ -77,7 +77,7 @@ class Figure:
     """Name of each bone's parent; the root has none."""
 
 
-def read_asf(path: str | Path) -> Figure:
+def read_asf(path: str | Path) -> AsfSkeleton:
     """Reads a skeleton. Joint limits are ignored.
 
     Raises:
@@ -102,12 +102,12 @@ def read_asf(path: str | Path) -> Figure:
         expected = f"expected {_UNITS[0]:g} to {_UNITS[1]:g}"
         raise FileFormatError(path, f"found a unit of length of {unit}, {expected}", line)
     degrees = not " ".join(units.get("angle", (1, []))[1]).lower().startswith("rad")
-    reader = _Reader(Path(path), degrees, _INCH / unit)
+    reader = _AsfReader(Path(path), degrees, _INCH / unit)
     position = reader.root(sections["root"])
     reader.bonedata(sections["bonedata"])
     parents = reader.hierarchy(sections["hierarchy"])
     bones = {name: reader.bones[name] for name in ["root", *parents]}
-    return Figure(reader.meters, degrees, position, bones, parents)
+    return AsfSkeleton(reader.meters, degrees, position, bones, parents)
 
 
 def turned_in_order(
@@ -122,7 +122,7 @@ def turned_in_order(
     return matrix_from_euler(angles[..., ::-1], order[::-1])
 
 
-class _Reader:
+class _AsfReader:
     """Reads the sections of one file, line by line."""
 
     def __init__(self, path: Path, degrees: bool, meters: float) -> None:
@@ -206,10 +206,10 @@ class _Reader:
         angles = numbers(self.path, line, words[:-1], 3)
         return turned_in_order(np.deg2rad(angles) if self.degrees else angles, order)
 
-    def _channels(self, line: int, words: list[str], known: frozenset[str]) -> tuple[str, ...]:
+    def _channels(self, line: int, words: list[str], allowed: frozenset[str]) -> tuple[str, ...]:
         channels = tuple(word.upper() for word in words)
-        if set(channels) - known or len(set(channels)) < len(channels):
-            problem = f"found the channels {words}, expected some of {sorted(known)}, each once"
+        if set(channels) - allowed or len(set(channels)) < len(channels):
+            problem = f"found the channels {words}, expected some of {sorted(allowed)}, each once"
             raise FileFormatError(self.path, problem, line)
         return channels
 
@@ -286,7 +286,7 @@ def find_asf(amc: str | Path) -> Path:
 
 
 def _read_frames(
-    path: Path, lines: Sequence[str], figure: Figure
+    path: Path, lines: Sequence[str], figure: AsfSkeleton
 ) -> tuple[bool, dict[str, Float[np.ndarray, "frames channels"]]]:
     """Returns whether angles are in degrees, and the values of each bone.
 
@@ -325,7 +325,9 @@ def _read_frames(
     return degrees, values
 
 
-def _first_frame_bones(path: Path, lines: Sequence[str], start: int, figure: Figure) -> list[str]:
+def _first_frame_bones(
+    path: Path, lines: Sequence[str], start: int, figure: AsfSkeleton
+) -> list[str]:
     """Returns the bones of the first frame, in its order; the others keep their rest pose."""
     layout: list[str] = []
     for index, text in enumerate(lines[start + 1 :], start + 1):
@@ -346,11 +348,11 @@ def _first_frame_bones(path: Path, lines: Sequence[str], start: int, figure: Fig
     return layout
 
 
-def _check_bone(path: Path, line: int, words: list[str], figure: Figure) -> None:
+def _check_bone(path: Path, line: int, words: list[str], figure: AsfSkeleton) -> None:
     name, *values = words
     if name not in figure.bones:
-        known = ", ".join(figure.bones)
-        raise FileFormatError(path, f"found bone {name!r}; the ASF has {known}", line)
+        bones = ", ".join(figure.bones)
+        raise FileFormatError(path, f"found bone {name!r}; the ASF has {bones}", line)
     count = len(figure.bones[name].channels)
     if len(values) != count:
         problem = f"found {len(values)} numbers for bone {name!r}, expected {count} as in the ASF"
@@ -359,7 +361,7 @@ def _check_bone(path: Path, line: int, words: list[str], figure: Figure) -> None
 
 
 def _first_problem(
-    path: Path, lines: Sequence[str], start: int, layout: Sequence[str], figure: Figure
+    path: Path, lines: Sequence[str], start: int, layout: Sequence[str], figure: AsfSkeleton
 ) -> FileFormatError:
     """Finds the first error, line by line, in a file known to be damaged."""
     filled = [(i, text.split()) for i, text in enumerate(lines[start:], start + 1) if text.strip()]
@@ -375,7 +377,7 @@ def _first_problem(
     return FileFormatError(path, "ends inside a frame: the file is truncated", len(lines))
 
 
-def figure_skeleton(name: str, figure: Figure) -> Skeleton:
+def figure_skeleton(name: str, figure: AsfSkeleton) -> Skeleton:
     """Returns the bones of an ASF file as joints; see the top of this file."""
     names, parents = list(figure.bones), figure.parents
     inner, rank = set(parents.values()), {name: number for number, name in enumerate(names)}

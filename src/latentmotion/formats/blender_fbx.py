@@ -63,7 +63,7 @@ def write_glb(source: str, target: str) -> None:
             if number == len(importers):
                 raise
             bpy.ops.wm.read_factory_settings(use_empty=True)
-    wanted = {
+    options = {
         "export_animation_mode": "ACTIONS",
         "export_force_sampling": True,
         # Bones at rest stay in the animations: a file without a mesh says by them what bones are.
@@ -74,16 +74,16 @@ def write_glb(source: str, target: str) -> None:
         "export_rest_position_armature": True,
         "export_extra_animations": False,
     }
-    known = bpy.ops.export_scene.gltf.get_rna_type().properties.keys()
-    settings = {name: value for name, value in wanted.items() if name in known}
+    supported = bpy.ops.export_scene.gltf.get_rna_type().properties.keys()
+    settings = {name: value for name, value in options.items() if name in supported}
     bpy.ops.export_scene.gltf(filepath=target, export_format="GLB", **settings)
 
 
 if __name__ == "__main__":
-    given = sys.argv[sys.argv.index("--") + 1 :]
+    arguments = sys.argv[sys.argv.index("--") + 1 :]
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    if len(given) == 3:
-        write_fbx(given[0], given[1], float(given[2]))
+    if len(arguments) == 3:
+        write_fbx(arguments[0], arguments[1], float(arguments[2]))
     else:
-        write_glb(given[0], given[1])
+        write_glb(arguments[0], arguments[1])
     print("latentmotion: converted", flush=True)

@@ -85,6 +85,7 @@ def even_rate(
         whole = float(round(rate))
         rate = whole if whole and abs(rate - whole) < 2e-4 * rate else rate
         frames = (seconds - seconds[0]) * rate
+        # Times in files are rounded: 2 % of a frame is their error, more is another rate.
         even = np.abs(frames - np.round(frames)).max() < 0.02
         fps = rate if even and _LEAST_FPS <= rate <= _MOST_FPS else fps
     if length * fps > max(MOST_FRAMES, len(seconds)):

@@ -71,7 +71,7 @@ def read_hierarchy(path: Path, lines: Sequence[str]) -> tuple[list[Node], int]:
     Raises:
         FileFormatError: The hierarchy is damaged.
     """
-    reader = _Reader(path)
+    reader = _BvhReader(path)
     for number, line in enumerate(lines, 1):
         for statement in _STATEMENT.split(line):  # several may share a line
             if statement and statement.strip():
@@ -117,7 +117,7 @@ def _offset(skeleton: Skeleton, joint: int, layout: BvhLayout, share: float = 1.
     return "OFFSET " + " ".join(f"{value:.6f}" for value in units + 0.0)
 
 
-class _Reader:
+class _BvhReader:
     """Reads a hierarchy statement by statement."""
 
     def __init__(self, path: Path) -> None:
@@ -134,13 +134,13 @@ class _Reader:
     def read(self, line: int, statement: str) -> None:
         """Reads one statement of line `line`."""
         word, *values = statement.split()
-        keyword, found = word.upper(), f"found {statement[:40]!r}"
+        keyword, near = word.upper(), f"found {statement[:40]!r}"
         is_first, self._line = self._line == 0, line
         if is_first:
-            self._check(keyword == "HIERARCHY", f"{found}, expected 'HIERARCHY': not BVH")
+            self._check(keyword == "HIERARCHY", f"{near}, expected 'HIERARCHY': not BVH")
             return
-        self._check(keyword in _KEYWORDS, f"{found}, expected a keyword of BVH")
-        self._check((self._unopened is not None) == (keyword == "{"), f"{found} at a wrong place")
+        self._check(keyword in _KEYWORDS, f"{near}, expected a keyword of BVH")
+        self._check((self._unopened is not None) == (keyword == "{"), f"{near} at a wrong place")
         match keyword:
             case "ROOT":
                 problem = "found a second 'ROOT', expected one skeleton per file"
@@ -223,7 +223,7 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
 
     Args:
         path: The file.
-        unit: Its unit of length: `centimeters`, `meters`, `millimeters`, `inches`, `feet`, `cmu`
+        unit: Unit of length: `centimeters`, `meters`, `millimeters`, `inches`, `feet`, `cmu`
             (the MotionBuilder-friendly conversion of CMU), or meters per unit.
 
     Returns:

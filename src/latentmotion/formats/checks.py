@@ -90,7 +90,7 @@ def numbers(
         path: The file, for the error.
         line: The line, counted from 1, for the error.
         words: The words.
-        count: How many are expected.
+        count: Expected number of values.
 
     Raises:
         FileFormatError: There are more or fewer words, or one is not a finite number.

@@ -1,4 +1,4 @@
-"""Motions as the content of a file: bytes in the format that was asked for, and its media type.
+"""Motions as the content of a file: bytes in a requested format, and its media type.
 
 `rewritten` is what the static page calls in the browser, where Pyodide runs it.
 """
@@ -112,7 +112,7 @@ def packed(files: Sequence[Path], form: str) -> tuple[bytes, str]:
 
 def _plain(motions: Sequence[Motion]) -> dict[str, Any]:
     """Returns a motion, or `motions`, as JSON has it."""
-    found = [
+    entries = [
         {
             "prompt": motion.caption,
             "seconds": motion.seconds,
@@ -125,4 +125,4 @@ def _plain(motions: Sequence[Motion]) -> dict[str, Any]:
         }
         for motion in motions
     ]
-    return found[0] if len(found) == 1 else {"motions": found}
+    return entries[0] if len(entries) == 1 else {"motions": entries}

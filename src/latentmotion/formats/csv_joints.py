@@ -78,6 +78,7 @@ def read(path: str | Path) -> list[Motion]:
             return [Motion(joints, _SINGLE_FPS, skeleton)]
     length = float(times[-1] - times[0])
     fps = checked_rate(path, (len(times) - 1) / length) if length > 1e-9 else 0.0
+    # Steps within 1 % of their mean differ by the rounding of times only.
     if np.abs(np.diff(times) * fps - 1).max() > 0.01:
         raise FileFormatError(path, "the times of the frames are not evenly apart; resample them")
     with blamed_on(path):
@@ -90,15 +91,15 @@ def _columns(names: Sequence[str]) -> list[str]:
 
 def _skeleton(path: str | Path, header: Sequence[str]) -> Skeleton:
     """Returns the largest of our skeletons whose columns are all there."""
-    known = sorted(OURS.values(), key=len, reverse=True)
-    for skeleton in known:
+    skeletons = sorted(OURS.values(), key=len, reverse=True)
+    for skeleton in skeletons:
         if {_TIME, *_columns(skeleton.names)} <= set(header):
             return skeleton
-    missing = [name for name in (_TIME, *_columns(known[-1].names)) if name not in header]
+    missing = [name for name in (_TIME, *_columns(skeletons[-1].names)) if name not in header]
     shown = ", ".join(missing[:4]) + (" …" if len(missing) > 4 else "")
     raise FileFormatError(
         path,
         f"lacks the columns {shown}; expected time and x, y, z of every joint of "
-        f"{', '.join(skeleton.name for skeleton in known)}",
+        f"{', '.join(skeleton.name for skeleton in skeletons)}",
         1,
     )

@@ -96,7 +96,7 @@ def convert(write_glb: Callable[[Path], object], target: Path, fps: float) -> li
 
 @contextmanager
 def as_glb(path: str | Path) -> Iterator[Path]:
-    """Converts an FBX file to a `.glb` in a temporary folder, which goes when the block ends.
+    """Converts an FBX file to a `.glb` in a temporary folder, which is removed at the block's end.
 
     Errors of the `.glb` become errors of the FBX file.
 
@@ -115,8 +115,8 @@ def as_glb(path: str | Path) -> Iterator[Path]:
         try:
             yield glb
         except FileFormatError as error:
-            said = str(error).removeprefix(f"{glb}: ")
-            raise FileFormatError(source, f"{said} (as Blender converted it)") from error
+            message = str(error).removeprefix(f"{glb}: ")
+            raise FileFormatError(source, f"{message} (as Blender converted it)") from error
 
 
 def read_takes(path: str | Path) -> list[SkeletonTake]:
@@ -139,7 +139,7 @@ def _folder_for(blender: Path, beside: Path) -> Iterator[Path]:
         yield Path(folder)
 
 
-def _run(blender: Path, arguments: Sequence[str], made: Path) -> str | None:
+def _run(blender: Path, arguments: Sequence[str], output_file: Path) -> str | None:
     """Runs the script; returns what went wrong, if anything did."""
     words = [*command(blender), "--", *arguments]
     # Python's variables lead to this Python's packages, not to Blender's.
@@ -153,7 +153,7 @@ def _run(blender: Path, arguments: Sequence[str], made: Path) -> str | None:
     except subprocess.TimeoutExpired:
         return f"(it took longer than {_MOST_SECONDS} s and was stopped)"
     output = (run.stdout + run.stderr).decode("utf-8", "replace")
-    if _DONE not in output or not made.is_file():
+    if _DONE not in output or not output_file.is_file():
         lines = [line for line in output.splitlines() if line.strip(" ^~")]
         return f"(exit code {run.returncode}): {' / '.join(lines[-3:]) or 'it said nothing':.600}"
     return None
@@ -172,10 +172,10 @@ def find_blender() -> Path:
     """
     named = os.environ.get(VARIABLE)
     if named:
-        found = shutil.which(named)
-        if found is None:
+        program = shutil.which(named)
+        if program is None:
             raise MissingProgramError(f"{VARIABLE} is {named!r}, which is no program that can run")
-        return Path(found)
+        return Path(program)
     on_path = shutil.which("blender")
     if on_path is not None:
         return Path(on_path)

@@ -52,15 +52,15 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
     """
     if any(motion.skeleton.names != motions[0].skeleton.names for motion in motions):
         raise InputError("the takes of one .glb file must share a skeleton; write several files")
-    found = animations(motions)
-    skeleton = found[0].skeleton
+    animated = animations(motions)
+    skeleton = animated[0].skeleton
     axes, rest = bone_axes(skeleton, miss), skeleton.offsets
     # All takes animate the same joints, those that any take moves: a program that changes takes
     # leaves what the second does not animate where the first has left it.
-    moves = [np.abs(a.skeleton.offsets - rest).max(-1) > _SAME for a in found]
-    moves += [_moves(a) for a in found]
+    moves = [np.abs(a.skeleton.offsets - rest).max(-1) > _SAME for a in animated]
+    moves += [_moves(a) for a in animated]
     moving = {0, *np.flatnonzero(np.any(moves, axis=0)).tolist()}
-    turns = [np.abs(a.rotations - np.eye(3)).max(axis=(0, 2, 3)) > _SAME for a in found]
+    turns = [np.abs(a.rotations - np.eye(3)).max(axis=(0, 2, 3)) > _SAME for a in animated]
     turning = {joint for joint in range(len(skeleton)) if skeleton.children(joint)}
     turning |= set(np.flatnonzero(np.any(turns, axis=0)).tolist())  # heads and hands of recordings
     offsets = axes.offsets(np.array(rest, dtype=np.float64))
@@ -78,7 +78,7 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
         **(_figure(mannequin_of(skeleton), axes, document) if mesh else {}),
         "animations": [
             _animation(motion, animation, axes, moving, turning, number, document)
-            for number, (motion, animation) in enumerate(zip(motions, found, strict=True), 1)
+            for number, (motion, animation) in enumerate(zip(motions, animated, strict=True), 1)
         ],
     }
     return document
@@ -95,6 +95,7 @@ def _quaternions(rotations: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray
 
 
 def _figure(mannequin: Mannequin, axes: BoneAxes, document: Document) -> dict[str, Any]:
+    # Weights below half a percent do not show, but would widen the bounds of a joint.
     weights = np.where(mannequin.weights > 0.005, mannequin.weights, 0)
     weights = (weights / weights.sum(-1, keepdims=True)).astype("f4")
     joints = np.where(weights > 0, mannequin.joints, 0).astype("u1")

@@ -82,7 +82,7 @@ class Document:
         document = cls(parsed, b"", source)
         required = parsed.get("extensionsRequired", [])
         for name in required if isinstance(required, list) else []:
-            if not any(str(name).startswith(known) for known in _EXTENSIONS):
+            if not any(str(name).startswith(extension) for extension in _EXTENSIONS):
                 raise FileFormatError(
                     source,
                     f"requires the glTF extension {name!s:.60}, which cannot be read; export it "
@@ -220,8 +220,8 @@ class Document:
             inside = number == 0 and "uri" not in buffer
             content = chunk if inside else self._linked(buffer["uri"], linked)
             if content is None or len(content) < buffer["byteLength"]:
-                found = 0 if content is None else len(content)
-                raise ValueError(f"buffer {number} has {found} of {buffer['byteLength']} bytes")
+                size = 0 if content is None else len(content)
+                raise ValueError(f"buffer {number} has {size} of {buffer['byteLength']} bytes")
             self._check_size(linked, chunk)
             self.binary += bytes(-len(self.binary) % 8)
             starts.append(len(self.binary))
@@ -246,12 +246,12 @@ class Document:
         if len(self.binary) > max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * read):
             raise ValueError("its buffers and pictures name the same files too often")
 
-    def _linked(self, uri: str, known: dict[str, bytes]) -> bytes:
+    def _linked(self, uri: str, contents: dict[str, bytes]) -> bytes:
         """Returns the content of a data URI or of a file beside this one; refuses others."""
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2], validate=True)
-        if uri in known:
-            return known[uri]
+        if uri in contents:
+            return contents[uri]
         assert self.path is not None
         if len(uri) > limits.MOST_ADDRESS:
             raise ValueError(f"names a file by {len(uri):,} letters ({uri[:40]!r}…)")
@@ -269,8 +269,8 @@ class Document:
             raise ValueError(
                 f"it names {beside.name}, which cannot be read: there is no such file; copy it here"
             )
-        known[uri] = read_bytes(beside)
-        return known[uri]
+        contents[uri] = read_bytes(beside)
+        return contents[uri]
 
     def _values(
         self, source: dict[str, Any], shape: tuple[int, ...], dtype: np.dtype

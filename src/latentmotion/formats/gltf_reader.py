@@ -53,7 +53,7 @@ def animations_of(document: Document) -> tuple[list[Animation], Mapping[str, int
     """Returns the animations of a document that was read, and VRM's names of its joints, if any."""
     path = document.path or Path("glTF")
     with damage(path):
-        scene = Scene(document, path)
+        scene = GltfScene(document, path)
         takes = [read_tracks(document, take) for take in document.json.get("animations", [])]
         animations = [scene.animation(tracks) for tracks in takes if tracks]
         return animations or [scene.animation([])], scene.declared()
@@ -122,12 +122,12 @@ _FLAT = 1e-12
 """Determinant of an inverse bind matrix that says nothing."""
 
 
-class Scene:
+class GltfScene:
     """The nodes of a document, and which of them are bones.
 
     Args:
         document: The file.
-        path: Its name, for errors.
+        path: Name of the file, for errors.
     """
 
     def __init__(self, document: Document, path: Path) -> None:

@@ -65,11 +65,11 @@ _COUNTERS = ("frame", "frame_number", "frame_id", "frame_index", "index", "")
 """Names of columns that count frames; spreadsheets' first has none."""
 
 _LIMBS = (0.5, 2.0)
-"""How long limbs may be beside an adult's for points to be taken for meters."""
+"""Ratios of limb lengths to an adult's between which points count as meters."""
 
 
 @dataclass(frozen=True)
-class Stated:
+class KeypointOptions:
     """What the user says about a recording, over what its file does."""
 
     fps: float | None = None
@@ -86,12 +86,12 @@ class Stated:
     """Unit of length of points in 3D; by default shown by the body."""
 
 
-def read_keypoints(path: str | Path, stated: Stated = Stated()) -> Keypoints:
+def read_keypoints(path: str | Path, stated: KeypointOptions = KeypointOptions()) -> Keypoints:
     """Reads the keypoints of one person.
 
     Args:
         path: The file, whose ending says its format, or a folder of JSON files.
-        stated: What is known besides.
+        stated: Facts that override the file's.
 
     Raises:
         FileFormatError: The file is damaged, lacks something or contradicts itself.
@@ -116,42 +116,42 @@ def read_keypoints(path: str | Path, stated: Stated = Stated()) -> Keypoints:
         raise InputError(f"up is {stated.up!r}: expected {', '.join(AXES)}")
     with blamed_on(path):
         try:
-            found = _folder(path) if path.is_dir() else readers[ending](path)
-            return _keypoints(path, found, stated)
+            values = _folder(path) if path.is_dir() else readers[ending](path)
+            return _keypoints(path, values, stated)
         except (ValueError, TypeError) as error:
             raise FileFormatError(path, f"no keypoints: {error}") from error
 
 
-def _keypoints(path: Path, found: Mapping[str, Any], stated: Stated) -> Keypoints:
-    if "points" not in found:
-        raise InputError(f"lacks points; found {', '.join(sorted(found)) or 'nothing'}")
-    points = np.asarray(found["points"], np.float64)
+def _keypoints(path: Path, values: Mapping[str, Any], stated: KeypointOptions) -> Keypoints:
+    if "points" not in values:
+        raise InputError(f"lacks points; found {', '.join(sorted(values)) or 'nothing'}")
+    points = np.asarray(values["points"], np.float64)
     if points.ndim != 3 or not points.size:
         raise InputError(f"points of shape {points.shape}: expected (frames, keypoints, 2 or 3)")
-    confidence = found.get("confidence")
+    confidence = values.get("confidence")
     if confidence is None and (points.shape[2] == 4 or _has_scores(points)):
         points, confidence = points[..., :-1], points[..., -1]
-    fps = stated.fps if stated.fps is not None else found.get("fps")
+    fps = stated.fps if stated.fps is not None else values.get("fps")
     if fps is None:
         raise InputError("does not say how many frames a second has; give it with --fps")
-    names = _names(stated.names or found.get("names"), points)
-    told: list[str] = []
+    names = _names(stated.names or values.get("names"), points)
+    notes: list[str] = []
     if confidence is None:
         confidence = np.ones(points.shape[:2])
     confidence = np.nan_to_num(np.asarray(confidence, np.float64))
     if confidence.size and (most := float(confidence.max())) > 1:
-        told.append(f"scores go up to {most:.3g}: those above 1 count as 1")
+        notes.append(f"scores go up to {most:.3g}: those above 1 count as 1")
         confidence = np.minimum(confidence, 1)
     if points.shape[1] == len(names) and points.shape[2] == 3:
         points, guesses = _upright(points, canonical_names(names), stated)
-        told += guesses
-    for line in told:
+        notes += guesses
+    for line in notes:
         warnings.warn(f"{path}: {line}", ReadingWarning, stacklevel=3)
     size = stated.size
-    if size is None and found.get("size") is not None:
-        width, height = (float(side) for side in np.asarray(found["size"]).ravel())
+    if size is None and values.get("size") is not None:
+        width, height = (float(side) for side in np.asarray(values["size"]).ravel())
         size = width, height
-    focal = stated.focal if stated.focal is not None else found.get("focal")
+    focal = stated.focal if stated.focal is not None else values.get("focal")
     return Keypoints(
         points,
         np.maximum(confidence, 0),
@@ -167,11 +167,12 @@ def _has_scores(points: Float[np.ndarray, "frames keypoints n"]) -> bool:
     if points.shape[2] != 3:
         return False
     pixels, scores = np.nan_to_num(points[..., :2]), np.nan_to_num(points[..., 2])
+    # Two pixel coordinates and a score: no room is 50 m wide, and no score exceeds 2.
     return bool(np.abs(pixels).max() > 50 and scores.min() >= 0 and scores.max() <= 2)
 
 
 def _upright(
-    points: Float[np.ndarray, "frames keypoints 3"], names: tuple[str, ...], stated: Stated
+    points: Float[np.ndarray, "frames keypoints 3"], names: tuple[str, ...], stated: KeypointOptions
 ) -> tuple[Float[np.ndarray, "frames keypoints 3"], list[str]]:
     """Returns points in meters, y up, and what was guessed."""
     guesses, meters = [], 1.0
@@ -188,15 +189,15 @@ def _upright(
         lines = upward(points, names)
         up, about_up = up_axis(lines[np.isfinite(lines).all(axis=1)])
         guesses += about_up
-    told = [f"a guess: {', '.join(guesses)}"] if guesses else []
-    return meters * points @ AXES[up], told
+    notes = [f"a guess: {', '.join(guesses)}"] if guesses else []
+    return meters * points @ AXES[up], notes
 
 
-def _names(found: Any, points: np.ndarray) -> tuple[str, ...]:
+def _names(stated: Any, points: np.ndarray) -> tuple[str, ...]:
     """Returns the names of the keypoints, from a list, the name of a layout, or their number."""
-    if found is None:
+    if stated is None:
         return layout_of(points.shape[1], points.shape[2])
-    values = np.asarray(found)
+    values = np.asarray(stated)
     if values.ndim == 0:
         layout = str(values)
         if layout not in LAYOUTS:
@@ -219,33 +220,33 @@ def _folder(path: Path) -> dict[str, Any]:
         raise FileFormatError(path, f"more than {MOST_FRAMES:,} frames")
     frames = []
     for file in files:
-        found = list(_people(read_json_file(file)))
-        if len(found) > 1 or not found:
-            raise FileFormatError(file, f"found {len(found)} frames, expected one in each file")
-        frames += found
+        people = list(_people(read_json_file(file)))
+        if len(people) > 1 or not people:
+            raise FileFormatError(file, f"found {len(people)} frames, expected one in each file")
+        frames += people
     return _of_people(frames)
 
 
-def _people(found: Any) -> Iterator[Sequence[Any]]:
+def _people(data: Any) -> Iterator[Sequence[Any]]:
     """Yields the people in each frame of what OpenPose, AlphaPose and MMPose write."""
-    match found:
+    match data:
         case {"people": list(people)} | {"instances": list(people)}:
             yield people
         case {"instance_info": list(frames)} | {"predictions": list(frames)}:
             yield from (people for frame in frames for people in _people(frame))
         case [{"image_id": _}, *_]:  # AlphaPose: a row for each person
             by_image: dict[str, list[Any]] = {}
-            for person in found:
+            for person in data:
                 by_image.setdefault(str(person["image_id"]), []).append(person)
             yield from by_image.values()
         case [{"keypoints": _}, *_]:
-            yield found
+            yield data
         case [{}, *_] | [[], *_]:
-            yield from (people for frame in found for people in _people(frame))
+            yield from (people for frame in data for people in _people(frame))
         case []:
             yield []
         case {}:
-            frames = [frame for frame in found.values() if isinstance(frame, dict)]
+            frames = [frame for frame in data.values() if isinstance(frame, dict)]
             yield from (people for frame in frames for people in _people(frame))
 
 
@@ -280,19 +281,19 @@ def _of_people(frames: Sequence[Sequence[Any]]) -> dict[str, Any]:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    found = read_json_file(path)
-    if not (isinstance(found, dict) and set(_KEYS) & set(found)) and (people := [*_people(found)]):
+    data = read_json_file(path)
+    if not (isinstance(data, dict) and set(_KEYS) & set(data)) and (people := [*_people(data)]):
         return _of_people(people)
-    if not isinstance(found, dict):
+    if not isinstance(data, dict):
         raise FileFormatError(path, "expected an object with points and fps")
-    if found.pop("format", 1) != 1:
+    if data.pop("format", 1) != 1:
         raise FileFormatError(path, "of another format than 1; update latentmotion")
-    _check_keys(path, found)
-    points = found.get("points")
+    _check_keys(path, data)
+    points = data.get("points")
     if not isinstance(points, list) or not all(isinstance(frame, list) for frame in points):
         raise FileFormatError(path, "points: expected a list of frames, each a list of keypoints")
-    given = (point for frame in points for point in frame if point)
-    width = next((len(point) for point in given if isinstance(point, list)), 0)
+    present = (point for frame in points for point in frame if point)
+    width = next((len(point) for point in present if isinstance(point, list)), 0)
     blank = [np.nan] * width
     for number, frame in enumerate(points):
         for point in frame:
@@ -300,7 +301,7 @@ def _json(path: Path) -> dict[str, Any]:
                 problem = f"frame {number}: found {point!r:.60}, expected {width} numbers or null"
                 raise FileFormatError(path, problem)
     filled = [[[_number(v) for v in point or blank] for point in frame] for frame in points]
-    return {**found, "points": filled}
+    return {**data, "points": filled}
 
 
 def _number(value: Any) -> float:
@@ -398,6 +399,7 @@ def _evenly(
             f"the times of the frames are not evenly apart: {steps.max():g} s after "
             f"{times[:-1][steps.argmax()]:g} s, {step:g} s as a rule; cut the recording there",
         )
+    # Cameras jitter: steps within 5 % of their mean are one frame each.
     if np.abs(steps / steps.mean() - 1).max() < 0.05:
         return table, whole_rate(float(1 / steps.mean()))
     even = times[0] + np.arange(int((times[-1] - times[0]) / step + 1e-6) + 1) * step

@@ -71,10 +71,10 @@ def read(path: str | Path) -> list[Motion]:
         with blamed_on(path):
             motions = _motions(path, arrays)
     except KeyError as error:
-        known = " or ".join(map(str, _KNOWN))
+        sizes = " or ".join(map(str, _KNOWN))
         lack = f"not a motion file of Latent Motion: it lacks {error}"
         raise FileFormatError(
-            path, f"{lack}; bare joints (frames, {known}, 3) go in .npy"
+            path, f"{lack}; bare joints (frames, {sizes}, 3) go in .npy"
         ) from error
     except (ValueError, TypeError) as error:
         raise FileFormatError(path, f"not a motion file of Latent Motion ({error})") from error
@@ -83,7 +83,7 @@ def read(path: str | Path) -> list[Motion]:
 
 def _motions(path: str | Path, arrays: Mapping[str, np.ndarray]) -> list[Motion]:
     names = tuple(str(name) for name in arrays["names"])
-    skeleton = next((known for known in _KNOWN.values() if known.names == names), None)
+    skeleton = next((candidate for candidate in _KNOWN.values() if candidate.names == names), None)
     if skeleton is None:
         parents = tuple(int(parent) for parent in arrays["parents"])
         skeleton = Skeleton(str(arrays["skeleton"]), names, parents, arrays["offsets"])
@@ -108,6 +108,7 @@ def read_joints(path: str | Path) -> list[Motion]:
     try:
         joints = read_array(path)
         skeleton = _KNOWN[joints.shape[1]]
+        # Bare joints do not say their rate: these are the data sets' own.
         return [Motion(joints, fps=12.5 if skeleton is KIT else 20.0, skeleton=skeleton)]
     except (ValueError, KeyError, IndexError, LatentMotionError) as error:
         expected = f"expected an array (frames, {' or '.join(map(str, _KNOWN))}, 3)"

@@ -163,8 +163,8 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     except (ValueError, TypeError, KeyError) as error:
         raise FileFormatError(path, f"no poses of SMPL ({error})") from error
     if not len(poses) or poses.shape[1] < 3 * _JOINTS or trans.shape != (len(poses), 3):
-        found = f"found poses {poses.shape} and trans {trans.shape}"
-        raise FileFormatError(path, f"{found}, expected (frames, 66 or more) and (frames, 3)")
+        shapes = f"found poses {poses.shape} and trans {trans.shape}"
+        raise FileFormatError(path, f"{shapes}, expected (frames, 66 or more) and (frames, 3)")
     if not ((np.abs(poses) < MOST_NUMBER).all() and (np.abs(trans) < MOST_NUMBER).all()):
         raise FileFormatError(path, "holds NaN or infinite numbers; cut or repair them")
     axes = _Z_UP if is_z_up else np.eye(3)

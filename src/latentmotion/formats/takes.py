@@ -49,7 +49,9 @@ def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         for motion in counted(motions, "finding rotations")
     ]
     for target, animation in zip(paths, animations, strict=True):
-        layouts = (one.bvh for name, one in ENGINES.items() if name == animation.skeleton.name)
+        layouts = (
+            layout.bvh for name, layout in ENGINES.items() if name == animation.skeleton.name
+        )
         write_bvh(target, animation, next(layouts, bvh.OURS))
     return paths
 
@@ -87,11 +89,12 @@ def read_amc_file(path: str | Path) -> list[SkeletonTake]:
 
 
 def standing_motion(take: SkeletonTake | Motion, stated: Stated | None, trusted: bool) -> Motion:
-    """Returns what a reader read as a motion in meters, y up.
+    """Returns the content of a file as a motion in meters, y up.
 
     Args:
-        take: What was read; joints in a motion of ours are in meters, y up, if they are trusted.
-        stated: What the user says about the file.
+        take: The content of the file; joints of a motion that this library wrote are in meters,
+            y up, if they are trusted.
+        stated: Unit, axis and rate as the user states them.
         trusted: Whether joints that no skeleton carries are in meters, y up.
 
     Raises:
@@ -102,7 +105,7 @@ def standing_motion(take: SkeletonTake | Motion, stated: Stated | None, trusted:
     """
     if isinstance(take, SkeletonTake):
         return motion_of(take, stated or NOTHING)
-    return take if trusted else _stood(take, stated or NOTHING)
+    return take if trusted else _upright_motion(take, stated or NOTHING)
 
 
 def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
@@ -113,7 +116,7 @@ def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
 
     Args:
         take: The animation in the file.
-        stated: What the user says about the file.
+        stated: Unit, axis and rate as the user states them.
 
     Raises:
         DataError: The names of the skeleton's joints are unknown, or its size or pose is nobody's.
@@ -126,12 +129,12 @@ def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
     if stated.fps is not None:
         animation = replace(animation, fps=stated.fps)
     tips = animation.skeleton.end_sites
-    own = [j for j in range(len(animation.skeleton)) if j not in tips]
-    known = OURS.get(tuple(animation.skeleton.names[j] for j in own))
+    joints_kept = [j for j in range(len(animation.skeleton)) if j not in tips]
+    ours = OURS.get(tuple(animation.skeleton.names[j] for j in joints_kept))
     joint_map = fitting_map(stated.joint_maps, animation.skeleton.names)
     joints = to_humanml3d(animation, joint_map, take.declared)
     body = find_humanoid(animation.skeleton, take.declared, joint_map)
-    if known is not None and stated.up is None and rest_stands(body):
+    if ours is not None and stated.up is None and rest_stands(body):
         # Files of ours have y up, also where somebody lies.
         stated = replace(stated, up=up_at_rest(body))
     standing = find_standing(joints, stated, take.meters)
@@ -140,15 +143,15 @@ def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
     animation = upright(animation, standing)
     joints = standing.meters * joints @ standing.axes
     recorded = Recorded.of(animation, replace(body, skeleton=animation.skeleton), joints)
-    if known is not None:
-        joints = animation.joints()[:, own]
+    if ours is not None:
+        joints = animation.joints()[:, joints_kept]
     motion = Motion(
-        joints, animation.fps, known or HUMANML3D, str(notes.get("caption", "")), metadata
+        joints, animation.fps, ours or HUMANML3D, str(notes.get("caption", "")), metadata
     )
     return motion.with_recorded(recorded)
 
 
-def _stood(motion: Motion, stated: Stated) -> Motion:
+def _upright_motion(motion: Motion, stated: Stated) -> Motion:
     """Returns bare joints in meters, y up."""
     names = motion.skeleton.names
     if stated.fps is not None:

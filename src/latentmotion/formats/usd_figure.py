@@ -42,7 +42,9 @@ def main() -> None:
     `usd_reader` runs this as a program of its own, with limits: USD's library trusts what it reads.
     """
     source, target = Path(sys.argv[1]), Path(sys.argv[2])
-    _limit(source.stat().st_size)
+    limit("AS", USD_MEMORY + 4 * source.stat().st_size)
+    limit("CPU", USD_SECONDS)
+    limit("CORE", 0)
     try:
         with np.errstate(all="ignore"), blamed_on(source):  # results are checked to be finite
             arrays = _arrays(_Figure(source))
@@ -60,12 +62,6 @@ def main() -> None:
         sys.exit(UNWRITTEN)
 
 
-def _limit(size: int) -> None:
-    limit("AS", USD_MEMORY + 4 * size)
-    limit("CPU", USD_SECONDS)
-    limit("CORE", 0)
-
-
 def _arrays(figure: _Figure) -> dict[str, Any]:
     """Returns skeleton and animations as plain arrays."""
     skeleton = figure.skeleton
@@ -75,10 +71,10 @@ def _arrays(figure: _Figure) -> dict[str, Any]:
         "offsets": skeleton.offsets,
         "takes": np.array(len(figure.takes)),
     }
-    made = 0
+    frames = 0
     for number, take in enumerate(figure.takes):
-        animation = checked_animation(figure.path, figure.animation(take, made))
-        made += len(animation)
+        animation = checked_animation(figure.path, figure.animation(take, frames))
+        frames += len(animation)
         text = None if take is None else take.GetPrim().GetCustomDataByKey(_NOTES)
         arrays |= {
             f"rotations_{number}": animation.rotations,
@@ -95,7 +91,7 @@ class _Figure:
     """The largest skeleton of a file and its animations."""
 
     def __init__(self, path: Path) -> None:
-        self.path, self.stage = path, _opened(path)
+        self.path, self.stage = path, _open_stage(path)
         prims = [*self.stage.Traverse(Usd.TraverseInstanceProxies())]
         skeletons = [UsdSkel.Skeleton(prim) for prim in prims if prim.IsA(UsdSkel.Skeleton)]
         bones = max(skeletons, key=lambda each: len(each.GetJointsAttr().Get() or ()), default=None)
@@ -120,9 +116,9 @@ class _Figure:
         names = [joint.rpartition("/")[2] for joint in self.joints]
         self.skeleton = plain_skeleton(path.stem, names, self.parents, self.rest)
         takes = [UsdSkel.Animation(prim) for prim in prims if prim.IsA(UsdSkel.Animation)]
-        self.takes = [take for take in takes if self._known(take)] or [None]
+        self.takes = [take for take in takes if self._known_joints(take)] or [None]
 
-    def animation(self, take: Any | None, made: int) -> Animation:
+    def animation(self, take: Any | None, frames_before: int) -> Animation:
         """Returns how one animation moves the skeleton, after so many frames of others."""
         tracks: list[Any] = []
         if take is not None:
@@ -135,11 +131,11 @@ class _Figure:
         # A single frame has no rate of its own.
         fps, seconds = even_rate(self.path, times, *([rate] if len(codes) == 1 else []))
         size = self.path.stat().st_size // 4
-        check_filled(self.path, made + len(seconds), len(self.joints), size)
+        check_filled(self.path, frames_before + len(seconds), len(self.joints), size)
         # Translations, rotations and scales of all joints relative to their parents.
         local = [np.repeat(rest[None], len(seconds), axis=0) for rest in _decomposed(self.local)]
         if take is not None:
-            columns = [self.joints.index(joint) for joint in self._known(take)]
+            columns = [self.joints.index(joint) for joint in self._known_joints(take)]
             rows = [n for n, j in enumerate(take.GetJointsAttr().Get()) if str(j) in self.joints]
             for values, track in zip(local, tracks, strict=True):
                 for frame, code in enumerate((seconds * rate).tolist()):
@@ -171,7 +167,7 @@ class _Figure:
         joints = [world[joint] for joint in range(len(self.joints))]
         return WorldPose(*(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1)))
 
-    def _known(self, take: Any) -> list[str]:
+    def _known_joints(self, take: Any) -> list[str]:
         """Returns the joints of an animation that are joints of the skeleton."""
         names = [str(joint) for joint in take.GetJointsAttr().Get() or ()]
         return [name for name in names if name in self.joints]
@@ -189,7 +185,7 @@ class _Figure:
         return np.linalg.inv(np.stack(above)) @ world
 
 
-def _opened(path: Path) -> Any:
+def _open_stage(path: Path) -> Any:
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:

@@ -48,10 +48,10 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
             )
         document = make_document([motion], mesh=False)
         bones = {bone: {"node": motion.skeleton.names.index(ours)} for ours, bone in _BONES.items()}
-        told = {"specVersion": "1.0", "humanoid": {"humanBones": bones}}
+        animation_extension = {"specVersion": "1.0", "humanoid": {"humanBones": bones}}
         document.json |= {
             "extensionsUsed": ["VRMC_vrm_animation"],
-            "extensions": {"VRMC_vrm_animation": told},
+            "extensions": {"VRMC_vrm_animation": animation_extension},
         }
         document.write(target)
     return paths

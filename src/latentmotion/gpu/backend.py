@@ -20,11 +20,11 @@ from latentmotion.engine.backend import ON_CPU, Backend, ExecutionOptions, NoPad
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import Session
 from latentmotion.errors import InputError, LatentMotionError, ModelError
-from latentmotion.gpu.device import GPU, Recorder, device_named, network_session, on_gpu
+from latentmotion.gpu.device import GPU, FunctionRecorder, device_named, network_session, on_gpu
 from latentmotion.model import card as cards
 from latentmotion.model.card import ModelCard, find_model
 from latentmotion.networks.checkpoint import load_model, load_stages
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder, local_encoder
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import MAX_BATCH_SIZE, MotionPipeline
@@ -125,7 +125,7 @@ def torch_backend(
         denoiser,
         decoder,
         padding=Buckets(card) if repeats else NoPadding(),
-        launch=Recorder(on_gpu(device)) if repeats and device.type == GPU else None,
+        launch=FunctionRecorder(on_gpu(device)) if repeats and device.type == GPU else None,
         to_device=lambda array: torch.tensor(array, device=device),
         to_host=lambda tensor: tensor.cpu().numpy(),
     )
@@ -142,16 +142,16 @@ def torch_prior(folder: str | Path, execution: ExecutionOptions = ON_CPU) -> Mot
     return MotionPrior(model.card, decoder_session(model.vae, execution), most)
 
 
-def denoiser_session(denoiser: Denoiser, execution: ExecutionOptions = ON_CPU) -> Session:
+def denoiser_session(denoiser: DenoiserNetwork, execution: ExecutionOptions = ON_CPU) -> Session:
     """Returns a network as a session: z, t, words, words_mask, mask → prediction.
 
     A distilled one has two more inputs, guidance and step_size.
     """
 
     def forward(
-        z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor, **told: Tensor
+        z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor, **further: Tensor
     ) -> Tensor:
-        step_condition = StepCondition(**told) if told else None
+        step_condition = StepCondition(**further) if further else None
         return denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
 
     return network_session(denoiser, forward, execution)
@@ -168,9 +168,9 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
     Raises:
         ModelError: It is not on this machine.
     """
-    found = cards.text_encoder_folder(card, folder)
-    if found is not None:
-        return load_text_encoder(found)
+    encoder_folder = cards.text_encoder_folder(card, folder)
+    if encoder_folder is not None:
+        return load_text_encoder(encoder_folder)
     name = card.condition.text_encoder or "none"
     try:
         return local_encoder(name)

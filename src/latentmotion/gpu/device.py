@@ -51,7 +51,7 @@ def autocast(device: torch.device, precision: str = "auto") -> torch.autocast:
     """Returns the context in which networks compute in a precision.
 
     Args:
-        device: Where they compute.
+        device: Device of the networks.
         precision: `float32`, `bfloat16`, or `auto` for bfloat16 where the device multiplies it.
     """
     halved = precision == "bfloat16" or (precision == "auto" and has_bfloat16(device.type))
@@ -139,7 +139,7 @@ WARM_UP = 3
 _ONE_AT_A_TIME = Lock()  # a process may make only one recording at a time, for any model
 
 
-class Recording:
+class RecordedFunction:
     """A function on a GPU, recorded for inputs of these shapes.
 
     Args:
@@ -174,7 +174,7 @@ class Recording:
         return self._output.clone()
 
 
-class Recorder:
+class FunctionRecorder:
     """Records each function once for each shape of its inputs, and replays it from then on.
 
     Args:
@@ -206,4 +206,4 @@ class Recorder:
 def on_gpu(device: torch.device) -> Callable[[Function, tuple[Tensor, ...]], Function]:
     """Returns a function that makes recordings on a device; they share their memory."""
     pool, stream = torch.cuda.graph_pool_handle(), torch.cuda.Stream(device)
-    return lambda function, inputs: Recording(function, inputs, pool, stream)
+    return lambda function, inputs: RecordedFunction(function, inputs, pool, stream)

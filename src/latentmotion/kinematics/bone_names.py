@@ -158,27 +158,27 @@ def find_joint_map(names: Sequence[str]) -> JointMap | None:
 
     Plugins' maps follow `JOINT_MAPS`, for names that no convention explains.
     """
-    known = {without_namespace(name) for name in names}
+    plain_names = {without_namespace(name) for name in names}
 
     def fits(joint_map: JointMap) -> bool:
         sources = (source for entry in joint_map.values() for source in weights_of(entry))
-        return known.issuperset(map(without_namespace, sources))
+        return plain_names.issuperset(map(without_namespace, sources))
 
-    found = next(filter(fits, JOINT_MAPS.values()), None)
-    if found is None and match_names(names).missing:
-        found = next(filter(fits, added_joint_maps().values()), None)
-    return found
+    fitting = next(filter(fits, JOINT_MAPS.values()), None)
+    if fitting is None and match_names(names).missing:
+        fitting = next(filter(fits, added_joint_maps().values()), None)
+    return fitting
 
 
 def added_joint_maps() -> dict[str, JointMap]:
     """Returns the joint maps of the plugins of `latentmotion.skeletons` by name."""
-    found = plugins("latentmotion.skeletons")
-    for name in list(found):
-        if not is_joint_map(found[name]) or set(found[name]) != set(HUMANML3D.names):
+    joint_maps = plugins("latentmotion.skeletons")
+    for name in list(joint_maps):
+        if not is_joint_map(joint_maps[name]) or set(joint_maps[name]) != set(HUMANML3D.names):
             error = DataError(f"expected a joint map of {', '.join(HUMANML3D.names)}")
             warn_of("latentmotion.skeletons", name, error)
-            del found[name]
-    return found
+            del joint_maps[name]
+    return joint_maps
 
 
 def is_joint_map(value: object) -> bool:
@@ -222,11 +222,11 @@ def plain(name: str) -> str:
 _SIDE_PARTS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
 
 
-def _named(marks: str, middle: str, side: str) -> NameMap:
+def _convention(marks: str, middle: str, side: str) -> NameMap:
     """Returns a convention.
 
     Args:
-        marks: What marks the left and the right, with `/` between.
+        marks: Marks of the left and the right side in names, separated by `/`.
         middle: Names of pelvis, neck and head; `/` parts names that a joint may have.
         side: Names of hip, knee, ankle, toes, collar, shoulder, elbow and wrist; `@` is the mark.
     """
@@ -250,7 +250,7 @@ def _of_joint_map(name: str) -> NameMap:
 _WORDS, _LETTERS = "left/right", "l/r"
 _MIDDLE = "hips/pelvis/hip neck head"
 
-VRM = _named(
+VRM = _convention(
     *(_WORDS, _MIDDLE),
     "@upperleg @lowerleg @foot @toes/@toe/@toebase @shoulder @upperarm @lowerarm @hand",
 )
@@ -269,71 +269,73 @@ _BEHIND = (
 NAME_MAPS: Mapping[str, NameMap] = MappingProxyType(
     {
         "Latent Motion": {name: (plain(name),) for name in HUMANML3D.names},
-        "Mixamo": _named(_WORDS, _MIDDLE, _MIXAMO),
-        "Unreal": _named(
+        "Mixamo": _convention(_WORDS, _MIDDLE, _MIXAMO),
+        "Unreal": _convention(
             *(_LETTERS, "pelvis neck01 head"),
             "thigh@ calf@ foot@ ball@ clavicle@ upperarm@ lowerarm@ hand@",
         ),
         "VRM": VRM,
-        "VRoid": _named(
+        "VRoid": _convention(
             *(_LETTERS, "jbipchips jbipcneck jbipchead"),
             "jbip@upperleg jbip@lowerleg jbip@foot jbip@toebase jbip@shoulder jbip@upperarm "
             "jbip@lowerarm jbip@hand",
         ),
-        "Rigify": _named(
+        "Rigify": _convention(
             *(_LETTERS, "spine/hips spine004/neck spine006/head"),
             "thigh@ shin@ foot@ toe@ shoulder@ upperarm@ forearm@ hand@",
         ),
-        "Daz Genesis": _named(
+        "Daz Genesis": _convention(
             *(_LETTERS, "hip necklower/neck1/neck head"),
             "@thighbend/@thigh @shin @foot @toe/@toes @collar/@shoulder "
             "@shldrbend/@shldr/@upperarm @forearmbend/@forearm @hand",
         ),
         "Daz BVH": _of_joint_map("daz"),
         "Acclaim": _of_joint_map("acclaim"),
-        "SMPL": _named(_LETTERS, _MIDDLE, _JOINTS),
-        "Character Creator": _named(
+        "SMPL": _convention(_LETTERS, _MIDDLE, _JOINTS),
+        "Character Creator": _convention(
             *(_LETTERS, "ccbasehip ccbasenecktwist01 ccbasehead"),
             "ccbase@thigh ccbase@calf ccbase@foot ccbase@toebase ccbase@clavicle "
             "ccbase@upperarm ccbase@forearm ccbase@hand",
         ),
-        "Biped": _named(
+        "Biped": _convention(
             *(_LETTERS, "pelvis neck head"),
             "@thigh @calf @foot @toe0/@toe/@toebase @clavicle @upperarm @forearm @hand",
         ),
-        "Xsens MVN": _named(
+        "Xsens MVN": _convention(
             *(_WORDS, "pelvis/hips neck head"),
             "@upperleg @lowerleg @foot @toe @shoulder @upperarm @forearm @hand",
         ),
-        "Xsens BVH": _named(_WORDS, "hips neck head", _JOINTS),
-        "Rokoko": _named(
+        "Xsens BVH": _convention(_WORDS, "hips neck head", _JOINTS),
+        "Rokoko": _convention(
             *(_WORDS, "hips neck head"),
             "@thigh @shin @foot @toe @shoulder @arm @forearm @hand",
         ),
-        "OptiTrack": _named(
+        "OptiTrack": _convention(
             *(_LETTERS, "hip/hips neck head"),
             "@thigh @shin @foot @toe @shoulder @uarm @farm @hand",
         ),
-        "ARKit": _named(
+        "ARKit": _convention(
             *(_WORDS, "hipsjoint neck1joint headjoint"),
             "@uplegjoint @legjoint @footjoint @toesjoint @shoulder1joint @armjoint "
             "@forearmjoint @handjoint",
         ),
-        "Blender .L": _named(_LETTERS, "hips/pelvis/body neck head", _BEHIND),
-        "Blender .Left": _named(_WORDS, "hips/pelvis/body neck head", _BEHIND),
-        "VRM with L and R": _named(
+        "Blender .L": _convention(_LETTERS, "hips/pelvis/body neck head", _BEHIND),
+        "Blender .Left": _convention(_WORDS, "hips/pelvis/body neck head", _BEHIND),
+        "VRM with L and R": _convention(
             *(_LETTERS, _MIDDLE),
             "@upperleg @lowerleg @foot @toes/@toe/@toebase @shoulder/@clavicle @upperarm "
             "@lowerarm/@forearm @hand",
         ),
-        "Mixamo with L and R": _named(_LETTERS, _MIDDLE, _MIXAMO),
-        "Azure Kinect": _named(_WORDS, "pelvis neck head", _JOINTS_BEHIND),
-        "Advanced Skeleton": _named(_LETTERS, "rootm/pelvis neckm/neck headm/head", _JOINTS_BEHIND),
-        "MikuMikuDance": _named(
+        "Mixamo with L and R": _convention(_LETTERS, _MIDDLE, _MIXAMO),
+        "Azure Kinect": _convention(_WORDS, "pelvis neck head", _JOINTS_BEHIND),
+        "Advanced Skeleton": _convention(
+            _LETTERS, "rootm/pelvis neckm/neck headm/head", _JOINTS_BEHIND
+        ),
+        "MikuMikuDance": _convention(
             *("左/右", "下半身/腰/センター 首 頭"),
             "@足 @ひざ @足首 @つま先/@足先ex @肩 @腕 @ひじ @手首",
         ),
-        "MakeHuman": _named(
+        "MakeHuman": _convention(
             *(_LETTERS, "root neck01 head"),
             "upperleg01@ lowerleg01@ foot@ toe11@ clavicle@ upperarm01@ lowerarm01@ wrist@",
         ),
@@ -347,7 +349,7 @@ class NameMatch:
     """The joints that a convention finds in a skeleton."""
 
     convention: str
-    """Its name."""
+    """Name of the convention, a key of `NAME_MAPS`."""
     joints: Mapping[str, int]
     """Our joints that were found, and their indices."""
 
@@ -371,8 +373,8 @@ def match_names(names: Sequence[str]) -> NameMatch:
         for number in sorted(range(len(names)), key=lambda n: (ranks[n], -n)):
             name = _NUMBER.sub("", names[number]) if unnumbered else names[number]
             index[plain(name)] = number
-    found = [NameMatch(name, _matched(index, words)) for name, words in NAME_MAPS.items()]
-    return min(found, key=lambda match: (len(match.missing), -len(match.joints)))
+    matches = [NameMatch(name, _matched(index, words)) for name, words in NAME_MAPS.items()]
+    return min(matches, key=lambda match: (len(match.missing), -len(match.joints)))
 
 
 def _matched(index: Mapping[str, int], name_map: NameMap) -> dict[str, int]:
@@ -416,8 +418,8 @@ def nearest(names: Iterable[str], words: Iterable[str] = (), count: int = 10) ->
             matcher.set_seq1(plain(name)[:40])
         return max(matcher.ratio() for matcher in matchers)
 
-    found = sorted(dict.fromkeys(names), key=likeness, reverse=True)[:count]
-    shown = [name if len(name) <= 40 else f"{name[:39]}…" for name in found]
+    likeliest = sorted(dict.fromkeys(names), key=likeness, reverse=True)[:count]
+    shown = [name if len(name) <= 40 else f"{name[:39]}…" for name in likeliest]
     return ", ".join(map(repr, shown)) or "none"
 
 

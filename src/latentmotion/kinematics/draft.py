@@ -114,6 +114,7 @@ class _Tree:
             self.lines.append([*(self.lines[parent] if parent >= 0 else []), joint])
         self.tips = [joint for joint in range(len(skeleton)) if not skeleton.children(joint)]
         size = np.ptp(self.rest, axis=0)
+        # The vertical is y or z, whichever the figure extends along, unless it lies along x.
         vertical = int(np.argmax(size[1:])) + 1 if size[1:].max() > 0.8 * size[0] else 0
         self.up = np.eye(3)[vertical]
         self.heights = self.rest @ self.up
@@ -124,11 +125,11 @@ class _Tree:
         across = self.rest[legs[0][-1]] - self.rest[legs[1][-1]]
         across = across - self.up * (across @ self.up)
         across /= max(float(np.linalg.norm(across)), 1e-9)
-        taken = {joint for leg in legs for joint in leg}
+        leg_joints = {joint for leg in legs for joint in leg}
         outward = sorted(
             self.tips, key=lambda tip: -abs(float((self.rest[tip] - self.rest[0]) @ across))
         )
-        arms = self._pair([tip for tip in outward if not taken & set(self.lines[tip])])
+        arms = self._pair([tip for tip in outward if not leg_joints & set(self.lines[tip])])
         # Names say which leg is the left one, else the toes, which point ahead.
         sides = [_named_side(self.skeleton.names[leg[-1]]) for leg in legs]
         if sides in (["left", "right"], ["right", "left"]):
@@ -148,8 +149,8 @@ class _Tree:
         ]
         if named:
             return Guess(named[0], "its name says head")
-        taken = {joint for arm in arms for joint in arm}
-        free = [tip for tip in self.tips if not taken & set(self.lines[tip])]
+        arm_joints = {joint for arm in arms for joint in arm}
+        free = [tip for tip in self.tips if not arm_joints & set(self.lines[tip])]
         highest = max(free, key=lambda tip: self.heights[tip], default=None)
         if highest is not None:
             is_tip = re.search(f"(?i)({_TIP})", self.skeleton.names[highest])
@@ -169,6 +170,8 @@ class _Tree:
                 lengths = [np.linalg.norm(branch, axis=-1).sum() for branch in bones]
                 apart = np.linalg.norm(self.rest[second] - self.rest[first])
                 ratio = lengths[0] / max(lengths[1], 1e-9)
+                # Limbs of a pair are alike in length, up to the errors of a drawn skeleton, and lie
+                # apart.
                 if 0.8 < ratio < 1.25 and apart > 0.1 * lengths[0]:
                     return pair
         raise DataError(

@@ -70,8 +70,8 @@ class Humanoid:
         names = self.skeleton.names
         missing = [name for name in REQUIRED if name not in self.joints]
         if missing:
-            taken = set(self.joints.values())
-            free = [name for joint, name in enumerate(names) if joint not in taken]
+            mapped = set(self.joints.values())
+            free = [name for joint, name in enumerate(names) if joint not in mapped]
             raise DataError(
                 f"found no {', '.join(missing)} in the rig (names of {self.names}); of its joints "
                 "without a part these come nearest: "
@@ -93,7 +93,7 @@ class Humanoid:
 
         IK moves feet that hang on no shank; Rigify's arms hang on no chest.
         """
-        found = {
+        movers = {
             self.joints[ankle]: self.joints[ankle.replace("ankle", "knee")]
             for ankle in self.free_feet
         }
@@ -102,9 +102,9 @@ class Humanoid:
             above = self.chest
             for joint in (self.joints[name] for name in chain if name in self.joints):
                 if above not in self.lines[joint] and joint not in self.lines[above]:
-                    found[joint] = above
+                    movers[joint] = above
                 above = joint
-        return found
+        return movers
 
     @cached_property
     def free_feet(self) -> tuple[str, ...]:
@@ -129,7 +129,7 @@ class Humanoid:
         # Rigify's deforming pelvis does not carry its deforming thighs, others' no spine.
         if named is not None and all(named in self.lines[joint] for joint in carried):
             return named
-        return self._shared(carried)
+        return self._common_ancestor(carried)
 
     @cached_property
     def chest(self) -> int:
@@ -138,7 +138,7 @@ class Humanoid:
             "neck" if "neck" in self.joints else "head"
         ]
         joints = [self.joints[top] for top in tops if top in self.joints]
-        shared = self._shared([max(self.skeleton.parents[joint], 0) for joint in joints])
+        shared = self._common_ancestor([max(self.skeleton.parents[joint], 0) for joint in joints])
         hips = {joint for side in SIDES for joint in self.lines[self.joints[f"{side}_hip"]]}
         if shared not in hips:
             return shared
@@ -174,15 +174,20 @@ class Humanoid:
         spine = [names[joint] for joint in (self.pelvis, *self.spine)]
         sources["pelvis"] = spine[0]
         for number in (1, 2, 3):
-            place = number / 3 * (len(spine) - 1)
-            below, share = spine[int(place)], place - int(place)
-            above = spine[min(int(place) + 1, len(spine) - 1)]
-            mixed = {below: 1 - share, above: share} if 0.01 < share < 0.99 else spine[round(place)]
+            position = number / 3 * (len(spine) - 1)
+            below, share = spine[int(position)], position - int(position)
+            above = spine[min(int(position) + 1, len(spine) - 1)]
+            mixed = (
+                # Near a joint of the rig, that joint alone: a map that names one joint is easier to
+                # correct.
+                {below: 1 - share, above: share} if 0.01 < share < 0.99 else spine[round(position)]
+            )
             sources.setdefault(f"spine{number}", mixed)
         chest = names[self.chest]
         if self.neck:
             sources.setdefault("neck", names[self.neck[0]])
         elif "head" in self.joints:
+            # Between chest and head, nearer to the head.
             sources.setdefault("neck", {chest: 0.35, names[self.joints["head"]]: 0.65})
         neck = sources.setdefault("neck", chest)
         stretched = {neck: 1.5, chest: -0.5} if isinstance(neck, str) and neck != chest else neck
@@ -199,7 +204,7 @@ class Humanoid:
 
     @cached_property
     def _ahead(self) -> Float[np.ndarray, " 3"]:
-        """Where the body faces in the rest pose, by hips and height."""
+        """Horizontal direction that the body faces in the rest pose, from hips and height."""
         rest = self.skeleton.rest_joints()
         left, right, ankle, chest = (
             rest[joint]
@@ -210,7 +215,7 @@ class Humanoid:
         )
         return np.cross(left - right, chest - ankle)
 
-    def _shared(self, joints: list[int]) -> int:
+    def _common_ancestor(self, joints: list[int]) -> int:
         """Returns the lowest joint that all these equal or descend from."""
         shared = set(self.lines[joints[0]]).intersection(*(self.lines[joint] for joint in joints))
         return max(shared, key=lambda joint: len(self.lines[joint]))
@@ -276,14 +281,14 @@ def _mapped(skeleton: Skeleton, joint_map: JointMap) -> Humanoid:
 
 
 def _entries(joint_map: JointMap) -> dict[str, str | Mapping[str, float]]:
-    """Returns a map without its remarks."""
+    """Returns the map without comments (keys that begin with an underscore), checked."""
     entries = {name: source for name, source in joint_map.items() if not name.startswith("_")}
-    known = (*REQUIRED, *OPTIONAL)
+    parts = (*REQUIRED, *OPTIONAL)
     for name in entries:
-        if name not in known:
+        if name not in parts:
             raise DataError(
                 f"the joint map has {name!r}, which is none of our joints; nearest are "
-                f"{nearest(known, [name], 3)}"
+                f"{nearest(parts, [name], 3)}"
             )
     return entries
 
@@ -349,22 +354,22 @@ def fingers_below(body: Humanoid, wrist: str) -> dict[str, list[int]]:
 
     Bones of the palm, and an exporter's end bones, are left out: programs differ in these.
     """
-    skeleton, found = body.skeleton, {}
+    skeleton, fingers = body.skeleton, {}
     for joint, name in enumerate(skeleton.names):
         word = next((word for word in _FINGERS if word in name.lower()), None)
         palm = "metacarpal" in name.lower() or "palm" in name.lower()
         tip = joint in skeleton.end_sites or not skeleton.children(joint)
         if word and not palm and not tip and body.joints[wrist] in body.lines[joint][1:]:
-            found.setdefault(_FINGERS[word], []).append(joint)
-    return found
+            fingers.setdefault(_FINGERS[word], []).append(joint)
+    return fingers
 
 
 def fitting_map(joint_maps: Iterable[JointMap], names: Sequence[str]) -> JointMap | None:
     """Returns the first of some joint maps of which a skeleton has a joint, if any."""
-    known = set(_columns(names))
+    columns = set(_columns(names))
     for joint_map in joint_maps:
         sources = (source for entry in _entries(joint_map).values() for source in weights_of(entry))
-        if any(source in known or without_namespace(source) in known for source in sources):
+        if any(source in columns or without_namespace(source) in columns for source in sources):
             return joint_map
     return None
 

@@ -92,7 +92,7 @@ def hinge(
     shape = axis.shape
     axis, normal, prior = (x.reshape(len(x), -1, 3) for x in (axis, normal, prior))
     pace = pace.reshape(len(pace), len(axis[0]))
-    first = _carried(axis)
+    first = _parallel_transport(axis)
     frame = np.stack([first, cross(axis, first)], axis=2)
     weight, trust = (normal**2).sum(-1), np.linalg.norm(prior, axis=-1)
     plane, prior = (unit((frame @ x[..., None])[..., 0]) for x in (normal, prior))
@@ -100,7 +100,7 @@ def hinge(
     every = np.full(pace.shape, stiffness)
     right = np.moveaxis(signed + prior * trust[..., None], -1, 0)
     x, y = _solve_chain(weight + trust, every, right)
-    wanted = angle = np.unwrap(np.arctan2(y, x), axis=0)
+    unlimited = angle = np.unwrap(np.arctan2(y, x), axis=0)
     resistance, ends = np.zeros_like(every), np.zeros((1, len(axis[0])))
     for _ in range(_ROUNDS):  # turns faster than the pace are spread over the frames around them
         excess = np.abs(np.diff(angle, axis=0)) / pace
@@ -111,23 +111,25 @@ def hinge(
         resistance = np.where(excess > 1, raised, resistance)
         padded = np.concatenate([ends, resistance, ends])
         resistance = np.maximum(resistance, _SHARE * np.maximum(padded[2:], padded[:-2]))
-        slower = _solve_chain(weight + trust, resistance, ((weight + trust) * wanted)[None])[0]
+        slower = _solve_chain(weight + trust, resistance, ((weight + trust) * unlimited)[None])[0]
         angle = np.where(fast, slower, angle)
-    about = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[..., None, :]
-    return (about @ frame).reshape(shape)
+    turn = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[..., None, :]
+    return (turn @ frame).reshape(shape)
 
 
-def _carried(axis: Float[np.ndarray, "frames limbs 3"]) -> Float[np.ndarray, "frames limbs 3"]:
+def _parallel_transport(
+    axis: Float[np.ndarray, "frames limbs 3"],
+) -> Float[np.ndarray, "frames limbs 3"]:
     """Returns normals of axes that do not turn about them: parallel transport."""
-    found = np.empty((*axis.shape, 1))
-    found[0, ..., 0] = unit(cross(axis[0], np.eye(3)[np.abs(axis[0]).argmin(-1)]))
+    normals = np.empty((*axis.shape, 1))
+    normals[0, ..., 0] = unit(cross(axis[0], np.eye(3)[np.abs(axis[0]).argmin(-1)]))
     halves = axis[:-1] + axis[1:]
     squares = 0.5 * (halves**2).sum(-1)  # 1 + the cosine of the step
     scaled = np.where(squares > 1e-6, 1 / np.maximum(squares, 1e-6), 0)[..., None] * axis[1:]
     steps = np.eye(3) - halves[..., None] * scaled[..., None, :]
     for t, step in enumerate(steps):
-        np.matmul(step, found[t], out=found[t + 1])
-    return found[..., 0]
+        np.matmul(step, normals[t], out=normals[t + 1])
+    return normals[..., 0]
 
 
 def _signs(
@@ -153,21 +155,21 @@ def _signs(
 def _solve_chain(
     weight: Float[np.ndarray, "frames limbs"],
     stiffness: Float[np.ndarray, "steps limbs"],
-    wanted: Float[np.ndarray, "columns frames limbs"],
+    right: Float[np.ndarray, "columns frames limbs"],
 ) -> Float[np.ndarray, "columns frames limbs"]:
     """Solves the tridiagonal systems (diag(w) + Laplacian of λ) x = wanted by Thomas' algorithm."""
-    diagonal, found = weight.copy(), np.moveaxis(wanted, 1, 0).copy()
+    diagonal, solution = weight.copy(), np.moveaxis(right, 1, 0).copy()
     diagonal[:-1] += stiffness
     diagonal[1:] += stiffness
     factors = np.empty_like(stiffness)
     for t, link in enumerate(stiffness):
         factor = np.divide(link, diagonal[t], out=factors[t])
         diagonal[t + 1] -= factor * link
-        found[t + 1] += factor * found[t]
-    found /= diagonal[:, None]
+        solution[t + 1] += factor * solution[t]
+    solution /= diagonal[:, None]
     for t in reversed(range(len(factors))):
-        found[t] += factors[t] * found[t + 1]
-    return np.moveaxis(found, 0, 1)
+        solution[t] += factors[t] * solution[t + 1]
+    return np.moveaxis(solution, 0, 1)
 
 
 RIGID_TOLERANCE = 0.002
@@ -258,8 +260,10 @@ class _Solver:
             elif name in ("head", "neck"):
                 rest[joint] = (0, 1, 0)
         self.rest = np.repeat(rest[None], joints.shape[1], axis=0)
-        known = lengths[..., None] > 1e-6
-        self.bones = np.where(known, bones / np.maximum(lengths, 1e-6)[..., None], rest)
+        # Joints at one point, as in rigs with helper bones, have no direction: the T-pose's is
+        # taken.
+        has_length = lengths[..., None] > 1e-6
+        self.bones = np.where(has_length, bones / np.maximum(lengths, 1e-6)[..., None], rest)
         # Of each joint; the last is the root's parent.
         self.world = np.tile(np.eye(3), (len(skeleton) + 1, *joints.shape[:2], 1, 1))
 
@@ -353,7 +357,12 @@ class _Solver:
         return matrix_from_quaternion(slerp(ends[0], ends[1], 1 / (steps + 1)))
 
     def _fit_feet_and_head(self) -> None:
-        """Takes as rest pose of the feet how they stand, and of the head how it is mostly held."""
+        """Sets the rest direction of feet to how they stand, and of the head to its usual tilt.
+
+        Positions do not show where a foot points when its ankle is at rest, nor an upright head.
+        The slope of a foot is the median over frames where it is low and still, at most 60 degrees;
+        the tilt of the head is the median over all frames, at most 45 degrees.
+        """
         feet = [f for f in (self.skeleton.left_foot, self.skeleton.right_foot) if len(f) == 2]
         slopes = np.zeros((len(feet), len(self.rest)))
         for foot, (ankle, toe) in enumerate(feet):
@@ -363,6 +372,8 @@ class _Solver:
             if len(pair) > 1:
                 speed = np.abs(np.gradient(pair, axis=0)).sum((2, 3))
             height = pair[:, :, 1, 1]
+            # Near the foot's lowest height, but for its lowest 5 %, which may be errors; 3 cm is
+            # the spread of a standing ankle.
             low = height < quantile(height, 0.05) + 0.03
             slope = np.arcsin(np.clip(-self.bones[:, :, toe, 1], -1, 1))
             for motion, near in enumerate(low.T):
@@ -403,8 +414,8 @@ class _Solver:
         axis, normal, prior, pace = (
             np.moveaxis(x, 0, 1) for x in (upper, cross(upper, lower), prior, pace)
         )
-        found = hinge(axis, normal, prior, stiffness, pace)
-        turned = _frame(upper, np.moveaxis(found, 1, 0))
+        hinges = hinge(axis, normal, prior, stiffness, pace)
+        turned = _frame(upper, np.moveaxis(hinges, 1, 0))
         return self.world[parents] @ turned @ np.swapaxes(_frame(rest, rest_hinge), -1, -2)
 
     def _local_bones(
@@ -439,12 +450,12 @@ def nearest_rotation(b: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*
     poor = ~(divisor > _POOR * square**1.5)
     whole, each, by = (x[..., None, None] for x in (half + square, value, divisor))
     product = b @ np.swapaxes(b, -1, -2) @ b
-    found = (whole * b + each * cofactors - product) / np.where(poor[..., None, None], 1, by)
+    rotations = (whole * b + each * cofactors - product) / np.where(poor[..., None, None], 1, by)
     if poor.any():
         u, _, vt = np.linalg.svd(b[poor])
         u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-        found[poor] = u @ vt
-    return found
+        rotations[poor] = u @ vt
+    return rotations
 
 
 def _frame(

@@ -1,4 +1,4 @@
-"""Keypoints: what a tracker saw of a person over time, and which joints its names stand for.
+"""Keypoints: tracked points of a person over time, and the joints that their names mean.
 
 Known are HumanML3D's 22 joints and the layouts of COCO (17, OpenPose's 18, 133 of the whole body),
 Halpe (26, 136), OpenPose's BODY_25, MediaPipe (33) and Human3.6M (17).
@@ -144,21 +144,24 @@ class Keypoints:
             raise InputError("a confidence is not from 0, not seen, to 1")
         if not LEAST_FPS <= self.fps <= MOST_FPS:
             raise InputError(f"fps is {self.fps}, expected {LEAST_FPS:g} to {MOST_FPS:,.0f}")
-        seen = np.isfinite(points).all(axis=2) & (np.nan_to_num(confidence) > 0)
-        if np.isinf(points[confidence > 0]).any() or np.abs(points[seen]).max(initial=0) > FARTHEST:
+        visible = np.isfinite(points).all(axis=2) & (np.nan_to_num(confidence) > 0)
+        if (
+            np.isinf(points[confidence > 0]).any()
+            or np.abs(points[visible]).max(initial=0) > FARTHEST
+        ):
             raise InputError(f"a point is beyond {FARTHEST:,.0f}; write NaN where it was not seen")
         if self.size is not None and not all(0 < side <= FARTHEST for side in self.size):
             raise InputError(f"a picture of {self.size[0]:g} by {self.size[1]:g} pixels")
         if self.focal is not None and not 0 < self.focal <= FARTHEST:
             raise InputError(f"a focal length of {self.focal:g} pixels, expected a positive number")
-        used = seen & np.array([name not in UNREAD for name in names])
-        if used.sum() < 8:
+        readable = visible & np.array([name not in UNREAD for name in names])
+        if readable.sum() < 8:
             raise InputError(
-                f"{used.sum()} points of joints were seen in {len(points)} frames, expected at "
+                f"{readable.sum()} points of joints were seen in {len(points)} frames, expected at "
                 "least 8; is the mask the right way round? True and 1 mean seen"
             )
-        object.__setattr__(self, "points", np.where(seen[..., None], points, np.nan))
-        object.__setattr__(self, "confidence", np.where(seen, confidence, 0.0))
+        object.__setattr__(self, "points", np.where(visible[..., None], points, np.nan))
+        object.__setattr__(self, "confidence", np.where(visible, confidence, 0.0))
         object.__setattr__(self, "names", names)
 
     def __len__(self) -> int:
@@ -191,10 +194,10 @@ def keypoints_of(
     """Returns arrays as keypoints.
 
     Args:
-        points: As `Keypoints` has them; one that is given is returned.
+        points: Points as in `Keypoints`; a `Keypoints` is returned as it is.
         seen: True or a confidence where a point was seen; by default everywhere.
         fps: Frames per second.
-        names: Of the keypoints; by default those of the layout with so many.
+        names: Names of the keypoints; by default those of the layout of this number.
 
     Raises:
         InputError: Sizes do not fit, a name is unknown, or a number is out of range.
@@ -219,26 +222,26 @@ def canonical_names(names: Sequence[str]) -> tuple[str, ...]:
         InputError: A name is unknown or given twice.
     """
     openpose = "MidHip" in names
-    found = []
+    canonical = []
     for name in names:
         plain = re.sub(r"^([LR])(?=[A-Z])", lambda m: {"L": "left_", "R": "right_"}[m[1]], name)
         plain = re.sub(r"(?<=[a-z])(?=[A-Z])|[ -]+", "_", plain.strip()).lower()
-        found.append("mid_shoulder" if openpose and plain == "neck" else plain)
-    known = dict.fromkeys(name for layout in LAYOUTS.values() for name in layout)
-    for name in found:
-        if name not in known:
-            raise InputError(f"unknown keypoint {name!r}: {hint(name, known)}")
-    if len(set(found)) < len(found):
-        twice = next(name for name in found if found.count(name) > 1)
+        canonical.append("mid_shoulder" if openpose and plain == "neck" else plain)
+    vocabulary = dict.fromkeys(name for layout in LAYOUTS.values() for name in layout)
+    for name in canonical:
+        if name not in vocabulary:
+            raise InputError(f"unknown keypoint {name!r}: {hint(name, vocabulary)}")
+    if len(set(canonical)) < len(canonical):
+        twice = next(name for name in canonical if canonical.count(name) > 1)
         raise InputError(f"the keypoint {twice} is given twice")
-    return tuple(found)
+    return tuple(canonical)
 
 
 def layout_of(count: int, coordinates: int = 2) -> tuple[str, ...]:
     """Returns the names of the layout of so many keypoints.
 
     Args:
-        count: How many.
+        count: Number of keypoints.
         coordinates: 2 for pixels, 3 for meters.
 
     Raises:
@@ -253,9 +256,9 @@ def layout_of(count: int, coordinates: int = 2) -> tuple[str, ...]:
         )
     if named:
         return named.get("coco_17", next(iter(named.values())))
-    known = ", ".join(f"{len(names)} ({layout})" for layout, names in LAYOUTS.items())
+    layouts = ", ".join(f"{len(names)} ({layout})" for layout, names in LAYOUTS.items())
     raise InputError(
-        f"{count} keypoints without names: known are {known}; give their names, or --layout"
+        f"{count} keypoints without names: known are {layouts}; give their names, or --layout"
     )
 
 
@@ -265,8 +268,8 @@ def joint_weights(names: Sequence[str]) -> Float[np.ndarray, "keypoints joints"]
     Args:
         names: Canonical names.
     """
-    found = np.zeros((len(names), len(HUMANML3D)))
-    for row, name in zip(found, names, strict=True):
+    matrix = np.zeros((len(names), len(HUMANML3D)))
+    for row, name in zip(matrix, names, strict=True):
         side, part = name.split("_")[0], name.removeprefix("mid_")
         weights: dict[str, float] = {}
         if name in HUMANML3D.names:
@@ -274,16 +277,19 @@ def joint_weights(names: Sequence[str]) -> Float[np.ndarray, "keypoints joints"]
         elif name in ("mid_hip", "mid_shoulder"):
             weights = {f"left_{part}": 0.5, f"right_{part}": 0.5}
         elif name == "head_top":
+            # Beyond the head joint, which is at the skull's base, by nearly the length of the neck.
             weights = {"head": 1.9, "neck": -0.9}
         elif name.endswith("_ear"):
             other = {"left": "right", "right": "left"}[side]
             aside = {f"{side}_shoulder": 0.19, f"{other}_shoulder": -0.19}
             weights = {"head": 1.5, "neck": -0.5, **aside}
         elif name.endswith(("_big_toe", "_foot_index")):
+            # HumanML3D's foot joint is the ball; the toe's tip is a third of the foot's length
+            # beyond.
             weights = {f"{side}_foot": 1.33, f"{side}_ankle": -0.33}
         for joint, weight in weights.items():
             row[HUMANML3D.names.index(joint)] += weight
-    return found
+    return matrix
 
 
 LIMBS = tuple(
@@ -311,8 +317,10 @@ def limb_ratio(
         if start in names and end in names:
             bone = points[:, names.index(end)] - points[:, names.index(start)]
             square = float(np.median(np.nan_to_num((bone**2).sum(axis=1), nan=np.inf)))
-            own = np.sqrt(max(square - 6 * noise**2, 1e-12))
-            ratios.append(own / lengths[HUMANML3D.names.index(end)])
+            # Noise of both ends lengthens a limb: 3 coordinates of 2 points, each of variance
+            # noise².
+            length = np.sqrt(max(square - 6 * noise**2, 1e-12))
+            ratios.append(length / lengths[HUMANML3D.names.index(end)])
     ratios = [ratio for ratio in ratios if np.isfinite(ratio) and ratio < 1e9]
     return float(np.median(ratios)) if ratios else None
 
@@ -367,9 +375,13 @@ def grounded(
     smooth = np.empty((len(points), 3, len(names)))
     columns = [*feet[0], *feet[1]]
     for column in columns:
-        seen = np.isfinite(points[:, column]).all(axis=1)
+        finite = np.isfinite(points[:, column]).all(axis=1)
         for axis in range(3):
-            track = np.interp(frames, frames[seen], points[seen, column, axis]) if seen.any() else 0
+            track = (
+                np.interp(frames, frames[finite], points[finite, column, axis])
+                if finite.any()
+                else 0
+            )
             padded = np.pad(np.broadcast_to(track, len(points)), width, mode="edge")
             smooth[:, axis, column] = np.convolve(padded, kernel / kernel.sum(), "valid")
     standing = np.stack([smooth[:, :, foot].mean(axis=2) for foot in feet])

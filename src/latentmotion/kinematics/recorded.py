@@ -107,13 +107,13 @@ class Recorded:
         count, old = len(HUMANML3D), self.animation
         pair = np.stack([before[:, :count], after[:, :count]], axis=1).astype(np.float64)
         start, end = (
-            one.skeleton.world_rotations(one.rotations)
-            for one in solve_batch(pair, old.fps, HUMANML3D)
+            animation.skeleton.world_rotations(animation.rotations)
+            for animation in solve_batch(pair, old.fps, HUMANML3D)
         )
         change = end @ np.swapaxes(start, -1, -2)
         world = change[:, carriers(self.body)] @ old.skeleton.world_rotations(old.rotations)
         moved = replace(old, rotations=old.skeleton.local_rotations(world))
         pelvis, change_of_place = self.body.pelvis, pair[:, 1, 0] - pair[:, 0, 0]
-        wanted = old.joints()[:, pelvis] + change_of_place
-        root = moved.root_positions + wanted - moved.joints()[:, pelvis]
+        target = old.joints()[:, pelvis] + change_of_place
+        root = moved.root_positions + target - moved.joints()[:, pelvis]
         return replace(self, animation=replace(moved, root_positions=root))

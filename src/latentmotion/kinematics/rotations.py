@@ -154,11 +154,11 @@ def matrix_from_euler(angles: Float[Any, "*batch axes"], order: str) -> Float[An
     matrices = []
     for n, axis in enumerate(order):
         angle = angles[..., n]
-        c, s, one, zero = xp.cos(angle), xp.sin(angle), 1 + 0 * angle, 0 * angle
+        c, s, ones, zeros = xp.cos(angle), xp.sin(angle), 1 + 0 * angle, 0 * angle
         rows = {
-            "X": [[one, zero, zero], [zero, c, -s], [zero, s, c]],
-            "Y": [[c, zero, s], [zero, one, zero], [-s, zero, c]],
-            "Z": [[c, -s, zero], [s, c, zero], [zero, zero, one]],
+            "X": [[ones, zeros, zeros], [zeros, c, -s], [zeros, s, c]],
+            "Y": [[c, zeros, s], [zeros, ones, zeros], [-s, zeros, c]],
+            "Z": [[c, -s, zeros], [s, c, zeros], [zeros, zeros, ones]],
         }[axis]
         matrices.append(xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2))
     return reduce(xp.matmul, matrices)

@@ -55,8 +55,8 @@ class Skeleton:
         if letters > MOST_NAMES:
             raise InputError(f"joints with names of {letters:,} letters, expected {MOST_NAMES:,}")
         if len(self.parents) != count or np.shape(self.offsets) != (count, 3):
-            found = f"{len(self.parents)} parents and offsets of shape {np.shape(self.offsets)}"
-            raise InputError(f"a skeleton of {count} joints with {found}")
+            sizes = f"{len(self.parents)} parents and offsets of shape {np.shape(self.offsets)}"
+            raise InputError(f"a skeleton of {count} joints with {sizes}")
         depths = [0]
         for joint, parent in enumerate(self.parents):
             if not (0 <= parent < joint if joint else parent == -1):

@@ -148,12 +148,12 @@ def load_smpl(path: str | Path) -> SmplModel:
             raise FileFormatError(
                 path, f"{name} holds {arrays[name].dtype}, expected numbers; {_HOW}"
             )
-        found = arrays[name].shape
-        pairs = zip(shape, found, strict=False)
+        actual = arrays[name].shape
+        pairs = zip(shape, actual, strict=False)
         expected = tuple(sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in pairs)
-        if len(found) != len(shape) or found != expected:
+        if len(actual) != len(shape) or actual != expected:
             raise FileFormatError(
-                path, f"{name} has the shape {found}, expected {shape}; {_HOW} (SMPL, not SMPL-X)"
+                path, f"{name} has the shape {actual}, expected {shape}; {_HOW} (SMPL, not SMPL-X)"
             )
         least = 2**32 if name == "kintree_table" else MOST_NUMBER  # the root's parent is 2³² - 1
         if not (np.abs(arrays[name].astype(np.float64)) <= least).all():
@@ -194,6 +194,6 @@ def _content(path: Path) -> Mapping[str, Any]:
         raise FileFormatError(path, f"expected a dictionary, found a {type(content).__name__}")
     missing = [name for name in _SHAPES if name not in content]
     if missing:
-        found = ", ".join(map(str, content)) or "nothing"
-        raise FileFormatError(path, f"lacks {', '.join(missing)}; found {found}; {_HOW}")
+        keys = ", ".join(map(str, content)) or "nothing"
+        raise FileFormatError(path, f"lacks {', '.join(missing)}; found {keys}; {_HOW}")
     return {name: content[name] for name in _SHAPES}

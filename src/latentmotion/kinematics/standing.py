@@ -72,7 +72,7 @@ _MOST, _NEARLY_ALL = 0.5, 0.8
 """Shares of the frames in which a body stands: along the usual axis, and along another."""
 
 _BENT = 0.08
-"""Of a leg's length: how far a knee must be off the line from hip to ankle to show a side."""
+"""Share of a leg's length by which a knee must be off the line from hip to ankle to show a side."""
 
 _SQUARE = np.radians(10)
 """A rest pose that faces an axis to within this angle is taken to face it."""
@@ -165,7 +165,7 @@ def find_standing(
 
     Args:
         joints: HumanML3D's 22 joints, in the file's unit and axes.
-        stated: What the user says.
+        stated: Unit, axis and rate as the user states them.
         declared: Meters per unit that the file or its format says; None where neither does.
         any_size: Whether a body that fits no unit is taken for a person's instead of refused, as
             characters that motions are put on may be toys or giants.
@@ -353,6 +353,7 @@ def rest_stands(body: Humanoid) -> bool:
     apart = np.linalg.norm(hips[0] - hips[1])
     # Half a right angle: T-poses and A-poses stand, bones along one axis or in a heap do not.
     return bool(
+        # Neither legs, trunk nor hips have a length of nearly zero.
         min(lengths) > 0.2 * max(lengths)
         and apart > 0.02 * max(lengths)
         and down @ up < -0.7 * lengths[0] * lengths[1]

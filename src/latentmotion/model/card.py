@@ -68,7 +68,7 @@ GraphPrecision = Literal["float32", "int8"]
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the weights come from: what a company's lawyer and a scientist ask first."""
+    """Origin of the weights: data, terms, commands, code and hardware."""
 
     data: tuple[str, ...] = ()
     """Names and credits of the data sets."""
@@ -115,7 +115,7 @@ class ModelCard:
     frames: tuple[int, int] = (16, 196)
     """Shortest and longest motion it was trained on, in frames."""
     precision: GraphPrecision = "float32"
-    """Of the graphs' matrix products, where the model was exported."""
+    """Precision of matrix products in the exported graphs."""
     provenance: Provenance = Provenance()
     """Where the weights come from."""
     figures: dict[str, Any] = field(default_factory=dict)
@@ -130,7 +130,7 @@ class ModelCard:
 
     @property
     def masks_padding(self) -> bool:
-        """Whether a motion is the same in a batch of other lengths as it is alone.
+        """Whether padding leaves a motion unchanged, so that it is the same in any batch.
 
         Not where the denoiser attends to padding, nor where its context stands behind it.
         """
@@ -219,9 +219,9 @@ def check_card(card: ModelCard) -> None:
         )
     needed = card.vae.latent_space()
     for name in ("width", "tokens", "frames_per_token"):
-        found, expected = getattr(card.latents, name), getattr(needed, name)
-        if found != expected:
-            raise InputError(f"latents.{name} {found}: this kind of VAE has {expected}")
+        actual, expected = getattr(card.latents, name), getattr(needed, name)
+        if actual != expected:
+            raise InputError(f"latents.{name} {actual}: this kind of VAE has {expected}")
 
 
 def shipped_models() -> tuple[str, ...]:
@@ -279,12 +279,12 @@ def download(model: str) -> Path:
         raise MissingExtraError(
             f"the model {model!r} on the hub", "huggingface_hub", "hub"
         ) from error
-    found = _HUB_ID.fullmatch(model)
-    assert found is not None  # the caller asked `is_hub_id`
+    hub_id = _HUB_ID.fullmatch(model)
+    assert hub_id is not None  # the caller asked `is_hub_id`
     try:
         folder = snapshot_download(
-            found["repository"],
-            revision=found["revision"],
+            hub_id["repository"],
+            revision=hub_id["revision"],
             allow_patterns=list(HUB_FILES),
             ignore_patterns="*/*",
             endpoint=os.environ.get("HF_ENDPOINT"),

@@ -98,9 +98,9 @@ class FewStepConfig:
             )
         odd = [count for count in self.steps if count < 1 or self.solver_steps % count]
         if odd or not self.steps:
-            found = odd[0] if odd else "none"
+            stated = odd[0] if odd else "none"
             raise InputError(
-                f"few_step.steps: {found}; expected divisors of few_step.solver_steps, "
+                f"few_step.steps: {stated}; expected divisors of few_step.solver_steps, "
                 f"{self.solver_steps}"
             )
         if not 0 <= self.guidance[0] <= self.guidance[1]:
@@ -110,8 +110,8 @@ class FewStepConfig:
         """Raises InputError for sampling settings that the student has not learned."""
         smallest, largest = self.guidance
         if steps not in self.steps:
-            known = ", ".join(map(str, self.steps))
-            raise InputError(f"{steps} sampling steps: this distilled model takes {known}")
+            choices = ", ".join(map(str, self.steps))
+            raise InputError(f"{steps} sampling steps: this distilled model takes {choices}")
         if not smallest <= guidance <= largest:
             raise InputError(
                 f"guidance {guidance:g}: this distilled model learned {smallest:g} to {largest:g}"
@@ -193,8 +193,10 @@ class Sampling:
         sampler: SamplerName | None = None,
     ) -> Sampling:
         """Returns it with other values for those that are not None."""
-        given = {"steps": steps, "guidance": guidance, "sampler": sampler}
-        return replace(self, **{name: value for name, value in given.items() if value is not None})
+        changes = {"steps": steps, "guidance": guidance, "sampler": sampler}
+        return replace(
+            self, **{name: value for name, value in changes.items() if value is not None}
+        )
 
 
 STRIDE = 4
@@ -240,7 +242,7 @@ Config = TypeVar("Config", bound="MotionVAEConfig")
 
 
 class MotionVAEConfig(ABC):
-    """What every family's configuration answers.
+    """Interface of the configurations of all VAE families.
 
     Attributes:
         has_weights: Whether there is anything to train; false for diffusion on raw frames.
@@ -361,7 +363,7 @@ class ConvolutionalVAEConfig(MotionVAEConfig):
     dilations: tuple[int, ...] = (1, 3, 9)
     """Dilation of each residual block at half and at quarter rate."""
     decoder: MirroredDecoder | QuarterRateDecoder = field(default_factory=MirroredDecoder)
-    """The way back."""
+    """The decoder, from latent tokens to frames."""
 
     def __post_init__(self) -> None:
         for name in ("features", "width", "channels"):
@@ -394,7 +396,7 @@ class VPoserTConfig(MotionVAEConfig):
     features: int = 263
     """Numbers per frame."""
     frames: int = 196
-    """The one length it knows."""
+    """Length in frames, the same for all motions."""
     hidden: int = 512
     """Width of the layers inside."""
     width: int = 256
@@ -407,7 +409,7 @@ class VPoserTConfig(MotionVAEConfig):
             check_range(f"vae.{name}", getattr(self, name), limits.MOST_WIDTH)
 
     def latent_space(self) -> LatentSpace:
-        """Returns the one token that stands for the whole motion."""
+        """Returns the space of a single token for the whole motion."""
         return LatentSpace(self.width, tokens=1)
 
     def scaled(self, width: int, layers: Mapping[int, int]) -> VPoserTConfig:
@@ -458,7 +460,7 @@ class IdentityVAEConfig(MotionVAEConfig):
         return LatentSpace(self.features, frames_per_token=1)
 
     def scaled(self, width: int, layers: Mapping[int, int]) -> IdentityVAEConfig:
-        """Returns itself: there is nothing inside."""
+        """Returns itself: without weights there is nothing to scale."""
         return self
 
 

@@ -17,14 +17,14 @@ _INPUTS = {
 
 def readme(card: ModelCard) -> str:
     """Returns the page, with the YAML that the hub reads at its head."""
-    made, text = card.provenance, card.task == "text"
+    provenance, text = card.provenance, card.task == "text"
     head = {
-        **license_fields([made.license]),
+        **license_fields([provenance.license]),
         "library_name": "latentmotion",
         "pipeline_tag": PIPELINE if text else None,
         "language": ["en"] if text else None,
         "tags": ["latentmotion", "text-to-motion" if text else "motion-generation", "motion"],
-        "datasets": [line.partition(":")[0] for line in made.data],
+        "datasets": [line.partition(":")[0] for line in provenance.data],
         "model-index": _index(card),
     }
     shortest, longest = card.frames
@@ -48,17 +48,17 @@ def readme(card: ModelCard) -> str:
         "",
         "## Training",
         "",
-        *(f"* Data: {line}" for line in made.data),
-        *(f"* SHA-256 of {name}: {value}" for name, value in made.data_hashes.items()),
-        f"* {made.hours:g} hours on {made.machine or 'an unknown machine'}",
-        *(["", "```bash", *made.commands, "```", ""] if made.commands else [""]),
+        *(f"* Data: {line}" for line in provenance.data),
+        *(f"* SHA-256 of {name}: {value}" for name, value in provenance.data_hashes.items()),
+        f"* {provenance.hours:g} hours on {provenance.machine or 'an unknown machine'}",
+        *(["", "```bash", *provenance.commands, "```", ""] if provenance.commands else [""]),
         "## Figures",
         "",
         *(["| figure | value |", "|---|---|", *rows] if rows else ["None were measured."]),
         "",
         "## Terms",
         "",
-        f"Weights: {made.license}. {RIGHTS_IN_MOTIONS}",
+        f"Weights: {provenance.license}. {RIGHTS_IN_MOTIONS}",
         "",
     ]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""From configurations to networks with fresh weights, or those of a network with fewer channels.
+"""Networks with fresh weights from configurations, or with weights of a narrower network.
 
 The order in which a network's parts are built is the order in which a seed's numbers are drawn for
 their weights, so it is part of what a training run yields.
@@ -23,7 +23,7 @@ from latentmotion.model.config import (
     VAEConfig,
     VPoserTConfig,
 )
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.baselines import IdentityVAE, VPoserT
 from latentmotion.networks.vae.convolutional import ConvolutionalVAE
 from latentmotion.networks.vae.interface import MotionVAE
@@ -31,7 +31,7 @@ from latentmotion.networks.vae.transformer import TransformerVAE
 
 
 @overload
-def build(config: DenoiserConfig) -> Denoiser: ...
+def build(config: DenoiserConfig) -> DenoiserNetwork: ...
 @overload
 def build(config: TransformerVAEConfig) -> TransformerVAE: ...
 @overload
@@ -42,7 +42,7 @@ def build(config: VPoserTConfig) -> VPoserT: ...
 def build(config: IdentityVAEConfig) -> IdentityVAE: ...
 @overload
 def build(config: VAEConfig) -> MotionVAE: ...
-def build(config: DenoiserConfig | VAEConfig) -> Denoiser | MotionVAE:
+def build(config: DenoiserConfig | VAEConfig) -> DenoiserNetwork | MotionVAE:
     """Builds the network of a configuration with fresh weights.
 
     Raises:
@@ -50,7 +50,7 @@ def build(config: DenoiserConfig | VAEConfig) -> Denoiser | MotionVAE:
     """
     match config:
         case DenoiserConfig():
-            return Denoiser.of(config)
+            return DenoiserNetwork.of(config)
         case TransformerVAEConfig():
             return TransformerVAE.of(config)
         case ConvolutionalVAEConfig():
@@ -73,19 +73,19 @@ def start_from(network: nn.Module, trained: nn.Module, channels: int, before: in
     Raises:
         InputError: They differ in more than the latent channels, or there were more of them.
     """
-    fresh, given = network.state_dict(), trained.state_dict()
-    if fresh.keys() != given.keys() or channels < before:
+    fresh, start = network.state_dict(), trained.state_dict()
+    if fresh.keys() != start.keys() or channels < before:
         raise InputError(
             "the model to start from has other layers, or more latent channels; use the preset and "
             "settings that it was trained with"
         )
     network.load_state_dict(
-        {name: _widened(name, fresh[name], given[name], channels, before) for name in fresh}
+        {name: _widened(name, fresh[name], start[name], channels, before) for name in fresh}
     )
 
 
 def _widened(name: str, fresh: Tensor, trained: Tensor, channels: int, before: int) -> Tensor:
-    """Returns the trained weights, and those of new channels behind them."""
+    """Returns the trained weights, followed by fresh ones for new channels."""
     if fresh.shape == trained.shape:
         return trained
     result, shapes = fresh.clone(), (tuple(fresh.shape), tuple(trained.shape))

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from latentmotion.errors import ModelError
 from latentmotion.model.card import CARD_FILE, ModelCard, find_model, read_card, shipped_models
 from latentmotion.networks.build import build
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import atomic_folder
 
@@ -57,7 +57,7 @@ class FirstStageModel:
 class LatentModel(FirstStageModel):
     """A model folder with both stages."""
 
-    denoiser: Denoiser
+    denoiser: DenoiserNetwork
     """Noise to latents."""
 
     @property
@@ -127,18 +127,13 @@ def check_sizes(make: Callable[[], nn.Module], weights: Mapping[str, Tensor], so
     Args:
         make: Builds the network.
         weights: Its weights.
-        source: Where they are from, for errors.
+        source: Name of the file, for errors.
 
     Raises:
         ModelError: A key is missing or unknown, or a shape differs.
     """
     with torch.device("meta"):
-        expected = make().state_dict()
-    check_keys(weights, expected, source)
-    for key, tensor in weights.items():
-        if tensor.shape != expected[key].shape:
-            found, wanted = tuple(tensor.shape), tuple(expected[key].shape)
-            raise ModelError(f"{source}: {key} has shape {found}, expected {wanted}")
+        _check_shapes(make(), weights, source)
 
 
 def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> None:
@@ -147,12 +142,8 @@ def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> 
     Raises:
         ModelError: A key is missing or unknown, a shape differs, or a number is not finite.
     """
-    expected = module.state_dict()
-    check_keys(weights, expected, source)
+    _check_shapes(module, weights, source)
     for key, tensor in weights.items():
-        if tensor.shape != expected[key].shape:
-            found, wanted = tuple(tensor.shape), tuple(expected[key].shape)
-            raise ModelError(f"{source}: {key} has shape {found}, expected {wanted}")
         if tensor.dtype not in _DTYPES:
             raise ModelError(f"{source}: {key} holds {tensor.dtype}, expected floats or integers")
         if not tensor.isfinite().all():
@@ -161,13 +152,22 @@ def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> 
     module.eval()
 
 
-def check_keys(found: Iterable[str], expected: Iterable[str], source: str) -> None:
+def _check_shapes(module: nn.Module, weights: Mapping[str, Tensor], source: str) -> None:
+    expected = module.state_dict()
+    check_keys(weights, expected, source)
+    for key, tensor in weights.items():
+        if tensor.shape != expected[key].shape:
+            actual, shape = tuple(tensor.shape), tuple(expected[key].shape)
+            raise ModelError(f"{source}: {key} has shape {actual}, expected {shape}")
+
+
+def check_keys(actual: Iterable[str], expected: Iterable[str], source: str) -> None:
     """Compares two sets of names.
 
     Raises:
         ModelError: They differ; the message names the nearest.
     """
-    unknown, missing = sorted(set(found) - set(expected)), sorted(set(expected) - set(found))
+    unknown, missing = sorted(set(actual) - set(expected)), sorted(set(expected) - set(actual))
     if unknown:
         near = difflib.get_close_matches(unknown[0], missing or list(expected), n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
@@ -184,10 +184,10 @@ def model_weights(folder: Path) -> dict[str, Tensor]:
     """
     weights = read_weights(folder / WEIGHTS_FILE)
     with safe_open(folder / WEIGHTS_FILE, "pt") as file:
-        wanted = (file.metadata() or {}).get(ENCODER_HASH)
-    if wanted is None:
+        digest = (file.metadata() or {}).get(ENCODER_HASH)
+    if digest is None:
         return weights
-    if (holder := encoder_holder(wanted)) is None:
+    if (holder := encoder_holder(digest)) is None:
         raise ModelError(
             f"{folder} has its VAE's encoder in common with a shipped model, and none of them has "
             "it; install the version of latentmotion that the model came with"
@@ -195,18 +195,18 @@ def model_weights(folder: Path) -> dict[str, Tensor]:
     return weights | encoder_weights(read_weights(holder / WEIGHTS_FILE))
 
 
-def encoder_holder(wanted: str, besides: Path | None = None) -> Path | None:
+def encoder_holder(digest: str, besides: Path | None = None) -> Path | None:
     """Returns the folder of a shipped model that holds a VAE's encoder, found by its hash.
 
     Args:
-        wanted: `encoder_hash` of the encoder.
+        digest: `encoder_hash` of the encoder.
         besides: A folder that does not count.
     """
     for name in shipped_models():
         folder = find_model(name)
         if besides is None or folder.resolve() != besides.resolve():
-            kept = encoder_weights(read_weights(folder / WEIGHTS_FILE))
-            if kept and encoder_hash(kept) == wanted:
+            encoder = encoder_weights(read_weights(folder / WEIGHTS_FILE))
+            if encoder and encoder_hash(encoder) == digest:
                 return folder
     return None
 
@@ -242,7 +242,7 @@ def read_weights(path: Path) -> dict[str, Tensor]:
     for key in packed:
         matrix, scale = weights[key], weights.pop(key + SCALE)
         if scale.shape != (len(matrix), 1):
-            found, wanted = tuple(scale.shape), (len(matrix), 1)
-            raise ModelError(f"{path}: {key}{SCALE} has shape {found}, expected {wanted}")
+            actual, shape = tuple(scale.shape), (len(matrix), 1)
+            raise ModelError(f"{path}: {key}{SCALE} has shape {actual}, expected {shape}")
         weights[key] = matrix * scale
     return weights

@@ -5,7 +5,7 @@
     cross-attention:  decoder(latents, memory = context)
 
 Numbers (time, length) become tokens, context and latents get positions, and a transformer reads
-both. Every part is passed in; `Denoiser.of` makes them of a `DenoiserConfig`.
+both. Every part is passed in; `DenoiserNetwork.of` makes them of a `DenoiserConfig`.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ class AttendToPadding(nn.Module):
         return torch.ones_like(mask)
 
 
-class Denoiser(nn.Module):
+class DenoiserNetwork(nn.Module):
     """Projections around a transformer.
 
     Args:
@@ -186,7 +186,7 @@ class Denoiser(nn.Module):
         joining: Numbers and words to the context and its mask.
         positions: Adds positions to latents and context.
         body: The transformer, called with latents, their mask, context and its mask.
-        padding: What attention sees of the latents' mask.
+        padding: Mask of the latents that attention gets.
         step_embedding: Adds the step condition of a few-step student to the numbers.
     """
 
@@ -214,7 +214,7 @@ class Denoiser(nn.Module):
         self.step_embedding = step_embedding
 
     @classmethod
-    def of(cls, config: DenoiserConfig) -> Denoiser:
+    def of(cls, config: DenoiserConfig) -> DenoiserNetwork:
         """Builds the denoiser of a configuration with fresh weights."""
         width, dropout = config.transformer.width, config.transformer.dropout
         inner, outer = (config.latent_width, width), (width, config.latent_width)
@@ -267,7 +267,7 @@ class Denoiser(nn.Module):
             t: Time, one for all or one per item, in the units of the schedule.
             condition: Words and which of them are real.
             mask: True on real latent tokens.
-            step_condition: What a few-step student gets; None for any other denoiser.
+            step_condition: Guidance and step size for a few-step student, else None.
         """
         numbers = self.numbers(t.expand(z.shape[0]), mask)
         numbers = self.step_embedding(numbers, step_condition)

@@ -109,8 +109,8 @@ def _file(source: str, name: str) -> Path | None:
     """Returns a file of the layer; from the hub it is fetched first."""
     from transformers.utils.hub import cached_file
 
-    found = cached_file(source, f"{FOLDER}/{name}", _raise_exceptions_for_missing_entries=False)
-    return Path(found) if found else None
+    cached = cached_file(source, f"{FOLDER}/{name}", _raise_exceptions_for_missing_entries=False)
+    return Path(cached) if cached else None
 
 
 AT_ONCE = 64
@@ -118,7 +118,7 @@ AT_ONCE = 64
 
 
 @dataclass(frozen=True)
-class Reading:
+class EncodedSentences:
     """Output of a network for tokenized sentences."""
 
     pooled: Float[torch.Tensor, "batch width"]
@@ -127,7 +127,7 @@ class Reading:
     """True on the words that a denoiser may see."""
 
 
-Read = Callable[[Any, Any, Any], Reading]
+Read = Callable[[Any, Any, Any], EncodedSentences]
 
 
 def mean_of_words(
@@ -140,46 +140,46 @@ def mean_of_words(
 
 def read_mean(
     model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-) -> Reading:
+) -> EncodedSentences:
     """Last states and their mean (DistilBERT, T5)."""
     words = model(input_ids=tokens, attention_mask=mask.long()).last_hidden_state
-    return Reading(mean_of_words(words, mask), words * mask[..., None], mask)
+    return EncodedSentences(mean_of_words(words, mask), words * mask[..., None], mask)
 
 
 def read_minilm(
     model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-) -> Reading:
+) -> EncodedSentences:
     """Last states and their mean at unit length, as sentence-transformers does."""
     reading = read_mean(model, tokens, mask)
     pooled = torch.nn.functional.normalize(reading.pooled, dim=-1)
-    return Reading(pooled, reading.words, mask)
+    return EncodedSentences(pooled, reading.words, mask)
 
 
 def read_sentence_t5(
     model: SentenceT5,
     tokens: Int[torch.Tensor, "batch words"],
     mask: Bool[torch.Tensor, "batch words"],
-) -> Reading:
+) -> EncodedSentences:
     """States after the dense layer, and their mean at unit length."""
     words = model(tokens, mask.long())
     pooled = torch.nn.functional.normalize(mean_of_words(words, mask), dim=-1)
-    return Reading(pooled, words * mask[..., None], mask)
+    return EncodedSentences(pooled, words * mask[..., None], mask)
 
 
 def read_clip(
     model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-) -> Reading:
+) -> EncodedSentences:
     """CLIP's text features; no attention mask is needed, since its attention is causal."""
     words = model.text_model(input_ids=tokens).last_hidden_state
-    return Reading(_clip_features(model, tokens), words * mask[..., None], mask)
+    return EncodedSentences(_clip_features(model, tokens), words * mask[..., None], mask)
 
 
 def read_clip_hidden(
     model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-) -> Reading:
+) -> EncodedSentences:
     """CLIP's states at all places, padding included, as MLD's `last_hidden_state` gives them."""
     words = model.text_model(input_ids=tokens).last_hidden_state
-    return Reading(_clip_features(model, tokens), words, torch.ones_like(mask))
+    return EncodedSentences(_clip_features(model, tokens), words, torch.ones_like(mask))
 
 
 def _clip_features(model: Any, tokens: torch.Tensor) -> torch.Tensor:
@@ -208,7 +208,7 @@ class Pretrained:
     """Length to which sentences are padded."""
 
     finish: Callable[[Any, str], Any] | None = None
-    """Puts on the network what `transformers` does not load; it is given the source too."""
+    """Adds layers that `transformers` does not load; called with the network and the source."""
 
 
 _SENTENCE_T5 = "sentence-transformers/sentence-t5-large"
@@ -243,7 +243,7 @@ class PretrainedTextEncoder:
     """Its tokenizer from `transformers`."""
 
     kind: Pretrained
-    """How to read it."""
+    """Kind of encoder, which says how states become an embedding."""
 
     @classmethod
     def load(cls, kind: str, source: str | None = None) -> PretrainedTextEncoder:
@@ -263,7 +263,7 @@ class PretrainedTextEncoder:
             raise InputError(f"unknown text encoder {kind!r}; known are {', '.join(KINDS)}")
         if find_spec("transformers") is None:
             raise MissingExtraError(f"the text encoder {kind}", "transformers", "train")
-        place = source or (packaged_minilm() if kind == "minilm" else None) or KINDS[kind].hub_name
+        path = source or (packaged_minilm() if kind == "minilm" else None) or KINDS[kind].hub_name
         import transformers
 
         transformers.utils.logging.disable_progress_bar()
@@ -271,16 +271,16 @@ class PretrainedTextEncoder:
         try:
             model_class = getattr(transformers, form.model_class)
             # Of pickled weights (.bin) tensors alone are read.
-            model = model_class.from_pretrained(place, weights_only=True, trust_remote_code=False)
-            model = form.finish(model, place) if form.finish else model
-            tokenizer = transformers.AutoTokenizer.from_pretrained(place)
+            model = model_class.from_pretrained(path, weights_only=True, trust_remote_code=False)
+            model = form.finish(model, path) if form.finish else model
+            tokenizer = transformers.AutoTokenizer.from_pretrained(path)
         except (OSError, ValueError, pickle.UnpicklingError) as error:
             raise ModelError(
-                f"{place} cannot be loaded: {error}; give a folder that holds a "
+                f"{path} cannot be loaded: {error}; give a folder that holds a "
                 f"{form.model_class} of transformers, or a name on the hub and a network"
             ) from error
         model = model.eval().requires_grad_(False)
-        return cls(f"{kind}:{place}", model, tokenizer, form)
+        return cls(f"{kind}:{path}", model, tokenizer, form)
 
     @property
     def width(self) -> int:
@@ -325,7 +325,7 @@ def local_encoder(name: str) -> PretrainedTextEncoder:
     """
     kind, _, source = name.partition(":")
     if not source:
-        kind = next((k for k, found in KINDS.items() if found.hub_name == name), name)
+        kind = next((k for k, form in KINDS.items() if form.hub_name == name), name)
         source = name
     if Path(source).is_dir():
         return PretrainedTextEncoder.load(kind, source)

@@ -38,10 +38,12 @@ class Dropout(nn.Module):
             return x
         if x.device.type != "cpu":
             return F.dropout(x, self.share)
+        # Four 16-bit numbers from each 64-bit draw, since the generator is the slow part.
         words = torch.empty((x.numel() + 3) // 4, dtype=torch.int64).random_(-(2**63), None)
         bits = words.view(torch.int16)[: x.numel()].view(x.shape)
-        kept = bits >= round(self.share * 2**16) - 2**15
-        return x * kept.to(x.dtype).div_(1 - self.share)
+        # Bits are signed, uniform on -2¹⁵ … 2¹⁵ - 1.
+        mask = bits >= round(self.share * 2**16) - 2**15
+        return x * mask.to(x.dtype).div_(1 - self.share)
 
 
 class SelfAttention(nn.Module):
@@ -229,13 +231,13 @@ class SkipStack(nn.Module):
 
     def forward(self, x: Tensor, *context: Tensor) -> Tensor:
         """Applies every layer to x; the context (masks, memory) is the same for all."""
-        kept = []
+        skips = []
         for layer in self.first:
             x = layer(x, *context)
-            kept.append(x)
+            skips.append(x)
         x = self.middle(x, *context)
         for join, layer in zip(self.joins, self.last, strict=True):
-            x = layer(join(torch.cat([x, kept.pop()], dim=-1)), *context)
+            x = layer(join(torch.cat([x, skips.pop()], dim=-1)), *context)
         return self.norm(x)
 
 

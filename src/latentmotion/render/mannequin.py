@@ -63,7 +63,7 @@ class Mannequin:
     def moves(
         self, animation: Animation
     ) -> tuple[Float[np.ndarray, "frames joints 3 3"], Float[np.ndarray, "frames joints 3"]]:
-        """Returns how each joint turns and then shifts what it carries, in the world."""
+        """Returns the rotation, then the shift, of each joint's vertices in the world."""
         world = animation.skeleton.world_rotations(animation.rotations)
         rest = self.skeleton.rest_joints()
         return world, animation.joints() - np.einsum("tjab,jb->tja", world, rest)
@@ -165,7 +165,8 @@ class _Asset:
     @property
     def length(self) -> float:
         """Length of a leg and the trunk, meters."""
-        return _length(replace(HUMANML3D, offsets=_offsets(self.rest)))
+        offsets = self.rest - self.rest[[max(parent, 0) for parent in HUMANML3D.parents]]
+        return _length(replace(HUMANML3D, offsets=offsets))
 
 
 @lru_cache(maxsize=1)
@@ -212,10 +213,6 @@ def _carriers(
     return carriers, places
 
 
-def _offsets(joints: Float[np.ndarray, "joints 3"]) -> Float[np.ndarray, "joints 3"]:
-    return joints - joints[[max(parent, 0) for parent in HUMANML3D.parents]]
-
-
 def _length(skeleton: Skeleton) -> float:
     """Returns the length of a leg and the trunk at rest, meters; at least a tenth of a meter."""
     rest, index = skeleton.rest_joints(), skeleton.names.index
@@ -251,6 +248,7 @@ def _sticks(skeleton: Skeleton) -> Mannequin:
         way = (b - a) / length if (b != a).any() else np.array([0.0, 1.0, 0.0])
         side = np.cross(way, (0, 0, 1) if abs(way[2]) < 0.9 else (1, 0, 0))
         side /= np.linalg.norm(side)
+        # Thin enough for fingers, at most 4.4 cm for long bones.
         radius = min(0.12 * length, 0.04) + 0.004
         circle = a + 0.18 * length * way + radius * ring @ np.stack([side, np.cross(way, side)])
         vertices.append(np.concatenate([[a], circle, [a + length * way]]))

@@ -101,14 +101,18 @@ def camera_of_all(
         The camera, and the meters that fill the picture's height.
     """
     center = (vertices.min((0, 1)) + vertices.max((0, 1))) / 2
+    # A person of 1.8 m with room above and below, which the loop then adapts to the motion.
     azimuth, height = half_front(motion), 2.2
     path = motion.joints[:, 0][:, [0, 2]].astype(np.float64)
     path = path - path.mean(0)
     if np.linalg.norm(np.ptp(path, axis=0)) >= _SHORT:
         x, z = np.linalg.svd(path, full_matrices=False)[2][0]
         side = float(np.arctan2(z, -x))
+        # The main direction of the path runs across the picture, on the side that shows the front.
         azimuth = side if np.cos(side - azimuth) > 0 else side + np.pi
     camera = camera_around(center, azimuth, np.radians(16), 9, size, height)
+    # The projection depends on the distance, and the distance on the projection: a fixed point,
+    # reached to a pixel in fewer rounds than 12. Bodies fill 0.46 of the picture to either side.
     for _ in range(12):
         pixels, _ = camera.project(vertices)
         height *= float(np.abs(pixels / np.array(size) - 0.5).max()) / 0.46
@@ -118,6 +122,7 @@ def camera_of_all(
 
 def half_front(motion: Motion) -> float:
     """Returns the azimuth that shows the person half from the front at the start."""
+    # At 38 degrees neither arm hides behind the trunk, and steps are seen as they go forward.
     return facing(motion.joints, motion.skeleton.names) - np.radians(38)
 
 
@@ -170,7 +175,7 @@ class Bodies:
     """Positions of the joints."""
 
     def moved(self, frame: int, shift: Float[np.ndarray, " width"]) -> Bodies:
-        """Returns one frame alone, somewhere else."""
+        """Returns a single frame, displaced along the floor."""
         vertices = self.vertices[frame : frame + 1] + shift
         joints = self.joints[frame : frame + 1] + shift
         normals = self.normals[frame : frame + 1]
@@ -194,8 +199,8 @@ def make_bodies(
     """
     names = motion.skeleton.names
     if not {"left_hip", "right_hip"} <= {*names}:
-        found = ", ".join(names[:4])
-        raise InputError(f"cannot draw joints {found}, …; expected a body with left_hip, right_hip")
+        shown = ", ".join(names[:4])
+        raise InputError(f"cannot draw joints {shown}, …; expected a body with left_hip, right_hip")
     mannequin, animation = figure(motion)
     chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
     translations = animation.translations
@@ -239,6 +244,7 @@ def paint_floor(
     pixels, depth = camera.project(lines)
     away = np.linalg.norm((lines - camera.target)[..., [0, 2]], axis=-1) / reach
     strength = np.clip(1 - away**2, 0, 1)
+    # Lines near the camera would project to infinity, and those below 2 % cannot be seen.
     visible = (np.minimum(depth[:, 1:], depth[:, :-1]) > 0.3) & (strength[:, 1:] > 0.02)
     ends = np.concatenate([pixels[:, :-1], pixels[:, 1:]], axis=-1)[visible].tolist()
     draw = ImageDraw.Draw(picture)
@@ -261,7 +267,9 @@ def paint_shadow(
         lit = body.triangles[(body.normals[frame][body.triangles].sum(1) @ sun) > 0]
         pixels, _ = camera.project(vertices - (vertices[:, 1:2] - height) * sun)
         for corners in (pixels[lit] / _SHADOW_REDUCTION).reshape(-1, 6).tolist():
+            # Three quarters dark, so that the grid is still seen in the shadow.
             draw.polygon(corners, fill=190)
+    # As soft as a lamp's edge at any size: 4 pixels of 512.
     mask = mask.filter(ImageFilter.GaussianBlur(max(1.0, size[1] / 130)))
     box = mask.getbbox()
     if box is not None:
@@ -281,7 +289,7 @@ def paint_bodies(
     """Draws one frame of each body.
 
     Args:
-        picture: Where to; the bodies hide what is there.
+        picture: Picture to paint on; the bodies hide its content.
         camera: Sees it.
         bodies: The bodies.
         frame: Number of the frame.
@@ -289,13 +297,15 @@ def paint_bodies(
         strengths: Opacity of each, from the background's color, 0, to its own, 1.
     """
     right, up, ahead = camera.axes()
+    # A key light from above, the left and behind the camera; `sky` lights what faces up, `rim` the
+    # outline, `shine` is a highlight (Blinn-Phong).
     key = unit(0.6 * up - 0.45 * right - 0.65 * ahead)
     image = np.array(picture)
     flat, nearest = image.reshape(-1, 3), np.full(image.shape[0] * image.shape[1], np.inf)
     for body, color, strength in zip(bodies, colors, strengths or [1.0] * len(bodies), strict=True):
         pixels, depth = camera.project(body.vertices[frame])
         tints = np.array([faded(_BODY, strength), faded(color, strength)], dtype=np.float64)
-        for place, faces, shares in _fragments(
+        for fragment_pixels, faces, shares in _fragments(
             pixels, depth, body.triangles, picture.size, nearest
         ):
             corners = body.triangles[faces]
@@ -307,7 +317,7 @@ def paint_bodies(
             share = 0.36 + 0.32 * sky + 0.50 * lambert
             tint = tints[(faces >= body.shell).astype(int)]
             light = share[:, None] * tint + (strength * (26 * shine + 26 * rim * sky))[:, None]
-            flat[place] = np.clip(light, 0, 255).astype(np.uint8)
+            flat[fragment_pixels] = np.clip(light, 0, 255).astype(np.uint8)
     picture.paste(Image.fromarray(image))
 
 
@@ -350,11 +360,11 @@ def _fragments(
         shares = np.stack([1 - second - third, second, third], axis=-1)
         inside = (shares >= -1e-9).all(-1)
         face, shares = face[inside], shares[inside]
-        place = y[inside] * size[0] + x[inside]
+        indices = y[inside] * size[0] + x[inside]
         away = (shares * depth[triangles[face]]).sum(-1)
-        np.minimum.at(nearest, place, away)
-        won = away <= nearest[place]
-        yield place[won], face[won], shares[won]
+        np.minimum.at(nearest, indices, away)
+        won = away <= nearest[indices]
+        yield indices[won], face[won], shares[won]
 
 
 def paint_trail(

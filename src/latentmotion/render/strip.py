@@ -46,7 +46,7 @@ def write(
             `path`: figures at their positions, the earlier the paler.
         figures: Number of frames of each motion.
         width: Pixels from left to right.
-        figure: What is drawn.
+        figure: Kind of figure.
 
     Raises:
         InputError: Unknown style, no figures, a width that makes no picture, or a folder that
@@ -78,6 +78,8 @@ def _row(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     frames = np.unique(np.linspace(0, len(motion) - 1, figures).round().astype(int)).tolist()
     bodies = painter.make_bodies(motion, frames, figure=figure)
     floor = bodies.floor
+    # At least as high as an adult, so that a crouching person looks small; 0.36 m are the margins,
+    # of which 0.26 m are below for the times.
     height = max(1.7, float(bodies.vertices[..., 1].max()) - floor) + 0.36
     size = across, round(_ROW * across)
     width = height * size[0] / size[1]
@@ -97,6 +99,7 @@ def _row(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
 def _path(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     # Frames at even distances along the path; where nobody walks, evenly in time.
     steps = np.linalg.norm(np.diff(motion.joints[:, 0, [0, 2]], axis=0), axis=-1)
+    # 5 cm/s besides the path let time pass where nobody walks.
     distance = np.concatenate([[0.0], np.cumsum(steps + 0.05 / motion.fps)])
     even = np.searchsorted(distance, np.linspace(0, distance[-1], figures))
     frames = np.unique(even.clip(0, len(motion) - 1)).tolist()
@@ -105,6 +108,7 @@ def _path(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     size = across, round(_PATH * across)
     camera, height = camera_of_all(motion, bodies.vertices, painter.oversampled(size))
     moved = [bodies.moved(number, np.zeros(3)) for number in range(count)]
+    # The first figures are faint, so that the eye reads from them to the last.
     strengths = np.linspace(0.35, 1, count).tolist()
     trail = motion.joints[:, 0].astype(np.float64)
     return _painted(size, camera, moved, bodies.floor, 1.6 * height, strengths, trail)

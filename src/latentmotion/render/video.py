@@ -62,7 +62,7 @@ def write(
         motions: Takes of one frame rate; the shorter ones wait at their last frame.
         size: Height of the picture, pixels; an even number.
         view: Whether each take's camera follows its person, or stays where it sees all.
-        figure: What is drawn.
+        figure: Kind of figure.
 
     Raises:
         InputError: Too many takes, different frame rates, a size that makes no video, or a folder
@@ -154,6 +154,8 @@ class _Panel:
         self.path = np.stack(columns, axis=-1)
         self.azimuth = half_front(motion)
         above = self.bodies.vertices[..., 1].max() - self.bodies.floor
+        # At least as high as an adult, so that a crouching person looks small; 0.35 m are the
+        # margins.
         self.height = max(1.75, float(above)) + 0.35
         self.still: Camera | None = None
         if view == "still":

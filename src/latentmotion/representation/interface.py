@@ -94,10 +94,12 @@ def representation_named(name: str) -> Representation:
     from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
     from latentmotion.representation.smpl import SMPL_FEATURES
 
-    known = {each.name: each for each in (HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES)}
-    if name in known:
-        return known[name]
-    raise InputError(f"unknown representation {name!r}; {hint(name, known)}")
+    representations = {
+        each.name: each for each in (HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES)
+    }
+    if name in representations:
+        return representations[name]
+    raise InputError(f"unknown representation {name!r}; {hint(name, representations)}")
 
 
 _TYPICAL, _BLOCK = 3.0, 10.0

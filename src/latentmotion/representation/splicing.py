@@ -76,7 +76,7 @@ def splice(
     Args:
         first: Positions, meters; at least three frames.
         second: Positions; at least three frames.
-        seconds: How long the transition takes.
+        seconds: Length of the transition.
         representation: Frame rate, skeleton and the lengths of bones.
         fitted: Whether bones get these lengths in the transition.
 
@@ -87,9 +87,10 @@ def splice(
     first, second = first.astype(np.float64), second.astype(np.float64)
     second = _aligned(first, second, fps, skeleton)
     offset = first[-1] - second[0]
-    speed = _speed(first, -1) - _speed(second, 0)
+    speed = _boundary_step(first, -1) - _boundary_step(second, 0)
     frames = min(round(seconds * fps), len(second) - 1)
     s = (np.arange(frames) / frames)[:, None, None]
+    # Quintic: offset, velocity and acceleration are continuous at both ends (Bollo 2018).
     from_offset = 1 - 10 * s**3 + 15 * s**4 - 6 * s**5
     from_speed = s - 6 * s**3 + 8 * s**4 - 3 * s**5
     fading = offset * from_offset + speed * frames * from_speed
@@ -122,7 +123,9 @@ def _aligned(
     goal, pose = first[-1], second[0]
     weights = np.ones(len(skeleton))
     for joint in (*skeleton.left_foot, *skeleton.right_foot):
-        speeds = [np.linalg.norm(_speed(m, n)[joint]) * fps for m, n in ((first, -1), (second, 0))]
+        speeds = [
+            np.linalg.norm(_boundary_step(m, n)[joint]) * fps for m, n in ((first, -1), (second, 0))
+        ]
         low = max(goal[joint, 1], pose[joint, 1]) < _STANDING_HEIGHT
         if low and max(speeds) < _STANDING_SPEED:
             weights[joint] = _STANDING_WEIGHT
@@ -136,6 +139,6 @@ def _aligned(
     return turn(second, angle) + move * np.array([1.0, 0.0, 1.0])
 
 
-def _speed(joints: Joints, frame: int) -> Float[np.ndarray, "joints 3"]:
+def _boundary_step(joints: Joints, frame: int) -> Float[np.ndarray, "joints 3"]:
     """Returns the step to the next frame at the start, from the one before at the end."""
     return joints[1] - joints[0] if frame == 0 else joints[-1] - joints[-2]

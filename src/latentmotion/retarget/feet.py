@@ -28,7 +28,7 @@ from latentmotion.kinematics.rotations import (
     matrix_from_axis_angle,
     quaternion_from_matrix,
 )
-from latentmotion.retarget.rig import Pose, Rig, Rotations, SourceCharacter
+from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
 
 Points = Float[np.ndarray, "frames 3"]
 
@@ -36,16 +36,19 @@ _STRETCH = 0.998
 """Share of its full length to which a leg is stretched at most."""
 
 _LOWER = 0.08
-"""Of a leg's length: how far the hips may come down for feet to reach their goals."""
+"""Share of the leg's length by which hips may be lowered so that feet reach their goals."""
 
 _LEVEL_HEIGHT = (0.1, 0.3)
-"""Of a leg's length: an ankle lifted by less is leveled from side to side, by more it is not."""
+"""Shares of the leg's length: an ankle lifted by less than the first is leveled from side to side,
+by more than the second it is not; in between the two are blended."""
 
 _TOE_HEIGHT = (0.03, 0.08)
-"""Of a leg's length: toes lifted by less lie flat where the heel rises, by more they do not."""
+"""Shares of the leg's length: toes lifted by less than the first lie flat where the heel rises, by
+more than the second they do not."""
 
 _SWING_HEIGHT = (0.05, 0.2)
-"""Of a leg's length: toes lifted by less lead the foot, by more the ankle does."""
+"""Shares of the leg's length: toes lifted by less than the first lead the foot, by more than the
+second the ankle does."""
 
 _MOST_TOE_BEND = np.radians(70)
 
@@ -53,7 +56,7 @@ _MOST_HELD = np.radians(40)
 """A foot that turns farther than this while it stands keeps its own heading."""
 
 
-def ground_feet(pose: Pose, source: SourceCharacter) -> Pose:
+def ground_feet(pose: RigPose, source: SourceCharacter) -> RigPose:
     """Returns the pose with its feet at the source's positions, soles and toes on the floor."""
     rotations: dict[int, Rotations] = {}
     for side in SIDES:
@@ -94,7 +97,7 @@ def align_foot(rig: Rig, source: SourceCharacter, side: str) -> Float[np.ndarray
     return matrix_from_axis_angle(np.array([0.0, angle, 0.0]))
 
 
-def _flat_foot(pose: Pose, source: SourceCharacter, side: str) -> dict[int, Rotations]:
+def _flat_foot(pose: RigPose, source: SourceCharacter, side: str) -> dict[int, Rotations]:
     """Returns rotations of a foot leveled from side to side near the floor, and of flat toes."""
     body, ankle, toe = pose.rig.body, f"{side}_ankle", f"{side}_foot"
     lift = (source.position(ankle)[:, 1] - source.standing_height("ankle")) / source.leg
@@ -103,6 +106,8 @@ def _flat_foot(pose: Pose, source: SourceCharacter, side: str) -> dict[int, Rota
     left, ahead = foot[..., 0], foot[..., 2]
     horizontal = unit(np.cross((0.0, 1.0, 0.0), ahead))
     share = 1 - ramp(lift, *_LEVEL_HEIGHT)
+    # Fades out from 45 degrees of tilt on: a foot at 72 degrees and more is meant to lie on its
+    # side.
     share = share * ramp((left * horizontal).sum(-1), 0.3, 0.7)
     left = unit(left + share[:, None] * (horizontal - left))
     left = unit(left - ahead * (left * ahead).sum(-1, keepdims=True))
@@ -118,7 +123,7 @@ def _flat_foot(pose: Pose, source: SourceCharacter, side: str) -> dict[int, Rota
     return rotations
 
 
-def _ankle_goal(pose: Pose, source: SourceCharacter, side: str) -> Points:
+def _ankle_goal(pose: RigPose, source: SourceCharacter, side: str) -> Points:
     """Returns the positions at which the ankle should be; see the top of this file."""
     rig, ankle, toe = pose.rig, f"{side}_ankle", f"{side}_foot"
     rest, scale = rig.rest(), rig.leg / source.leg

@@ -1,4 +1,4 @@
-"""Inspection: which bones a character has, and which of them are our joints."""
+"""Inspection of characters: their bones, and the bones that correspond to our joints."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def inspect_rig(path: str | Path, joint_map: Mapping[str, str] | None = None) ->
     file, guessed = open_rig(path), ()
     bones = file.skeleton.names
     if joint_map is None:
-        joint_map, guessed = _found(file)
+        joint_map, guessed = _bones_of_joints(file)
     mapping = {name: joint_map.get(name) for name in (*REQUIRED, *OPTIONAL)} | dict(joint_map)
     missing = tuple(name for name in REQUIRED if mapping[name] is None)
     problem = f"no bone is named for {', '.join(missing)}" if missing else None
@@ -60,12 +60,12 @@ def inspect_rig(path: str | Path, joint_map: Mapping[str, str] | None = None) ->
     return RigReport(bones, mapping, guessed, missing, problem)
 
 
-def _found(file: RigFile) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Returns our joints that are found in a character, and which of them are guesses."""
+def _bones_of_joints(file: RigFile) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Returns the bones of our joints in a character, and the joints that are guesses."""
     names = file.skeleton.names
     try:
-        known = find_humanoid(file.skeleton, file.declared).joints
-        return {ours: names[joint] for ours, joint in known.items()}, ()
+        joints = find_humanoid(file.skeleton, file.declared).joints
+        return {ours: names[joint] for ours, joint in joints.items()}, ()
     except DataError:
         guesses = {}
         with suppress(DataError):  # it has no legs

@@ -42,7 +42,8 @@ from latentmotion.retarget.rig_files import RigFile, open_rig
 Rotations = Float[np.ndarray, "frames 3 3"]
 
 _SOLE = 0.02
-"""Of a leg's length: height of the lowest joint above the floor where the file does not say."""
+"""Height of the lowest joint above the floor where the file does not say, as a share of the leg's
+length."""
 
 _LOWEST = 2.0
 """Percentile of the frames whose lowest joint is taken to be on the floor of a file."""
@@ -96,30 +97,26 @@ class Rig:
             back = np.argsort(self.order)  # feet hang where they do in the file
             world = animation.skeleton.world_rotations(animation.rotations)[:, back]
             places = animation.joints()[:, back]
-            animation = posed(self._upright_file, world, places, animation.fps)
+            offsets = self.meters * np.asarray(self.file.skeleton.offsets) @ self.axes
+            upright = replace(self.file.skeleton, offsets=offsets)  # meters, y up, facing +z
+            animation = posed(upright, world, places, animation.fps)
         if self.bases is not None:
             animation = rebased(animation, np.swapaxes(self.bases, -1, -2))
-        found = in_axes(animation, self.axes.T, 1 / self.meters)
-        own, translations = self.file.skeleton, found.translations
-        if translations is None and not np.allclose(found.skeleton.offsets, own.offsets):
-            translations = np.repeat(found.skeleton.offsets[None], len(found), axis=0)
-        return replace(found, skeleton=own, translations=translations)
-
-    @property
-    def _upright_file(self) -> Skeleton:
-        """The skeleton of the file in meters, y up, facing +z."""
-        offsets = self.meters * np.asarray(self.file.skeleton.offsets) @ self.axes
-        return replace(self.file.skeleton, offsets=offsets)
+        scaled = in_axes(animation, self.axes.T, 1 / self.meters)
+        skeleton, translations = self.file.skeleton, scaled.translations
+        if translations is None and not np.allclose(scaled.skeleton.offsets, skeleton.offsets):
+            translations = np.repeat(scaled.skeleton.offsets[None], len(scaled), axis=0)
+        return replace(scaled, skeleton=skeleton, translations=translations)
 
     def unit(self) -> str:
         """Returns the name of the file's unit of length."""
-        known = METERS_PER_UNIT.items()
-        names = (name for name, meters in known if abs(meters - self.meters) < 1e-9)
+        units = METERS_PER_UNIT.items()
+        names = (name for name, meters in units if abs(meters - self.meters) < 1e-9)
         return next(names, f"{self.meters:g} m")
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class RigPose:
     """A rig over time; joints without a rotation of their own rest in their parents."""
 
     rig: Rig
@@ -131,7 +128,7 @@ class Pose:
 
     def moved(
         self, rotations: Mapping[int, Rotations], hips: Float[np.ndarray, "frames 3"] | None = None
-    ) -> Pose:
+    ) -> RigPose:
         """Returns the pose with other rotations of some joints, and other hips."""
         return replace(
             self,
@@ -188,7 +185,7 @@ def read_rig(
     Args:
         path: The file.
         joint_map: Our joints → the rig's; by default found by their names.
-        stated: What the user says about the file.
+        stated: Unit, axis and rate as the user states them.
 
     Raises:
         FileFormatError: The file is damaged.
@@ -202,8 +199,8 @@ def read_rig(
     joint_map = joint_map or fitting_map(stated.joint_maps, file.skeleton.names)
     rig = make_rig(file, find_humanoid(file.skeleton, file.declared, joint_map), stated)
     if rig.guesses:
-        told = f"{path}: a guess: {', '.join(rig.guesses)}"
-        warnings.warn(told, ReadingWarning, stacklevel=2)
+        warning = f"{path}: a guess: {', '.join(rig.guesses)}"
+        warnings.warn(warning, ReadingWarning, stacklevel=2)
     return rig
 
 
@@ -230,6 +227,8 @@ def make_rig(file: RigFile, body: Humanoid, stated: Stated = NOTHING) -> Rig:
     skeleton = in_axes(Animation.at_rest(body.skeleton), rest_pose.axes, standing.meters).skeleton
     root = standing.meters * file.root @ rest_pose.axes
     lowest = float(root[1] + skeleton.rest_joints()[:, 1].min())
+    # Lowest joints between 1 % below and 14 % of a leg above the floor are ankles or toes that
+    # stand on it.
     floor = 0.0 if 0 <= lowest + 0.01 * standing.leg <= 0.15 * standing.leg else None
     floor = lowest - _SOLE * standing.leg if floor is None else floor
     return Rig(
@@ -304,7 +303,7 @@ def _hung_as_bodies_do(body: Humanoid) -> tuple[Humanoid, tuple[int, ...]]:
 
 
 _HIGHEST = {"foot": 0.08, "ankle": 0.2}
-"""Of a leg's length: greatest height of a joint that stands."""
+"""Greatest height of a joint that stands, as a share of the leg's length."""
 
 
 @dataclass(frozen=True, eq=False)

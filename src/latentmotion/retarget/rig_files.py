@@ -29,7 +29,7 @@ from latentmotion.formats.asf_amc import figure_skeleton, read_asf
 from latentmotion.formats.bvh import continuous_euler, read_bvh, read_hierarchy, write_bvh
 from latentmotion.formats.checks import read_lines
 from latentmotion.formats.gltf_document import Document
-from latentmotion.formats.gltf_reader import Scene, damage
+from latentmotion.formats.gltf_reader import GltfScene, damage
 from latentmotion.formats.takes import numbered
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
@@ -41,7 +41,7 @@ _STILL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class RigTake:
     """One animation, in the axes and unit of the file that it is written to."""
 
     name: str
@@ -99,7 +99,7 @@ class RigFile(Protocol):
         """File endings that `write` supports."""
         ...
 
-    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
         """Writes the file again, with these takes."""
         ...
 
@@ -123,8 +123,8 @@ def open_rig(path: str | Path) -> RigFile:
             return AsfFile(source)
         case ".fbx":
             return FbxFile(source)
-    known = ".glb, .gltf, .vrm, .fbx, .bvh or .asf"
-    raise InputError(f"{source} is no rig that can be read; expected {known}")
+    endings = ".glb, .gltf, .vrm, .fbx, .bvh or .asf"
+    raise InputError(f"{source} is no rig that can be read; expected {endings}")
 
 
 class GltfFile:
@@ -145,7 +145,7 @@ class GltfFile:
         self.path = path
         self.document = Document.read(path)
         with damage(path):
-            self.scene = Scene(self.document, path)
+            self.scene = GltfScene(self.document, path)
             self.declared = self.scene.declared()
             frames = (self.scene.rest_frame(bone) for bone in self.scene.bones)
             self.mirrored = any(np.linalg.det(linear) < 0 for _, _, linear in frames)
@@ -153,7 +153,7 @@ class GltfFile:
         self.root = self.scene.rest.positions[0]
         self.movable = frozenset(range(len(self.skeleton)))
 
-    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
         """Writes the document with these animations, which replace others of the same name.
 
         FBX is written by the user's Blender.
@@ -165,7 +165,7 @@ class GltfFile:
         document.write(path)
         return [path]
 
-    def _written(self, takes: Sequence[Take]) -> Document:
+    def _written(self, takes: Sequence[RigTake]) -> Document:
         document = deepcopy(self.document)
         for node, entry in self.scene.entries_at_rest():
             document.json["nodes"][node] = entry
@@ -260,7 +260,7 @@ class BvhFile:
             if {axis for axis, kind in node.channels if kind == "position"} == set("XYZ")
         )
 
-    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
         """Writes one file for each take: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on."""
         paths = numbered(path, len(takes))
         for target, take in zip(paths, takes, strict=True):
@@ -309,7 +309,7 @@ class AsfFile:
             self.skeleton = figure_skeleton(path.stem, figure)
         self.root = figure.meters * np.asarray(figure.position)
 
-    def write(self, path: Path, takes: Sequence[Take]) -> list[Path]:
+    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
         """Writes one BVH file for each take, in centimeters."""
         paths = numbered(path, len(takes))
         for target, take in zip(paths, takes, strict=True):

@@ -56,8 +56,12 @@ def surface_of(rig: Rig) -> Mannequin:
                     if ("mesh" in entry)
                     else []
                 )
-                triangles = [one for one in primitives if one.get("mode", _TRIANGLES) == _TRIANGLES]
-                carried = [_primitive(file, node, one) for one in triangles]
+                triangles = [
+                    primitive
+                    for primitive in primitives
+                    if primitive.get("mode", _TRIANGLES) == _TRIANGLES
+                ]
+                carried = [_primitive(file, node, primitive) for primitive in triangles]
                 parts += [part for part in carried if part is not None]
     if not parts:
         raise InputError(
@@ -117,11 +121,11 @@ def _normals(
     vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> Float[np.ndarray, "vertices 3"]:
     """Returns smooth normals; vertices at one place share theirs, such as at a texture's seams."""
-    _, place = np.unique(np.round(vertices, 5), axis=0, return_inverse=True)
-    place = place.reshape(-1)
+    _, corner_group = np.unique(np.round(vertices, 5), axis=0, return_inverse=True)
+    corner_group = corner_group.reshape(-1)
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    total = np.zeros((place.max() + 1, 3))
+    total = np.zeros((corner_group.max() + 1, 3))
     for corner in range(3):
-        np.add.at(total, place[faces[:, corner]], np.cross(b - a, c - a))
+        np.add.at(total, corner_group[faces[:, corner]], np.cross(b - a, c - a))
     length = np.linalg.norm(total, axis=-1, keepdims=True)
-    return (total / np.where(length > 0, length, 1))[place]
+    return (total / np.where(length > 0, length, 1))[corner_group]

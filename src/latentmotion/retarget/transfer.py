@@ -48,13 +48,13 @@ from latentmotion.kinematics.standing import RestPose
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.retarget.feet import align_foot, ground_feet
-from latentmotion.retarget.rig import Pose, Rig, Rotations, SourceCharacter
-from latentmotion.retarget.rig_files import Take
+from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
+from latentmotion.retarget.rig_files import RigTake
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 
 _SAME = 0.01
-"""Of a leg's length: difference of offsets up to which a skeleton is the same."""
+"""Greatest difference of offsets between equal skeletons, as a share of the leg's length."""
 
 RootMotion = Literal["pelvis", "root", "none"]
 """Target of root motion: the pelvis, the rig's root bone, or nothing (in place)."""
@@ -91,7 +91,7 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
     scale = rig.leg / character.leg
     standing = scale * character.standing_height("ankle")
     rest = np.mean([rig.rest()[rig.body.joints[f"{side}_ankle"], 1] for side in SIDES])
-    pose = Pose(rig, rotations, scale * hips + (0, rest - standing, 0))
+    pose = RigPose(rig, rotations, scale * hips + (0, rest - standing, 0))
     return ground_feet(pose, character).animation(character.fps)
 
 
@@ -157,7 +157,7 @@ def write(
         motions: At least one.
         fps: Frames per second of the animations; by default each motion's own.
         names: Names of the animations; by default their captions.
-        root_motion: What the path along the floor moves.
+        root_motion: Target of the path along the floor.
 
     Returns:
         The files written.
@@ -193,7 +193,7 @@ def write_animations(
 ) -> list[Path]:
     """Writes a rig with animations of it; see `write`."""
     if target.suffix.lower() in rig.file.endings:
-        takes = [Take(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)]
+        takes = [RigTake(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)]
         return rig.file.write(target, takes)
     paths = numbered(target, len(animations))
     for output, animation in zip(paths, animations, strict=True):

@@ -63,18 +63,18 @@ class Extension:
     """Further routes of an application that is built on the service."""
 
     routes: Callable[[Service], APIRouter]
-    """Makes them."""
+    """Builds the routes."""
     open_paths: frozenset[str] = frozenset()
-    """Those that need no token."""
+    """Paths that need no token."""
     uploads: frozenset[str] = frozenset()
-    """Those whose bodies are files."""
+    """Paths whose request bodies are files."""
 
 
 def create_app(settings: Settings | None = None, extension: Extension | None = None) -> FastAPI:
     """Returns the application, which starts its threads and processes when it is served.
 
     Args:
-        settings: How it runs; by default the shipped model for this machine alone.
+        settings: Settings of the service; by default the shipped model for this machine alone.
         extension: Further routes.
 
     Raises:
@@ -161,32 +161,32 @@ def _motions(service: Service) -> APIRouter:
     router = APIRouter(prefix="/v1", tags=["motions"])
 
     @router.post("/motions", responses=_MOTIONS, response_class=Response)
-    async def motions(request: Request, wanted: MotionRequest) -> Response:
+    async def motions(request: Request, body: MotionRequest) -> Response:
         """Generate a motion."""
         service.check_ready()
 
         async def made() -> Response:
             until = service.deadline()
-            with service.place(wanted.format, wanted.clean, wanted.fps):
-                motion, dirty = await service.motion(wanted, until)
-                file = service.file([motion], wanted.format, dirty, wanted.fps, until)
+            with service.place(body.format, body.clean, body.fps):
+                motion, dirty = await service.motion(body, until)
+                file = service.file([motion], body.format, dirty, body.fps, until)
                 return _response([motion], *await file)
 
         return await unless_gone(request, made())
 
     @router.post("/batches", responses=_MOTIONS, response_class=Response)
-    async def batches(request: Request, wanted: BatchRequest) -> Response:
+    async def batches(request: Request, body: BatchRequest) -> Response:
         """Generate several motions at once, as one file or a zip archive of several."""
         service.check_ready()
 
         async def made() -> Response:
-            until, asked = service.deadline(), wanted.settings(wanted.seconds is None)
-            with service.place(wanted.format, wanted.clean, wanted.fps):
+            until, settings = service.deadline(), body.settings(body.seconds is None)
+            with service.place(body.format, body.clean, body.fps):
                 seconds = service.settings.deadline
-                found = await service.generated(asked, wanted.all_prompts(), seconds)
-                found = wanted.to_clean(found)
-                file = service.file(found, wanted.format, wanted.clean, wanted.fps, until)
-                return _response(found, *await file)
+                motions = await service.generated(settings, body.all_prompts(), seconds)
+                motions = body.to_clean(motions)
+                file = service.file(motions, body.format, body.clean, body.fps, until)
+                return _response(motions, *await file)
 
         return await unless_gone(request, made())
 

@@ -45,10 +45,10 @@ class Batcher:
     """A bounded queue in front of the model.
 
     Args:
-        run: Makes the results of a batch.
+        run: Computes the results of a batch.
         queue: Requests that wait at most.
         batch: Requests that are run together at most.
-        metrics: Where sizes and times are counted.
+        metrics: Counters of sizes and times.
     """
 
     def __init__(self, run: Run, queue: int, batch: int, metrics: Metrics) -> None:
@@ -58,6 +58,7 @@ class Batcher:
         self._changed = Condition()
         self._running = 0
         self._ends = False
+        # Seconds per motion until a batch was timed; then the mean of the last ten or so batches.
         self._seconds_each = 0.05
         self._threads: list[Thread] = []
         self._turns = Turns()
@@ -70,7 +71,7 @@ class Batcher:
         """Starts the threads, each of which runs a batch at a time.
 
         Args:
-            threads: How many.
+            threads: Number of threads.
             nice: Their niceness.
         """
         self._threads = [
@@ -96,7 +97,7 @@ class Batcher:
 
         Raises:
             Problem: 429, the queue is full; 503, the time is over; 422, they are too many.
-            Exception: What was raised for the first payload that failed.
+            Exception: The exception of the first payload that failed.
         """
         loop = asyncio.get_running_loop()
         tasks = [_Task(key, payload, loop.create_future()) for payload in payloads]
@@ -136,27 +137,18 @@ class Batcher:
                 wait in that time, all that wait would be too late otherwise, and none in time.
         """
         waiting, client = Counter(task.client for task in self._waiting), CLIENT.get()
-        taken, left = waiting.total(), room(waiting, self._queue, client)
+        occupied, left = waiting.total(), room(waiting, self._queue, client)
         # Others have as many turns before it as it has itself, and its own batch has to be made.
-        turns = waiting[client] + count if client else taken
-        before = sum(min(one, turns) for one in waiting.values())
+        turns = waiting[client] + count if client else occupied
+        before = sum(min(others, turns) for others in waiting.values())
         wait = self._seconds_to_make(before) + self._seconds_each * self._batch
         late = seconds is not None and wait > seconds
-        if count > left or (taken and late):
+        if count > left or (occupied and late):
             self._metrics.shed.labels("queue full").inc()
-            detail = f"{taken} of {self._queue} places in the queue are taken; try again later"
+            detail = f"{occupied} of {self._queue} places in the queue are taken; try again later"
             if count <= left:
-                detail = f"{taken} wait, and more would not be done in time; try again later"
+                detail = f"{occupied} wait, and more would not be done in time; try again later"
             raise Problem(429, detail, self.wait())
-
-    async def drained(self, seconds: float) -> bool:
-        """Waits until nothing waits or runs; returns whether that was so within the time."""
-        end = time.monotonic() + seconds
-        while self._waiting or self._running:
-            if time.monotonic() > end:
-                return False
-            await asyncio.sleep(0.02)
-        return True
 
     async def stop(self) -> None:
         """Ends the threads after their present batches."""
@@ -184,13 +176,14 @@ class Batcher:
                 self._metrics.waited.observe(began - task.since)
             try:
                 results = self._run(batch[0].key, [task.payload for task in batch])
+            # The thread has to survive whatever a model raises; each waiting request gets the
+            # error.
             except BaseException as error:
                 results = [error] * len(batch)
             took = time.monotonic() - began
             self._metrics.batch_size.observe(len(batch))
             self._metrics.seconds.labels("model").observe(took)
             with self._changed:
-                self._running -= 1
                 self._seconds_each += 0.1 * (took / len(batch) - self._seconds_each)
             with suppress(RuntimeError):  # the loop has ended
                 loop = batch[0].future.get_loop()
@@ -200,24 +193,23 @@ class Batcher:
         """Waits for the next batch; none at the end."""
         with self._changed:
             while not self._ends:
-                if found := self._next():
-                    self._running += 1
-                    return found
+                if batch := self._next():
+                    return batch
                 self._changed.wait()
         return []
 
     def _next(self) -> list[_Task]:
-        """Takes the task whose turn it is and those of its key; the background comes last."""
-        found: list[_Task] = []
+        """Returns the task whose turn it is and others of its key; background tasks come last."""
+        batch: list[_Task] = []
         for line in (self._waiting, self._background):
             waiting = [task for task in line if not task.future.cancelled()]
             for task in self._turns.order(waiting):
-                if not found or (task.key == found[0].key and len(found) < self._batch):
-                    found.append(task)
+                if not batch or (task.key == batch[0].key and len(batch) < self._batch):
+                    batch.append(task)
             line.clear()
-            line.extend(task for task in waiting if task not in found)
-        self._turns.served(found)
-        return found
+            line.extend(task for task in waiting if task not in batch)
+        self._turns.served(batch)
+        return batch
 
 
 def _deliver(batch: Sequence[_Task], results: Sequence[Any]) -> None:

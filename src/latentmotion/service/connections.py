@@ -1,4 +1,4 @@
-"""Connections: a head comes in time, and those that ask for nothing make room for others."""
+"""Connections: headers must arrive in time, and idle connections make room for new ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CONNECTIONS = 1000
 """Requests under way at the same time; beyond, they are answered by 503."""
 
 CONNECTIONS_OF_ADDRESS = CONNECTIONS // 2
-"""Those of one address."""
+"""Most connections of one address, so that a single client cannot take all of them."""
 
 SPARE = 24
 """Connections beyond these limits, on which health checks are still answered."""
@@ -76,12 +76,16 @@ class Connection(HttpToolsProtocol):
     def _make_room(self) -> None:
         """Closes a silent connection where this address, or all together, have too many."""
         everyone: list[Any] = list(self.connections)
-        own = [one for one in everyone if one.client and one.client[0] == (self.client or "?")[0]]
-        for crowd, most in ((own, CONNECTIONS_OF_ADDRESS), (everyone, CONNECTIONS)):
+        same_address = [
+            peer for peer in everyone if peer.client and peer.client[0] == (self.client or "?")[0]
+        ]
+        for crowd, most in ((same_address, CONNECTIONS_OF_ADDRESS), (everyone, CONNECTIONS)):
             if len(crowd) > most + SPARE:
-                idle = [one for one in crowd if one.is_idle and one is not self]
+                idle = [peer for peer in crowd if peer.is_idle and peer is not self]
                 last = min(
-                    idle, key=lambda one: (one.cycle is not None, one.silent_since), default=self
+                    idle,
+                    key=lambda peer: (peer.cycle is not None, peer.silent_since),
+                    default=self,
                 )
                 last.transport.abort()
                 return

@@ -33,7 +33,7 @@ QUEUED = frozenset({"/v1/motions", "/v1/batches"})
 """Paths that are refused before the body is read while the queue is full."""
 
 LARGEST_BODY = 1 << 18
-"""Bytes of any other body."""
+"""Largest request body that is no file, bytes."""
 
 BODY_SECONDS = 10.0
 """Time until when a body has to be there; a file has six times as long."""
@@ -52,8 +52,8 @@ class Guard:
     """The layer.
 
     Args:
-        app: What is guarded.
-        service: Its settings say who is let in; its queue has room or none.
+        app: The application behind the guard.
+        service: The service, for its settings and the room in its queue.
         open_paths: Paths that need no token.
         uploads: Paths whose bodies are files.
     """
@@ -71,13 +71,14 @@ class Guard:
         self._under_way = Counter[str]()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers, or lets in."""
+        """Answers with a problem, or passes the request on."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
         if scope["type"] == "websocket":
             await self._websocket(scope, receive, send)
             return
+        # 499 is nginx' status for a client that left before an answer began.
         began, status = time.monotonic(), 499
 
         async def counted(message: Message) -> None:
@@ -97,6 +98,7 @@ class Guard:
             self._check(scope)
             self._check_room(scope["path"], address)
             receive = self._bounded(scope, receive)
+            # Before the body is read, so that a refused request costs next to nothing.
             if scope["path"] in QUEUED and scope["method"] == "POST":
                 self.service.batcher.check_room(1, self.settings.deadline)
         except Problem as problem:
@@ -111,8 +113,8 @@ class Guard:
         finally:
             self._under_way[address] -= 1
             self._under_way += Counter()  # drops addresses that have none
-        known = scope["path"] if scope["path"] in QUEUED else "other"
-        route = getattr(scope.get("route"), "path", known)
+        counted_as = scope["path"] if scope["path"] in QUEUED else "other"
+        route = getattr(scope.get("route"), "path", counted_as)
         self.metrics.requests.labels(route, status).inc()
         self.metrics.request_seconds.labels(route).observe(time.monotonic() - began)
 
@@ -133,21 +135,25 @@ class Guard:
         """
         headers, settings = Headers(scope=scope), self.settings
         host = headers.get("host", "")
+        # Another host is a name that somebody bound to this address (DNS rebinding).
         if settings.hosts and _name(host) not in settings.hosts:
             detail = f"host {host[:100]!r} is not served; call one of {', '.join(settings.hosts)}"
             raise Problem(403, f"{detail}, or start the service with --hosts")
         origin = headers.get("origin")
+        # Browsers send the origin: pages of other sites must not use a service on their reader's
+        # machine.
         if origin is not None and _place(origin) != host.lower():
             raise Problem(403, f"pages of {origin[:100]!r} may not call this service")
         if not settings.tokens or scope["path"] in self._open:
             return
         kind, _, token = headers.get("authorization", "").partition(" ")
         if kind.lower() != "bearer" or not settings.knows(token.strip()):
-            found = "this token is not known" if token else "no token"
-            problem = Problem(401, f"{found}; send the header Authorization: Bearer TOKEN")
+            reason = "this token is not known" if token else "no token"
+            problem = Problem(401, f"{reason}; send the header Authorization: Bearer TOKEN")
             problem.headers = {"WWW-Authenticate": 'Bearer realm="latentmotion"'}
             raise problem
         if len(settings.tokens) > 1:
+            # A hash, since the name of the client is written to the disk beside its jobs.
             CLIENT.set(hashlib.sha256(token.strip().encode()).hexdigest())
 
     def _check_room(self, path: str, address: str) -> None:
@@ -156,10 +162,12 @@ class Guard:
         Raises:
             Problem: 503.
         """
-        own, all_requests = self._under_way[address], self._under_way.total()
-        if path in HEALTH or (own <= CONNECTIONS_OF_ADDRESS and all_requests <= CONNECTIONS):
+        of_address, all_requests = self._under_way[address], self._under_way.total()
+        if path in HEALTH or (of_address <= CONNECTIONS_OF_ADDRESS and all_requests <= CONNECTIONS):
             return
-        raise Problem(503, f"{own} requests of {address} are under way; try again later", 1.0)
+        raise Problem(
+            503, f"{of_address} requests of {address} are under way; try again later", 1.0
+        )
 
     def _bounded(self, scope: Scope, receive: Receive) -> Receive:
         """Returns `receive`, which ends bodies that are too large or too slow.
@@ -171,6 +179,7 @@ class Guard:
         most = self.settings.upload << 20 if upload else LARGEST_BODY
         large = Problem(413, f"the body has more than {most:,} bytes; send less")
         length = Headers(scope=scope).get("content-length", "0")
+        # 18 digits fit into 64 bits; Python would parse millions of them.
         if not length.isdecimal() or len(length) > 18 or int(length) > most:
             raise large
         until = time.monotonic() + BODY_SECONDS * (6 if upload else 1)

@@ -1,4 +1,4 @@
-"""Jobs: many motions made in the background, in a folder that outlives the process.
+"""Jobs: many motions generated in the background, in a folder that outlives the process.
 
     FOLDER/ID/request.json   what is asked for
               client         whose it is, where the service tells clients apart
@@ -43,7 +43,7 @@ from latentmotion.service.turns import CLIENT, Turns, room
 from latentmotion.storage.files import atomic_file, is_disk_full
 
 MOST = 1000
-"""Jobs in the folder."""
+"""Most jobs in the folder, finished ones included."""
 
 KEPT = 86_400.0
 """Seconds for which a job is kept after its last change."""
@@ -55,10 +55,10 @@ ROOM = 30.0
 """Seconds between two looks for room on a full disk."""
 
 TOGETHER = 16
-"""Motions in a file."""
+"""Motions that are generated as one batch and kept as one file."""
 
 PATIENCE = 3600.0
-"""Seconds that some motions may wait for others; what others ask for goes first."""
+"""Seconds that motions of jobs may wait for others; interactive requests go first."""
 
 Name = Annotated[str, InPath(pattern="^[0-9a-f]{32}$", description="Name of the job.")]
 
@@ -67,8 +67,8 @@ class Jobs:
     """The folder of jobs, and the work on them, one at a time.
 
     Args:
-        service: Makes the motions.
-        folder: Where they are; None for a folder that goes with the process.
+        service: The service, whose model generates the motions.
+        folder: Folder of the jobs; None for one that is removed with the process.
     """
 
     def __init__(self, service: Service, folder: Path | None) -> None:
@@ -85,22 +85,23 @@ class Jobs:
             DiskFullError, OSError: It cannot be written.
         """
         client = CLIENT.get()
-        jobs = Counter(_client(place) for place in self.folder.iterdir())
+        jobs = Counter(_client(folder) for folder in self.folder.iterdir())
         if room(jobs, MOST, client) < 1:
-            told = f"{jobs.total()} jobs are here, {jobs[client]} of them yours"
-            raise Problem(429, f"{told}; delete some, or try later", 60.0)
-        place = self.folder / secrets.token_hex(16)
+            problem = f"{jobs.total()} jobs are here, {jobs[client]} of them yours"
+            raise Problem(429, f"{problem}; delete some, or try later", 60.0)
+        # 128 random bits, since who knows the name may read and delete the job.
+        folder = self.folder / secrets.token_hex(16)
         try:
-            place.mkdir()
-            (place / "lock").touch()  # now, as there may be no room later
+            folder.mkdir()
+            (folder / "lock").touch()  # now, as there may be no room later
             if client:
-                (place / "client").write_text(client)
-            with atomic_file(place / "request.json") as temporary:
+                (folder / "client").write_text(client)
+            with atomic_file(folder / "request.json") as temporary:
                 temporary.write_text(request.model_dump_json(), encoding="utf-8")
         except (LatentMotionError, OSError):
-            shutil.rmtree(place, ignore_errors=True)
+            shutil.rmtree(folder, ignore_errors=True)
             raise
-        return JobState(id=place.name, state="queued", motions=request.motions, made=0)
+        return JobState(id=folder.name, state="queued", motions=request.motions, made=0)
 
     def wake(self) -> None:
         """Looks for new jobs at once."""
@@ -112,17 +113,17 @@ class Jobs:
         Raises:
             Problem: 404.
         """
-        place = self.folder / name
-        motions = self._request(place).motions
-        if _answer(place):
+        folder = self.folder / name
+        motions = self._request(folder).motions
+        if _answer(folder):
             return JobState(id=name, state="done", motions=motions, made=motions)
-        made = min(motions, TOGETHER * len(_parts(place)))
-        if (place / "error").is_file():
-            error = (place / "error").read_text(encoding="utf-8")
-            return JobState(id=name, state="failed", motions=motions, made=made, error=error)
-        with _locked(place) as free:
+        finished = min(motions, TOGETHER * len(_parts(folder)))
+        if (folder / "error").is_file():
+            error = (folder / "error").read_text(encoding="utf-8")
+            return JobState(id=name, state="failed", motions=motions, made=finished, error=error)
+        with _job_lock(folder) as free:
             state = "queued" if free else "running"
-        return JobState(id=name, state=state, motions=motions, made=made)
+        return JobState(id=name, state=state, motions=motions, made=finished)
 
     def answer(self, name: str) -> Path:
         """Returns the file of a job that is done.
@@ -147,7 +148,7 @@ class Jobs:
         shutil.rmtree(self.folder / name, ignore_errors=True)
 
     async def work(self) -> None:
-        """Works on jobs until it is cancelled; then removes a folder that nobody else knows."""
+        """Works on jobs until it is cancelled, then removes its folder if that is temporary."""
         try:
             while True:
                 self._new.clear()
@@ -159,78 +160,80 @@ class Jobs:
                 shutil.rmtree(self.folder, ignore_errors=True)
 
     async def _look(self) -> float:
-        """Makes what is open; returns the seconds after which to look again."""
+        """Works on the open jobs; returns the seconds until the next look."""
         for job in self._turns.order(await asyncio.to_thread(self._open)):
-            place = job.place
+            folder = job.folder
             self._turns.served([job])
             try:
-                with suppress(FileNotFoundError), _locked(place) as free:
+                with suppress(FileNotFoundError), _job_lock(folder) as free:
                     if free:
-                        await self._finish(place)
+                        await self._finish(folder)
             except (LatentMotionError, OSError) as error:
                 if not is_disk_full(error):
                     raise
-                print(f"error: job {place.name} waits for room: {error}", file=sys.stderr)
+                print(f"error: job {folder.name} waits for room: {error}", file=sys.stderr)
                 return ROOM
             if self._new.is_set():  # what is new may come before what was seen here
                 return 0.0
         return LOOK
 
     def _open(self) -> list[_Open]:
-        """Returns the jobs that are not done, the oldest first; removes those of long ago."""
-        found = []
-        for place in self.folder.iterdir():
+        """Returns the unfinished jobs, the oldest first, and removes expired ones."""
+        open_jobs = []
+        for folder in self.folder.iterdir():
             with suppress(FileNotFoundError):
-                changed = place.stat().st_mtime
+                changed = folder.stat().st_mtime
                 if time.time() - changed > KEPT:
-                    shutil.rmtree(place, ignore_errors=True)
-                elif (place / "request.json").is_file() and not (
-                    _answer(place) or (place / "error").is_file()
+                    shutil.rmtree(folder, ignore_errors=True)
+                elif (folder / "request.json").is_file() and not (
+                    _answer(folder) or (folder / "error").is_file()
                 ):
-                    found.append((changed, place))
-        return [_Open(_client(place), place) for _, place in sorted(found)]
+                    open_jobs.append((changed, folder))
+        return [_Open(_client(folder), folder) for _, folder in sorted(open_jobs)]
 
-    async def _finish(self, place: Path) -> None:
-        """Makes what is missing of a job; it stays open while too many files of others wait.
+    async def _finish(self, folder: Path) -> None:
+        """Generates what a job lacks; it stays open while too many files of others wait.
 
         Raises:
             DiskFullError: There is no room for it; it stays as it is.
         """
         service = self._service
         try:
-            request = self._request(place)
+            request = self._request(folder)
             prompts, settings = request.all_prompts(), request.settings(request.seconds is None)
             for start in range(0, len(prompts), TOGETHER):
-                part = place / f"{start:05}.npz"
+                part = folder / f"{start:05}.npz"
+                # Made before a restart, or by another replica.
                 if part.is_file():
                     continue
                 some = prompts[start : start + TOGETHER]
-                made = await service.generated(settings, some, PATIENCE, background=True)
-                made = request.to_clean(made)
+                motions = await service.generated(settings, some, PATIENCE, background=True)
+                motions = request.to_clean(motions)
                 until = time.monotonic() + PATIENCE
-                content, _ = await service.file(made, "npz", request.clean, request.fps, until)
+                content, _ = await service.file(motions, "npz", request.clean, request.fps, until)
                 with atomic_file(part) as temporary:
                     temporary.write_bytes(content)
-            names = [part.name for part in _parts(place)]
-            task = {"verb": "join", "folder": str(place), "files": names}
+            names = [part.name for part in _parts(folder)]
+            task = {"verb": "join", "folder": str(folder), "files": names}
             await service.written({**task, "format": request.format}, b"", PATIENCE)
         except Exception as error:
-            if not place.is_dir():  # deleted
+            if not folder.is_dir():  # deleted
                 return
             if is_disk_full(error):
                 raise
+            # The job stays open, and the next look tries again.
             if isinstance(error, Problem) and error.status_code == HTTPStatus.TOO_MANY_REQUESTS:
                 return
-            told = str(getattr(error, "detail", error)).replace(str(place), place.name)
+            problem = str(getattr(error, "detail", error)).replace(str(folder), folder.name)
             if not isinstance(error, LatentMotionError | Problem):
-                print(f"error: job {place.name}: {error!r}", file=sys.stderr)
-                told = "the service failed; its log says why"
-            with atomic_file(place / "error") as temporary:
-                temporary.write_text(told, encoding="utf-8")
+                print(f"error: job {folder.name}: {error!r}", file=sys.stderr)
+                problem = "the service failed; its log says why"
+            with atomic_file(folder / "error") as temporary:
+                temporary.write_text(problem, encoding="utf-8")
 
-    def _request(self, place: Path) -> BatchRequest:
+    def _request(self, folder: Path) -> BatchRequest:
         try:
-            text = (place / "request.json").read_text(encoding="utf-8")
+            text = (folder / "request.json").read_text(encoding="utf-8")
             return BatchRequest.model_validate_json(text)
         except (OSError, ValidationError) as error:
             raise Problem(404, "there is no such job, or no more") from error
@@ -241,13 +244,13 @@ class _Open:
     """A job that is not done."""
 
     client: str
-    place: Path
+    folder: Path
 
 
-def _client(place: Path) -> str:
-    """Returns whose a job is."""
+def _client(folder: Path) -> str:
+    """Returns the client that added a job."""
     try:
-        return (place / "client").read_text()[:64]
+        return (folder / "client").read_text()[:64]
     except (OSError, ValueError):
         return ""
 
@@ -258,12 +261,12 @@ def routes(service: Service, jobs: Jobs) -> APIRouter:
     missing: dict[int | str, dict[str, Any]] = {404: {"description": "There is no such job."}}
 
     @router.post("", status_code=202, response_model=JobState)
-    async def add(wanted: BatchRequest) -> JSONResponse:
+    async def add(body: BatchRequest) -> JSONResponse:
         """Have several motions made in the background."""
         service.check_ready()
-        settings = wanted.settings(wanted.seconds is None)
-        await run_in_threadpool(service.check, settings, wanted.all_prompts())
-        job = await run_in_threadpool(jobs.add, wanted)
+        settings = body.settings(body.seconds is None)
+        await run_in_threadpool(service.check, settings, body.all_prompts())
+        job = await run_in_threadpool(jobs.add, body)
         jobs.wake()
         return JSONResponse(job.model_dump(), 202, {"Location": f"/v1/jobs/{job.id}"})
 
@@ -293,9 +296,9 @@ def routes(service: Service, jobs: Jobs) -> APIRouter:
 
 
 @contextmanager
-def _locked(place: Path) -> Iterator[bool]:
+def _job_lock(folder: Path) -> Iterator[bool]:
     """Locks a job; yields whether no other process has it."""
-    with (place / "lock").open("ab") as file:
+    with (folder / "lock").open("ab") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -304,9 +307,9 @@ def _locked(place: Path) -> Iterator[bool]:
         yield True
 
 
-def _parts(place: Path) -> list[Path]:
-    return sorted(place.glob("[0-9]*.npz"))
+def _parts(folder: Path) -> list[Path]:
+    return sorted(folder.glob("[0-9]*.npz"))
 
 
-def _answer(place: Path) -> Path | None:
-    return next((path for path in place.glob("answer.*") if path.name[7:] in MEDIA_TYPES), None)
+def _answer(folder: Path) -> Path | None:
+    return next((path for path in folder.glob("answer.*") if path.name[7:] in MEDIA_TYPES), None)

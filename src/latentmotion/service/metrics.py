@@ -14,7 +14,7 @@ _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30)
 
 
 class Metrics:
-    """What is counted."""
+    """Counters, gauges and histograms of the service."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
@@ -51,7 +51,7 @@ class Metrics:
         self.ready = Gauge("latentmotion_ready", "1 if requests are met.", registry=self.registry)
 
     def watch_queue(self, length: Callable[[], float]) -> None:
-        """Reads the length of the queue whenever it is asked for."""
+        """Exports the length of the queue, read at every scrape."""
         gauge = Gauge("latentmotion_queue", "Motions that wait.", registry=self.registry)
         gauge.set_function(length)
 
@@ -59,5 +59,5 @@ class Metrics:
         """Returns all in Prometheus' format."""
         return generate_latest(self.registry)
 
-    def _histogram(self, name: str, about: str, *labels: str) -> Histogram:
-        return Histogram(name, about, labels, buckets=_SECONDS, registry=self.registry)
+    def _histogram(self, name: str, description: str, *labels: str) -> Histogram:
+        return Histogram(name, description, labels, buckets=_SECONDS, registry=self.registry)

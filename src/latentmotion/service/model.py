@@ -58,7 +58,7 @@ def with_recent_prompts(pipeline: MotionPipeline) -> MotionPipeline:
 
 
 def first_prompt(pipeline: MotionPipeline) -> Prompt:
-    """Returns what a model is asked for first, so that its networks are loaded."""
+    """Returns a prompt for the first batch, which loads the networks before users wait for them."""
     condition = pipeline.card.condition
     prompt = (getattr(condition, "labels", None) or ["a person walks"])[0]
     return Prompt(prompt if condition.prompted else "", None, 0)
@@ -91,14 +91,15 @@ def run(
         Motions, or what the functions return; or the error of each that could not be made.
     """
     if not isinstance(key, BatchSettings):
-        return [_one(payload) for payload in payloads]
+        return [_result_or_error(payload) for payload in payloads]
     settings = key
     try:
         return _motions(pipeline, settings, payloads)
     except LatentMotionError:
         # One of them is at fault, and the others do not pay for it.
         return [
-            _one(lambda one=payload: _motions(pipeline, settings, [one])[0]) for payload in payloads
+            _result_or_error(lambda prompt=payload: _motions(pipeline, settings, [prompt])[0])
+            for payload in payloads
         ]
 
 
@@ -111,7 +112,7 @@ def _motions(
     return pipeline.batch(texts, seconds, seeds, *sampling)
 
 
-def _one(function: Callable[[], Any]) -> Any | LatentMotionError:
+def _result_or_error(function: Callable[[], Any]) -> Any | LatentMotionError:
     try:
         return function()
     except LatentMotionError as error:

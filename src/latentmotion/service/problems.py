@@ -55,12 +55,12 @@ def problem_response(
         headers: Headers of its own.
         errors: `at` and `problem` of each field that cannot be used.
     """
-    about: dict[str, Any] = {
+    head: dict[str, Any] = {
         "type": "about:blank",
         "title": responses.get(status, "Problem"),
         "status": status,
     }
-    content = about | {"detail": detail} | ({"errors": list(errors)} if errors else {})
+    content = head | {"detail": detail} | ({"errors": list(errors)} if errors else {})
     # Text from a request may hold halves of characters, which UTF-8 cannot.
     body = json.dumps(content, ensure_ascii=True).encode()
     return Response(body, status, dict(headers or {}), MEDIA_TYPE)
@@ -100,18 +100,18 @@ async def on_disk(request: Request, error: Exception) -> Response:
 async def on_fields(request: Request, error: Exception) -> Response:
     """Answers fields that are missing, unknown or out of range."""
     assert isinstance(error, RequestValidationError)
-    found = []
-    for one in error.errors()[:20]:
-        if one["type"] == "json_invalid":
-            return problem_response(400, f"the body is not JSON, at character {one['loc'][-1]}")
-        place = ".".join(str(part) for part in one["loc"])
-        told = str(one["msg"]).removeprefix("Value error, ")[:500]
-        if one["loc"] == ("body",) and one["type"] != "value_error":
-            told = _NO_OBJECT
-        found.append({"at": place[:200], "problem": told})
-    detail = "; ".join(f"{one['at']}: {one['problem']}" for one in found[:3])
-    more = f"; and {len(found) - 3} more" if len(found) > 3 else ""
-    return problem_response(422, detail + more, errors=found)
+    problems = []
+    for entry in error.errors()[:20]:
+        if entry["type"] == "json_invalid":
+            return problem_response(400, f"the body is not JSON, at character {entry['loc'][-1]}")
+        location = ".".join(str(part) for part in entry["loc"])
+        message = str(entry["msg"]).removeprefix("Value error, ")[:500]
+        if entry["loc"] == ("body",) and entry["type"] != "value_error":
+            message = _NO_OBJECT
+        problems.append({"at": location[:200], "problem": message})
+    detail = "; ".join(f"{entry['at']}: {entry['problem']}" for entry in problems[:3])
+    more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
+    return problem_response(422, detail + more, errors=problems)
 
 
 async def on_failure(request: Request, error: Exception) -> Response:

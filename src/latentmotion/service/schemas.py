@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from latentmotion.control.goals import Goal, Heading, Path, Reach
+from latentmotion.control.goals import Goal, Heading, Reach, RootPath
 from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError
@@ -17,16 +17,16 @@ from latentmotion.service.model import BatchSettings, Prompt
 from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 
 MOST_CHARACTERS = 500
-"""Of a prompt."""
+"""Longest prompt, characters."""
 
 MOST_MOTIONS = 256
-"""Of a batch or a job."""
+"""Most motions of a batch or a job."""
 
 MOST_FIELDS = 32
-"""Fields of an object."""
+"""Most fields of a JSON object."""
 
 MOST_STEPS = 1000
-"""Sampling steps."""
+"""Most sampling steps: those of the noise schedule."""
 
 Format = Literal[
     "json", "raw", "npz", "amass.npz", "csv", "bvh", "glb", "usda", "usdc", "usdz", "html", "viewer"
@@ -36,13 +36,13 @@ Format = Literal[
 FileFormat = Literal[
     "json", "npz", "amass.npz", "csv", "bvh", "glb", "usda", "usdc", "usdz", "html"
 ]
-"""What an uploaded motion can be written as."""
+"""Formats in which motions can be written."""
 
 Readable = Literal["npz", "npy", "csv", "bvh", "glb", "gltf", "usda", "usdc", "usdz"]
-"""What an uploaded motion can be."""
+"""Formats of uploaded motions."""
 
 Character = Literal["glb", "gltf", "bvh", "asf"]
-"""What an uploaded character can be."""
+"""Formats of uploaded characters."""
 
 Text = Annotated[str, Field(max_length=MOST_CHARACTERS, description="What the person does.")]
 Seed = Annotated[
@@ -81,19 +81,21 @@ Fps = Annotated[
 ]
 
 
-class _Strict(BaseModel):
+class RequestModel(BaseModel):
+    """A request, whose unknown fields are refused rather than ignored."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     @model_validator(mode="before")
     @classmethod
     def _check_fields(cls, data: Any) -> Any:
-        """Refuses thousands of fields at once, each of which would be told as unknown."""
+        """Refuses objects of many fields at once, since each unknown field is reported."""
         if isinstance(data, dict) and len(data) > MOST_FIELDS:
             raise ValueError(f"{len(data):,} fields, expected at most {MOST_FIELDS}")
         return data
 
 
-class JointGoal(_Strict):
+class JointGoal(RequestModel):
     """A joint is at a place at a time."""
 
     joint: str = Field(max_length=100, examples=["right_wrist"])
@@ -104,7 +106,7 @@ class JointGoal(_Strict):
     """x, y and z, meters; null leaves a coordinate free."""
 
 
-class HeadingGoal(_Strict):
+class HeadingGoal(RequestModel):
     """The body faces a direction at a time."""
 
     at: Number
@@ -113,7 +115,7 @@ class HeadingGoal(_Strict):
     """0 is +z, 90 is +x."""
 
 
-class PathGoal(_Strict):
+class PathGoal(RequestModel):
     """The path of the pelvis."""
 
     points: list[tuple[Number, Number]] = Field(min_length=2, max_length=MOST_GOALS)
@@ -122,7 +124,7 @@ class PathGoal(_Strict):
     """Seconds at which each is passed."""
 
 
-class SpanOfTimeline(_Strict):
+class SpanOfTimeline(RequestModel):
     """A prompt of a timeline."""
 
     prompt: Text
@@ -131,7 +133,7 @@ class SpanOfTimeline(_Strict):
     """Length in seconds; by default as predicted from the prompt."""
 
 
-class PartOfTimeline(_Strict):
+class PartOfTimeline(RequestModel):
     """A prompt that one part of the body follows during a timeline."""
 
     part: str = Field(max_length=100, examples=["right_arm"])
@@ -144,7 +146,7 @@ class PartOfTimeline(_Strict):
     """Seconds."""
 
 
-class _Sampled(_Strict):
+class _Sampled(RequestModel):
     """Settings of sampling, and what becomes of the motion."""
 
     steps: Steps = None
@@ -155,12 +157,12 @@ class _Sampled(_Strict):
     exact_turn: ExactTurn = True
 
     def to_clean(self, motions: Sequence[Motion]) -> list[Motion]:
-        """Returns motions of which clean-up makes exact only what is wanted."""
-        wanted = {"count": self.exact_count, "turn": self.exact_turn}
-        if all(wanted.values()):
+        """Returns motions without the corrections that the request leaves out."""
+        exact = {"count": self.exact_count, "turn": self.exact_turn}
+        if all(exact.values()):
             return list(motions)
         return [
-            replace(m, metadata={n: it for n, it in m.metadata.items() if wanted.get(n, True)})
+            replace(m, metadata={n: it for n, it in m.metadata.items() if exact.get(n, True)})
             for m in motions
         ]
 
@@ -170,7 +172,7 @@ class _Sampled(_Strict):
 
 
 class SceneRequest(_Sampled):
-    """What a motion shows: a prompt, with goals if wanted, or a timeline of prompts."""
+    """A motion to generate: a prompt, with goals if given, or a timeline of prompts."""
 
     prompt: Text = ""
     seconds: Seconds = None
@@ -201,12 +203,12 @@ class SceneRequest(_Sampled):
 
     def all_goals(self) -> list[Goal]:
         """Returns the goals for `MotionPipeline`."""
-        found: list[Goal] = []
+        goals: list[Goal] = []
         if self.path is not None:
             times = None if self.path.at is None else tuple(self.path.at)
-            found.append(Path(tuple(self.path.points), times))
-        found += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
-        return found + [Heading(goal.at, goal.degrees) for goal in self.headings]
+            goals.append(RootPath(tuple(self.path.points), times))
+        goals += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
+        return goals + [Heading(goal.at, goal.degrees) for goal in self.headings]
 
 
 class MotionRequest(SceneRequest):
@@ -274,7 +276,7 @@ class BatchRequest(_Sampled):
 
     @property
     def motions(self) -> int:
-        """Motions that are asked for."""
+        """Number of motions."""
         return len(self.prompts) * self.count
 
     def all_prompts(self) -> list[Prompt]:
@@ -283,8 +285,8 @@ class BatchRequest(_Sampled):
         return [Prompt(text, self.seconds, self.seed + n) for n, text in enumerate(texts)]
 
 
-class StreamMessage(_Strict):
-    """What a client of a stream says: the first message has a prompt."""
+class StreamMessage(RequestModel):
+    """A message of a stream's client; the first one has a prompt."""
 
     prompt: Text | None = None
     """What the person does from now on."""
@@ -293,47 +295,34 @@ class StreamMessage(_Strict):
     seed: Seed = 0
     """Seed of the stream; read from the first message alone."""
     steps: Steps = None
-    """Likewise."""
+    """Sampling steps; read from the first message alone."""
     guidance: Guidance = None
-    """Likewise."""
+    """Guidance scale; read from the first message alone."""
 
 
-class _Answer(BaseModel):
+class AnswerModel(BaseModel):
+    """An answer; the docstrings of its fields are their descriptions in the OpenAPI schema."""
+
     model_config = ConfigDict(use_attribute_docstrings=True)
 
 
-class JobState(_Answer):
+class JobState(AnswerModel):
     """Progress of a job."""
 
     id: str
-    """Its name, which nobody can guess."""
+    """Name of the job, too random to be guessed."""
     state: Literal["queued", "running", "done", "failed"]
-    """What happens to it."""
+    """Progress of the job."""
     motions: int
-    """Motions that are asked for."""
+    """Number of requested motions."""
     made: int
-    """Motions that are there."""
+    """Number of generated motions."""
     error: str | None = None
-    """Why it failed."""
+    """Reason of a failure."""
 
 
-class ProblemAnswer(_Answer):
-    """A request that cannot be met (RFC 9457)."""
-
-    type: str
-    """about:blank: the status says what kind it is."""
-    title: str
-    """The status in words."""
-    status: int
-    """The status."""
-    detail: str
-    """What was found, what was expected and what to do."""
-    errors: list[dict[str, str]] = []
-    """The fields that cannot be used: `at` and `problem`."""
-
-
-class ModelAnswer(_Answer):
-    """The model that the service runs, and what may be asked for."""
+class ModelAnswer(AnswerModel):
+    """The model that the service runs, and the requests that it accepts."""
 
     name: str
     """Name of the model."""
@@ -342,7 +331,7 @@ class ModelAnswer(_Answer):
     prompts: str
     """Its condition: sentences, labels or nothing."""
     labels: list[str]
-    """The labels that it knows, if it takes labels."""
+    """The labels of an action model; empty for others."""
     seconds: tuple[float, float]
     """Shortest and longest motion."""
     fps: float
@@ -356,4 +345,4 @@ class ModelAnswer(_Answer):
     sampling: dict[str, Any]
     """The model's own steps, guidance and sampler."""
     directed: bool
-    """Goals, timelines and streams can be asked for."""
+    """Whether goals, timelines and streams can be requested."""

@@ -25,10 +25,10 @@ KEEP_ALIVE = 75
 """Seconds that an idle connection stays open: longer than a balancer's, which closes it first."""
 
 LARGEST_MESSAGE = 1 << 14
-"""Bytes of a message of a stream."""
+"""Largest message of a stream's client, bytes."""
 
 WAITING = 2048
-"""Connections that wait to be accepted."""
+"""Connections that may wait to be accepted (the backlog of the socket)."""
 
 PASSES = 100
 """Passes of the event loop at most in which the last connections are accepted."""
@@ -57,7 +57,7 @@ class Server(uvicorn.Server):
         self._loop: asyncio.AbstractEventLoop | None = None
 
     async def serve(self, sockets: list[socket.socket] | None = None) -> None:
-        """Serves until it is told to stop."""
+        """Serves until a signal ends it."""
         self._loop = asyncio.get_running_loop()
         await super().serve(sockets)
 
@@ -84,7 +84,7 @@ class Server(uvicorn.Server):
         await super().shutdown(sockets)
 
     async def _refuse_connections(self, sockets: Sequence[socket.socket]) -> None:
-        """Stops listening once those that wait at the door are let in: closing it resets them."""
+        """Stops listening after accepting the waiting connections, which closing would reset."""
         passes = 0  # of the event loop since somebody came, who is let in by the next two
         for _ in range(PASSES):
             waits = bool(select.select(sockets, (), (), 0)[0])
@@ -94,8 +94,8 @@ class Server(uvicorn.Server):
             await asyncio.sleep(0)
         for server in self.servers:
             server.close()
-        for place in sockets:
-            place.close()
+        for listener in sockets:
+            listener.close()
 
     async def _answer_open_connections(self) -> None:
         """Waits until no request is under way and none came for a while."""
@@ -122,25 +122,25 @@ def bound(host: str, port: int) -> socket.socket:
         ) from error
 
 
-def address(place: socket.socket) -> str:
+def address(listener: socket.socket) -> str:
     """Returns the address of a socket as browsers have it."""
-    host, port = place.getsockname()[:2]
+    host, port = listener.getsockname()[:2]
     return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
-def serve(app: FastAPI, place: socket.socket, notice: float, shutdown: float) -> None:
+def serve(app: FastAPI, listener: socket.socket, notice: float, shutdown: float) -> None:
     """Serves until SIGTERM or Ctrl+C.
 
     Args:
         app: The application.
-        place: Socket to serve at.
+        listener: Socket to serve at.
         notice: Seconds between saying at `/readyz` that it stops, and stopping.
         shutdown: Seconds in which what waits is finished.
     """
     for category in (UnknownWordsWarning, DoubtWarning, CleanUpWarning):
         warnings.simplefilter("ignore", category)  # of users' prompts, which no log holds
     limit("NOFILE", 4 * CONNECTIONS)  # a connection is an open file, of which 1,024 are usual
-    Server(configuration(app, shutdown), app, notice).run([place])
+    Server(configuration(app, shutdown), app, notice).run([listener])
 
 
 def configuration(app: FastAPI, shutdown: float) -> uvicorn.Config:

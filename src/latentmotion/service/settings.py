@@ -27,7 +27,7 @@ Middleware = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Settings:
-    """How the service runs.
+    """Settings of the service.
 
     Raises:
         InputError: A number is out of range.
@@ -52,13 +52,13 @@ class Settings:
     start_workers: bool = False
     """Start these processes once the model is loaded, so that no first file waits for them."""
     jobs: Path | None = None
-    """Folder of jobs, which replicas may share; by default one that goes with the process."""
+    """Folder of jobs, which replicas may share; by default a temporary one."""
     streams: int = 32
     """Streams that are open at the same time at most."""
     upload: int = 64
     """Megabytes of an uploaded file at most."""
     tokens: tuple[bytes, ...] = ()
-    """SHA-256 of each token that is let in; without any, everyone is."""
+    """SHA-256 of each accepted token; without any, no token is needed."""
     hosts: tuple[str, ...] = LOOPBACK
     """Names by which clients may call the service; empty for any."""
     middleware: tuple[Middleware, ...] = ()
@@ -68,15 +68,15 @@ class Settings:
         counts = {"threads": 64, "queue": 100_000, "batch": 256, "file_workers": 64}
         for name, most in {**counts, "streams": 10_000, "upload": 4096}.items():
             if not 1 <= getattr(self, name) <= most:
-                told = name.replace("_", " ")
-                raise InputError(f"{told} {getattr(self, name)}: expected 1 to {most:,}")
+                label = name.replace("_", " ")
+                raise InputError(f"{label} {getattr(self, name)}: expected 1 to {most:,}")
         if not 0.1 <= self.deadline <= 3600:
             raise InputError(f"deadline {self.deadline:g}: expected 0.1 to 3600 seconds")
 
     def knows(self, token: str) -> bool:
-        """Returns whether a token is let in, in a time that tells nothing of the tokens."""
+        """Returns whether a token is accepted, in a time that does not depend on the tokens."""
         digest = hashlib.sha256(token.encode("utf-8", "replace")).digest()
-        equal = [hmac.compare_digest(digest, known) for known in self.tokens]
+        equal = [hmac.compare_digest(digest, expected) for expected in self.tokens]
         return any(equal)
 
 
@@ -86,20 +86,20 @@ def read_tokens(path: Path) -> tuple[bytes, ...]:
     Raises:
         InputError: The file cannot be read, or a token is too short or has other characters.
     """
-    found = []
+    digests = []
     for number, line in enumerate(read_lines(path, "token"), 1):
         if line.startswith("sha256:"):
             if not re.fullmatch(r"sha256:[0-9a-fA-F]{64}", line):
                 raise InputError(f"{path}, token {number}: expected sha256: and 64 hex digits")
-            found.append(bytes.fromhex(line.removeprefix("sha256:")))
+            digests.append(bytes.fromhex(line.removeprefix("sha256:")))
             continue
         if not re.fullmatch(rf"[\w.~+/=-]{{{LEAST_TOKEN},}}", line, re.ASCII):
             raise InputError(
                 f"{path}, token {number}: expected {LEAST_TOKEN} or more of the letters, digits "
                 "and - . _ ~ + / =, e.g. from: openssl rand -hex 32"
             )
-        found.append(hashlib.sha256(line.encode()).digest())
-    return tuple(found)
+        digests.append(hashlib.sha256(line.encode()).digest())
+    return tuple(digests)
 
 
 def check_bind(host: str, settings: Settings, insecure: bool) -> None:

@@ -30,14 +30,14 @@ STARTING, DRAINING = "the model is being loaded", "the service is shutting down"
 
 
 class ClientGoneError(Exception):
-    """Nobody waits for the answer."""
+    """The client closed its connection, so its request is dropped."""
 
 
 class Service:
     """The parts of a running service.
 
     Args:
-        settings: How it runs.
+        settings: Settings of the service.
 
     Raises:
         ModelError: There is no such model.
@@ -81,6 +81,7 @@ class Service:
     async def watch(self) -> None:
         """Measures how late the event loop is."""
         while True:
+            # Five times a second: often enough to see a blocked loop, too rare to cost anything.
             due = time.monotonic() + 0.2
             await asyncio.sleep(0.2)
             self.metrics.late.observe(time.monotonic() - due)
@@ -130,6 +131,7 @@ class Service:
             LatentMotionError: A prompt cannot be used.
             Problem: The queue is full, or the time is over.
         """
+        # In a thread: 256 long prompts would hold up the event loop.
         await asyncio.to_thread(self.check, settings, prompts)
         return await self.batcher.submit(settings, prompts, seconds, background)
 
@@ -146,10 +148,11 @@ class Service:
         Raises:
             Problem: The queue is full, or the time is over.
         """
+        # A key that equals no other: such work is never batched.
         return (await self.slow.submit(object(), [function], seconds))[0]
 
     def deadline(self) -> float:
-        """Returns the time of `time.monotonic` until when a request that comes now is answered."""
+        """Returns the deadline of a request that arrives now, on the clock of `time.monotonic`."""
         return time.monotonic() + self.settings.deadline
 
     def place(self, form: str, clean: bool, fps: float | None) -> AbstractContextManager[None]:
@@ -167,7 +170,7 @@ class Service:
 
         Args:
             request: The request.
-            until: Its deadline.
+            until: Deadline of the request.
 
         Raises:
             LatentMotionError: The request cannot be met.
@@ -182,11 +185,11 @@ class Service:
             make = partial(pipeline.timeline, request.spans(), request.seed, *sampled, parts)
         elif goals:
             self.check(settings, request.prompts())
-            about = request.prompt, request.seconds, request.seed, *sampled, request.sampler
-            make = partial(pipeline, *about, goals)
+            arguments = request.prompt, request.seconds, request.seed, *sampled, request.sampler
+            make = partial(pipeline, *arguments, goals)
         else:
-            found = await self.generated(settings, request.prompts(), seconds)
-            return request.to_clean(found)[0], request.clean
+            motions = await self.generated(settings, request.prompts(), seconds)
+            return request.to_clean(motions)[0], request.clean
         # Clean-up yields to goals, which a worker would not know.
         clean = request.clean and bool(goals)
         motion = await self.called(lambda: make().cleaned() if clean else make(), seconds)
@@ -221,13 +224,13 @@ class Service:
         """
         with self.metrics.seconds.labels("file").time():
             try:
-                head, found = await self.writers.run(task, content, seconds)
+                head, file = await self.writers.run(task, content, seconds)
             except WorkerError as error:
                 raise Problem(503, f"the file was not written ({error}); try again", 1.0) from error
-        return found, head["format"]
+        return file, head["format"]
 
     async def read(self, task: dict[str, Any]) -> dict[str, Any]:
-        """Has an uploaded file worked on; returns what is told of the answer that it left.
+        """Processes an uploaded file in a worker; returns the worker's description of the result.
 
         Raises:
             InputError: The file cannot be used.
@@ -252,7 +255,7 @@ def _plain(form: str, clean: bool, fps: float | None) -> bool:
 
 
 def about(pipeline: MotionPipeline) -> ModelAnswer:
-    """Returns what a model is and what may be asked for."""
+    """Returns the description of a model for clients."""
     card, space = pipeline.card, pipeline.representation
     condition, (shortest, longest) = card.condition, card.frames
     labels: list[str] = list(getattr(condition, "labels", ()))
@@ -272,23 +275,23 @@ def about(pipeline: MotionPipeline) -> ModelAnswer:
 
 
 async def unless_gone(request: Request, work: Awaitable[T]) -> T:
-    """Returns the result of some work, which is given up when the client goes.
+    """Returns the result of some work, which is cancelled if the client disconnects.
 
     Raises:
         ClientGoneError: It went.
     """
     task = asyncio.ensure_future(work)
-    gone = asyncio.ensure_future(_gone(request))
+    disconnected = asyncio.ensure_future(_until_disconnect(request))
     try:
-        await asyncio.wait({task, gone}, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait({task, disconnected}, return_when=asyncio.FIRST_COMPLETED)
         if not task.done():
             raise ClientGoneError
         return task.result()
     finally:
-        gone.cancel()
+        disconnected.cancel()
         task.cancel()
 
 
-async def _gone(request: Request) -> None:
+async def _until_disconnect(request: Request) -> None:
     while (await request.receive())["type"] != "http.disconnect":
         pass

@@ -27,20 +27,20 @@ from latentmotion.service.schemas import StreamMessage
 from latentmotion.service.state import Service
 
 AHEAD = 2
-"""Pieces that are sent and not acknowledged."""
+"""Pieces that are sent before the client acknowledges earlier ones, at most."""
 
 IDLE = 60.0
 """Seconds for which a stream waits for its client: a prompt, or what it acknowledges."""
 
 POLICY, GOING = 1008, 1001
-"""Codes by which a WebSocket is closed."""
+"""WebSocket close codes (RFC 6455) for a broken rule and for a server that shuts down."""
 
 
-class Stream:
+class ClientStream:
     """One client's stream.
 
     Args:
-        service: Makes the motion.
+        service: The service, whose model generates the motion.
         socket: The client.
     """
 
@@ -51,7 +51,7 @@ class Stream:
         self._motion: MotionStream | None = None
 
     async def run(self) -> None:
-        """Serves the client until it goes, says nothing for long, or the service stops."""
+        """Serves the client until it disconnects, is idle for long, or the service stops."""
         socket, service = self._socket, self._service
         await socket.accept()
         parts = [self._listen(), self._send(), service.draining.wait()]
@@ -70,26 +70,26 @@ class Stream:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _listen(self) -> tuple[int, str]:
-        """Reads what the client says."""
+        """Reads the client's messages; returns the code and reason to close with."""
         while True:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 return GOING, "the client has gone"
             try:
-                self._hear(StreamMessage.model_validate_json(message.get("text") or ""))
+                self._apply(StreamMessage.model_validate_json(message.get("text") or ""))
             except ValidationError as error:
                 first = error.errors(include_url=False, include_input=False)[0]
-                place = ".".join(map(str, first["loc"])) or "message"
-                told = f"{place}: {first['msg']}"
+                location = ".".join(map(str, first["loc"])) or "message"
+                problem = f"{location}: {first['msg']}"
             except LatentMotionError as error:
-                told = str(error)
+                problem = str(error)
             else:
                 continue
             if self._motion is None:
-                return POLICY, told
-            await self._tell({"error": told[:500]})
+                return POLICY, problem
+            await self._send_json({"error": problem[:500]})
 
-    def _hear(self, message: StreamMessage) -> None:
+    def _apply(self, message: StreamMessage) -> None:
         pipeline = self._service.pipeline
         if message.prompt is not None:
             seconds = STRIDE * CALL / pipeline.representation.fps
@@ -98,8 +98,8 @@ class Stream:
         if self._motion is None:
             if message.prompt is None:
                 raise InputError("the first message needs a prompt")
-            about = message.prompt, message.seed, message.steps, message.guidance
-            self._motion = pipeline.stream(*about)
+            arguments = message.prompt, message.seed, message.steps, message.guidance
+            self._motion = pipeline.stream(*arguments)
         elif message.prompt is not None:
             self._motion.say(message.prompt)
         if message.ack is not None:
@@ -113,9 +113,9 @@ class Stream:
             if not await self._heard():
                 return silent
         skeleton = self._motion.space.skeleton
-        about = {"joints": skeleton.names, "parents": skeleton.parents}
-        about["offsets"] = np.asarray(skeleton.offsets).tolist()
-        await self._tell({**about, "fps": self._motion.space.fps})
+        header = {"joints": skeleton.names, "parents": skeleton.parents}
+        header["offsets"] = np.asarray(skeleton.offsets).tolist()
+        await self._send_json({**header, "fps": self._motion.space.fps})
         while True:
             while self._sent - self._acknowledged >= AHEAD:
                 if not await self._heard():
@@ -130,8 +130,8 @@ class Stream:
             except LatentMotionError as error:
                 return POLICY, str(error)
             self._sent += 1
-            about = {"piece": self._sent, "prompt": motion.caption, "frames": len(motion)}
-            await self._tell(about)
+            header = {"piece": self._sent, "prompt": motion.caption, "frames": len(motion)}
+            await self._send_json(header)
             await asyncio.wait_for(
                 self._socket.send_bytes(motion.joints.astype("<f4").tobytes()), IDLE
             )
@@ -143,7 +143,7 @@ class Stream:
             return await asyncio.wait_for(self._said.wait(), IDLE)
         return False
 
-    async def _tell(self, message: object) -> None:
+    async def _send_json(self, message: object) -> None:
         await asyncio.wait_for(self._socket.send_text(json.dumps(message)), IDLE)
 
 
@@ -164,7 +164,7 @@ def routes(service: Service) -> APIRouter:
         open_streams += 1
         service.metrics.streams.set(open_streams)
         try:
-            await Stream(service, socket).run()
+            await ClientStream(service, socket).run()
         except (TimeoutError, WebSocketDisconnect, RuntimeError):
             pass  # the client does not read, or has gone
         finally:

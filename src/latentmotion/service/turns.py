@@ -1,4 +1,4 @@
-"""Turns: what is bounded is shared between clients, so that none can keep the others out.
+"""Turns: bounded resources are shared between clients, so that none can block the others.
 
 A client is a token, where the service has several; without, all requests are one client's.
 """
@@ -11,16 +11,16 @@ from contextvars import ContextVar
 from typing import Protocol, TypeVar, runtime_checkable
 
 CLIENT: ContextVar[str] = ContextVar("client", default="")
-"""Whose request is worked on; empty where clients are not told apart."""
+"""Client whose request is being handled; empty where clients are not told apart."""
 
 
 @runtime_checkable
 class Waiting(Protocol):
-    """What waits."""
+    """An item of a queue."""
 
     @property
     def client(self) -> str:
-        """Whose it is."""
+        """The client that it belongs to."""
         ...
 
 
@@ -37,11 +37,11 @@ class Turns:
     def order(self, waiting: Iterable[W]) -> list[W]:
         """Returns what waits in the order of turns; each client's own stays in order."""
         before, ranked = Counter[str](), []
-        for number, one in enumerate(waiting):
-            rank = before[one.client], self._served.get(one.client, 0), number
-            ranked.append((rank, one))
-            before[one.client] += 1
-        return [one for _, one in sorted(ranked, key=lambda pair: pair[0])]
+        for number, task in enumerate(waiting):
+            rank = before[task.client], self._served.get(task.client, 0), number
+            ranked.append((rank, task))
+            before[task.client] += 1
+        return [task for _, task in sorted(ranked, key=lambda pair: pair[0])]
 
     def served(self, tasks: Iterable[Waiting]) -> None:
         """Notes that tasks have had their turn."""
@@ -51,14 +51,14 @@ class Turns:
 
 
 def room(waiting: Counter[str], most: int, client: str) -> int:
-    """Returns how many more a client may have waiting.
+    """Returns how many more items a client may queue.
 
     No client may have more than what is then left for the others (Choudhury and Hahne, Dynamic
     queue length thresholds, 1998), so that there is always some room for one that has nothing.
 
     Args:
-        waiting: How many each client has waiting.
-        most: How many may wait.
+        waiting: Number of waiting items by client.
+        most: Most items that may wait.
         client: The client.
     """
     free = most - waiting.total()

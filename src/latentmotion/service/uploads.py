@@ -46,7 +46,7 @@ def clean_up_steps(
     in_place: bool = False,
     cutoff: Annotated[float, Query(gt=0, le=100, allow_inf_nan=False)] = 5.0,
 ) -> dict[str, Any]:
-    """Returns the settings of a `CleanUp` that a request asks for, all read from its address."""
+    """Returns the clean-up settings in the query of a request."""
     return locals()
 
 
@@ -64,14 +64,14 @@ def routes(service: Service) -> APIRouter:
     ) -> Response:
         """Clean up the motions of a file: hold standing feet, put the figure on the floor."""
         task = {"clean": steps, "fps": fps}
-        return await _converted(service, request, source, target, task)
+        return await _convert(service, request, source, target, task)
 
     @router.post("/convert", openapi_extra=BINARY_BODY, response_class=Response)
     async def convert(
         request: Request, source: Source, target: Target = "glb", fps: Fps = None
     ) -> Response:
         """Write the motions of a file in another format."""
-        return await _converted(service, request, source, target, {"clean": None, "fps": fps})
+        return await _convert(service, request, source, target, {"clean": None, "fps": fps})
 
     @router.post("/retarget", openapi_extra=BINARY_BODY, response_class=Response)
     async def retarget(
@@ -87,27 +87,27 @@ def routes(service: Service) -> APIRouter:
         fps: Fps = None,
     ) -> Response:
         """Generate a motion and put it on the character in the body."""
-        wanted = MotionRequest(
+        motion_request = MotionRequest(
             prompt=prompt, seconds=seconds, seed=seed, steps=steps, guidance=guidance, clean=clean
         )
         async with uploaded(service, request, f"character.{source}") as folder:
             until = service.deadline()
-            motion, dirty = await unless_gone(request, service.motion(wanted, until))
+            motion, dirty = await unless_gone(request, service.motion(motion_request, until))
             content, _ = await service.file([motion], "npz", dirty, None, until)
             (folder / "motion.npz").write_bytes(content)
             task = {"verb": "retarget", "file": f"character.{source}", "format": target}
-            return await _answered(service, request, folder, {**task, "fps": fps})
+            return await _answer(service, request, folder, {**task, "fps": fps})
 
     return router
 
 
-async def _converted(
-    service: Service, request: Request, source: str, target: str, about: dict[str, Any]
+async def _convert(
+    service: Service, request: Request, source: str, target: str, options: dict[str, Any]
 ) -> Response:
     formats.check_ending(f"motion.{target}") if target not in ("json", "viewer") else None
     async with uploaded(service, request, f"motion.{source}") as folder:
-        task = {"verb": "convert", "file": f"motion.{source}", "format": target, **about}
-        return await _answered(service, request, folder, task)
+        task = {"verb": "convert", "file": f"motion.{source}", "format": target, **options}
+        return await _answer(service, request, folder, task)
 
 
 @asynccontextmanager
@@ -131,7 +131,7 @@ async def uploaded(service: Service, request: Request, name: str) -> AsyncIterat
         shutil.rmtree(folder, ignore_errors=True)
 
 
-async def _answered(
+async def _answer(
     service: Service, request: Request, folder: Path, task: dict[str, Any]
 ) -> Response:
     head = await unless_gone(request, service.read({**task, "folder": str(folder)}))
@@ -145,7 +145,7 @@ async def _answered(
 
 
 def pieces(path: Path) -> Iterator[bytes]:
-    """Returns the content of a file, whose folder may be gone before all of it is read."""
+    """Returns the content of a file, which may be deleted before all of it is read."""
     return _pieces(path.open("rb"))
 
 

@@ -33,16 +33,16 @@ from latentmotion.storage.children import limit
 from latentmotion.storage.files import atomic_file, is_disk_full
 
 MEMORY = 1 << 32
-"""Bytes of address space."""
+"""Largest address space of a worker, bytes (4 GiB)."""
 
 LARGEST_FILE = 1 << 30
-"""Bytes of a file that is written."""
+"""Largest file that a worker may write, bytes (1 GiB)."""
 
 Reply = tuple[dict[str, Any], bytes]
 """A task or its answer, and the bytes that belong to it."""
 
 _WITH_ROTATIONS = frozenset({"bvh", "glb", "usda", "usdc", "usdz"})
-"""Formats in which bones turn."""
+"""Formats that store rotations, which inverse kinematics must find first."""
 
 
 def main() -> None:
@@ -73,17 +73,17 @@ def answers(tasks: Sequence[Reply]) -> list[Reply]:
     except Exception:  # one of them is at fault, and the others do not pay for it
         return [answer(*task) for task in tasks]
     return [
-        _told(partial(_encoded, task, motions))
+        _reply_of(partial(_encoded, task, motions))
         for (task, _), motions in zip(tasks, prepared, strict=True)
     ]
 
 
 def answer(task: dict[str, Any], content: bytes) -> Reply:
-    """Does a task; errors become part of the answer."""
-    return _told(lambda: _VERBS[task["verb"]](task, content))
+    """Runs a task; errors become part of the answer."""
+    return _reply_of(lambda: _VERBS[task["verb"]](task, content))
 
 
-def _told(work: Callable[[], Reply]) -> Reply:
+def _reply_of(work: Callable[[], Reply]) -> Reply:
     try:
         return work()
     except LatentMotionError as error:
@@ -103,40 +103,44 @@ def write(task: dict[str, Any], content: bytes) -> Reply:
 
 def _prepared(tasks: Sequence[Reply]) -> list[list[Motion]]:
     """Returns the motions of each task, cleaned up where it says so, all tasks' together."""
-    found: list[list[Motion]] = []
+    groups: list[list[Motion]] = []
     for task, content in tasks:
         motions, at = [], 0
-        for one in task["motions"]:
-            skeleton = _skeleton(one["skeleton"])
-            shape = one["frames"], len(skeleton), 3
+        for stored in task["motions"]:
+            skeleton = _skeleton(stored["skeleton"])
+            shape = stored["frames"], len(skeleton), 3
             joints = np.frombuffer(content, "<f4", int(np.prod(shape)), at).reshape(shape)
             at += joints.nbytes
-            motions.append(Motion(joints, one["fps"], skeleton, one["caption"], one["metadata"]))
-        found.append(motions)
+            motions.append(
+                Motion(joints, stored["fps"], skeleton, stored["caption"], stored["metadata"])
+            )
+        groups.append(motions)
     dirty = [task["clean"] for task, _ in tasks]
-    clean = iter(cleaned([motion for motions in compress(found, dirty) for motion in motions]))
-    found = [
+    clean = iter(cleaned([motion for motions in compress(groups, dirty) for motion in motions]))
+    groups = [
         list(islice(clean, len(motions))) if is_dirty else motions
-        for motions, is_dirty in zip(found, dirty, strict=True)
+        for motions, is_dirty in zip(groups, dirty, strict=True)
     ]
     turned = [task["fps"] is not None or task["format"] in _WITH_ROTATIONS for task, _ in tasks]
-    animations([motion for motions in compress(found, turned) for motion in motions])
-    return found
+    animations([motion for motions in compress(groups, turned) for motion in motions])
+    return groups
 
 
 def _encoded(task: dict[str, Any], motions: Sequence[Motion]) -> Reply:
     if task["fps"] is not None:
         motions = [motion.resampled(task["fps"]) for motion in motions]
-    found, form = encoded(motions, task["format"])
-    return {"format": form}, found
+    file, form = encoded(motions, task["format"])
+    return {"format": form}, file
 
 
 @lru_cache(maxsize=16)
-def _skeleton(told: str) -> Skeleton:
+def _skeleton(text: str) -> Skeleton:
     """Returns a skeleton from its JSON; the same for the same, so that motions can be alike."""
-    about = json.loads(told)
-    offsets = np.array(about.pop("offsets"))
-    rest: dict[str, Any] = {n: tuple(it) if isinstance(it, list) else it for n, it in about.items()}
+    values = json.loads(text)
+    offsets = np.array(values.pop("offsets"))
+    rest: dict[str, Any] = {
+        n: tuple(it) if isinstance(it, list) else it for n, it in values.items()
+    }
     return Skeleton(offsets=offsets, **rest)
 
 
@@ -148,8 +152,8 @@ def convert(task: dict[str, Any], content: bytes) -> Reply:
         motions = cleaned(motions, CleanUp(**task["clean"]))
     if task["fps"] is not None:
         motions = [motion.resampled(task["fps"]) for motion in motions]
-    found, form = encoded(motions, task["format"])
-    return _left(found, form)
+    file, form = encoded(motions, task["format"])
+    return _leave(file, form)
 
 
 def retarget(task: dict[str, Any], content: bytes) -> Reply:
@@ -160,15 +164,15 @@ def retarget(task: dict[str, Any], content: bytes) -> Reply:
     output.parent.mkdir()
     motions = formats.load("motion.npz")
     if task.get("figure") and output.suffix not in (*rig.file.endings, ".bvh"):
-        found = [_figure(rig, motion.resampled(task["fps"] or motion.fps)) for motion in motions]
-        return _left(*encoded(found, task["format"]))
+        figures = [_figure(rig, motion.resampled(task["fps"] or motion.fps)) for motion in motions]
+        return _leave(*encoded(figures, task["format"]))
     transfer.check_output(rig, output)
     files = transfer.write(output, rig, motions, task["fps"])
-    return _left(*packed(files, task["format"]))
+    return _leave(*packed(files, task["format"]))
 
 
 def rig(task: dict[str, Any], content: bytes) -> Reply:
-    """Tells the bones of a character, and which of them are our joints."""
+    """Returns the bones of a character, and those that correspond to our joints."""
     os.chdir(task["folder"])
     return asdict(inspect_rig(task["file"], task.get("map"))), b""
 
@@ -177,9 +181,9 @@ def join(task: dict[str, Any], content: bytes) -> Reply:
     """Makes the answer of a job from the files that hold its motions."""
     folder = Path(task["folder"])
     motions = [motion for file in task["files"] for motion in formats.load(folder / file)]
-    found, form = encoded(motions, task["format"])
+    joined, form = encoded(motions, task["format"])
     with atomic_file(folder / f"answer.{form}") as temporary:
-        temporary.write_bytes(found)
+        temporary.write_bytes(joined)
     return {"format": form}, b""
 
 
@@ -190,7 +194,7 @@ def _figure(rig: Rig, motion: Motion) -> Motion:
     return Motion(joints, animation.fps, animation.skeleton, motion.caption, motion.metadata)
 
 
-def _left(content: bytes, form: str) -> Reply:
+def _leave(content: bytes, form: str) -> Reply:
     """Leaves an answer in the folder, so that it need not be in memory twice."""
     Path("answer").write_bytes(content)
     return {"format": form}, b""

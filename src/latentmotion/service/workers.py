@@ -43,17 +43,17 @@ class _Job:
     task: dict[str, Any]
     content: bytes
     until: float
-    """Time until when it is wanted."""
+    """Deadline, on the clock of `time.monotonic`."""
     done: asyncio.Future[Answer]
     client: str = field(default_factory=CLIENT.get)
-    begun: bool = False
-    """Whether a process has it."""
+    started: bool = False
+    """Whether a process works on it."""
     ended: int = 0
-    """Processes that ended in the middle of it."""
+    """Number of processes that died of it."""
 
     @property
     def joins(self) -> bool:
-        """Whether it may be worked on with others: it writes one motion, and ended no process."""
+        """Whether it may share a batch: it writes one motion, and no process has died of it."""
         return not self.ended and len(self.task.get("motions", ())) == 1
 
 
@@ -73,6 +73,7 @@ class FileWorkers:
         self._tasks, self._turns, self._places = Counter[str](), Turns(), 0
         self._count, self._most = count, count + waiting
         self._metrics, self._tries, self._stopped = metrics, tries, False
+        # Seconds per task until one was timed, for the estimate of `Retry-After`.
         self._seconds_each = 0.05
         self._started: set[Process] = set()
         self._done: dict[int, int] = {}
@@ -82,7 +83,7 @@ class FileWorkers:
 
     @contextmanager
     def place(self, seconds: float) -> Iterator[None]:
-        """Counts a task that will come, such as that of a motion which is still to be generated.
+        """Reserves a place for a task whose motion is still to be generated.
 
         Args:
             seconds: Time until when its answer is wanted.
@@ -107,7 +108,7 @@ class FileWorkers:
         """Returns the answer to a task.
 
         Args:
-            task: What to do, see `worker.py`.
+            task: The task as plain values, see `worker.py`.
             content: Bytes that belong to it.
             seconds: Time until when it is wanted.
 
@@ -128,16 +129,16 @@ class FileWorkers:
         try:
             # A client that goes does not stop the process, whose answer would come to the next.
             async with asyncio.timeout(seconds):
-                head, found = await asyncio.shield(done)
+                head, file = await asyncio.shield(done)
         except TimeoutError:
-            if job.begun:
+            if job.started:
                 raise WorkerError("not done in time") from None
             self._metrics.shed.labels("files late").inc()
             raise Problem(
                 503, "the files of others were not done in time; try again", 1.0
             ) from None
         finally:
-            if not job.begun:
+            if not job.started:
                 done.cancel()
         if "full" in head:
             raise DiskFullError(head["full"])
@@ -145,7 +146,7 @@ class FileWorkers:
             raise InputError(head["error"])
         if "failure" in head:
             raise RuntimeError(head["failure"])
-        return head, found
+        return head, file
 
     async def start(self) -> None:
         """Starts all processes now; without it, each is started by its first task."""
@@ -166,11 +167,11 @@ class FileWorkers:
 
     def _add(self, job: _Job) -> None:
         self._waiting.append(job)
-        work = asyncio.ensure_future(self._work_on_what_waits())
+        work = asyncio.ensure_future(self._run_waiting())
         self._work.add(work)
         work.add_done_callback(self._work.discard)
 
-    def _take(self) -> list[_Job]:
+    def _next_batch(self) -> list[_Job]:
         """Takes the next task and those that may join it, so many that all processes get some."""
         waiting = self._turns.order(job for job in self._waiting if not job.done.done())
         most = min(_TOGETHER, -(-len(waiting) // self._count))
@@ -181,19 +182,19 @@ class FileWorkers:
         self._turns.served(batch)
         return batch
 
-    async def _work_on_what_waits(self) -> None:
+    async def _run_waiting(self) -> None:
         process = await self._idle.get()
-        batch = self._take()
+        batch = self._next_batch()
         try:
             if batch:
-                process = await self._worked(process, batch)
+                process = await self._run_batch(process, batch)
         finally:
             self._idle.put_nowait(process)
 
-    async def _worked(self, process: Process | None, batch: Sequence[_Job]) -> Process | None:
-        """Has a process, or a new one, do tasks; returns it if it goes on."""
+    async def _run_batch(self, process: Process | None, batch: Sequence[_Job]) -> Process | None:
+        """Runs tasks on a process, or on a new one; returns the process unless it has to end."""
         for job in batch:
-            job.begun = True
+            job.started = True
         try:
             if process is not None and process.returncode is not None:
                 process = await self._end(process)
@@ -204,17 +205,17 @@ class FileWorkers:
             if process is not None:
                 await self._end(process)
             for job in batch:
-                self._failed(job, error)
+                self._retry(job, error)
             return None
         each = (time.monotonic() - began) / len(batch)
         self._seconds_each += 0.1 * (each - self._seconds_each)
         for job, answer in zip(batch, answers, strict=True):
             if not job.done.done():
                 job.done.set_result(answer)
-        return await self._kept(process, len(batch))
+        return await self._retire(process, len(batch))
 
-    def _failed(self, job: _Job, error: Exception) -> None:
-        """Tries a task again whose process ended, alone and as often as may be."""
+    def _retry(self, job: _Job, error: Exception) -> None:
+        """Queues a task again after its process died, alone, up to a number of tries."""
         if job.done.done():
             return
         job.ended += 1
@@ -222,13 +223,13 @@ class FileWorkers:
             job.done.set_exception(WorkerError("not done in time"))
         elif self._stopped or job.ended >= self._tries:
             times = f" {self._tries} times" if self._tries > 1 else ""
-            told = f"the process that works on it ended{times}"
-            job.done.set_exception(WorkerError(told))
+            problem = f"the process that works on it ended{times}"
+            job.done.set_exception(WorkerError(problem))
         else:
             self._add(job)
 
-    async def _kept(self, process: Process, tasks: int) -> Process | None:
-        """Ends a process that has done many tasks, so that none grows without end."""
+    async def _retire(self, process: Process, tasks: int) -> Process | None:
+        """Ends a process after a fixed number of tasks, so that leaks of libraries stay bounded."""
         self._done[process.pid] = self._done.get(process.pid, 0) + tasks
         if self._done[process.pid] < _TASKS_OF_A_PROCESS:
             return process
@@ -264,25 +265,25 @@ _BUFFER = 1 << 20
 
 def written(motions: Sequence[Motion], form: str, clean: bool, fps: float | None) -> Answer:
     """Returns the task that makes a file of motions, and the bytes that belong to it."""
-    about = [
+    heads = [
         {
             "frames": len(motion),
             "fps": motion.fps,
             "caption": motion.caption,
             "metadata": dict(motion.metadata),
-            "skeleton": _told(motion.skeleton),
+            "skeleton": _skeleton_json(motion.skeleton),
         }
         for motion in motions
     ]
     content = b"".join(motion.joints.astype("<f4", copy=False).tobytes() for motion in motions)
-    return {"verb": "write", "motions": about, "clean": clean, "fps": fps, "format": form}, content
+    return {"verb": "write", "motions": heads, "clean": clean, "fps": fps, "format": form}, content
 
 
 @lru_cache(maxsize=16)
-def _told(skeleton: Skeleton) -> str:
+def _skeleton_json(skeleton: Skeleton) -> str:
     """Returns a skeleton as JSON."""
-    about = {one.name: getattr(skeleton, one.name) for one in fields(skeleton)}
-    return json.dumps(about | {"offsets": np.asarray(skeleton.offsets).tolist()})
+    values = {field.name: getattr(skeleton, field.name) for field in fields(skeleton)}
+    return json.dumps(values | {"offsets": np.asarray(skeleton.offsets).tolist()})
 
 
 async def _exchange(process: Process, batch: Sequence[Answer]) -> list[Answer]:

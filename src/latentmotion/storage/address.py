@@ -102,20 +102,20 @@ class RemoteFolder:
 
     def names(self) -> set[str]:
         """Returns the names of its files."""
-        with self._reached():
+        with self._remote_errors():
             self.system.invalidate_cache()
             return {entry.rsplit("/", 1)[-1] for entry in self.system.ls(self.path, detail=False)}
 
     def read(self, name: str) -> bytes:
         """Returns the content of a file."""
-        with self._reached():
+        with self._remote_errors():
             return self.system.cat_file(f"{self.path}/{name}")
 
     def write(self, name: str, content: bytes) -> None:
         """Writes a file, or replaces it."""
         # The name is the same each time, so that what a killed process left is written over.
         temporary, target = f"{self.path}/.{name}{_PART}", f"{self.path}/{name}"
-        with self._reached():
+        with self._remote_errors():
             self.system.pipe_file(temporary, content)
             try:
                 self.system.mv(temporary, target)
@@ -124,14 +124,14 @@ class RemoteFolder:
                     raise
 
     def tidy(self) -> None:
-        """Removes what killed writers left; nobody may write."""
+        """Removes files that killed writers left; only safe while nobody writes."""
         for name in self.names():
             if name.startswith(".") and name.endswith(_PART):
                 with suppress(OSError):  # who writes the same file was faster
                     self.system.rm_file(f"{self.path}/{name}")
 
     @contextmanager
-    def _reached(self) -> Iterator[None]:
+    def _remote_errors(self) -> Iterator[None]:
         try:
             yield
         except Exception as error:  # each file system has error classes of its own

@@ -23,8 +23,8 @@ from latentmotion.errors import FileFormatError
 from latentmotion.storage import limits
 from latentmotion.storage.files import atomic_file
 
-Wanted = Callable[[str], bool] | Collection[str]
-"""Names of arrays, or a function that tells them."""
+ArrayFilter = Callable[[str], bool] | Collection[str]
+"""Names of arrays to read, or a predicate on names."""
 
 _NO_ZIP = "not a motion file, nor another .npz: cut short, or no .npz at all"
 _KINDS = "biufU"
@@ -37,18 +37,19 @@ _DAMAGE = (
 """Errors that NumPy and zipfile raise for damaged files."""
 
 
-def read_arrays(path: str | Path, wanted: Wanted) -> dict[str, np.ndarray]:
+def read_arrays(path: str | Path, select: ArrayFilter) -> dict[str, np.ndarray]:
     """Reads arrays of an `.npz` file.
 
     Args:
         path: The file.
-        wanted: Names of the arrays to read; those that it lacks are left out.
+        select: Names of the arrays to read, or a predicate on names; names that the file lacks are
+            left out.
 
     Raises:
         FileFormatError: It is no `.npz`, damaged, or one of these arrays is too large or not of
             numbers or text.
     """
-    is_wanted = wanted if callable(wanted) else wanted.__contains__
+    is_selected = select if callable(select) else select.__contains__
     with _damage(path), Path(path).open("rb") as opened:
         if not zipfile.is_zipfile(opened):
             raise FileFormatError(path, _NO_ZIP)
@@ -57,7 +58,7 @@ def read_arrays(path: str | Path, wanted: Wanted) -> dict[str, np.ndarray]:
             if len(set(names)) < len(names):
                 raise FileFormatError(path, "holds two arrays of one name; save it again")
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-            members = {name: info for name, info in members.items() if is_wanted(name)}
+            members = {name: info for name, info in members.items() if is_selected(name)}
             check_members(path, list(members.values()))
             arrays = {}
             for name, info in members.items():

@@ -34,21 +34,21 @@ def environment() -> dict[str, str]:
     here = None
     with suppress(FileNotFoundError):  # it was removed, and holds nothing
         here = Path.cwd()
-    places = [place for place in sys.path if Path(place).is_absolute() and Path(place) != here]
-    places.append(str(Path(__file__).parents[2]))  # last: behind the standard library
-    return {**os.environ, **_ONE_THREAD, "PYTHONPATH": os.pathsep.join(places)}
+    entries = [entry for entry in sys.path if Path(entry).is_absolute() and Path(entry) != here]
+    entries.append(str(Path(__file__).parents[2]))  # last: behind the standard library
+    return {**os.environ, **_ONE_THREAD, "PYTHONPATH": os.pathsep.join(entries)}
 
 
-def limit(what: str, wanted: int) -> None:
+def limit(what: str, amount: int) -> None:
     """Limits this process, and its children until they choose their own limit.
 
     Args:
         what: `AS` (bytes of address space), `CPU` (seconds), `FSIZE` (bytes of a file), `NOFILE`
             (open files), `CORE`.
-        wanted: The limit; the system's own hard limit holds where it is lower.
+        amount: The limit; the system's own hard limit holds where it is lower.
     """
     if resource is not None:
         kind = getattr(resource, f"RLIMIT_{what}")
         _, hard = resource.getrlimit(kind)
-        least = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+        least = amount if hard == resource.RLIM_INFINITY else min(amount, hard)
         resource.setrlimit(kind, (least, hard))

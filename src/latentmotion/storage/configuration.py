@@ -42,21 +42,21 @@ def from_json(cls: type[T], data: Any, where: str = "") -> T:
     """
     if not isinstance(data, Mapping):
         raise InputError(f"{where or cls.__name__}: expected an object, found {reprlib.repr(data)}")
-    found = {key: value for key, value in data.items() if key != "kind"}
+    entries = {key: value for key, value in data.items() if key != "kind"}
     fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    for key in found:
+    for key in entries:
         if key not in fields:
             raise InputError(
                 f"{where or cls.__name__}: unknown key {key[:80]!r}; {hint(key, fields)}"
             )
     absent = dataclasses.MISSING
     needed = [n for n, f in fields.items() if f.default is absent and f.default_factory is absent]
-    missing = ", ".join(repr(name) for name in needed if name not in found)
+    missing = ", ".join(repr(name) for name in needed if name not in entries)
     if missing:
         raise InputError(f"{where or cls.__name__}: missing key {missing}")
     hints = typing.get_type_hints(cls)
     prefix = f"{where}." if where else ""
-    values = {key: _convert(hints[key], value, prefix + key) for key, value in found.items()}
+    values = {key: _convert(hints[key], value, prefix + key) for key, value in entries.items()}
     return cls(**values)
 
 

@@ -37,7 +37,7 @@ def _failures() -> tuple[type[Exception], ...]:
 
 
 def is_disk_full(error: Exception) -> bool:
-    """Returns whether something was not written as the disk, or the user's share of it, is full."""
+    """Returns whether a write failed because the disk, or the user's quota, is full."""
     full = isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
     return full or isinstance(error, DiskFullError)
 
@@ -117,18 +117,18 @@ def sync(path: Path) -> None:
     """Waits until a file's content, or the names in a folder, are on the disk."""
     if path.is_dir() and os.name == "nt":  # Windows opens no folders, and keeps names itself
         return
-    place = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+    descriptor = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
     try:
-        os.fsync(place)
+        os.fsync(descriptor)
     except OSError as error:  # some network file systems have no such call
         if error.errno not in (errno.EINVAL, errno.ENOTSUP):
             raise
     finally:
-        os.close(place)
+        os.close(descriptor)
 
 
 def sync_names(path: Path) -> None:
-    """Waits until a name is on the disk, and once those of the folders above it, too."""
+    """Waits until a file's name, and those of the folders above it, are on the disk."""
     folder = path.absolute().parent
     sync(folder)
     while folder != folder.parent and (key := (folder, folder.stat().st_ino)) not in _NAMED:
@@ -276,7 +276,7 @@ ending."""
 
 @cache
 def _machine() -> str:
-    """Returns what tells this machine, or this container, from others on a shared disk."""
+    """Returns a name by which this machine or container differs from others on a shared disk."""
     try:
         space = str(Path("/proc/self/ns/pid").readlink())
     except OSError:
@@ -285,7 +285,7 @@ def _machine() -> str:
 
 
 def _is_left(entry: Path, machine: str, process: int) -> bool:
-    """Returns whether nobody writes a temporary file any more."""
+    """Returns whether the writer of a temporary file is gone."""
     try:
         if machine == _machine() and os.name == "posix":
             os.kill(process, 0)  # asks whether it runs

@@ -30,16 +30,16 @@ def front_matter(fields: Mapping[str, Any]) -> str:
     JSON is YAML, so each value is a line of JSON.
     """
     lines = (f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in fields.items())
-    kept = (line for line, value in zip(lines, fields.values(), strict=True) if value)
-    return "\n".join(["---", *kept, "---", ""])
+    filled = (line for line, value in zip(lines, fields.values(), strict=True) if value)
+    return "\n".join(["---", *filled, "---", ""])
 
 
 def license_fields(terms: Iterable[str]) -> dict[str, str]:
     """Returns the hub's fields for terms; what has no identifier there is `other`, by its name."""
     texts = sorted(set(terms))
-    found = {identifier for text in texts if (identifier := _identifier(text))}
-    if len(texts) == len(found) == 1:
-        return {"license": found.pop()}
+    identifiers = {identifier for text in texts if (identifier := _identifier(text))}
+    if len(texts) == len(identifiers) == 1:
+        return {"license": identifiers.pop()}
     return {"license": "other", "license_name": "; ".join(texts) or "unknown"}
 
 

@@ -1,4 +1,4 @@
-"""Limits of what is read: files come from anywhere, and none may cost more than these.
+"""Limits of files: they come from anywhere, and none may cost more than these.
 
 Sizes, counts, rates and references are compared with them before memory is taken.
 """

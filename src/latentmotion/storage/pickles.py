@@ -299,7 +299,7 @@ _PLACES = ("PUT", "BINPUT", "LONG_BINPUT")
 
 
 class _Plain:
-    """Replaces stand-ins by what they stand for, each once however often it is referred to.
+    """Replaces stand-ins by the values they stand for, each once however often it is referred to.
 
     Args:
         size: Bytes of the pickle, which bound what it may hold.
@@ -324,18 +324,18 @@ class _Plain:
         """Returns the plain value, and how many values it has, counted at every reference."""
         if not isinstance(value, _CONTAINERS):
             return value, 1
-        known = self._made.get(id(value))
-        if known is not None:
-            return known[1], known[2]
+        earlier = self._made.get(id(value))
+        if earlier is not None:
+            return earlier[1], earlier[2]
         if id(value) in self._open:
             raise pickle.UnpicklingError("it holds something that holds itself")
         self._open.add(id(value))
-        made, size = self._replaced(value)
+        plain, size = self._replaced(value)
         if size > self._most:
             raise pickle.UnpicklingError("it repeats its contents by reference too often")
         self._open.remove(id(value))
-        self._made[id(value)] = value, made, size  # kept, so that no other gets its id
-        return made, size
+        self._made[id(value)] = value, plain, size  # kept, so that no other gets its id
+        return plain, size
 
     def _replaced(self, value: Any) -> tuple[Any, int]:
         if isinstance(value, _Array):
@@ -362,8 +362,8 @@ class _Plain:
             return {key: item for key, (item, _) in pairs}, 1 + sum(n for _, (_, n) in pairs)
         items = [self._sized(item) for item in value]
         size = 1 + sum(count for _, count in items)
-        made = (item for item, _ in items)
-        return (list(made) if isinstance(value, list) else tuple(made)), size
+        plain = (item for item, _ in items)
+        return (list(plain) if isinstance(value, list) else tuple(plain)), size
 
 
 _CONTAINERS = (list, tuple, dict, _Array, _SparseColumns)

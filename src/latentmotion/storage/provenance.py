@@ -26,17 +26,17 @@ def commit() -> str:
 
 def processor() -> str:
     """Returns the name of the processor, as the system has it."""
-    return _told("model name") or platform.processor() or platform.machine()
+    return _cpu_info("model name") or platform.processor() or platform.machine()
 
 
 def processor_flags() -> set[str]:
     """Returns what the processor can do, as Linux names it; elsewhere nothing is known."""
-    return set((_told("flags") or _told("Features")).split())
+    return set((_cpu_info("flags") or _cpu_info("Features")).split())
 
 
-def _told(name: str) -> str:
+def _cpu_info(name: str) -> str:
     """Returns what Linux says of the first processor under a name; empty if nothing."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []
-    told = (line.split(":", 1)[1].strip() for line in lines if line.startswith(name))
-    return next(told, "")
+    values = (line.split(":", 1)[1].strip() for line in lines if line.startswith(name))
+    return next(values, "")

@@ -75,8 +75,8 @@ def read_text(path: str | Path, otherwise: str | None = None) -> str:
         if otherwise:
             return content.decode(otherwise)
         line = content.count(b"\n", 0, error.start) + 1
-        found = f"found the byte 0x{content[error.start]:02x}, which is not UTF-8"
-        raise FileFormatError(path, f"{found}; save it as UTF-8", line) from error
+        problem = f"found the byte 0x{content[error.start]:02x}, which is not UTF-8"
+        raise FileFormatError(path, f"{problem}; save it as UTF-8", line) from error
 
 
 def read_table(path: str | Path, needed: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
@@ -94,12 +94,12 @@ def read_table(path: str | Path, needed: Sequence[str]) -> list[tuple[int, dict[
     """
     table = csv.DictReader(io.StringIO(read_text(path), newline=""), restval="")
     try:
-        found = table.fieldnames or ()
-        missing = [name for name in needed if name not in found]
+        columns = table.fieldnames or ()
+        missing = [name for name in needed if name not in columns]
         if missing:
             raise FileFormatError(
                 path,
-                f"lacks the column {', '.join(missing)}; found {', '.join(found) or 'nothing'}",
+                f"lacks the column {', '.join(missing)}; found {', '.join(columns) or 'nothing'}",
             )
         return [(table.line_num, row) for row in table]
     except csv.Error as error:
@@ -180,6 +180,7 @@ def _number(text: str) -> float:
 
 
 def _whole(text: str) -> int:
+    # Counted before `int`, whose time is quadratic in the digits.
     if len(text) > limits.MOST_DIGITS + 1 or not -(2**63) <= (number := int(text)) < 2**63:
         raise ValueError(f"found a whole number of {len(text)} digits, expected one of 64 bits")
     return number

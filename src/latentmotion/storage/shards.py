@@ -36,7 +36,7 @@ class Wrong:
 
 
 @dataclass(frozen=True)
-class Shard:
+class ShardContent:
     """A shard as it is made."""
 
     content: bytes
@@ -72,7 +72,7 @@ class Run:
     settings: Mapping[str, Any]
     """Plain values."""
     items: int
-    """Items asked for."""
+    """Number of items of all shards."""
     shards: tuple[str, ...]
     """The files."""
 
@@ -93,7 +93,7 @@ class Manifest:
 
 
 @dataclass(frozen=True)
-class Share:
+class ShardSubset:
     """One of several equal parts of the shards, such as 3/16; with others it covers all."""
 
     number: int = 1
@@ -102,16 +102,16 @@ class Share:
     """Number of parts."""
 
     @classmethod
-    def parse(cls, text: str) -> Share:
+    def parse(cls, text: str) -> ShardSubset:
         """Returns the share that `3/16` names.
 
         Raises:
             InputError: It is no such text, or out of range.
         """
-        found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
-        if not found or not 1 <= int(found[1]) <= int(found[2]):
+        match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
+        if not match or not 1 <= int(match[1]) <= int(match[2]):
             raise InputError(f"shard {text!r}: expected a number of a total, such as 3/16")
-        return cls(int(found[1]), int(found[2]))
+        return cls(int(match[1]), int(match[2]))
 
     def of(self, names: Sequence[str]) -> Sequence[str]:
         """Returns the names of this share."""
@@ -124,12 +124,15 @@ class Work:
 
     run: Run
     """What is made."""
-    tasks: Mapping[str, Callable[[], Shard]] = field(repr=False)
+    tasks: Mapping[str, Callable[[], ShardContent]] = field(repr=False)
     """A function for each file, which a worker's process can be sent."""
 
 
 def make(
-    work: Work, folder: Folder, share: Share = Share(), report: Callable[[Record], object] = id
+    work: Work,
+    folder: Folder,
+    share: ShardSubset = ShardSubset(),
+    report: Callable[[Record], object] = id,
 ) -> Manifest | None:
     """Makes the shards of a share in this process, all but finished ones.
 
@@ -205,23 +208,23 @@ def start(run: Run, folder: Folder) -> None:
     """
     if RUN_FILE not in folder.names():
         folder.write(RUN_FILE, _packed(run))
-    found = _read(Run, folder, RUN_FILE)
-    if found.digest == run.digest:
+    existing = _read(Run, folder, RUN_FILE)
+    if existing.digest == run.digest:
         return
-    here, there = run.settings, found.settings
+    here, there = run.settings, existing.settings
     pairs = [
         f"{key} is {there.get(key)!r:.80} there, {here.get(key)!r:.80} here"
         for key in dict.fromkeys([*here, *there])
         if here.get(key) != there.get(key)
     ]
     if not pairs:
-        pairs = [f"{len(found.shards)} files there, {len(run.shards)} here"]
+        pairs = [f"{len(existing.shards)} files there, {len(run.shards)} here"]
     raise InputError(
         f"{folder} holds another run: {', '.join(pairs)}; choose another folder or its settings"
     )
 
 
-def finish(folder: Folder, name: str, task: Callable[[], Shard], run: str) -> Record:
+def finish(folder: Folder, name: str, task: Callable[[], ShardContent], run: str) -> Record:
     """Makes a shard, writes its file and then its record, unless both are there.
 
     It may be killed at any time and be called again, at the same time too.

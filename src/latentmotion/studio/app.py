@@ -51,15 +51,19 @@ def create_studio(settings: Settings, library: Library, others: Sequence[str] = 
     """Returns the application.
 
     Args:
-        settings: How the service runs, and who is let in.
-        library: Where takes are kept; closed with the application.
+        settings: Settings of the service, tokens included.
+        library: Library of takes; closed with the application.
         others: Names, folders or hub ids of models that the page offers as well.
 
     Raises:
         InputError: A model moves another skeleton than the first.
         ModelError: There is no such model.
     """
-    files = _assets()
+    files = {
+        file.name: file.read_bytes()
+        for file in resources.files("latentmotion.studio").joinpath("assets").iterdir()
+        if file.is_file() and Path(file.name).suffix in MEDIA_TYPES
+    }
     named = {f"/studio/assets/{name}" for name in files}
     extension = Extension(
         partial(_routes, library, files, others),
@@ -138,12 +142,3 @@ def _page(files: dict[str, bytes]) -> APIRouter:
         return Response(files[name], headers=headers, media_type=kind)
 
     return router
-
-
-def _assets() -> dict[str, bytes]:
-    folder = resources.files("latentmotion.studio").joinpath("assets")
-    return {
-        file.name: file.read_bytes()
-        for file in folder.iterdir()
-        if file.is_file() and Path(file.name).suffix in MEDIA_TYPES
-    }

@@ -38,18 +38,18 @@ def routes(library: Library, models: Models) -> APIRouter:
     def best(take: Annotated[list[Id], Query(min_length=1, max_length=MOST_TAKES)]) -> Any:
         """Score takes of one prompt as `best of` does, and say which is best."""
         takes = [library.take(name) for name in dict.fromkeys(take)]
-        prompts = {one.recipe.get("prompt") or "" for one in takes}
+        prompts = {item.recipe.get("prompt") or "" for item in takes}
         unknown = BestAnswer(take=None, reason="", scores={})
         if len(prompts) > 1 or not min(prompts).strip():
             return unknown
         scorer = ranking.scorer_beside(models.service.pipeline.condition)
-        motions = [library.motion(one) for one in takes]
+        motions = [library.motion(item) for item in takes]
         try:
             ranked = ranking.ranked(motions, min(prompts), scorer)
         except InputError:  # motions that the scorer does not read
             return unknown
-        names = {id(motion): one.id for motion, one in zip(motions, takes, strict=True)}
-        scores = {names[id(one.motion)]: round(one.score, 4) for one in ranked}
+        names = {id(motion): item.id for motion, item in zip(motions, takes, strict=True)}
+        scores = {names[id(item.motion)]: round(item.score, 4) for item in ranked}
         return BestAnswer(take=next(iter(scores)), reason=reason(ranked), scores=scores)
 
     return router
@@ -61,9 +61,11 @@ def reason(ranked: Sequence[Take]) -> str:
     if not others:
         return "the only one"
     count = len(others)
-    mean = {name: sum(getattr(one, name) for one in others) / count for name in ("text", "sliding")}
+    mean = {
+        name: sum(getattr(take, name) for take in others) / count for name in ("text", "sliding")
+    }
     words = []
-    if first.claims > max(one.claims for one in others):
+    if first.claims > max(take.claims for take in others):
         words.append("counts and turns as the prompt says")
     if first.text > mean["text"] + _CLEAR:
         words.append("closest to the prompt")

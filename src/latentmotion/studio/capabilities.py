@@ -40,9 +40,9 @@ def routes(models: Models) -> APIRouter:
         return ModelsAnswer(models=[offered(model) for model in models.all.values()])
 
     @router.post("/models")
-    def loaded(wanted: ModelChoice) -> OfferedModel:
+    def loaded(choice: ModelChoice) -> OfferedModel:
         """Load a model, so that its first takes need not wait; another one leaves the memory."""
-        model = models.named(wanted.model)
+        model = models.named(choice.model)
         models.maker(model.name)
         return offered(model)
 
@@ -60,26 +60,26 @@ def routes(models: Models) -> APIRouter:
 def capabilities_of(models: Models, model: StudioModel) -> Capabilities:
     """Returns what a model can do."""
     pipeline = models.opened(model)
-    found, card = about(pipeline), pipeline.card
+    facts, card = about(pipeline), pipeline.card
     few, usual = card.few_step, card.sampling
     least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
     best_of = card.condition.reads_text and MOST_BEST_OF
     lacks = {name: _lack(name) for name in get_args(FileFormat)}
     kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
     return Capabilities(
-        **found.model_dump(include={"license", "prompts", "labels", "fps", "joints", "parents"}),
+        **facts.model_dump(include={"license", "prompts", "labels", "fps", "joints", "parents"}),
         model=model.name,
         steps=sorted(few.steps if few else {*_USUAL_STEPS, usual.steps}),
         usual_steps=usual.steps,
         guidance={"least": least, "most": most, "usual": usual.guidance},
-        seconds=dict(zip(("least", "most"), found.seconds, strict=True)),
+        seconds=dict(zip(("least", "most"), facts.seconds, strict=True)),
         parts=list(PARTS),
         directions=pipeline.representation.skeleton.offsets.round(4).tolist(),
         formats=[name for name, lack in lacks.items() if not lack],
         lacking={name: lack for name, lack in lacks.items() if lack},
         character_formats=CHARACTER_FORMATS,
         readable=list(get_args(Readable)),
-        can=dict.fromkeys(kinds, found.directed) | {"best_of": best_of},
+        can=dict.fromkeys(kinds, facts.directed) | {"best_of": best_of},
         least_steps={"timeline": 2, "loop": 2},
         models=list(models.all),
         library=str(models.library.folder.absolute()),

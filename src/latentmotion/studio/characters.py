@@ -34,15 +34,15 @@ def routes(service: Service, library: Library) -> APIRouter:
     @router.get("", response_model=CharactersAnswer)
     def listed(deleted: bool = False) -> Any:
         """List characters, the newest first."""
-        return {"characters": [one.about() for one in library.characters(deleted)]}
+        return {"characters": [character.about() for character in library.characters(deleted)]}
 
     @router.post("", response_model=CharacterAnswer, openapi_extra=BINARY_BODY)
     async def added(request: Request, name: FileName) -> Any:
         """Keep a character, GLB, VRM or BVH, and find its bones."""
         ending = ENDINGS.get(Path(name).suffix.lower())
         if ending is None:
-            known = ", ".join(ENDINGS)
-            raise InputError(f"{name!r} is no character that can be read; expected {known}")
+            endings = ", ".join(ENDINGS)
+            raise InputError(f"{name!r} is no character that can be read; expected {endings}")
         async with uploaded(service, request, f"character.{ending}") as folder:
             file = f"character.{ending}"
             if ending == "glb" and not _is_glb(folder / file):
@@ -67,13 +67,13 @@ def routes(service: Service, library: Library) -> APIRouter:
         return FileResponse(file, media_type=MEDIA_TYPES[file.suffix[1:]])
 
     @router.patch("/{name}", response_model=CharacterAnswer)
-    async def changed(request: Request, name: Id, wanted: MappingChange) -> Any:
+    async def changed(request: Request, name: Id, change: MappingChange) -> Any:
         """Correct which bone is which joint; what is left out has none."""
         character = await run_in_threadpool(library.character, name)
-        mapping = {ours: bone for ours, bone in wanted.mapping.items() if bone is not None}
+        mapping = {ours: bone for ours, bone in change.mapping.items() if bone is not None}
         file = library.character_file(character).resolve()
-        about = {"folder": str(file.parent), "file": file.name, "map": mapping}
-        bones = await _inspected(service, request, about)
+        task = {"folder": str(file.parent), "file": file.name, "map": mapping}
+        bones = await _inspected(service, request, task)
         return (await run_in_threadpool(library.change_character, name, bones=bones)).about()
 
     @router.delete("/{name}", response_model=CharacterAnswer)

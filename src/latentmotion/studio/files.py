@@ -1,4 +1,4 @@
-"""Takes as files: edited as they are shown, in any format, on a character if wanted."""
+"""Takes as files: with their edits, in any format, on a character if one is named."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fastapi.concurrency import run_in_threadpool
 from latentmotion.errors import InputError
 from latentmotion.formats.content import encoded
 from latentmotion.service.state import Service
-from latentmotion.studio.library import Library, Take
+from latentmotion.studio.library import Library, StoredTake
 
 CHARACTER_FORMATS = ["glb", "bvh"]
 """Formats of characters."""
@@ -33,12 +33,12 @@ class Written:
     def check(self) -> None:
         """Raises InputError if characters cannot be written in the format."""
         if self.character is not None and self.format not in CHARACTER_FORMATS:
-            known = " or ".join(CHARACTER_FORMATS)
-            raise InputError(f"format {self.format}: characters are written as {known}")
+            formats = " or ".join(CHARACTER_FORMATS)
+            raise InputError(f"format {self.format}: characters are written as {formats}")
 
 
 async def content_of(
-    service: Service, library: Library, take: Take, wanted: Written
+    service: Service, library: Library, take: StoredTake, form: Written
 ) -> tuple[bytes, str]:
     """Returns a take as a file's content, and the file's ending.
 
@@ -46,24 +46,24 @@ async def content_of(
         LatentMotionError: The motion or the character cannot be used, or not written so.
         Problem: Too much waits, or it took too long.
     """
-    wanted.check()
+    form.check()
     motion = await run_in_threadpool(library.motion, take)
-    if wanted.character is None:
-        return await service.file([motion], wanted.format, False, wanted.fps, service.deadline())
-    character = await run_in_threadpool(library.character, wanted.character)
+    if form.character is None:
+        return await service.file([motion], form.format, False, form.fps, service.deadline())
+    character = await run_in_threadpool(library.character, form.character)
     task = {
         **{"verb": "retarget", "map": character.joint_map(), "figure": True},
-        **{"file": str(library.character_file(character).resolve()), "format": wanted.format},
+        **{"file": str(library.character_file(character).resolve()), "format": form.format},
     }
     with tempfile.TemporaryDirectory(prefix="latentmotion-") as folder:
-        own, _ = await run_in_threadpool(encoded, [motion], "npz")
-        (Path(folder) / "motion.npz").write_bytes(own)
-        head = await service.read({**task, "folder": folder, "fps": wanted.fps})
+        motion_file, _ = await run_in_threadpool(encoded, [motion], "npz")
+        (Path(folder) / "motion.npz").write_bytes(motion_file)
+        head = await service.read({**task, "folder": folder, "fps": form.fps})
         return (Path(folder) / "answer").read_bytes(), head["format"]
 
 
 async def archived(
-    service: Service, library: Library, takes: list[Take], wanted: Written, path: Path
+    service: Service, library: Library, takes: list[StoredTake], form: Written, path: Path
 ) -> None:
     """Writes takes as a zip archive of a file each.
 
@@ -73,11 +73,11 @@ async def archived(
     """
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for take in takes:
-            content, ending = await content_of(service, library, take, wanted)
+            content, ending = await content_of(service, library, take, form)
             await run_in_threadpool(archive.writestr, file_name(take, ending), content)
 
 
-def file_name(take: Take, ending: str) -> str:
+def file_name(take: StoredTake, ending: str) -> str:
     """Returns the name of a take's file: words of its title, and its number."""
     words = re.sub("[^a-z0-9]+", "-", take.title.lower())[:60].strip("-")
     return f"{words or 'take'}-{take.id[-6:].lower()}.{ending}"

@@ -48,10 +48,10 @@ ID = "[0-9A-Za-z]{26,32}"
 """Pattern of the names of takes and characters: UUIDs in hexadecimal; libraries have ULIDs, too."""
 
 MOST_TITLE = 200
-"""Characters of a title."""
+"""Longest title, characters."""
 
 MOST_LISTED = 500
-"""Takes of a page of the list."""
+"""Most takes on one page of the list."""
 
 _EACH_TAG = "json_each(CASE WHEN json_valid(tags) THEN tags ELSE '[]' END)"
 _TABLES = """
@@ -75,12 +75,12 @@ class UnknownError(InputError):
 
 
 class MissingMotionError(InputError):
-    """The file of a take's motion is gone, or is not what it was."""
+    """The file of a take's motion is missing or damaged."""
 
 
 @dataclass(frozen=True)
-class Take:
-    """A motion of the library and all that is known of it."""
+class StoredTake:
+    """A motion of the library with its recipe, edits and marks."""
 
     id: str
     """Its name in the library."""
@@ -211,17 +211,19 @@ class Library:
         with self._lock:
             self._database.close()
 
-    def add(self, made: Iterable[tuple[Motion, Mapping[str, Any], str, Edits]]) -> list[Take]:
+    def add(
+        self, motions: Iterable[tuple[Motion, Mapping[str, Any], str, Edits]]
+    ) -> list[StoredTake]:
         """Keeps motions; returns their takes.
 
         Args:
-            made: Motion, recipe, title and edits of each.
+            motions: Motion, recipe, title and edits of each.
 
         Raises:
             InputError: The folder cannot be written.
         """
         takes = []
-        for motion, recipe, title, edits in made:
+        for motion, recipe, title, edits in motions:
             goals = [
                 {
                     "goal": {k: v for k, v in goal.items() if k not in ("before", "after")},
@@ -231,7 +233,7 @@ class Library:
                 for goal in motion.metadata.get("goals", ())
             ]
             takes.append(
-                Take(
+                StoredTake(
                     uuid4().hex,
                     _now(),
                     title[:MOST_TITLE],
@@ -246,25 +248,27 @@ class Library:
         self._insert(takes)
         return takes
 
-    def duplicate(self, name: str) -> Take:
+    def duplicate(self, name: str) -> StoredTake:
         """Returns a new take of the same motion, with the same recipe, tags and edits.
 
         Raises:
             UnknownError: There is none of this name.
         """
-        own = self.take(name)
-        title = f"{own.title[: MOST_TITLE - 7]} (copy)"
-        take = replace(own, id=uuid4().hex, made=_now(), title=title, star=False, deleted=False)
+        original = self.take(name)
+        title = f"{original.title[: MOST_TITLE - 7]} (copy)"
+        take = replace(
+            original, id=uuid4().hex, made=_now(), title=title, star=False, deleted=False
+        )
         self._insert([take])
         return take
 
-    def _insert(self, takes: Sequence[Take]) -> None:
+    def _insert(self, takes: Sequence[StoredTake]) -> None:
         with self._written() as database:
             database.executemany(
                 "INSERT INTO takes VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", map(_row, takes)
             )
 
-    def take(self, name: str) -> Take:
+    def take(self, name: str) -> StoredTake:
         """Returns a take.
 
         Raises:
@@ -284,7 +288,7 @@ class Library:
         deleted: bool = False,
         offset: int = 0,
         limit: int = 100,
-    ) -> tuple[int, list[Take]]:
+    ) -> tuple[int, list[StoredTake]]:
         """Returns how many takes there are of a kind, and some of them, the newest first.
 
         Args:
@@ -326,7 +330,7 @@ class Library:
             ).fetchall()
         return [tag for (tag,) in rows]
 
-    def change(self, name: str, **changes: Any) -> Take:
+    def change(self, name: str, **changes: Any) -> StoredTake:
         """Changes title, tags, star, deleted or edits of a take; returns it.
 
         Raises:
@@ -344,7 +348,7 @@ class Library:
             )
         return take
 
-    def motion(self, take: Take) -> Motion:
+    def motion(self, take: StoredTake) -> Motion:
         """Returns the motion of a take, edited.
 
         Raises:
@@ -362,9 +366,9 @@ class Library:
         try:
             return npz.read(path)[0]
         except (FileFormatError, IndexError) as error:
-            found = "is damaged" if path.is_file() else "is missing"
+            problem = "is damaged" if path.is_file() else "is missing"
             raise MissingMotionError(
-                f"the motion of this take {found} ({path.name} in {path.parent}); make it again "
+                f"the motion of this take {problem} ({path.name} in {path.parent}); make it again "
                 "from its recipe, or put the file back"
             ) from error
 
@@ -382,9 +386,9 @@ class Library:
         """Keeps a copy of a character's file; returns the character.
 
         Args:
-            name: What its user calls it.
+            name: Name that the user gives it.
             file: The file.
-            bones: What is known of it.
+            bones: Its bones by joint, as far as they are known.
 
         Raises:
             InputError: The folder cannot be written.
@@ -430,18 +434,18 @@ class Library:
             UnknownError: There is none of this name.
         """
         with self._written() as database:
-            found = replace(self.character(name), **changes)
+            character = replace(self.character(name), **changes)
             database.execute(
                 "UPDATE characters SET name = ?, bones = ?, deleted = ? WHERE id = ?",
-                (found.name, json.dumps(found.bones), int(found.deleted), name),
+                (character.name, json.dumps(character.bones), int(character.deleted), name),
             )
-        return found
+        return character
 
     def character_file(self, character: Character) -> Path:
         """Returns the file of a character."""
         return self.folder / "characters" / f"{character.id}.{character.ending}"
 
-    def compare(self, take: Take, motion: Motion) -> tuple[bool, bool]:
+    def compare(self, take: StoredTake, motion: Motion) -> tuple[bool, bool]:
         """Returns whether a motion is a take's to the bit, and whether its file was written again.
 
         Args:
@@ -451,9 +455,9 @@ class Library:
         """
         path = self._motion_file(take.motion)
         if path.is_file():
-            own = self.stored(take.motion)
-            equal = own.joints.tobytes() == motion.joints.tobytes()
-            return equal and (own.fps, own.caption) == (motion.fps, motion.caption), False
+            stored = self.stored(take.motion)
+            equal = stored.joints.tobytes() == motion.joints.tobytes()
+            return equal and (stored.fps, stored.caption) == (motion.fps, motion.caption), False
         content, _ = encoded([motion], "npz")
         if hashlib.sha256(content).hexdigest() != take.motion:
             return False, False
@@ -466,14 +470,14 @@ class Library:
             )
         return self.folder / "motions" / f"{digest}.npz"
 
-    def _take(self, row: sqlite3.Row) -> Take:
+    def _take(self, row: sqlite3.Row) -> StoredTake:
         """Returns the take of a row; one that cannot be read is there as damaged."""
         try:
             texts = [row[name] for name in ("id", "made", "title", "motion")]
             if not all(isinstance(text, str) for text in texts):
                 raise ValueError("expected text")
             name, at, title, digest = texts
-            take = Take(
+            take = StoredTake(
                 name,
                 at,
                 title,
@@ -499,7 +503,7 @@ class Library:
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
             name, at, digest = (str(row[name])[:MOST_TITLE] for name in ("id", "made", "motion"))
             title = "damaged: its row in library.sqlite3 cannot be read"
-            return Take(
+            return StoredTake(
                 *(name, at, title, {"damaged": reason}, digest, 1, 1.0),
                 deleted=bool(row["deleted"]),
                 missing=True,
@@ -508,7 +512,7 @@ class Library:
 
     @contextmanager
     def _written(self) -> Iterator[sqlite3.Connection]:
-        """Yields the database in a transaction; nothing of it stays where it fails."""
+        """Yields the database in a transaction, which is rolled back on errors."""
         with self._lock:
             self._database.execute("BEGIN IMMEDIATE")
             try:
@@ -561,7 +565,7 @@ def _edits(text: str) -> Edits:
     return from_json(Edits, _parsed(text, dict))
 
 
-def _row(take: Take) -> tuple[Any, ...]:
+def _row(take: StoredTake) -> tuple[Any, ...]:
     return (
         *(take.id, take.made, take.title, json.dumps(take.recipe), take.motion),
         *(take.stored_frames, take.stored_fps, json.dumps(take.tags)),

@@ -34,7 +34,7 @@ class Maker:
     Args:
         pipeline: The model.
         weights: SHA-256 of what it computes with.
-        library: Has the takes that recipes use.
+        library: Library of the takes that recipes refer to.
     """
 
     pipeline: MotionPipeline
@@ -56,7 +56,7 @@ class Maker:
             self.pipeline, recipe, seeds, lambda name: self.library.motion(used[name])
         )
         sampling = self.pipeline.card.sampling.but(recipe.steps, recipe.guidance, recipe.sampler)
-        about = recipe.model_dump(mode="json") | {
+        described = recipe.model_dump(mode="json") | {
             "steps": sampling.steps,
             "guidance": sampling.guidance,
             "model": self.pipeline.card.name,
@@ -67,7 +67,7 @@ class Maker:
         title = motions[0].caption or "motion"
         edits = Edits(in_place=recipe.in_place)
         return [
-            (motion, about | {"seed": seed}, title, edits)
+            (motion, described | {"seed": seed}, title, edits)
             for motion, seed in zip(motions, seeds, strict=True)
         ]
 
@@ -80,20 +80,20 @@ class Maker:
         sources = recipe["sources"] or {}
 
         def source(name: str) -> Motion:
-            found = sources[name]
-            return from_json(Edits, found["edits"]).applied(self.library.stored(found["motion"]))
+            entry = sources[name]
+            return from_json(Edits, entry["edits"]).applied(self.library.stored(entry["motion"]))
 
         # Takes of versions that made no exact counts or turns do not say so.
-        asked = Recipe.model_validate({"exact_count": False, "exact_turn": False, **recipe})
-        return motions_of(self.pipeline, asked, [asked.seed], source)[0]
+        original = Recipe.model_validate({"exact_count": False, "exact_turn": False, **recipe})
+        return motions_of(self.pipeline, original, [original.seed], source)[0]
 
 
 def used_takes(recipe: Recipe) -> list[str]:
     """Returns the takes that a recipe uses."""
-    found = [pose.take for pose in recipe.poses]
-    found += [recipe.start] if recipe.start else []
-    found += [recipe.edit.take] if recipe.edit else []
-    return found + ([recipe.between.start, recipe.between.end] if recipe.between else [])
+    takes = [pose.take for pose in recipe.poses]
+    takes += [recipe.start] if recipe.start else []
+    takes += [recipe.edit.take] if recipe.edit else []
+    return takes + ([recipe.between.start, recipe.between.end] if recipe.between else [])
 
 
 def motions_of(
@@ -103,7 +103,7 @@ def motions_of(
 
     Args:
         pipeline: The model.
-        recipe: What to make; its own seed is not read.
+        recipe: Settings of the motions; its own seed is not read.
         seeds: Seed of each motion.
         source: Returns the motions of takes that the recipe uses.
 
@@ -113,18 +113,19 @@ def motions_of(
     check(recipe)
     fps, sampled = pipeline.representation.fps, (recipe.steps, recipe.guidance)
     if recipe.edit is not None:
-        edit, own = recipe.edit, source(recipe.edit.take).resampled(fps)
+        edit, edited = recipe.edit, source(recipe.edit.take).resampled(fps)
         between = edit.between
         return [
-            pipeline.edit(own, recipe.prompt, between, seed, *sampled, edit.parts) for seed in seeds
+            pipeline.edit(edited, recipe.prompt, between, seed, *sampled, edit.parts)
+            for seed in seeds
         ]
     if recipe.between is not None:
         start, end = (source(n).resampled(fps) for n in (recipe.between.start, recipe.between.end))
         seconds, prompt = recipe.seconds or 1.0, recipe.prompt or ON_THE_WAY
         return [pipeline.between(start, end, seconds, prompt, seed, *sampled) for seed in seeds]
-    found = _generated(pipeline, recipe, seeds, source)
+    motions = _generated(pipeline, recipe, seeds, source)
     steps = CleanUp(exact_count=recipe.exact_count, exact_turn=recipe.exact_turn)
-    return cleaned(found, steps) if recipe.clean else found
+    return cleaned(motions, steps) if recipe.clean else motions
 
 
 def check(recipe: Recipe) -> None:
@@ -181,12 +182,12 @@ def _generated(
 
 
 def _poses(recipe: Recipe, source: Source) -> list[Goal]:
-    found: list[Goal] = [Pose(pose.at, source(pose.take), pose.frame) for pose in recipe.poses]
+    goals: list[Goal] = [Pose(pose.at, source(pose.take), pose.frame) for pose in recipe.poses]
     if recipe.start is not None:
         # A motion starts above the origin and faces +z, and so does the pose that it starts in.
-        own = source(recipe.start)
-        pose = own.joints[-1:].astype(np.float64)
+        start = source(recipe.start)
+        pose = start.joints[-1:].astype(np.float64)
         pose -= pose[0, 0] * (1, 0, 1)
-        turned = turn(pose, -heading(pose[0], own.skeleton))
-        found.append(Pose(0.0, replace(own, joints=turned.astype(np.float32))))
-    return found
+        turned = turn(pose, -heading(pose[0], start.skeleton))
+        goals.append(Pose(0.0, replace(start, joints=turned.astype(np.float32))))
+    return goals

@@ -50,7 +50,7 @@ class Models:
 
     Args:
         service: Runs its own model.
-        library: Has the takes that recipes use.
+        library: Library of the takes that recipes refer to.
         others: Names, folders or hub ids of further models; those that ship are always there.
 
     Raises:
@@ -67,17 +67,17 @@ class Models:
     def __post_init__(self) -> None:
         self._lock = Lock()
         self._loaded: tuple[StudioModel, Maker] | None = None
-        asked = [_folder(source) for source in (self.service.settings.model, *self.others)]
+        named = [_folder(source) for source in (self.service.settings.model, *self.others)]
         shipped = [_folder(source) for source in cards.shipped_models()]
         joints = self.service.pipeline.representation.skeleton.names
-        for folder in dict.fromkeys(asked + shipped):
+        for folder in dict.fromkeys(named + shipped):
             card = cards.read_card(folder)
             name = card.name if card.name not in self.all else f"{card.name} ({folder})"
             model = StudioModel(name, folder, card)
             names = self.opened(model).representation.skeleton.names
             if names == joints:
                 self.all[name] = model
-            elif folder in asked:
+            elif folder in named:
                 raise InputError(
                     f"model {name!r} moves {len(names)} joints, others than the {len(joints)} of "
                     f"{self.own.name!r}; give it a studio of its own: latentmotion studio --model "
@@ -86,7 +86,7 @@ class Models:
 
     @property
     def own(self) -> StudioModel:
-        """The service's."""
+        """The model of the service."""
         return next(iter(self.all.values()))
 
     def named(self, name: str | None) -> StudioModel:
@@ -110,7 +110,7 @@ class Models:
         return model is self.own or (loaded is not None and loaded[0] is model)
 
     def opened(self, model: StudioModel) -> MotionPipeline:
-        """Returns a model; networks that are not in memory are loaded as they are first needed.
+        """Returns a model; its networks are loaded at their first use.
 
         Raises:
             ModelError: A file of it is missing.
@@ -149,8 +149,8 @@ class Models:
         """
         if not {"model", "weights"} <= recipe.keys():
             raise InputError("this take was imported, not generated; import its file again")
-        known = sorted(self.all.values(), key=lambda model: model.name != recipe["model"])
-        for model in known:
+        candidates = sorted(self.all.values(), key=lambda model: model.name != recipe["model"])
+        for model in candidates:
             if model.weights == recipe["weights"]:
                 return self.maker(model.name)
         raise InputError(

@@ -51,15 +51,17 @@ def routes(library: Library) -> APIRouter:
         try:
             return Project.model_validate(content)
         except ValidationError as error:
-            place = ".".join(map(str, error.errors()[0]["loc"]))
-            raise InputError(f"{path}: {place}: {error.errors()[0]['msg']}; correct it") from error
+            location = ".".join(map(str, error.errors()[0]["loc"]))
+            raise InputError(
+                f"{path}: {location}: {error.errors()[0]['msg']}; correct it"
+            ) from error
 
     @router.put("/{name}")
     def kept(name: ProjectName, project: Project) -> Project:
         """Write a project, in place of the one of this name."""
-        found = project.model_copy(update={"name": name})
-        write(folder, name, found.model_dump())
-        return found
+        named = project.model_copy(update={"name": name})
+        write(folder, name, named.model_dump())
+        return named
 
     @router.delete("/{name}")
     def removed(name: ProjectName) -> dict[str, Any]:
@@ -76,8 +78,8 @@ def write(folder: Path, name: str, project: Mapping[str, Any]) -> None:
 
     Args:
         folder: The folder of projects.
-        name: Its name.
-        project: Its content.
+        name: Name of the project.
+        project: Content of the project.
 
     Raises:
         InputError: Some systems cannot have a file of this name, or would put it in place of
@@ -85,7 +87,10 @@ def write(folder: Path, name: str, project: Mapping[str, Any]) -> None:
     """
     if name.upper() in _RESERVED:
         raise InputError(f"{name!r} is a device of Windows, not a file; choose another name")
-    alike = [file.stem for file in folder.glob("*.json") if _same(file.stem, name)]
+    # As macOS and Windows compare names: in any case, and however accents are encoded.
+    key = normalize("NFC", name).casefold()
+    stems = [file.stem for file in folder.glob("*.json")]
+    alike = [stem for stem in stems if normalize("NFC", stem).casefold() == key]
     if alike and name not in alike:
         raise InputError(
             f"{name!r} and the project {alike[0]!r} are one file on macOS and Windows; choose "
@@ -105,11 +110,6 @@ _RESERVED = frozenset(
     {"CON", "PRN", "AUX", "NUL"} | {f"{port}{n}" for port in ("COM", "LPT") for n in range(10)}
 )
 """Names that Windows keeps for devices."""
-
-
-def _same(one: str, other: str) -> bool:
-    """Returns whether macOS or Windows take two names for one."""
-    return normalize("NFC", one).casefold() == normalize("NFC", other).casefold()
 
 
 def _file(folder: Path, name: str) -> Path:

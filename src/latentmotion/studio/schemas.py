@@ -5,17 +5,19 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from latentmotion.service.schemas import (
     MOST_GOALS,
+    AnswerModel,
     FileFormat,
     Fps,
     HeadingGoal,
     JointGoal,
     Number,
     PathGoal,
+    RequestModel,
     SceneRequest,
     SpanOfTimeline,
 )
@@ -34,16 +36,16 @@ MOST_BEST_OF = 32
 """Motions of which the best becomes a take."""
 
 MOST_EXPORTED = 500
-"""Takes of an archive."""
+"""Most takes of one archive."""
 
 
 def _matched(pattern: str, expected: str) -> AfterValidator:
-    """Returns a check of a text, which says what is expected in words."""
+    """Returns a validator of texts by a pattern, whose error describes the expected text."""
 
     def check(text: str) -> str:
         if not re.fullmatch(pattern, text):
-            about = {"found": repr(text[:60]), "expected": expected}
-            raise PydanticCustomError("text", "found {found}, expected {expected}", about)
+            context = {"found": repr(text[:60]), "expected": expected}
+            raise PydanticCustomError("text", "found {found}, expected {expected}", context)
         return text
 
     return AfterValidator(check)
@@ -83,11 +85,7 @@ ModelName = Annotated[str, Field(min_length=1, max_length=500)]
 Span = tuple[Annotated[Number, Field(ge=0)], Annotated[Number, Field(gt=0)]]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-
-
-class PoseGoal(_Strict):
+class PoseGoal(RequestModel):
     """All joints are where they are in a frame of a take, as it is shown."""
 
     at: Number
@@ -98,7 +96,7 @@ class PoseGoal(_Strict):
     """Its frame; a negative one counts from the end."""
 
 
-class Edit(_Strict):
+class Edit(RequestModel):
     """A part of a take is generated anew; the prompt says what the person does there."""
 
     take: Id
@@ -109,7 +107,7 @@ class Edit(_Strict):
     """Parts of the body that change; by default all."""
 
 
-class Transition(_Strict):
+class Transition(RequestModel):
     """What leads from one take to another; `seconds` says how long it takes."""
 
     start: Id
@@ -147,7 +145,7 @@ class Recipe(SceneRequest):
     """Motion and edits of each take that it uses, as they were."""
 
 
-class TakesRequest(_Strict):
+class TakesRequest(RequestModel):
     """Takes to make, all of one recipe, whose seed counts up."""
 
     recipe: Recipe
@@ -158,14 +156,14 @@ class TakesRequest(_Strict):
     """Model that makes them; by default the one that the studio was started with."""
 
 
-class ModelChoice(_Strict):
+class ModelChoice(RequestModel):
     """A model to load."""
 
     model: ModelName
     """Its name in the list of models."""
 
 
-class TakeChanges(_Strict):
+class TakeChanges(RequestModel):
     """Changes of a take; fields left out stay."""
 
     title: Title = ""
@@ -186,7 +184,7 @@ class TakeChanges(_Strict):
     """Left and right are swapped."""
 
 
-class ExportRequest(_Strict):
+class ExportRequest(RequestModel):
     """Takes to write into one archive."""
 
     ids: list[Id] = Field(min_length=1, max_length=MOST_EXPORTED)
@@ -198,14 +196,14 @@ class ExportRequest(_Strict):
     """Figure of the user that they are put on."""
 
 
-class MappingChange(_Strict):
+class MappingChange(RequestModel):
     """Which bone of a character is which of our joints."""
 
     mapping: dict[str, str | None] = Field(max_length=100)
     """Our joints → its bones; null for none."""
 
 
-class Project(_Strict):
+class Project(RequestModel):
     """What a user works on: one JSON file."""
 
     format: Literal[1]
@@ -228,11 +226,7 @@ class Project(_Strict):
     """What the page keeps for itself."""
 
 
-class _Answer(BaseModel):
-    model_config = ConfigDict(use_attribute_docstrings=True)
-
-
-class EditsAnswer(_Answer):
+class EditsAnswer(AnswerModel):
     """Settings that are applied when a motion is read."""
 
     trim: tuple[float, float] | None
@@ -241,12 +235,12 @@ class EditsAnswer(_Answer):
     mirrored: bool
 
 
-class TakeAnswer(_Answer):
+class TakeAnswer(AnswerModel):
     """A take."""
 
     id: str
     made: str
-    """ISO 8601."""
+    """When it was made, ISO 8601."""
     title: str
     recipe: dict[str, Any]
     motion: str
@@ -268,12 +262,12 @@ class TakeAnswer(_Answer):
     goals: list[dict[str, Any]] | None
     """Each goal, and how far the motion was from it before and after clean-up, centimeters."""
     notice: str = ""
-    """What the model does not know of the prompt, told when the take is made."""
+    """Words of the prompt that the model does not know; sent when the take is made."""
     nearest: list[str] = Field(default_factory=list)
     """Captions near the prompt that the model learned, where it does not know the prompt."""
 
 
-class TakesAnswer(_Answer):
+class TakesAnswer(AnswerModel):
     """Takes that were made."""
 
     takes: list[TakeAnswer]
@@ -288,16 +282,16 @@ class ListAnswer(TakesAnswer):
     """Tags of all takes that are not deleted."""
 
 
-class AgainAnswer(_Answer):
+class AgainAnswer(AnswerModel):
     """Whether a take could be made again."""
 
     equal: bool
-    """To the bit."""
+    """Whether both motions are equal to the bit."""
     restored: bool
     """Its file was missing and is there again."""
 
 
-class CharacterAnswer(_Answer):
+class CharacterAnswer(AnswerModel):
     """A figure of the user."""
 
     id: str
@@ -314,13 +308,13 @@ class CharacterAnswer(_Answer):
     deleted: bool
 
 
-class CharactersAnswer(_Answer):
+class CharactersAnswer(AnswerModel):
     """Figures of the user."""
 
     characters: list[CharacterAnswer]
 
 
-class Capabilities(_Answer):
+class Capabilities(AnswerModel):
     """What the model can do; the page offers nothing else."""
 
     model: str
@@ -350,7 +344,7 @@ class Capabilities(_Answer):
     readable: list[str]
     """Formats that can be imported."""
     can: dict[str, bool | int]
-    """What can be asked for; `best_of` is the greatest number, or false."""
+    """Features that the model supports; `best_of` is the greatest number, or false."""
     least_steps: dict[str, int]
     """Fewest steps of what needs more than one."""
     models: list[str]
@@ -360,7 +354,7 @@ class Capabilities(_Answer):
     version: str
 
 
-class OfferedModel(_Answer):
+class OfferedModel(AnswerModel):
     """A model that takes can be made with."""
 
     name: str
@@ -371,7 +365,7 @@ class OfferedModel(_Answer):
     capabilities: Capabilities
 
 
-class ModelsAnswer(_Answer):
+class ModelsAnswer(AnswerModel):
     """Models that takes can be made with, that of the studio's start first."""
 
     models: list[OfferedModel]

@@ -1,4 +1,4 @@
-"""Sessions: one token for each library, and the cookie that a browser has in its place.
+"""Sessions: one token for each library, and the cookie that replaces it in the browser.
 
 The address that the command prints holds the token behind `#`, which no server, log or other page
 sees. The page sends it once and is given a cookie, so that every tab, bookmark and restart of the
@@ -62,7 +62,7 @@ class CookieToken:
     """An ASGI layer that reads the token from the cookie where a request has no other.
 
     Args:
-        app: What checks the token.
+        app: The application that checks the token.
     """
 
     def __init__(self, app: ASGIApp) -> None:

@@ -21,7 +21,7 @@ from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
 from latentmotion.studio.edits import Edits
 from latentmotion.studio.files import Written, archived, content_of, file_name
-from latentmotion.studio.library import MOST_LISTED, Library, Take
+from latentmotion.studio.library import MOST_LISTED, Library, StoredTake
 from latentmotion.studio.models import Models
 from latentmotion.studio.schemas import (
     MOST_TAKES,
@@ -37,7 +37,7 @@ from latentmotion.studio.schemas import (
 )
 
 MOST_IMPORTED = 100
-"""Motions of a file that is imported."""
+"""Most motions of a file that is imported."""
 
 _EDITS = ("trim", "speed", "in_place", "mirrored")
 
@@ -47,16 +47,19 @@ def recipe_routes(service: Service, library: Library, models: Models) -> APIRout
     router = APIRouter()
 
     @router.post("/takes", response_model=TakesAnswer)
-    async def make(request: Request, wanted: TakesRequest) -> Any:
+    async def make(request: Request, body: TakesRequest) -> Any:
         """Make takes of a recipe and keep them."""
         service.check_ready()
-        maker = await run_in_threadpool(models.maker, wanted.model)
-        work = partial(maker.made, wanted.recipe, wanted.takes)
-        made = await unless_gone(request, service.called(work, service.settings.deadline))
-        found = await run_in_threadpool(library.add, made)
-        about = made[0][0].metadata
-        notice = {"notice": "; ".join(about.get("notes", ())), "nearest": about.get("nearest", [])}
-        return {"takes": [take.about() | notice for take in found]}
+        maker = await run_in_threadpool(models.maker, body.model)
+        work = partial(maker.made, body.recipe, body.takes)
+        motions = await unless_gone(request, service.called(work, service.settings.deadline))
+        takes = await run_in_threadpool(library.add, motions)
+        metadata = motions[0][0].metadata
+        notice = {
+            "notice": "; ".join(metadata.get("notes", ())),
+            "nearest": metadata.get("nearest", []),
+        }
+        return {"takes": [take.about() | notice for take in takes]}
 
     @router.post("/takes/{name}/again", response_model=AgainAnswer)
     async def again(request: Request, name: Id) -> Any:
@@ -86,9 +89,9 @@ def routes(library: Library) -> APIRouter:
         limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 100,
     ) -> Any:
         """List takes, the newest first."""
-        total, found = library.takes(query, tag, star, deleted, offset, limit)
-        about = [take.about() for take in found]
-        return {"total": total, "takes": about, "tags": library.tags()}
+        total, takes = library.takes(query, tag, star, deleted, offset, limit)
+        answers = [take.about() for take in takes]
+        return {"total": total, "takes": answers, "tags": library.tags()}
 
     @router.get("/takes/{name}", response_model=TakeAnswer)
     def shown(name: Id) -> Any:
@@ -96,13 +99,13 @@ def routes(library: Library) -> APIRouter:
         return library.take(name).about()
 
     @router.patch("/takes/{name}", response_model=TakeAnswer)
-    def changed(name: Id, wanted: TakeChanges) -> Any:
+    def changed(name: Id, body: TakeChanges) -> Any:
         """Change title, tags, star or edits of a take."""
-        take, found = library.take(name), wanted.model_dump(include=wanted.model_fields_set)
-        edits = {key: found.pop(key) for key in _EDITS if key in found}
-        if "tags" in found:
-            found["tags"] = tuple(found["tags"])
-        return library.change(name, edits=replace(take.edits, **edits), **found).about()
+        take, changes = library.take(name), body.model_dump(include=body.model_fields_set)
+        edits = {key: changes.pop(key) for key in _EDITS if key in changes}
+        if "tags" in changes:
+            changes["tags"] = tuple(changes["tags"])
+        return library.change(name, edits=replace(take.edits, **edits), **changes).about()
 
     @router.delete("/takes/{name}", response_model=TakeAnswer)
     def deleted(name: Id) -> Any:
@@ -164,9 +167,9 @@ def file_routes(service: Service, library: Library) -> APIRouter:
         """Send a take on a character; one of bones alone is given a mannequin's surface."""
         return await sent(name, Written("glb", fps, character))
 
-    async def sent(name: str, wanted: Written) -> Response:
+    async def sent(name: str, form: Written) -> Response:
         take = await run_in_threadpool(library.take, name)
-        content, ending = await content_of(service, library, take, wanted)
+        content, ending = await content_of(service, library, take, form)
         headers = {"Content-Disposition": f'attachment; filename="{file_name(take, ending)}"'}
         return Response(content, headers=headers, media_type=MEDIA_TYPES[ending])
 
@@ -178,10 +181,10 @@ def transfer_routes(service: Service, library: Library) -> APIRouter:
     router = APIRouter()
 
     @router.post("/export", response_class=Response)
-    async def exported(request: Request, wanted: ExportRequest) -> Response:
+    async def exported(request: Request, body: ExportRequest) -> Response:
         """Send several takes as a zip archive of files."""
-        takes = [await run_in_threadpool(library.take, name) for name in wanted.ids]
-        form = Written(wanted.format, wanted.fps, wanted.character)
+        takes = [await run_in_threadpool(library.take, name) for name in body.ids]
+        form = Written(body.format, body.fps, body.character)
         with tempfile.TemporaryDirectory(prefix="latentmotion-") as folder:
             path = Path(folder) / "takes.zip"
             await unless_gone(request, archived(service, library, takes, form, path))
@@ -196,19 +199,19 @@ def transfer_routes(service: Service, library: Library) -> APIRouter:
         """Keep the motions of a file, each as a take."""
         ending = Path(name).suffix.lower().lstrip(".")
         if ending not in get_args(Readable):
-            known = ", ".join(get_args(Readable))
-            raise InputError(f"{name!r} is no motion that can be read; expected {known}")
+            readable = ", ".join(get_args(Readable))
+            raise InputError(f"{name!r} is no motion that can be read; expected {readable}")
         async with uploaded(service, request, f"motion.{ending}") as folder:
             task = {"verb": "convert", "file": f"motion.{ending}", "format": "npz", "clean": None}
             task |= {"folder": str(folder), "fps": None}
             await unless_gone(request, service.read(task))
-            takes = await run_in_threadpool(_kept, library, name, folder / "answer")
+            takes = await run_in_threadpool(_store_motions, library, name, folder / "answer")
         return {"takes": [take.about() for take in takes]}
 
     return router
 
 
-def _kept(library: Library, name: str, file: Path) -> list[Take]:
+def _store_motions(library: Library, name: str, file: Path) -> list[StoredTake]:
     """Keeps the motions of an imported file.
 
     Raises:

@@ -164,7 +164,7 @@ def write_study_page(path: str | Path, study: Study) -> None:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class StudyPlan:
     """Prompts, seeds and length that both sides of a study show."""
 
     prompts: tuple[str, ...]
@@ -181,14 +181,14 @@ class Wanted:
 
 def motions_of(
     source: str,
-    wanted: Wanted,
+    plan: StudyPlan,
     load: Callable[[str], MotionPipeline] = MotionPipeline.from_pretrained,
 ) -> list[Motion]:
-    """Returns a motion for each of `wanted.rows()`.
+    """Returns a motion for each of `plan.rows()`.
 
     Args:
         source: Name or folder of a model; or a folder of .npz files, found by their captions.
-        wanted: Prompts, seeds and length.
+        plan: Prompts, seeds and length.
         load: Loads a model by name or folder.
 
     Raises:
@@ -197,8 +197,8 @@ def motions_of(
     """
     folder = Path(source)
     if source in shipped_models() or not folder.is_dir() or (folder / CARD_FILE).is_file():
-        prompts, seeds = zip(*wanted.rows(), strict=True)
-        return load(source).batch(prompts, wanted.seconds, seeds)
+        prompts, seeds = zip(*plan.rows(), strict=True)
+        return load(source).batch(prompts, plan.seconds, seeds)
     from latentmotion.formats import load as load_motions
 
     takes: dict[str, list[Motion]] = {}
@@ -211,9 +211,9 @@ def motions_of(
             ".npz file; save motions with latentmotion generate ... -o NAME.npz"
         )
     motions = []
-    for prompt in wanted.prompts:
-        same = takes.get(_plain(prompt), [])[: len(wanted.seeds)]
-        if len(same) < len(wanted.seeds):
+    for prompt in plan.prompts:
+        same = takes.get(_plain(prompt), [])[: len(plan.seeds)]
+        if len(same) < len(plan.seeds):
             raise InputError(
                 f"{folder} has {len(same)} motions for {prompt!r}, the study needs "
                 f"{len(same) + 1}; captions there are e.g. "
@@ -248,6 +248,7 @@ def _plain(sentence: str) -> str:
 def check_lengths(pairs: Sequence[tuple[Motion, Motion]]) -> list[str]:
     """Returns a warning if the lengths of motions give the sides away."""
     lengths = [abs(a.seconds - b.seconds) for a, b in pairs]
+    # A quarter second is seen at once, and tells raters which model it is.
     if max(lengths) > 0.25:
         return [
             f"motions of a pair differ in length by up to {max(lengths):.1f} s, which can be seen"

@@ -106,15 +106,15 @@ def read_answers(paths: Sequence[Path], key: StudyKey) -> list[Answers]:
                 f"{path} holds answers to study {answers.study}, the key is of {key.study}; pass "
                 "the key that was written with the page these were given on"
             )
-        given = set()
+        answered = set()
         for answer in answers.answers:
             both = (answer.pair, answer.question)
-            if answer.pair not in pairs or answer.question not in key.questions or both in given:
+            if answer.pair not in pairs or answer.question not in key.questions or both in answered:
                 raise DataError(
                     f"{path}: pair {answer.pair!r}, question {answer.question!r} is unknown or "
                     "answered twice; the file was changed by hand, download it again"
                 )
-            given.add(both)
+            answered.add(both)
         before = latest.get(answers.rater)
         if before is None or before.saved < answers.saved:
             latest[answers.rater] = answers
@@ -281,8 +281,8 @@ def report(votes: Sequence[Vote], key: StudyKey) -> StudyReport:
             for name, text in key.questions.items()
         ),
         raters=tuple(
-            RaterPreference(rater, len(own), sum(v.model == "A" for v in own))
-            for rater, own in sorted(by_rater.items())
+            RaterPreference(rater, len(rater_votes), sum(v.model == "A" for v in rater_votes))
+            for rater, rater_votes in sorted(by_rater.items())
         ),
     )
 

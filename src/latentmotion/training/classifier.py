@@ -84,8 +84,8 @@ class LabelledData:
 def labels_of(dataset: Dataset, mirrored_classes: bool) -> tuple[str, ...]:
     """Returns the labels of a data set, sorted."""
     every = [c for split in ("train", "val", "test") for c in dataset.clips(split, mirrored=True)]
-    seen = {c.action for c in every if c.action and (mirrored_classes or not c.mirrored)}
-    return tuple(sorted(seen))
+    actions = {c.action for c in every if c.action and (mirrored_classes or not c.mirrored)}
+    return tuple(sorted(actions))
 
 
 def labelled(dataset: Dataset, split: str, labels: Sequence[str], mirrored: bool) -> list[Clip]:
@@ -122,13 +122,13 @@ class ClassifierStage(Stage[TemporalClassifier]):
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""
         crops, ranks, device = self._batches(step), self._context.ranks, self._context.device
-        own = crops[ranks.shard(len(crops))]
-        features, mask = self._data.memory.batch(own, max(crop.frames for crop in crops))
+        shard = crops[ranks.shard(len(crops))]
+        features, mask = self._data.memory.batch(shard, max(crop.frames for crop in crops))
         seed = self._experiment.training.seed
         noise = StepRandomness(seed, step, len(crops), ranks, device).normal(*features.shape[1:])
         features = features.to(device) + self._experiment.noise * noise
         logits = self._logits(self.network, features, mask.to(device))
-        targets = self._data.targets(own).to(device)
+        targets = self._data.targets(shard).to(device)
         smoothing = self._experiment.smoothing
         loss = F.cross_entropy(logits, targets, label_smoothing=smoothing)
         return {"total": loss, "accuracy": (logits.argmax(1) == targets).float().mean()}
@@ -145,9 +145,9 @@ class ClassifierStage(Stage[TemporalClassifier]):
         targets = self._data.targets(crops)
         loss = float(F.cross_entropy(logits, targets))
         if loss < best_loss(self._best):
-            kept = {key: value.cpu().contiguous() for key, value in network.state_dict().items()}
+            tensors = {key: value.cpu().contiguous() for key, value in network.state_dict().items()}
             with atomic_file(self._best) as temporary:
-                save_file(kept, temporary, {"loss": repr(loss)})
+                save_file(tensors, temporary, {"loss": repr(loss)})
         accuracy = float((logits.argmax(1) == targets).float().mean())
         return {"loss": loss, "accuracy": accuracy}
 
@@ -205,21 +205,23 @@ def train_classifier(
     experiment = replace(experiment, network=replace(experiment.network, **sizes))
     open_run(folder, ClassifierRun("classifier", dataset.fingerprint, experiment), context)
     torch.manual_seed(experiment.training.seed)
-    seen, held_out = (labelled(dataset, part, labels, mirrored=True) for part in ("train", "val"))
-    memory = FeatureCache(dataset, [*seen, *held_out], normalizer)
-    labelled_data = LabelledData(labels, tuple(seen), tuple(held_out), memory)
+    learned, held_out = (
+        labelled(dataset, part, labels, mirrored=True) for part in ("train", "val")
+    )
+    memory = FeatureCache(dataset, [*learned, *held_out], normalizer)
+    labelled_data = LabelledData(labels, tuple(learned), tuple(held_out), memory)
     network, best = experiment.network.build(), folder / BEST
     stage = ClassifierStage(network, labelled_data, experiment, best, context)
     network = train(stage, experiment.training, folder, context)[0].cpu()
     if context.is_main:
         if best.exists():  # the weights that did best on the val split, where there is one
             network.load_state_dict(load_file(best))
-        about = _describe(experiment, dataset, labels, normalizer)
-        recognizer, frames = recognizer_of(about, network, ""), experiment.cropping.max_frames
-        found = {split: accuracy(recognizer, dataset, split, frames) for split in SPLITS}
-        figures = {f"{k}_accuracy": round(v, 4) for k, v in found.items() if v is not None}
+        description = _describe(experiment, dataset, labels, normalizer)
+        recognizer, frames = recognizer_of(description, network, ""), experiment.cropping.max_frames
+        accuracies = {split: accuracy(recognizer, dataset, split, frames) for split in SPLITS}
+        figures = {f"{k}_accuracy": round(v, 4) for k, v in accuracies.items() if v is not None}
         save_action_classifier(
-            folder / MODEL, replace(about, figures=figures), network.state_dict()
+            folder / MODEL, replace(description, figures=figures), network.state_dict()
         )
     return folder / MODEL
 
@@ -241,8 +243,10 @@ def accuracy(recognizer: Recognizer, dataset: Dataset, split: str, frames: int) 
         features = dataset.features(clip)
         start = max(0, (len(features) - frames) // 2)
         motions.append(dataset.representation.restart(features[start : start + frames]))
-    found = recognizer(motions).logits.argmax(axis=1)
-    hits = [recognizer.labels[row] == clip.action for row, clip in zip(found, clips, strict=True)]
+    predicted = recognizer(motions).logits.argmax(axis=1)
+    hits = [
+        recognizer.labels[row] == clip.action for row, clip in zip(predicted, clips, strict=True)
+    ]
     return sum(hits) / len(hits)
 
 

@@ -49,7 +49,7 @@ class Imitation:
     mask: Bool[torch.Tensor, "motions tokens"]
     """True on real tokens."""
     frames_per_token: int
-    """Frames that each stands for."""
+    """Frames per latent token."""
     vae: MotionVAE
     """The VAE whose output is learned, frozen."""
     fingerprint: str
@@ -77,7 +77,7 @@ class ImitatingStage(VAEStage):
     Args:
         vae: The network to train.
         dataset: Motions.
-        experiment: Which crops, which objective.
+        experiment: Crops and loss.
         context: The device and rank.
         imitation: Generated latents and who decodes them.
     """
@@ -104,9 +104,9 @@ class ImitatingStage(VAEStage):
         latents, mask = (part.to(context.device) for part in batch)
         with torch.no_grad(), torch.autocast(context.device.type, enabled=False):
             true = self._imitation.vae.decode(latents, mask)
-        found = self.network.decode(latents, mask).float()
+        decoded = self.network.decode(latents, mask).float()
         fps, objective = self._dataset.representation.fps, self._objective
-        parts = feature_losses(found, true, mask, self._joints, fps, objective, self.skeleton)
+        parts = feature_losses(decoded, true, mask, self._joints, fps, objective, self.skeleton)
         imitated = weighted_sum(parts, objective)
         return {**losses, "total": losses["total"] + imitated, "imitated": imitated}
 
@@ -177,9 +177,9 @@ def train_decoder(
     vae, seconds = train(stage, training, folder, context)
     if context.is_main:
         card = decoder_card(trained.card, experiment, dataset, seconds, stage.validate(vae))
-        made = replace(trained, card=card, vae=vae)
-        check_latents(trained, made)
-        save_model(folder / MODEL, made)
+        with_new_decoder = replace(trained, card=card, vae=vae)
+        check_latents(trained, with_new_decoder)
+        save_model(folder / MODEL, with_new_decoder)
     return folder / MODEL
 
 
@@ -209,9 +209,9 @@ def vae_with_latents_of(trained: FirstStageModel, config: VAEConfig) -> MotionVA
     if not trained.card.vae.has_weights:
         raise ModelError(f"model {trained.card.name!r} has no VAE: run latentmotion train vae")
     vae = build(config)
-    found, wanted = _sizes(vae), _sizes(trained.vae)
-    if found != wanted:
-        raise _another_encoder(trained.card, *islice(differing_keys(wanted, found), 3))
+    actual, expected = _sizes(vae), _sizes(trained.vae)
+    if actual != expected:
+        raise _another_encoder(trained.card, *islice(differing_keys(expected, actual), 3))
     copy_encoder(vae, trained.vae)
     # Weights do not tell dilations, heads and such: what both make of the same does.
     width, frames = len(trained.card.normalizer_mean), trained.card.frames[1]
@@ -219,7 +219,7 @@ def vae_with_latents_of(trained: FirstStageModel, config: VAEConfig) -> MotionVA
     features = torch.randn(1, frames, width, generator=generator)
     mask = torch.ones(features.shape[:2], dtype=torch.bool)
     with torch.no_grad():
-        means = [one.eval().encode(features, mask).mean for one in (vae, trained.vae)]
+        means = [model.eval().encode(features, mask).mean for model in (vae, trained.vae)]
     if not torch.equal(*means):
         raise _another_encoder(trained.card, "of weights of the same shapes")
     return vae

@@ -23,7 +23,7 @@ from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard, Provenance
 from latentmotion.model.config import IdentityVAEConfig
 from latentmotion.motion import Motion
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser_loss import denoiser_loss
@@ -62,10 +62,10 @@ def keep_crops(items: Sequence[Item], cropping: Cropping, per_item: int, seed: i
     """Cuts `per_item` crops of every item that is long enough."""
     generator = np.random.default_rng(seed)
     long_enough = (i for i in items if i.frames >= max(cropping.min_frames, cropping.unit))
-    kept = {
+    crops = {
         item: tuple(cropping.crop(item, generator) for _ in range(per_item)) for item in long_enough
     }
-    return KeptCropping(cropping.unit, cropping.max_frames, cropping.min_frames, kept)
+    return KeptCropping(cropping.unit, cropping.max_frames, cropping.min_frames, crops)
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,7 @@ class Posteriors:
     def channel_statistics(self) -> tuple[list[float], list[float]]:
         """Returns mean and standard deviation of each channel over all drawn latents."""
         mean, std = self.mean[self.mask].double(), self.std[self.mask].double()
+        # Law of total variance: that of the means, and the mean of those within the posteriors.
         variance = mean.var(dim=0, unbiased=False) + std.square().mean(dim=0)
         return mean.mean(dim=0).tolist(), variance.sqrt().tolist()
 
@@ -124,6 +125,7 @@ def encode_crops(
     vae: MotionVAE, memory: FeatureCache, crops: Sequence[Crop], context: DistributedContext
 ) -> Posteriors:
     """Encodes crops, those of similar length together."""
+    # By length, so that little of a batch is padding.
     order = sorted(range(len(crops)), key=lambda index: crops[index].frames)
     rows: dict[int, tuple[torch.Tensor, torch.Tensor]] = {}
     for start in range(0, len(order), AT_ONCE):
@@ -148,8 +150,8 @@ def cached_posteriors(
 ) -> Posteriors:
     """Reads posteriors from `path`, which the leading rank computes first where it is missing."""
     if context.is_main and not path.exists():
-        found = compute()
-        tensors = {"mean": found.mean, "std": found.std, "mask": found.mask}
+        posteriors = compute()
+        tensors = {"mean": posteriors.mean, "std": posteriors.std, "mask": posteriors.mask}
         with atomic_file(path) as temporary:
             save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary)
     context.wait()
@@ -167,7 +169,7 @@ class FrameCache:
 
     Args:
         memory: Normalized features.
-        device: Where they are wanted.
+        device: Device of the result.
     """
 
     def __init__(self, memory: FeatureCache, device: torch.device) -> None:
@@ -216,20 +218,20 @@ class LatentData:
     """Embeddings of all their captions."""
 
 
-class DenoiserStage(Stage[Denoiser]):
+class DenoiserStage(Stage[DenoiserNetwork]):
     """Training of the denoiser: the network, its training latents and its held-out ones.
 
     Args:
         denoiser: The network to train.
         data: Latents and prompts.
-        previews: Makes motions, to look at samples.
-        experiment: Which objective.
+        previews: Generates sample motions during training.
+        experiment: Settings of the loss.
         context: The device and rank.
     """
 
     def __init__(
         self,
-        denoiser: Denoiser,
+        denoiser: DenoiserNetwork,
         data: LatentData,
         previews: Previews,
         experiment: Experiment,
@@ -246,12 +248,12 @@ class DenoiserStage(Stage[Denoiser]):
         crops, ranks = self._data.batches(step), self._context.ranks
         seed = self._experiment.denoiser_training.seed
         randomness = StepRandomness(seed, step, len(crops), ranks, self._context.device)
-        own = crops[ranks.shard(len(crops))]
+        shard = crops[ranks.shard(len(crops))]
         dropped = self._experiment.denoiser_objective.dropped
-        return {"total": self._loss(self.network, own, crops, randomness, dropped)}
+        return {"total": self._loss(self.network, shard, crops, randomness, dropped)}
 
     @torch.no_grad()
-    def validate(self, network: Denoiser) -> dict[str, float]:
+    def validate(self, network: DenoiserNetwork) -> dict[str, float]:
         """Mean loss of held-out motions and of as many seen ones, at the same times and noises.
 
         Held-out motions are measured without their prompts too: a denoiser that has learned to read
@@ -260,11 +262,12 @@ class DenoiserStage(Stage[Denoiser]):
         held_out = self._data.held_out
         if not held_out:
             return {}
-        seen = self._data.batches(0)[: len(held_out)]
+        # The crops of step 0, and the same noise each time, so that validations can be compared.
+        train = self._data.batches(0)[: len(held_out)]
         device, losses = self._context.device, {}
         for name, crops, dropped in (
             ("loss", held_out, 0.0),
-            ("loss_of_seen", seen, 0.0),
+            ("loss_of_seen", train, 0.0),
             ("loss_unprompted", held_out, 1.0),
         ):
             draws = (StepRandomness(n, 0, len(crops), Ranks(), device) for n in range(DRAWS))
@@ -273,10 +276,11 @@ class DenoiserStage(Stage[Denoiser]):
         return losses
 
     @torch.no_grad()
-    def sample(self, network: Denoiser) -> list[Motion]:
+    def sample(self, network: DenoiserNetwork) -> list[Motion]:
         """Motions for the prompts of a few held-out clips."""
         every = [crop.caption for crop in self._data.held_out]
         captions = [caption for caption in every if caption] or every
+        # Four, spread over the held-out clips, fit into one picture.
         captions = captions[:: max(1, len(captions) // 4)][:4]
         if not captions:
             return []
@@ -290,7 +294,7 @@ class DenoiserStage(Stage[Denoiser]):
 
     def _loss(
         self,
-        network: Denoiser,
+        network: DenoiserNetwork,
         crops: Sequence[Crop],
         among: Sequence[Crop],
         randomness: StepRandomness,

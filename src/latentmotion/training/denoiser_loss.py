@@ -102,16 +102,16 @@ def step_loss(
         student: The denoiser that learns, whose last argument is a `StepCondition`.
         batch: The steps.
         schedule: The teacher's.
-        parametrization: What the student's output means.
+        parametrization: Meaning of the student's output.
         huber_delta: Error at which the loss changes from quadratic to linear.
     """
     start, t = batch.start, batch.times[0]
     output = student(start, t, batch.condition, batch.mask, batch.step_condition).float()
     velocity = partial(Velocity().target, t=t, schedule=schedule)
-    found = velocity(*parametrization.to_x0_eps(output, start, t, schedule))
-    wanted = velocity(*between(start, batch.end, *batch.times, schedule))
+    predicted = velocity(*parametrization.to_x0_eps(output, start, t, schedule))
+    target = velocity(*between(start, batch.end, *batch.times, schedule))
     return mean_of_real(
-        F.huber_loss(found, wanted, reduction="none", delta=huber_delta), batch.mask
+        F.huber_loss(predicted, target, reduction="none", delta=huber_delta), batch.mask
     )
 
 

@@ -100,10 +100,10 @@ class DistributedContext:
         everyone = [torch.zeros((), dtype=torch.long, device=self.device)] * self.ranks.world
         everyone = [item.clone() for item in everyone]
         torch.distributed.all_gather(everyone, torch.tensor(number, device=self.device))
-        found = [int(item) for item in everyone]
-        if len(set(found)) > 1:
+        numbers = [int(item) for item in everyone]
+        if len(set(numbers)) > 1:
             raise InputError(
-                f"ranks disagree about the {what}: {found}; expected one run folder that all "
+                f"ranks disagree about the {what}: {numbers}; expected one run folder that all "
                 "hosts share"
             )
 

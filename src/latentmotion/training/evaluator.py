@@ -141,10 +141,10 @@ class EvaluatorStage(Stage[Networks]):
     """The networks, the crops and sentences they are shown, and those they are measured on.
 
     Args:
-        networks: What to train.
+        networks: Networks to train.
         vectors: Sentences to word vectors.
         dataset: Motions and captions.
-        experiment: Which crops, which objective.
+        experiment: Crops and loss.
         context: The device and rank.
 
     Raises:
@@ -188,9 +188,9 @@ class EvaluatorStage(Stage[Networks]):
         crops, ranks = self._batch_samplers[turn](number), self._context.ranks
         # Only dropout is random here; it is seeded by the step.
         StepRandomness(self._experiment.training.seed, step, len(crops), ranks)
-        own = crops[ranks.shard(len(crops))]
-        squared = self._distances(self.network, [crop.caption for crop in own], own)
-        return {"total": self._experiment.objective(squared, self._matches(own, own))}
+        shard = crops[ranks.shard(len(crops))]
+        squared = self._distances(self.network, [crop.caption for crop in shard], shard)
+        return {"total": self._experiment.objective(squared, self._matches(shard, shard))}
 
     @torch.no_grad()
     def validate(self, network: Networks) -> dict[str, float]:
@@ -218,9 +218,9 @@ class EvaluatorStage(Stage[Networks]):
         hits = []
         for start in range(0, len(crops), GROUP):
             group = crops[start : start + GROUP]
-            own = self._distances(network, [crop.caption for crop in group], group)
+            distances = self._distances(network, [crop.caption for crop in group], group)
             other = self._distances(network, [mirror_words(crop.caption) for crop in group], group)
-            hits += (own.diagonal() < other.diagonal()).tolist()
+            hits += (distances.diagonal() < other.diagonal()).tolist()
         return {"sides": float(np.mean(hits))} if hits else {}
 
     def _distances(
@@ -229,9 +229,11 @@ class EvaluatorStage(Stage[Networks]):
         device = self._context.device
         features, mask = self._memory.batch(crops, max(crop.frames for crop in crops))
         read = self._read(sentences)
-        words, parts, seen = (torch.from_numpy(x) for x in (read.words, read.parts, read.mask))
+        words, parts, words_mask = (
+            torch.from_numpy(x) for x in (read.words, read.parts, read.mask)
+        )
         motions = network.motions(features.to(device), mask.to(device))
-        texts = network.texts(words.to(device), parts.to(device), seen.to(device))
+        texts = network.texts(words.to(device), parts.to(device), words_mask.to(device))
         return squared_distances(texts, motions)
 
     def _read(self, sentences: Sequence[str]) -> Sentences:

@@ -21,7 +21,8 @@ from latentmotion.training.denoiser_loss import DenoiserObjective
 from latentmotion.training.rarity import RarityDraws
 
 Precision = Literal["float32", "bfloat16", "auto"]
-"""Of a network's arithmetic; `auto` is bfloat16 on devices that multiply it, else float32."""
+"""Precision of a network's arithmetic; `auto` is bfloat16 on devices that multiply it, else
+float32."""
 
 Parallel = Literal["auto", "replicated", "sharded"]
 """Whether each rank holds all weights or a part of them; `auto` decides by size."""
@@ -131,7 +132,7 @@ def with_changes(experiment: Settings, changes: Sequence[str]) -> Settings:
     """Returns an experiment, or settings like it, with some values replaced.
 
     Args:
-        experiment: Where to start from, a frozen dataclass.
+        experiment: Settings to change, a frozen dataclass.
         changes: Each `part.key=value` with a JSON value, e.g. `vae_training.steps=1000`.
 
     Raises:
@@ -157,11 +158,11 @@ def with_changes(experiment: Settings, changes: Sequence[str]) -> Settings:
     return from_json(type(experiment), data)
 
 
-def differing_keys(one: Any, other: Any, where: str = "") -> Iterator[str]:
+def differing_keys(first: Any, second: Any, where: str = "") -> Iterator[str]:
     """Names the values in which two experiments, or parts of them, differ."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        for key in one | other:
+    if isinstance(first, dict) and isinstance(second, dict):
+        for key in first | second:
             path = f"{where}.{key}" if where else key
-            yield from differing_keys(one.get(key), other.get(key), path)
-    elif one != other:
-        yield f"{where} ({one!r} → {other!r})"
+            yield from differing_keys(first.get(key), second.get(key), path)
+    elif first != second:
+        yield f"{where} ({first!r} → {second!r})"

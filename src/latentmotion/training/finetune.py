@@ -109,10 +109,10 @@ def finetune(
     output: Path,
     context: DistributedContext,
 ) -> Path:
-    """Does the whole way, or what is left of it; returns the run's folder, beside the output.
+    """Prepares, trains and distills, resuming finished parts; returns the run's folder.
 
     Args:
-        settings: How.
+        settings: Amounts of data and training.
         clips: The folder of motion files. Where no sentences come with them, the names of the
             files and what is measured in the motions become captions.
         model: Folder of the model to train on; not a distilled one.
@@ -179,9 +179,9 @@ def _hashes(clips: OwnMotions) -> dict[str, str]:
 
 def _prepare(settings: FineTuning, clips: OwnMotions, model: Path, work: Path) -> None:
     """Prepares clips and rehearsal, each unless it is there, and joins them as `data`."""
-    own, own_motions, joined = work / "own", work / REHEARSAL, work / "data"
+    own_folder, rehearsal, joined = work / "own", work / REHEARSAL, work / "data"
     representation = representation_named(read_card(model).representation)
-    if not (own / MANIFEST).is_file():
+    if not (own_folder / MANIFEST).is_file():
         preparation = Preparation(representation)
         if not clips.captions and not any(clips.folder.rglob("*.txt")):
             rows = described.describe_files(clips, 0, names=True)
@@ -191,22 +191,22 @@ def _prepare(settings: FineTuning, clips: OwnMotions, model: Path, work: Path) -
             print(f"wrote {path}: captions from names of files and from the motions, to correct")
             clips = replace(clips, captions=path)
         preparation.add(encode_all(clips.recordings(), representation))
-        print(preparation.write(own, (clips.source,)).text())
-    if not any(clip.captions for clip in read_manifest(own).clips if clip.split == "train"):
+        print(preparation.write(own_folder, (clips.source,)).text())
+    if not any(clip.captions for clip in read_manifest(own_folder).clips if clip.split == "train"):
         raise DataError(
             f"no training clip of {clips.folder} has a caption; write NAME.txt beside NAME.bvh, or "
             "a CSV with the columns file and caption, and pass it by --captions"
         )
-    if settings.rehearsal and not (own_motions / MANIFEST).is_file():
+    if settings.rehearsal and not (rehearsal / MANIFEST).is_file():
         preparation = Preparation(representation)
         recordings, card = _rehearsed(settings, model), read_card(model)
         preparation.add(encode_all(recordings, representation))
         credit = "; ".join(card.provenance.data)
         source = Source(REHEARSAL, card.provenance.license, f"motions of {card.name}; {credit}")
         if preparation.motions:
-            preparation.write(own_motions, (source,))
+            preparation.write(rehearsal, (source,))
     if not (joined / MANIFEST).is_file():
-        parts = [own, own_motions]
+        parts = [own_folder, rehearsal]
         merge([part for part in parts if (part / MANIFEST).is_file()], joined)
 
 
@@ -215,28 +215,29 @@ def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
     pipeline = torch_pipeline(model)
     instructions = drawn_instructions(settings.rehearsal, settings.training.seed + 1)
     blocks = [instructions[i : i + AT_ONCE] for i in range(0, len(instructions), AT_ONCE)]
-    kept = []
+    obeying = []
     for number, block in enumerate(counted(blocks, "rehearsing")):
         seeds = range(number * AT_ONCE, number * AT_ONCE + len(block))
-        prompts = [one.prompt for one in block]
+        prompts = [instruction.prompt for instruction in block]
         with warnings.catch_warnings():
             for category in (UnknownWordsWarning, DoubtWarning):
                 warnings.simplefilter("ignore", category)  # nobody typed these prompts
             motions = pipeline.batch(
                 prompts, seeds=seeds, steps=SOLVER_STEPS, sampler="dpm++", from_clips=False
             )
-        kept += [
-            (one, motion.joints)
-            for one, motion in zip(block, motions, strict=True)
-            if fulfills(scene_of(motion.joints), one.check)
+        obeying += [
+            (instruction, motion.joints)
+            for instruction, motion in zip(block, motions, strict=True)
+            if fulfills(scene_of(motion.joints), instruction.check)
         ]
     recordings = []
-    for number, (one, joints) in enumerate(kept):
-        sentences = (TaggedSentence(one.prompt),)
+    for number, (instruction, joints) in enumerate(obeying):
+        sentences = (TaggedSentence(instruction.prompt),)
         label = Label(
             id=f"{REHEARSAL}-{number:04d}",
             source=REHEARSAL,
-            origin=one.prompt,
+            origin=instruction.prompt,
+            # One in twenty, in order, so that the same prompts validate every run.
             split="val" if number % 20 == 19 else "train",
             sentences=sentences,
             mirrored_sentences=tuple(map(mirror_sentence, sentences)),

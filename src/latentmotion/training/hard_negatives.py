@@ -38,11 +38,11 @@ class HardBatchSampler:
     Args:
         clips: Clips with captions, and the mirrored copy of each.
         batch_size: Crops of a step, mirror images included.
-        cropping: Which lengths crops have.
-        hard: How alike they are.
+        cropping: Lengths of crops.
+        hard: Similarity of the crops of a group.
         seed: Changes order and crops.
         embed: Sentences to embeddings.
-        draws: How often rare sentences are seen.
+        draws: Weights of rare sentences.
 
     Raises:
         InputError: There are no mirrored copies.
@@ -75,11 +75,11 @@ class HardBatchSampler:
         chosen = crops[part % parts * self._half :][: self._half]
         twins = []
         for crop in chosen:
-            twin, wanted = self._twins[crop.clip.id], mirror_words(crop.caption)
+            twin, mirrored = self._twins[crop.clip.id], mirror_words(crop.caption)
             numbers = [n for n, c in enumerate(crop.clip.captions) if c.text == crop.caption]
             texts = [caption.text for caption in twin.captions]
             # Official mirrored captions are the data set's own.
-            caption = wanted if wanted in texts else texts[numbers[0] % len(texts)]
+            caption = mirrored if mirrored in texts else texts[numbers[0] % len(texts)]
             twins.append(Crop(twin, crop.start, crop.frames, caption))
         return [*chosen, *twins]
 

@@ -64,7 +64,7 @@ class Journal:
         """Ends the files."""
         self._file.close()
         self._board.close()
-        self._tell(lambda logger: logger.close())
+        self._notify(lambda logger: logger.close())
 
     def write(self, step: int, kind: str, figures: Mapping[str, float]) -> None:
         """Appends figures (losses, rates, millimeters) of `kind` "train" or "validation"."""
@@ -73,9 +73,9 @@ class Journal:
         self._file.flush()
         for name, value in rounded.items():
             self._board.add_scalar(f"{kind}/{name}", value, step)
-        self._tell(lambda logger: logger.write(step, kind, rounded))
+        self._notify(lambda logger: logger.write(step, kind, rounded))
 
-    def _tell(self, what: Callable[[Any], object]) -> None:
+    def _notify(self, what: Callable[[Any], object]) -> None:
         """Calls every logger; one that fails is left out from then on."""
         for name in list(self._loggers):
             try:
@@ -111,10 +111,10 @@ def read_journal(folder: str | Path) -> list[dict[str, Any]]:
 def _opened_loggers(folder: Path, done: int) -> dict[str, Any]:
     """Returns the loggers that the environment names, opened; broken ones are warned of."""
     opened = {}
-    known = plugin_names("latentmotion.loggers") if os.environ.get(LOGGERS) else ()
+    names = plugin_names("latentmotion.loggers") if os.environ.get(LOGGERS) else ()
     for name in filter(None, os.environ.get(LOGGERS, "").split(",")):
-        if name not in known:
-            advice = hint(name, known) if known else "no plugin adds one"
+        if name not in names:
+            advice = hint(name, names) if names else "no plugin adds one"
             raise InputError(f"{LOGGERS}: no logger {name!r}; {advice}")
         try:
             if (open_logger := plugin("latentmotion.loggers", name)) is not None:

@@ -48,7 +48,7 @@ class LengthRecipe:
     learning_rate: float = 1e-3
     """Peak learning rate, of one cycle."""
     dropout: float = 0.1
-    """Of inputs and hidden units."""
+    """Dropout rate of inputs and hidden units."""
     seed: int = 0
     """Seed of first weights, order and dropout."""
 
@@ -66,7 +66,7 @@ class ObedienceRecipe:
     learning_rate: float = 2e-3
     """Peak learning rate, of one cycle."""
     dropout: float = 0.5
-    """Of inputs and hidden units."""
+    """Dropout rate of inputs and hidden units."""
     prompts: int = 20_000
     """Drawn prompts whose best length is learned."""
     copies: int = 3
@@ -107,6 +107,8 @@ class ObedienceNetwork(nn.Module):
         self, embeddings: Float[Tensor, "*prompts width"], log_seconds: Float[Tensor, "*prompts"]
     ) -> Float[Tensor, "*prompts"]:
         """Returns the logit of obeying."""
+        # Neighboring centers are 0.25 apart in the logarithm, so that bumps of deviation 0.25
+        # overlap.
         bumps = torch.exp(-8 * (log_seconds[..., None] - self.centers) ** 2)
         heights = self.heights(embeddings)
         return (heights[..., : self.BUMPS] * bumps).sum(-1) + heights[..., self.BUMPS]
@@ -178,19 +180,19 @@ def best_lengths(
         encoder: Whose embeddings are read.
         recipe: The settings.
     """
-    prompts = [one.prompt for one in drawn_instructions(recipe.prompts, recipe.seed)]
-    seen, drawn = (
+    prompts = [item.prompt for item in drawn_instructions(recipe.prompts, recipe.seed)]
+    train, drawn = (
         torch.tensor(pooled_embeddings(encoder, some)) for some in (verdicts.prompts, prompts)
     )
-    mean, std = seen.mean(0), seen.std(0) + 1e-3
+    mean, std = train.mean(0), train.std(0) + 1e-3
     log_seconds, obeyed = torch.tensor(verdicts.seconds).log(), torch.tensor(verdicts.obeyed)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(recipe.seed)
-        network = ObedienceNetwork(seen.shape[1], recipe)
+        network = ObedienceNetwork(train.shape[1], recipe)
         _minimize(
             network,
             lambda rows: F.binary_cross_entropy_with_logits(
-                network((seen[rows] - mean) / std, log_seconds[rows]), obeyed[rows].float()
+                network((train[rows] - mean) / std, log_seconds[rows]), obeyed[rows].float()
             ),
             len(obeyed),
             recipe,
@@ -221,7 +223,7 @@ def kept_lengths(
         encoder: Whose embeddings it reads.
         recipe: Number of prompts and copies, and the seed.
     """
-    prompts = [one.prompt for one in drawn_instructions(recipe.prompts, recipe.seed)]
+    prompts = [item.prompt for item in drawn_instructions(recipe.prompts, recipe.seed)]
     seconds = np.array(earlier.usual(pooled_embeddings(encoder, prompts)), np.float32)
     return CaptionLengths(tuple(prompts) * recipe.copies, np.tile(seconds, recipe.copies))
 
@@ -234,6 +236,7 @@ def _log_density(
         np.log(quantiles[:, QUANTILES.index(share)].clip(0.5))[:, None]
         for share in (0.25, 0.5, 0.75)
     )
+    # The interquartile range of a normal distribution is 1.349 deviations.
     spread = np.maximum((high - low) / 1.349, 0.15)
     return (-0.5 * ((log_seconds - middle) / spread) ** 2).astype(np.float32)
 
@@ -250,12 +253,12 @@ def measured(
         constant: The length in seconds that it is compared with.
     """
     near = 0.5 / TAG_RATE  # a third of all lengths is the longest
-    found, true = model(pooled_embeddings(encoder, captions.sentences)), captions.seconds
+    predicted, true = model(pooled_embeddings(encoder, captions.sentences)), captions.seconds
     return LengthFigures(
         sentences=len(true),
-        mae=float(np.abs(found[:, QUANTILES.index(0.5)] - true).mean()),
+        mae=float(np.abs(predicted[:, QUANTILES.index(0.5)] - true).mean()),
         constant_mae=float(np.abs(constant - true).mean()),
-        inside=float(((found[:, 0] - near <= true) & (true <= found[:, -1] + near)).mean()),
+        inside=float(((predicted[:, 0] - near <= true) & (true <= predicted[:, -1] + near)).mean()),
     )
 
 

@@ -127,7 +127,7 @@ def load_snapshot(
     average: ExponentialMovingAverage,
     optimizer: torch.optim.Optimizer,
 ) -> Progress:
-    """Restores what `save_snapshot` wrote; returns how far it is, zeros without one.
+    """Restores the state that `save_snapshot` wrote; returns its progress, else zeros.
 
     Raises:
         ModelError: The file is damaged or belongs to other networks.
@@ -138,8 +138,10 @@ def load_snapshot(
     state = _read_snapshot(path)
     try:
         for part, key in ((network, "network"), (average.network, "average")):
-            own = part.state_dict()
-            placed = {k: shared_like(v, own[k]) if k in own else v for k, v in state[key].items()}
+            current = part.state_dict()
+            placed = {
+                k: shared_like(v, current[k]) if k in current else v for k, v in state[key].items()
+            }
             part.load_state_dict(placed)
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
         for number, moments in state["optimizer"]["state"].items():
@@ -258,9 +260,9 @@ class Reporter(Generic[Network]):
     """Journal, validation and pictures of a run, each when its step has come.
 
     Args:
-        stage: What is trained.
+        stage: Stage to train.
         average: The averaged network, which is validated and sampled.
-        settings: When each is due.
+        settings: Intervals of reports, validations and snapshots.
         folder: The run folder.
         context: Only the leading rank writes.
         done: Steps that the snapshot holds.

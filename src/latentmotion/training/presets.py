@@ -333,8 +333,8 @@ def preset_named(name: str) -> Experiment:
     """Returns a preset, or what a file of settings says.
 
     Args:
-        name: Of a preset; or a file that ends with .json or .toml: the settings that differ from
-            those of a preset, which it names as `preset` (by default starter). The
+        name: Name of a preset; or a file that ends with .json or .toml: the settings that differ
+            from those of a preset, which it names as `preset` (by default starter). The
             `experiment.json` of a run folder is such a file.
 
     Raises:

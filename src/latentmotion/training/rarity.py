@@ -1,4 +1,4 @@
-"""Draws by rarity: sentences that few clips support are drawn more often, frequent ones less.
+"""Draws by rarity: sentences with few supporting clips are drawn more often, frequent ones less.
 
     weight(s) = min(most, (usual / support(s))^power)
 

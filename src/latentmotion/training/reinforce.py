@@ -24,7 +24,7 @@ from latentmotion.diffusion.parametrization import add_noise
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.prompts import Instruction
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel, load_model, save_model
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.storage.files import sha256
 from latentmotion.text.lengths import LengthFile, LengthModel
 from latentmotion.training.denoiser import DenoiserStage, LatentData
@@ -74,8 +74,8 @@ class ReinforceStage(DenoiserStage):
     Args:
         denoiser: The network to train.
         data: Latents and prompts of the data.
-        previews: Makes motions, to look at samples.
-        experiment: Which objective.
+        previews: Generates sample motions during training.
+        experiment: Settings of the loss.
         context: The device and rank.
         takes: Judged motions of `denoiser` as it is now.
         asked: What they were asked.
@@ -85,19 +85,19 @@ class ReinforceStage(DenoiserStage):
 
     def __init__(
         self,
-        denoiser: Denoiser,
+        denoiser: DenoiserNetwork,
         data: LatentData,
         previews: Previews,
         experiment: Experiment,
         context: DistributedContext,
         takes: Takes,
-        asked: list[Instruction],
+        instructions: list[Instruction],
         prompts: ConditionTable,
         settings: Reinforcement,
     ) -> None:
         super().__init__(denoiser, data, previews, experiment, context)
         self.old = copy.deepcopy(denoiser).eval().requires_grad_(False)
-        self._takes, self._asked, self._asked_prompts = takes, asked, prompts
+        self._takes, self._asked, self._asked_prompts = takes, instructions, prompts
         self._learned, self._settings = takes.weights(settings.takes.feet), settings
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
@@ -107,12 +107,14 @@ class ReinforceStage(DenoiserStage):
         rows = self._rows(step)
         ranks, device = self._context.ranks, self._context.device
         chance = StepRandomness(training.seed + 1, step, len(rows), ranks, device)
-        own = rows[ranks.shard(len(rows))]
+        shard = rows[ranks.shard(len(rows))]
         longest = int(takes.mask[rows].sum(dim=1).max())
-        z0, mask = (x[own, :longest].to(device) for x in (takes.latents, takes.mask))
-        learned = self._learned[own].to(device)
+        z0, mask = (x[shard, :longest].to(device) for x in (takes.latents, takes.mask))
+        learned = self._learned[shard].to(device)
         epsilon, t = chance.normal(*z0.shape[1:]), objective.time(chance.normal())
-        condition = self._asked_prompts([self._asked[n].prompt for n in takes.prompt[own].tolist()])
+        condition = self._asked_prompts(
+            [self._asked[n].prompt for n in takes.prompt[shard].tolist()]
+        )
         z = add_noise(z0, epsilon, t, objective.schedule)
         target = objective.parametrization.target(z0, epsilon, t, objective.schedule)
         with torch.no_grad():
@@ -173,27 +175,27 @@ def reinforce(
     check_fit(experiment, dataset, first, conditioning)
     parents = {"model": first.fingerprint, **conditioning.task.parents}
     open_run(folder, ReinforceRun(dataset.fingerprint, parents, settings), context)
-    asked = drawn_instructions(settings.takes.prompts, settings.takes.seed)
-    sentences = [one.prompt for one in asked]
+    instructions = drawn_instructions(settings.takes.prompts, settings.takes.seed)
+    sentences = [instruction.prompt for instruction in instructions]
     prompts = ConditionTable(conditioning.condition, sentences, context.device)
     usual = lengths.usual(encoder(sentences).pooled)
-    takes = cached_takes(settings.takes, asked, usual, model, prompts, folder, context)
+    takes = cached_takes(settings.takes, instructions, usual, model, prompts, folder, context)
     latents = model.card.latents
-    seen, space = prepare_latents(
+    second_stage, space = prepare_latents(
         experiment, dataset, first, conditioning, folder, context, latents
     )
     card = replace(model.card, latents=space)
     torch.manual_seed(settings.training.seed)
     previews = Previews(model.vae, card, experiment.latents.cropping.max_frames // 2)
     stage = ReinforceStage(
-        model.denoiser.requires_grad_(True), seen, previews, experiment, context,
-        takes, asked, prompts, settings,
+        model.denoiser.requires_grad_(True), second_stage, previews, experiment, context,
+        takes, instructions, prompts, settings,
     )  # fmt: skip
     denoiser, seconds = train(stage, settings.training, folder, context)
     if context.is_main:
         figures = stage.validate(denoiser) | {"takes_obey": float(takes.obeys.float().mean())}
-        made = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
-        save_model(folder / MODEL, LatentModel(made, model.vae.cpu(), denoiser))
+        trained_card = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
+        save_model(folder / MODEL, LatentModel(trained_card, model.vae.cpu(), denoiser))
     return folder / MODEL
 
 

@@ -1,4 +1,4 @@
-"""Run folders: the settings of a run, checked when it is resumed, and what its model says of it."""
+"""Run folders: the settings of a run, checked when it is resumed, and the cards of its models."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = 
     """Says what the running command makes a model from.
 
     Args:
-        dataset: What it was trained on.
-        seconds: How long that took.
+        dataset: Training data.
+        seconds: Duration of the training.
         before: Provenance of the model that it builds on.
     """
     sources, before = dataset.sources, before or Provenance()
@@ -93,9 +93,9 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     path = folder / NAME
     if path.exists():
         # Through text, as the file went: tuples become lists.
-        found = json.loads(json.dumps(to_json(read_run(type(run), folder))))
-        wanted = json.loads(json.dumps(to_json(run)))
-        differing = list(differing_keys(found, wanted))
+        existing = json.loads(json.dumps(to_json(read_run(type(run), folder))))
+        current = json.loads(json.dumps(to_json(run)))
+        differing = list(differing_keys(existing, current))
         fixed = []
         for key in differing:  # more steps and another precision may be asked for
             steps = _STEPS.fullmatch(key)

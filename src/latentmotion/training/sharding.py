@@ -20,7 +20,8 @@ BYTES_OF_A_WEIGHT = 20
 """The weight, its gradient, AdamW's two moments and the moving average, each of four bytes."""
 
 SHARE = 0.5
-"""Of a device's memory that these may take on every rank; activations need the rest."""
+"""Share of a device's memory that weights and optimizer may take on every rank; activations need
+the rest."""
 
 Module = TypeVar("Module", bound=nn.Module)
 
@@ -29,7 +30,7 @@ def is_sharded(network: nn.Module, settings: TrainingSettings, context: Distribu
     """Returns whether the ranks share the weights of a network, or each holds all.
 
     Args:
-        network: What is trained.
+        network: Network to train.
         settings: By `auto` it is shared where it takes more than `SHARE` of a GPU's memory.
         context: The device; one rank shares nothing.
     """
@@ -51,7 +52,7 @@ def shard(module: nn.Module, network: nn.Module, context: DistributedContext) ->
 
     Args:
         module: Whose forward uses the network; the network itself, or what holds it.
-        network: What is shared. Other weights of `module` stay whole.
+        network: Network whose weights are sharded. Other weights of `module` stay whole.
         context: The ranks.
     """
     from torch.distributed.fsdp import fully_shard  # most of a second
@@ -75,7 +76,7 @@ def whole(state: Any) -> Any:
 
 
 def shared_like(tensor: torch.Tensor, example: torch.Tensor) -> torch.Tensor:
-    """Returns a whole tensor as `example` is: with the ranks' parts, or as it is."""
+    """Returns a whole tensor laid out as `example` is: sharded over the ranks, or whole."""
     if not hasattr(example, "full_tensor"):
         return tensor
     from torch.distributed.tensor import distribute_tensor

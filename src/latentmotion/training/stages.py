@@ -64,7 +64,7 @@ def train_vae(
     """Trains stage 1, or resumes it; returns the model folder.
 
     Args:
-        experiment: What to train, and how.
+        experiment: Sizes, losses and training settings.
         data: Prepared folder.
         folder: Run folder to write.
         context: Device and rank.
@@ -125,7 +125,7 @@ def train_denoiser(
     """Trains stage 2, or resumes it; returns the model folder, which holds both stages.
 
     Args:
-        experiment: What to train, and how.
+        experiment: Sizes, losses and training settings.
         data: Prepared folder.
         vae: Run or model folder of stage 1; without it the diffusion is on raw frames.
         encoder: Text encoder, where the task is text.

@@ -1,4 +1,4 @@
-"""A model's own motions for prompts with checks, and how well each does what it was asked.
+"""A model's own motions for prompts with checks, and whether each fulfills its check.
 
 They are what `reinforce` learns from: latents in the denoiser's scale, made once and kept in the
 run folder, a file of each rank.
@@ -113,11 +113,13 @@ def cached_takes(
     """
     ranks = range(context.ranks.world)
     files = [folder / f"takes-{rank}-of-{context.ranks.world}.safetensors" for rank in ranks]
-    own = files[context.ranks.rank]
-    if not own.exists():
-        made = _make(settings, instructions, seconds, model, prompts, context)
-        with atomic_file(own) as temporary:
-            save_file({field.name: getattr(made, field.name) for field in fields(made)}, temporary)
+    rank_file = files[context.ranks.rank]
+    if not rank_file.exists():
+        takes = _make(settings, instructions, seconds, model, prompts, context)
+        with atomic_file(rank_file) as temporary:
+            save_file(
+                {field.name: getattr(takes, field.name) for field in fields(takes)}, temporary
+            )
     context.wait()
     return joined_takes([Takes(**load_file(file)) for file in files])
 
@@ -147,19 +149,19 @@ def _make(
     parts = []
     for number in range(context.ranks.rank, len(blocks), context.ranks.world):
         rows = blocks[number]
-        asked = [instructions[row // settings.takes] for row in rows]
+        requested = [instructions[row // settings.takes] for row in rows]
         tokens = [card.latents.tokens_of(int(frames[row])) for row in rows]
         noise = SeededNoise([settings.seed * 2**20 + int(row) for row in rows], tokens)
         z = torch.from_numpy(noise((len(rows), max(tokens), card.latents.width))).to(device)
         mask = prefix_mask(torch.tensor(tokens)).to(device)
-        condition = prompts([one.prompt for one in asked])
+        condition = prompts([item.prompt for item in requested])
         with autocast(device):
             z = sample(denoiser, sampler, z, condition, mask, settings.steps, noise).float()
         real = prefix_mask(torch.tensor(frames[rows])).to(device)
         joints = representation_of(card).decode(decoder(z, real).float().cpu().numpy())
         verdicts = [
-            judged(motion[: frames[row]], one)
-            for motion, row, one in zip(joints, rows, asked, strict=True)
+            judged(motion[: frames[row]], item)
+            for motion, row, item in zip(joints, rows, requested, strict=True)
         ]
         obeys, faults = (torch.tensor(values) for values in zip(*verdicts, strict=True))
         which = torch.from_numpy(rows // settings.takes)
@@ -176,22 +178,24 @@ def drawn_frames(
     limits: tuple[int, int],
     generator: np.random.Generator,
 ) -> np.ndarray:
-    """Returns lengths in whole tokens, around what is usual."""
+    """Returns random lengths in whole tokens, around the usual length of each prompt."""
     drawn = FPS * seconds * np.exp(spread * generator.standard_normal(len(seconds)))
     return (
         np.clip(drawn / STRIDE, -(-limits[0] // STRIDE), limits[1] // STRIDE).round() * STRIDE
     ).astype(int)
 
 
-def judged(joints: Float[np.ndarray, "frames 22 3"], asked: Instruction) -> tuple[bool, float]:
-    """Returns whether a motion does what it was asked, and the faults of its feet."""
+def judged(
+    joints: Float[np.ndarray, "frames 22 3"], instruction: Instruction
+) -> tuple[bool, float]:
+    """Returns whether a motion fulfills its instruction, and a penalty for its feet."""
     feet = joints[:, [7, 10, 8, 11]]
     velocity = FPS * np.diff(feet, axis=0)
     stands = (feet[:-1, :, 1] < STANDING) & (np.abs(velocity[..., 1]) < 0.3)
     speed = np.linalg.norm(velocity, axis=-1)
     slides = float(speed[stands].mean()) if stands.any() else 0.0
     depth = float(np.maximum(-joints[..., 1].min(axis=1), 0).mean())
-    return fulfills(scene_of(joints), asked.check), slides + depth / DEPTH
+    return fulfills(scene_of(joints), instruction.check), slides + depth / DEPTH
 
 
 def joined_takes(parts: Sequence[Takes]) -> Takes:

@@ -51,8 +51,8 @@ def task_conditioning(
     clips = dataset.clips("train", mirrored=experiment.mirrored)
     labels = tuple(sorted({clip.action for clip in clips if clip.action}))
     loaded = partial(required_encoder, encoder)
-    given = tasks.TrainingCondition(str(dataset.folder), labels, loaded, experiment.conditioning)
-    task = tasks.TASKS[experiment.task].of_training(given)
+    training = tasks.TrainingCondition(str(dataset.folder), labels, loaded, experiment.conditioning)
+    task = tasks.TASKS[experiment.task].of_training(training)
     return TaskConditioning(task, task.condition(task.condition_width, loaded))
 
 
@@ -88,25 +88,25 @@ def required_encoder(encoder: TextEncoder | None) -> TextEncoder:
 
 
 class ConditionTable:
-    """What the denoiser sees of prompts; the empty one has the row of the null condition.
+    """Conditions of all prompts of a data set; the empty prompt has the row of the null condition.
 
     Words of all prompts lie one after another without padding, in 16 bits: 9 kB for a prompt of a
     dozen words.
 
     Args:
         condition: Turns prompts into tokens.
-        prompts: Those that will be asked for.
-        device: Where the tokens are wanted.
+        prompts: Prompts to embed.
+        device: Device of the tokens.
     """
 
     def __init__(self, condition: Condition, prompts: Iterable[str], device: torch.device) -> None:
-        known = sorted({*prompts} - {""})
+        sentences = sorted({*prompts} - {""})
         with warnings.catch_warnings():
             # Data sets are full of misspelled words, which nobody can help here.
             warnings.simplefilter("ignore", UserWarning)
-            groups = [known[i : i + AT_ONCE] for i in range(0, len(known), AT_ONCE)]
+            groups = [sentences[i : i + AT_ONCE] for i in range(0, len(sentences), AT_ONCE)]
             parts = [_real(condition.null(1)), *(_real(condition(group)) for group in groups)]
-        self._rows = {prompt: row for row, prompt in enumerate(["", *known])}
+        self._rows = {prompt: row for row, prompt in enumerate(["", *sentences])}
         words, counts = (
             torch.from_numpy(np.concatenate(arrays)) for arrays in zip(*parts, strict=True)
         )

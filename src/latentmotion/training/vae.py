@@ -30,9 +30,9 @@ class BatchSampler:
     """Which crops each step shows: epochs of items in random order, batches of similar length.
 
     Args:
-        items: What to show.
+        items: Items to draw from.
         batch_size: Crops of a step.
-        cropping: Which lengths crops have.
+        cropping: Lengths of crops.
         seed: Changes order and crops.
     """
 
@@ -61,9 +61,9 @@ class FeatureCache:
     """Features of clips, read once and given out normalized, each crop as a clip of its own.
 
     Args:
-        dataset: Where features come from.
-        clips: Which are read.
-        normalizer: What they are normalized by.
+        dataset: Data set of the features.
+        clips: Clips to read.
+        normalizer: Mean and scale of the features.
 
     Raises:
         DataError: There is no clip.
@@ -115,7 +115,7 @@ class VAEStage(Stage[MotionVAE]):
     Args:
         vae: The network to train.
         dataset: Motions.
-        experiment: Which crops, which objective.
+        experiment: Crops and loss.
         context: The device and rank.
         body: Whose vertices are compared, where the objective does.
         memory: Features of the data's clips, where another stage has read them.
@@ -153,8 +153,8 @@ class VAEStage(Stage[MotionVAE]):
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""
         crops, context = self._batches(step), self._context
-        own = crops[context.ranks.shard(len(crops))]
-        features, mask = self.memory.batch(own, max(crop.frames for crop in crops))
+        shard = crops[context.ranks.shard(len(crops))]
+        features, mask = self.memory.batch(shard, max(crop.frames for crop in crops))
         seed, device = self._settings.seed, context.device
         return vae_losses(
             vae=self.network,
@@ -183,13 +183,13 @@ class VAEStage(Stage[MotionVAE]):
                 continue
             pairs = [self._rebuild(network, clip) for clip in clips]
             for name, align in (("mm", True), ("world_mm", False)):
-                errors = [mpjpe(found, true, align) for found, true in pairs]
+                errors = [mpjpe(decoded, true, align) for decoded, true in pairs]
                 figures[f"{split}_{name}"] = sum(errors) / len(errors)
         return figures
 
     @torch.no_grad()
     def sample(self, network: MotionVAE) -> list[Motion]:
-        """Two held-out clips, each as it is and as it is rebuilt; seen ones where all are."""
+        """Two held-out clips beside their reconstructions; training clips if none is held out."""
         motions = []
         for clip in (self._looked_at["val"] or self._looked_at["train"])[:2]:
             rebuilt, true = self._rebuild(network, clip)

@@ -1,1 +1,1 @@
-"""The page that shows a motion moving."""
+"""The web page that plays motions."""

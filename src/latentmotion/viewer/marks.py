@@ -9,14 +9,14 @@ from typing import Any
 from latentmotion.motion import Motion
 
 _MOST = 500
-"""Marks of a kind that are drawn."""
+"""Most marks of one kind that the page draws."""
 
 _POSE = 12
 """Goals at one time from which on they count as a whole pose."""
 
 
 def marks_of(motion: Motion) -> dict[str, Any]:
-    """Returns what was asked of a motion, for the page's script; kinds that it lacks are left out.
+    """Returns the goals and spans of a motion's metadata, for the page's script.
 
     Metadata may come from any file: what is not of the expected form is left out, too.
 
@@ -37,9 +37,9 @@ def marks_of(motion: Motion) -> dict[str, Any]:
             path.append({"at": at, "to": [float(x), float(z)]})
             continue
         joint = motion.skeleton.names.index(goal["joint"])
-        own = motion.joints[min(round(at * motion.fps), len(motion) - 1), joint].tolist()
+        current = motion.joints[min(round(at * motion.fps), len(motion) - 1), joint].tolist()
         # A coordinate that is free is where the joint is.
-        to = [own[n] if value is None else float(value) for n, value in enumerate((x, y, z))]
+        to = [current[n] if value is None else float(value) for n, value in enumerate((x, y, z))]
         points.append({"joint": goal["joint"], "at": at, "to": [round(v, 4) for v in to]})
     if path and path[0]["at"] > 0:
         path.insert(0, {"at": 0.0, "to": [round(float(v), 4) for v in motion.joints[0, 0, ::2]]})
@@ -57,9 +57,11 @@ def marks_of(motion: Motion) -> dict[str, Any]:
 
 
 def _entries(motion: Motion, name: str) -> Iterable[Mapping[str, Any]]:
-    found = motion.metadata.get(name)
+    entries = motion.metadata.get(name)
     return (
-        [entry for entry in found if isinstance(entry, Mapping)] if isinstance(found, list) else []
+        [entry for entry in entries if isinstance(entry, Mapping)]
+        if isinstance(entries, list)
+        else []
     )
 
 

@@ -63,6 +63,7 @@ class Skinned:
             "triangles": _base64(
                 self.triangles.astype("<u2" if len(vertices) <= 65_535 else "<u4")
             ),
+            # The smallest integers that hold all bones, since the page embeds them as base64.
             "joints": _base64(self.joints.astype("u1" if bones <= 256 else "<u2")),
             "weights": _base64(np.round(255 * self.weights).astype("u1")),
         }

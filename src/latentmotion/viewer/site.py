@@ -64,9 +64,9 @@ def write_site(output: Path, model: Path, runtime: Path, pyodide: Path | None = 
             python = sorted((folder / PYTHON_FOLDER).iterdir())
         size = sum(file.stat().st_size for file in python) / 1e6
         _fill(folder / _PAGE, {"python": str(math.ceil(size))})
-        kept = sorted(file for file in folder.iterdir() if file.is_file())
-        names = ["./", *(file.name for file in kept if file.name != _SERVICE)]
-        fields = {"version": _digest(kept), "python": _digest(python), "files": json.dumps(names)}
+        files = sorted(file for file in folder.iterdir() if file.is_file())
+        names = ["./", *(file.name for file in files if file.name != _SERVICE)]
+        fields = {"version": _digest(files), "python": _digest(python), "files": json.dumps(names)}
         _fill(folder / _SERVICE, fields)
 
 
@@ -78,7 +78,7 @@ def _fill(file: Path, fields: dict[str, str]) -> None:
 
 
 def _digest(files: list[Path]) -> str:
-    """Returns what tells files from those of another site."""
+    """Returns a digest by which files of another version of the site are told apart."""
     return hashlib.sha256("".join(map(sha256, files)).encode()).hexdigest()[:16]
 
 

@@ -24,18 +24,18 @@ bl_info = {
     "category": "Animation",
 }
 
-_CLASSES = (settings.Settings, settings.Preferences, *generate.CLASSES, panel.Panel)
+_CLASSES = (settings.AddonSettings, settings.Preferences, *generate.CLASSES, panel.Panel)
 
 
 def register() -> None:
     """Adds the panel, its operators and its settings to Blender."""
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Scene.latentmotion = bpy.props.PointerProperty(type=settings.Settings)
+    bpy.types.Scene.latentmotion = bpy.props.PointerProperty(type=settings.AddonSettings)
 
 
 def unregister() -> None:
-    """Removes all of it."""
+    """Removes all classes and properties of the add-on."""
     generate.stop()
     del bpy.types.Scene.latentmotion
     for cls in reversed(_CLASSES):

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from .bvh import Take, write_rest
+from .bvh import BvhTake, write_rest
 
 _STILL = 1e-5
 """Movement up to which a bone counts as still: meters, and entries of a rotation."""
@@ -30,7 +30,7 @@ class ArmatureSpace:
     """Axes and scale of an armature relative to a motion's."""
 
     axes: np.ndarray
-    """(3, 3) A."""
+    """(3, 3) The rotation A from the motion's axes to the armature's."""
     scale: float
     """Meters per unit of the armature."""
 
@@ -66,7 +66,7 @@ class Keys:
         )
 
 
-class Body:
+class ArmatureBody:
     """The bones of an armature at rest, as arrays."""
 
     def __init__(self, armature: bpy.types.Object) -> None:
@@ -100,7 +100,7 @@ class Body:
         write_rest(path, names, self.parents, heads, tips, movable)
         return dict(zip(names, self.names, strict=True))
 
-    def carry(self, take: Take, bones: Mapping[str, str]) -> list[Keys]:
+    def carry(self, take: BvhTake, bones: Mapping[str, str]) -> list[Keys]:
         """Returns keys with which each bone points where its joint does.
 
         Args:
@@ -113,7 +113,7 @@ class Body:
 class _Transfer:
     """One take retargeted to one armature; see the top of this file."""
 
-    def __init__(self, body: Body, take: Take, bones: Mapping[str, str]) -> None:
+    def __init__(self, body: ArmatureBody, take: BvhTake, bones: Mapping[str, str]) -> None:
         self.body, self.take = body, take
         self.rest = take.rest() @ body.space.axes.T
         joints = {bones[name]: joint for joint, name in enumerate(take.names) if name in bones}

@@ -17,11 +17,11 @@ _ROTATIONS = "Zrotation Xrotation Yrotation"
 
 
 @dataclass(frozen=True)
-class Take:
+class BvhTake:
     """One motion."""
 
     names: list[str]
-    """Of the joints, parents before children; end sites are left out."""
+    """Names of the joints, parents before children; end sites are left out."""
     parents: list[int]
     """Index of each joint's parent; -1 for the root."""
     offsets: np.ndarray
@@ -39,14 +39,14 @@ class Take:
         return positions
 
 
-def read_take(path: Path) -> Take:
+def read_take(path: Path) -> BvhTake:
     """Reads a file.
 
     Raises:
         ValueError: It is not BVH as we know it.
     """
-    head, found, tail = path.read_text(encoding="utf-8").partition("MOTION")
-    if not found:
+    head, separator, tail = path.read_text(encoding="utf-8").partition("MOTION")
+    if not separator:
         raise ValueError(f"{path.name} is not a BVH file")
     names, parents, offsets, channels = _hierarchy(head)
     rows = [line.split() for line in tail.split("\n") if line.strip()][2:]
@@ -67,7 +67,7 @@ def read_take(path: Path) -> Take:
     for joint, parent in enumerate(parents):
         if parent >= 0:
             rotations[:, joint] = rotations[:, parent] @ rotations[:, joint]
-    return Take(names, parents, offsets, positions, rotations)
+    return BvhTake(names, parents, offsets, positions, rotations)
 
 
 def _hierarchy(
@@ -108,7 +108,7 @@ def write_rest(
 
     Args:
         path: The file.
-        names: Of the joints, parents before children, without spaces.
+        names: Names of the joints, parents before children, without spaces.
         parents: Index of each joint's parent; -1 for the root.
         positions: (joints, 3) of the joints.
         tips: (joints, 3) ends of the bones of joints without children.

@@ -20,15 +20,15 @@ _BLENDERS_OWN = ("PYTHONHOME", "PYTHONPATH", "LD_LIBRARY_PATH")
 """Variables that Blender sets for its own Python, which would mislead another."""
 
 
-def find_command(wanted: str = "", project: Path | None = None) -> str | None:
+def find_command(preferred: str = "", project: Path | None = None) -> str | None:
     """Returns the path of the command, or None.
 
     Args:
-        wanted: Path that the user has set, a command or its folder; nothing else is tried then.
+        preferred: Path that the user has set, a command or its folder; nothing else is tried then.
         project: Folder of the open file, whose environment is tried too.
     """
-    if wanted.strip():
-        path = Path(wanted.strip()).expanduser()
+    if preferred.strip():
+        path = Path(preferred.strip()).expanduser()
         return next(filter(None, map(_runnable, [path, *_inside(path)])), None)
     if REMEMBERED.is_file():
         remembered = _runnable(Path(REMEMBERED.read_text(encoding="utf-8").strip()))
@@ -57,7 +57,7 @@ def _runnable(path: Path) -> str | None:
     return None
 
 
-class Job:
+class CommandJob:
     """Calls of the command, one after another, in processes of their own.
 
     Args:

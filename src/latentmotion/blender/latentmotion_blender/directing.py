@@ -77,7 +77,7 @@ def goal_scene(
     seconds: float,
     goals: Iterable[Goal],
     path: Sequence[Sequence[float]],
-    place: Place,
+    origin: Place,
 ) -> dict[str, Any]:
     """Returns the scene file of a prompt with goals.
 
@@ -86,25 +86,25 @@ def goal_scene(
         seconds: Length of the motion.
         goals: Places of joints.
         path: Points of the world that the pelvis passes; none without a path.
-        place: Where the motion begins.
+        origin: Place, heading and frame at which the motion begins.
 
     Raises:
         ValueError: There is neither goal nor path, or a goal is before the start.
     """
-    found = []
+    entries = []
     for goal in sorted(goals, key=lambda goal: goal.frame):
-        if goal.frame < place.start:
+        if goal.frame < origin.start:
             raise ValueError(
                 f"{goal.joint} has a goal in frame {goal.frame:g}, before the scene's first, "
-                f"{place.start}: move its key or the scene's start"
+                f"{origin.start}: move its key or the scene's start"
             )
-        at, to = place.seconds(goal.frame), list(place.inside(goal.point))
-        found.append({"joint": goal.joint, "at": at, "to": to})
-    scene: dict[str, Any] = {"format": 1, "prompt": prompt, "seconds": seconds, "goals": found}
+        at, to = origin.seconds(goal.frame), list(origin.inside(goal.point))
+        entries.append({"joint": goal.joint, "at": at, "to": to})
+    scene: dict[str, Any] = {"format": 1, "prompt": prompt, "seconds": seconds, "goals": entries}
     if len(path):
-        points = [place.inside(point) for point in path]
+        points = [origin.inside(point) for point in path]
         scene["path"] = {"points": [[x, z] for x, _, z in points]}
-    elif not found:
+    elif not entries:
         raise ValueError(
             "no goals: name an empty after a joint, such as right_wrist, and key its location, or "
             "name a curve path"
@@ -113,34 +113,34 @@ def goal_scene(
 
 
 def marker_scene(
-    prompt: str, markers: Iterable[tuple[str, int]], place: Place, end: int
+    prompt: str, markers: Iterable[tuple[str, int]], origin: Place, end: int
 ) -> dict[str, Any]:
     """Returns the scene file of a timeline.
 
     Args:
         prompt: What the person does before the first marker.
         markers: Prompt and frame of each.
-        place: Where the motion begins.
+        origin: Place, heading and frame at which the motion begins.
         end: Frame at which the last prompt ends; without frames left it is as long as its sentence
             takes.
 
     Raises:
         ValueError: There are no prompts, or two at one frame.
     """
-    found = sorted((max(frame, place.start), name.strip()) for name, frame in markers)
+    prompts = sorted((max(frame, origin.start), name.strip()) for name, frame in markers)
     # Blender calls a marker F_12 until it is named.
-    found = [(frame, name) for frame, name in found if name and not name.startswith("F_")]
-    if not found:
+    prompts = [(frame, name) for frame, name in prompts if name and not name.startswith("F_")]
+    if not prompts:
         raise ValueError(
             "no markers: add some (M) and name them what the person does from there on"
         )
-    if found[0][0] > place.start and prompt.strip():
-        found.insert(0, (place.start, prompt.strip()))
+    if prompts[0][0] > origin.start and prompt.strip():
+        prompts.insert(0, (origin.start, prompt.strip()))
     spans = []
-    for (frame, name), (after, other) in zip(found, [*found[1:], (end + 1, "")], strict=True):
+    for (frame, name), (after, other) in zip(prompts, [*prompts[1:], (end + 1, "")], strict=True):
         if other and after == frame:
             raise ValueError(f"the markers {name!r} and {other!r} are at one frame: move one")
-        lasts = {"seconds": round((after - frame) / place.fps, 5)} if after > frame else {}
+        lasts = {"seconds": round((after - frame) / origin.fps, 5)} if after > frame else {}
         spans.append({"prompt": name, **lasts})
     return {"format": 1, "timeline": spans}
 
@@ -150,37 +150,37 @@ def write_scene(scene: dict[str, Any], path: Path) -> None:
     path.write_text(json.dumps(scene, indent=1), encoding="utf-8")
 
 
-def joint_of(thing: Any) -> str | None:
+def joint_of(empty: Any) -> str | None:
     """Returns the joint whose goal an empty is, by its property `joint` or its name.
 
     Raises:
         ValueError: The property names no joint.
     """
-    if thing.type != "EMPTY":
+    if empty.type != "EMPTY":
         return None
-    wanted = thing.get("joint")
-    if wanted is None:
-        name = thing.name.partition(".")[0]
+    joint = empty.get("joint")
+    if joint is None:
+        name = empty.name.partition(".")[0]
         return name if name in JOINTS else None
-    if wanted not in JOINTS:
+    if joint not in JOINTS:
         raise ValueError(
-            f"{thing.name} has the joint {wanted!r}; known are {', '.join(sorted(JOINTS))}"
+            f"{empty.name} has the joint {joint!r}; known are {', '.join(sorted(JOINTS))}"
         )
-    return str(wanted)
+    return str(joint)
 
 
-def frames_of(thing: Any, curves: Iterable[Any]) -> list[float]:
+def frames_of(empty: Any, curves: Iterable[Any]) -> list[float]:
     """Returns the frames of an empty's goals: of its property, or of the keys of its location.
 
     Args:
-        thing: The empty.
+        empty: The empty.
         curves: Its animation curves.
 
     Raises:
         ValueError: It has neither.
     """
-    if thing.get("frame") is not None:
-        return [float(thing["frame"])]
+    if empty.get("frame") is not None:
+        return [float(empty["frame"])]
     keys = {
         float(key.co[0])
         for curve in curves
@@ -189,7 +189,7 @@ def frames_of(thing: Any, curves: Iterable[Any]) -> list[float]:
     }
     if not keys:
         raise ValueError(
-            f"{thing.name} has no time: key its location, or give it a custom property frame"
+            f"{empty.name} has no time: key its location, or give it a custom property frame"
         )
     return sorted(keys)
 
@@ -208,7 +208,7 @@ def path_points(splines: Sequence[Any]) -> list[tuple[float, float, float]]:
     if spline.type != "BEZIER":
         raise ValueError(f"the curve path is of type {spline.type}: make it Bezier or Poly")
     points = list(spline.bezier_points)
-    found = [np.array(points[0].co, float)]
+    curve = [np.array(points[0].co, float)]
     for start, end in pairwise(points):
         a, b, c, d = (
             np.array(each, float)
@@ -216,5 +216,5 @@ def path_points(splines: Sequence[Any]) -> list[tuple[float, float, float]]:
         )
         for t in np.linspace(0, 1, _BETWEEN + 2)[1:]:
             u = 1 - t
-            found.append(u**3 * a + 3 * u * u * t * b + 3 * u * t * t * c + t**3 * d)
-    return [tuple(point.tolist()) for point in found]
+            curve.append(u**3 * a + 3 * u * u * t * b + 3 * u * t * t * c + t**3 * d)
+    return [tuple(point.tolist()) for point in curve]

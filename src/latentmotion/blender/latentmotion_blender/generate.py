@@ -15,9 +15,9 @@ import bpy
 from mathutils import Vector
 
 from .actions import make_action
-from .bones import Body
+from .bones import ArmatureBody
 from .bvh import read_take
-from .command import Job
+from .command import CommandJob
 from .directing import (
     Goal,
     Place,
@@ -35,14 +35,14 @@ _LINE = 44
 """Letters of an error in one line of the panel."""
 
 
-class Task:
+class GenerationTask:
     """One press of the button: the settings, and the job that makes the motions.
 
     Raises:
         ValueError: The command was not found, or goals or markers cannot be used.
     """
 
-    running: "Task | None" = None
+    running: "GenerationTask | None" = None
     error = ""
     """The last error, if any."""
 
@@ -62,7 +62,7 @@ class Task:
         self.scene = self.folder / "scene.json" if directed else None
         if directed and self.scene:
             write_scene(directed, self.scene)
-        self.job = Job(self._calls(), self.folder)
+        self.job = CommandJob(self._calls(), self.folder)
 
     def _calls(self) -> Iterator[list[str]]:
         """Yields the calls of the command; the later ones depend on the files of the first."""
@@ -80,14 +80,14 @@ class Task:
         armature = self._armature()
         if armature is None:
             return
-        body = Body(armature)
+        body = ArmatureBody(armature)
         if body.has(read_take(self._takes("made")[0]).names):
             return
         rest = self.folder / "rest.bvh"
         self.bones = body.write_rest(rest)
-        made = [str(file) for file in self._takes("made")]
+        files = [str(file) for file in self._takes("made")]
         fitted = str(self.folder / "fitted.bvh")
-        yield [self.command, "retarget", *made, "--to", str(rest), "-o", fitted]
+        yield [self.command, "retarget", *files, "--to", str(rest), "-o", fitted]
 
     def finish(self, context: bpy.types.Context) -> list[bpy.types.Action]:
         """Makes Actions of the motions for the armature, or for a new mannequin, and returns them.
@@ -104,7 +104,7 @@ class Task:
             name = "Timeline"
         actions = []
         for number, take in enumerate(takes, 1):
-            body = Body(armature)
+            body = ArmatureBody(armature)
             bones = {bone: bone for bone in body.names} if self.bones is None else self.bones
             label = f"{name} {number}" if number > 1 else name
             actions.append(make_action(armature, label, body.carry(take, bones), start))
@@ -130,11 +130,11 @@ class Task:
     def _mannequin(self, context: bpy.types.Context) -> bpy.types.Object:
         """Imports the figure without its animation: its Actions are made as for any armature."""
         objects, actions = {*bpy.data.objects}, {*bpy.data.actions}
-        known = bpy.ops.import_scene.gltf.get_rna_type().properties.keys()
-        options = {"disable_bone_shape": True} if "disable_bone_shape" in known else {}
+        properties = bpy.ops.import_scene.gltf.get_rna_type().properties.keys()
+        options = {"disable_bone_shape": True} if "disable_bone_shape" in properties else {}
         bpy.ops.import_scene.gltf(filepath=str(self.folder / "made.glb"), **options)
-        new = [thing for thing in bpy.data.objects if thing not in objects]
-        armature = next(thing for thing in new if thing.type == "ARMATURE")
+        new = [item for item in bpy.data.objects if item not in objects]
+        armature = next(item for item in new if item.type == "ARMATURE")
         armature.animation_data_clear()
         for action in [action for action in bpy.data.actions if action not in actions]:
             bpy.data.actions.remove(action)
@@ -168,25 +168,25 @@ def _directed(
         markers = [(marker.name, marker.frame) for marker in scene.timeline_markers]
         return marker_scene(settings["prompt"], markers, place, scene.frame_end)
     goals, paths, now = [], [], (scene.frame_current, scene.frame_subframe)
-    for thing in scene.objects:
-        joint = joint_of(thing)
-        for frame in frames_of(thing, _curves(thing)) if joint else []:
+    for item in scene.objects:
+        joint = joint_of(item)
+        for frame in frames_of(item, _curves(item)) if joint else []:
             scene.frame_set(int(frame // 1), subframe=frame % 1)
-            goals.append(Goal(joint, frame, tuple(thing.matrix_world.translation)))
-        if thing.type == "CURVE" and thing.name.partition(".")[0] == "path":
-            paths.append(thing)
+            goals.append(Goal(joint, frame, tuple(item.matrix_world.translation)))
+        if item.type == "CURVE" and item.name.partition(".")[0] == "path":
+            paths.append(item)
     scene.frame_set(now[0], subframe=now[1])
     if len(paths) > 1:
         raise ValueError(f"{len(paths)} curves named path: a motion follows one")
     points = [
-        thing.matrix_world @ Vector(p) for thing in paths for p in path_points(thing.data.splines)
+        item.matrix_world @ Vector(p) for item in paths for p in path_points(item.data.splines)
     ]
     return goal_scene(settings["prompt"], settings["seconds"], goals, points, place)
 
 
-def _curves(thing: bpy.types.Object) -> list[bpy.types.FCurve]:
+def _curves(item: bpy.types.Object) -> list[bpy.types.FCurve]:
     """Returns the animation curves of an object, of Blender 4 or 5."""
-    animation = thing.animation_data
+    animation = item.animation_data
     if animation is None or animation.action is None:
         return []
     if hasattr(animation.action, "fcurves"):
@@ -210,22 +210,22 @@ def target_of(context: bpy.types.Context) -> bpy.types.Object | None:
 
 def last_error() -> list[str]:
     """Returns the lines of the last error."""
-    return textwrap.wrap(Task.error, _LINE)
+    return textwrap.wrap(GenerationTask.error, _LINE)
 
 
 def is_running() -> bool:
     """Returns whether a job is running."""
-    return Task.running is not None
+    return GenerationTask.running is not None
 
 
 def stop() -> None:
     """Ends the running job, if any."""
-    if Task.running is not None:
-        Task.running.clear()
-        Task.running = None
+    if GenerationTask.running is not None:
+        GenerationTask.running.clear()
+        GenerationTask.running = None
 
 
-class Generate(bpy.types.Operator):
+class GenerateMotions(bpy.types.Operator):
     """Make the motion and put it on the selected armature, or on a new mannequin."""
 
     bl_idname = "latentmotion.generate"
@@ -239,11 +239,11 @@ class Generate(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Starts the job; without a window, as in scripts, returns when it is done."""
-        Task.error = ""
+        GenerationTask.error = ""
         try:
-            Task.running = Task(context)
+            GenerationTask.running = GenerationTask(context)
             if bpy.app.background or context.window is None:
-                Task.running.job.wait()
+                GenerationTask.running.job.wait()
                 return self._finished(context)
         except (OSError, ValueError) as error:
             return self._failed(str(error))
@@ -254,7 +254,7 @@ class Generate(bpy.types.Operator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Polls the job on timer events; all other events go to Blender."""
-        if Task.running is None:
+        if GenerationTask.running is None:
             return self._over(context, {"CANCELLED"})
         if event.type == "ESC":
             stop()
@@ -262,13 +262,13 @@ class Generate(bpy.types.Operator):
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         try:
-            done = Task.running.job.is_done()
+            done = GenerationTask.running.job.is_done()
             return self._over(context, self._finished(context)) if done else {"PASS_THROUGH"}
         except (OSError, ValueError) as error:
             return self._over(context, self._failed(str(error)))
 
     def _finished(self, context: bpy.types.Context) -> set[str]:
-        task = Task.running
+        task = GenerationTask.running
         if task.job.error:
             return self._failed(task.job.error)
         actions = task.finish(context)
@@ -278,7 +278,7 @@ class Generate(bpy.types.Operator):
 
     def _failed(self, message: str) -> set[str]:
         stop()
-        Task.error = message
+        GenerationTask.error = message
         self.report({"ERROR"}, message)
         return {"CANCELLED"}
 
@@ -296,9 +296,9 @@ class Cancel(bpy.types.Operator):
     bl_label = "Cancel"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Ends it."""
+        """Ends the running job."""
         stop()
         return {"FINISHED"}
 
 
-CLASSES = (Generate, Cancel)
+CLASSES = (GenerateMotions, Cancel)

@@ -15,7 +15,7 @@ class Panel(bpy.types.Panel):
     bl_region_type = "UI"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draws it."""
+        """Draws the fields and buttons of the panel."""
         layout, settings = self.layout, context.scene.latentmotion
         layout.use_property_split = True
         layout.prop(settings, "prompt")
@@ -33,6 +33,6 @@ class Panel(bpy.types.Panel):
             layout.label(text="Generating ...", icon="SORTTIME")
             layout.operator(generate.Cancel.bl_idname, icon="CANCEL")
         else:
-            layout.operator(generate.Generate.bl_idname, icon="PLAY")
+            layout.operator(generate.GenerateMotions.bl_idname, icon="PLAY")
         for line in generate.last_error():
             layout.label(text=line, icon="ERROR")

@@ -12,7 +12,7 @@ MISSING = (
 )
 
 
-class Settings(bpy.types.PropertyGroup):
+class AddonSettings(bpy.types.PropertyGroup):
     """The panel's fields."""
 
     prompt: bpy.props.StringProperty(
@@ -64,14 +64,14 @@ class Preferences(bpy.types.AddonPreferences):
     def draw(self, context: bpy.types.Context) -> None:
         """Draws the path and the command found there."""
         self.layout.prop(self, "command", text="latentmotion command")
-        found = command_of(context)
-        icon = "CHECKMARK" if found else "ERROR"
-        self.layout.label(text=found or "not found: pip install latentmotion", icon=icon)
+        command = command_of(context)
+        icon = "CHECKMARK" if command else "ERROR"
+        self.layout.label(text=command or "not found: pip install latentmotion", icon=icon)
 
 
 def command_of(context: bpy.types.Context) -> str | None:
     """Returns the path of the command, or None."""
     addon = context.preferences.addons.get(__package__)
-    wanted = addon.preferences.command if addon and addon.preferences else ""
+    preferred = addon.preferences.command if addon and addon.preferences else ""
     opened = bpy.data.filepath
-    return find_command(bpy.path.abspath(wanted), Path(opened).parent if opened else None)
+    return find_command(bpy.path.abspath(preferred), Path(opened).parent if opened else None)

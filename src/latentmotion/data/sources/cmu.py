@@ -174,11 +174,11 @@ class CmuTrials:
             yield from touching(clips)
 
     def groups(self, size: int | None = None, uncaptioned: bool = False) -> list[FileGroup]:
-        """Returns the trials in groups, each with what is known of them alone.
+        """Returns the trials in groups, each with its own annotations only.
 
         Args:
             size: Trials in a group; by default there is one group.
-            uncaptioned: As for `recordings`.
+            uncaptioned: Whether to keep parts without captions, as in `recordings`.
         """
         groups = []
         for trials in in_groups(sorted(self.paths), size):
@@ -189,7 +189,7 @@ class CmuTrials:
                 rates=_only(self.rates, trials),
                 rows=rows,
                 splits=_only(self.splits, ids),
-                texts=_only(self.texts, [name for one in ids for name in (one, f"M{one}")]),
+                texts=_only(self.texts, [name for trial in ids for name in (trial, f"M{trial}")]),
                 exercises=_only(self.exercises, trials),
             )
             read = partial(some.recordings, uncaptioned)
@@ -294,8 +294,8 @@ def trial_joints(
     """Reads a trial at 20 frames per second, without a T-pose that a conversion put before it.
 
     Args:
-        trial: Its name, such as `05_18`.
-        path: Its file.
+        trial: Name of the trial, such as `05_18`.
+        path: File of the trial.
         rate: Native frames per second. By default what the file says if it is another rate than
             the 120 that all conversions claim, else the known one of the trial.
 
@@ -338,7 +338,7 @@ def read_exercises(folder: Path, fps: int) -> dict[str, list[tuple[int, int, str
     """Returns the labeled stretches of each trial: first frame, one past the last, the exercise.
 
     Args:
-        folder: Where to look for a folder `mocap6_labels`, at any depth.
+        folder: Folder in which `mocap6_labels` lies, at any depth.
         fps: Frames per second to count in.
 
     Raises:

@@ -150,7 +150,7 @@ def hdm05_groups(folder: Path, size: int | None = None) -> list[FileGroup]:
     """Returns the clips below a folder in groups.
 
     Args:
-        folder: Where they are, at any depth.
+        folder: Folder of the files, at any depth.
         size: Clips in a group; by default there is one group.
 
     Raises:
@@ -170,18 +170,18 @@ def _read(paths: Sequence[Path]) -> Iterator[Recording | Dropped]:
         except (FileFormatError, DataError) as error:
             yield Dropped(path.stem, "clip", str(error))
             continue
-        known = CLASSES.get(action, ActionClass(action, ()))
+        action_class = CLASSES.get(action, ActionClass(action, ()))
         label = Label(
             id=path.stem,
             source=HDM05.name,
             origin=path.name,
             split=split_of(path.stem, match["actor"]),
-            sentences=tuple(TaggedSentence(text) for text in known.sentences),
+            sentences=tuple(TaggedSentence(text) for text in action_class.sentences),
             mirrored_sentences=tuple(
-                TaggedSentence(mirror_words(text)) for text in known.sentences
+                TaggedSentence(mirror_words(text)) for text in action_class.sentences
             ),
             action=action,
-            mirrored_action=known.mirrored,
+            mirrored_action=action_class.mirrored,
         )
         yield Recording(label, joints)
 
@@ -207,4 +207,5 @@ def split_of(name: str, actor: str) -> Split:
     """Returns the split of a clip, the same on every machine."""
     if actor == TEST_ACTOR:
         return "test"
+    # One in ten (26 of 256), by a hash, so that more files never move one to another split.
     return "val" if hashlib.sha256(name.encode()).digest()[0] < 26 else "train"

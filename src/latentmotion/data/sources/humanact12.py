@@ -59,16 +59,16 @@ def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | 
     content = pickles.load(path)
     if not isinstance(content, Mapping) or any(key not in content for key in _NEEDED):
         is_mapping = isinstance(content, Mapping)
-        found = ", ".join(map(str, content)) if is_mapping else type(content).__name__
+        actual = ", ".join(map(str, content)) if is_mapping else type(content).__name__
         raise FileFormatError(
-            path, f"expected {', '.join(_NEEDED)} of humanact12poses.pkl, found {found}"
+            path, f"expected {', '.join(_NEEDED)} of humanact12poses.pkl, found {actual}"
         )
     for key in _NEEDED:
         values = content[key]
         is_array = isinstance(values, np.ndarray) and values.ndim > 0
         if not (is_array or isinstance(values, list | tuple)):
-            found = type(values).__name__
-            raise FileFormatError(path, f"{key} is a {found}, expected a list by clip")
+            actual = type(values).__name__
+            raise FileFormatError(path, f"{key} is a {actual}, expected a list by clip")
     counts = [len(content[key]) for key in _NEEDED]
     if len(set(counts)) > 1:
         raise FileFormatError(path, f"{' and '.join(map(str, counts))} clips; expected as many")
@@ -97,5 +97,5 @@ def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | 
         if pose.ndim and shapes == ((len(pose), 3 * SMPL_JOINTS), (len(pose), SMPL_JOINTS, 3)):
             yield PosedRecording(label, pose, joints[:, 0]).encode(hold)
         else:
-            found = f"poses {shapes[0]} and joints {shapes[1]}"
-            yield Dropped(label.id, "clip", f"{found}, expected (n, 72) and (n, {SMPL_JOINTS}, 3)")
+            actual = f"poses {shapes[0]} and joints {shapes[1]}"
+            yield Dropped(label.id, "clip", f"{actual}, expected (n, 72) and (n, {SMPL_JOINTS}, 3)")

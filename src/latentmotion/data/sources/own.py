@@ -124,33 +124,33 @@ class OwnMotions:
             fbx.check_ready()
         listed = _read_csv(self.captions) if self.captions else {}
         # Captions of files that are not there belong to the first group, which tells of them.
-        told = {name: known for name, known in listed.items() if name not in paths}
+        unmatched = {name: entry for name, entry in listed.items() if name not in paths}
         groups = []
         for some in in_groups(list(paths.items()), size):
-            told |= {name: listed[name] for name, _ in some if name in listed}
+            unmatched |= {name: listed[name] for name, _ in some if name in listed}
             beside = [path.with_suffix(".txt") for _, path in some]
             files = (*(path for _, path in some), *(text for text in beside if text.is_file()))
-            groups.append(FileGroup(files, partial(self._read, dict(some), told)))
-            told = {}
+            groups.append(FileGroup(files, partial(self._read, dict(some), unmatched)))
+            unmatched = {}
         return groups
 
     def _read(
         self, paths: Mapping[str, Path], listed: Mapping[str, _Annotations]
     ) -> Iterator[Recording | Dropped]:
         """Yields some motion files, and the captions of files that are not there."""
-        for name, known in listed.items():
+        for name, entry in listed.items():
             if name not in paths:
-                for sentence in known.sentences:
+                for sentence in entry.sentences:
                     reason = f"{self.captions} names a file that is not there: {sentence.text}"
                     yield Dropped(name, "caption", reason)
         for name, path in counted(paths.items(), "motion files"):
             try:
-                known = listed.get(name) or self._annotations_beside(path)
+                entry = listed.get(name) or self._annotations_beside(path)
                 takes = self._takes(path)
             except (FileFormatError, DataError, InputError) as error:
                 yield Dropped(name, "clip", str(error))
                 continue
-            action = known.action
+            action = entry.action
             # By hash, so that more files never move a file to another split.
             draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32
             rest: Split = "test" if draw < self.val + self.test else "train"
@@ -159,16 +159,16 @@ class OwnMotions:
                 id=name.replace("/", "-"),
                 source=self.source.name,
                 origin=f"{name}{path.suffix}",
-                split=known.split or split,
-                sentences=tuple(known.sentences),
-                mirrored_sentences=tuple(map(mirror_sentence, known.sentences)),
+                split=entry.split or split,
+                sentences=tuple(entry.sentences),
+                mirrored_sentences=tuple(map(mirror_sentence, entry.sentences)),
                 action=action,
                 mirrored_action=mirror_words(action) if action else None,
             )
             for number, joints in enumerate(takes, 1):
-                taken = label if len(takes) == 1 else replace(label, id=f"{label.id}-{number}")
-                taken = _until_the_end(taken, len(joints) / FPS)
-                yield from _without_glitches(Recording(taken, joints))
+                take_label = label if len(takes) == 1 else replace(label, id=f"{label.id}-{number}")
+                take_label = _until_the_end(take_label, len(joints) / FPS)
+                yield from _without_glitches(Recording(take_label, joints))
 
     def unknown_skeleton(self) -> Skeleton | None:
         """Returns the skeleton of the first file whose names of joints are unknown.
@@ -192,26 +192,26 @@ class OwnMotions:
     def _annotations_beside(self, path: Path) -> _Annotations:
         """Returns the sentences beside a file, and the labels that its folders are."""
         texts = path.with_suffix(".txt")
-        found = parse_sentences(read_text(texts)) if texts.is_file() else ()
+        sentences = parse_sentences(read_text(texts)) if texts.is_file() else ()
         if not self.labelled:
-            return _Annotations(list(found))
+            return _Annotations(list(sentences))
         folders = path.relative_to(self.folder).parts[:-1]
         split: Split | None = next((s for s in SPLITS if folders[:1] == (s,)), None)
         labels = folders[1:] if split else folders
         if not labels:
             raise DataError("lies in no folder whose name is its action")
-        return _Annotations(list(found), split, labels[-1])
+        return _Annotations(list(sentences), split, labels[-1])
 
     def _takes(self, path: Path) -> list[Float[np.ndarray, "frames joints 3"]]:
         """Reads HumanML3D's joints of each animation, without a T-pose that was put before it."""
         takes, count = [], len(HUMANML3D)
         for motion in formats.load(path, self.stated):
             if not self.generated and "model" in motion.metadata:
-                made = f"generated by the model {motion.metadata['model']!r}"
-                raise DataError(f"{made}, which learns nothing from it; else add --generated")
+                problem = f"generated by the model {motion.metadata['model']!r}"
+                raise DataError(f"{problem}, which learns nothing from it; else add --generated")
             if motion.skeleton.names[:count] != HUMANML3D.names:
-                found = f"found the joints of {motion.skeleton.name!r}"
-                raise FileFormatError(path, f"{found}, expected HumanML3D's {count}")
+                problem = f"found the joints of {motion.skeleton.name!r}"
+                raise FileFormatError(path, f"{problem}, expected HumanML3D's {count}")
             joints, recorded = motion.joints[:, :count], motion.recorded
             if recorded and begins_with_t_pose(recorded.animation, _LEAST_MOVED):
                 joints = joints[1:]
@@ -223,7 +223,10 @@ def _until_the_end(label: Label, seconds: float) -> Label:
     """Returns a label whose sentences without an end last until the end of the motion."""
 
     def ended(sentences: Iterable[TaggedSentence]) -> tuple[TaggedSentence, ...]:
-        return tuple(replace(one, end=seconds) if math.isinf(one.end) else one for one in sentences)
+        return tuple(
+            replace(sentence, end=seconds) if math.isinf(sentence.end) else sentence
+            for sentence in sentences
+        )
 
     return replace(
         label,
@@ -272,20 +275,20 @@ def _sentences_of(
     """Returns the sentences that hold of a part of a motion, in the part's own seconds.
 
     Args:
-        sentences: Those of the motion.
+        sentences: Sentences about the whole motion.
         start: Seconds.
         end: Seconds.
         whole: Whether the part is enough for sentences about the whole motion.
     """
-    kept = []
+    clipped = []
     for sentence in sentences:
         if sentence.start == sentence.end == 0:
-            kept += [sentence] if whole else []
+            clipped += [sentence] if whole else []
             continue
         first, last = max(sentence.start, start), min(sentence.end, end)
         if last - first >= (sentence.end - sentence.start) / 2 > 0:
-            kept.append(replace(sentence, start=first - start, end=last - start))
-    return tuple(kept)
+            clipped.append(replace(sentence, start=first - start, end=last - start))
+    return tuple(clipped)
 
 
 def find_motions(folder: Path) -> dict[str, Path]:
@@ -323,19 +326,19 @@ def _read_csv(path: Path) -> dict[str, _Annotations]:
         cells = {name: row.get(name, "").strip() for name in (*_NEEDED, *_OPTIONAL)}
         motion = Path(cells["file"])
         is_motion = motion.suffix.lower() in endings
-        known = by_file[(motion.with_suffix("") if is_motion else motion).as_posix()]
+        entry = by_file[(motion.with_suffix("") if is_motion else motion).as_posix()]
         if cells["caption"]:
             start, end = (_seconds(cells[name], where) for name in ("from", "to"))
             if start > 0 and not cells["to"]:  # until the end, once that is known
                 end = math.inf
-            known.sentences.append(TaggedSentence(cells["caption"], "", start, end))
-        known.action = cells["action"] or known.action
+            entry.sentences.append(TaggedSentence(cells["caption"], "", start, end))
+        entry.action = cells["action"] or entry.action
         if cells["split"]:
             split: Split | None = next((s for s in SPLITS if s == cells["split"]), None)
             if split is None:
                 expected = f"expected one of {', '.join(SPLITS)}"
                 raise DataError(f"{where}: split {cells['split']!r}; {expected}")
-            known.split = split
+            entry.split = split
     return dict(by_file)
 
 

@@ -102,7 +102,7 @@ Joints = Float[np.ndarray, "frames joints 3"]
 
 
 @dataclass(frozen=True)
-class Span:
+class LabeledSpan:
     """One labeled stretch of a take."""
 
     start: int
@@ -113,9 +113,9 @@ class Span:
     """What the person does, in the annotators' word, such as `shoot`; `'` means it is done to
     them."""
 
-    def resampled(self, ratio: float) -> Span:
+    def resampled(self, ratio: float) -> LabeledSpan:
         """Returns the same stretch at `ratio` times as many frames per second."""
-        return Span(round(self.start * ratio), round(self.end * ratio), self.action)
+        return LabeledSpan(round(self.start * ratio), round(self.end * ratio), self.action)
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,7 @@ def namings() -> tuple[Naming, ...]:
     )
 
 
-def grouped(spans: Sequence[Span], frames: int) -> list[Group]:
+def grouped(spans: Sequence[LabeledSpan], frames: int) -> list[Group]:
     """Joins spans that are less than `GAP` apart, and widens each group to `SHORTEST_GROUP`.
 
     Args:
@@ -279,13 +279,13 @@ def grouped(spans: Sequence[Span], frames: int) -> list[Group]:
     return widened
 
 
-def read_annotations(folder: Path) -> dict[str, list[Span]]:
+def read_annotations(folder: Path) -> dict[str, list[LabeledSpan]]:
     """Returns the labeled stretches of each file, by its name without ending, in order.
 
     Raises:
         FileFormatError: A label file is damaged.
     """
-    spans: dict[str, list[Span]] = defaultdict(list)
+    spans: dict[str, list[LabeledSpan]] = defaultdict(list)
     for path in files_below(folder, [".lab"]):
         if path.parent.name != "annotation":  # The others mark where takes may be joined.
             continue
@@ -300,7 +300,7 @@ def read_annotations(folder: Path) -> dict[str, list[Span]]:
                 raise FileFormatError(path, problem) from error
             action = values.get("type", "").lower()
             if values.get("include", "").lower() != "false" and action:
-                spans[Path(values.get("file", "")).stem].append(Span(start, end + 1, action))
+                spans[Path(values.get("file", "")).stem].append(LabeledSpan(start, end + 1, action))
     return {name: sorted(file, key=lambda span: span.start) for name, file in spans.items()}
 
 
@@ -310,7 +310,7 @@ def _head(path: Path, size: int) -> bytes:
 
 
 def _pieces_of_take(
-    path: Path, joints: Joints, spans: Sequence[Span]
+    path: Path, joints: Joints, spans: Sequence[LabeledSpan]
 ) -> Iterator[Recording | Dropped]:
     stretches = without_t_poses(joints)
     groups = {
@@ -321,10 +321,10 @@ def _pieces_of_take(
     cuts = [edge for span in groups for edge in span]
     fixed = pieces_of(f"{SNU.name}-{path.stem}")
     bounds = fixed or list(pieces(joints, FPS, stretches, cuts))
-    kept = sum(end - start for start, end in stretches)
-    lost = kept - sum(end - start for start, end in bounds)
-    if kept < len(joints):
-        posed = f"{len(joints) - kept} of {len(joints)} frames: calibration pose"
+    posed_frames = sum(end - start for start, end in stretches)
+    lost = posed_frames - sum(end - start for start, end in bounds)
+    if posed_frames < len(joints):
+        posed = f"{len(joints) - posed_frames} of {len(joints)} frames: calibration pose"
         yield Dropped(path.stem, "part", posed)
     if lost:
         reason = find_glitch(joints, FPS) or "shorter than a second"
@@ -341,7 +341,7 @@ def _pieces_of_take(
         if group := groups.get((first, last)):
             texts = sentences_of(group.actions)
         else:
-            texts = sentences_for(take, piece, floor, whole=last - first > 0.8 * kept)
+            texts = sentences_for(take, piece, floor, whole=last - first > 0.8 * posed_frames)
         sentences = tuple(map(TaggedSentence, texts))
         label = Label(
             id=name,

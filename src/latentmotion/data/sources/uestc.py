@@ -95,7 +95,7 @@ def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dro
     """Yields every video.
 
     Args:
-        folder: Where the files lie.
+        folder: Folder of the files.
         hold: Length in frames to which shorter clips are padded with their last frame.
 
     Raises:
@@ -123,11 +123,11 @@ def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dro
             raise FileFormatError(folder / POSES, problem) from error
         pose, joints, camera = arrays
         length = len(pose) if pose.ndim else 0
-        found, expected = [a.shape for a in arrays], [(length, 72), (length, 49, 3), (length, 4)]
-        if found != expected:
+        shapes, expected = [a.shape for a in arrays], [(length, 72), (length, 49, 3), (length, 4)]
+        if shapes != expected:
             keys = ", ".join(_KEYS)
             raise FileFormatError(
-                folder / POSES, f"{name}: {keys} of the shapes {found}, expected {expected}"
+                folder / POSES, f"{name}: {keys} of the shapes {shapes}, expected {expected}"
             )
         with np.errstate(all="ignore"):  # what is not finite is left out below
             shift = depth_shifts(camera) if shift is None else shift
@@ -189,8 +189,8 @@ def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:
     poses = pickles.load(path)
     if not isinstance(poses, Mapping) or any(key not in poses for key in _KEYS):
         is_mapping = isinstance(poses, Mapping)
-        found = ", ".join(map(str, poses)) if is_mapping else type(poses).__name__
-        raise FileFormatError(path, f"expected {', '.join(_KEYS)}, found {found}")
+        keys = ", ".join(map(str, poses)) if is_mapping else type(poses).__name__
+        raise FileFormatError(path, f"expected {', '.join(_KEYS)}, found {keys}")
     for key in _KEYS:
         _check_count(path, key, poses[key], videos)
     path = folder / SHIFTS

@@ -91,7 +91,7 @@ class Recognizer:
 
     @property
     def official(self) -> bool:
-        """Whether papers use this classifier."""
+        """Whether the classifier's figures can be compared with those of papers."""
         return self.network.published
 
     @torch.no_grad()
@@ -134,7 +134,7 @@ class ActionClassifier:
 
 
 def save_action_classifier(
-    folder: str | Path, about: ActionClassifier, weights: Mapping[str, Tensor]
+    folder: str | Path, description: ActionClassifier, weights: Mapping[str, Tensor]
 ) -> None:
     """Writes an evaluator folder in place of what is there, or nothing at all.
 
@@ -142,12 +142,12 @@ def save_action_classifier(
         ModelError: The weights are not those of the network.
         InputError: The folder cannot be written.
     """
-    load_weights(about.network.build(), dict(weights), "weights")
+    load_weights(description.network.build(), dict(weights), "weights")
     with atomic_folder(folder, EVALUATOR_FILE) as temporary:
-        text = json.dumps({**to_json(about), "kind": "action"}, indent=1)
+        text = json.dumps({**to_json(description), "kind": "action"}, indent=1)
         (temporary / EVALUATOR_FILE).write_text(text + "\n", encoding="utf-8")
-        kept = {key: tensor.detach().cpu().contiguous() for key, tensor in weights.items()}
-        save_file(kept, temporary / WEIGHTS_FILE)
+        tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in weights.items()}
+        save_file(tensors, temporary / WEIGHTS_FILE)
 
 
 def load_action_classifier(folder: str | Path) -> Recognizer:
@@ -157,13 +157,13 @@ def load_action_classifier(folder: str | Path) -> Recognizer:
         ModelError: Something is missing, damaged, or does not fit the rest.
     """
     folder = Path(folder)
-    about = describe_action_classifier(folder)
-    network = about.network.build()
+    description = describe_action_classifier(folder)
+    network = description.network.build()
     path = folder / WEIGHTS_FILE
     load_weights(network, read_weights(path), str(path))
     hashes = "".join(sha256(folder / name) for name in (EVALUATOR_FILE, WEIGHTS_FILE))
     fingerprint = hashlib.sha256(hashes.encode()).hexdigest()
-    return recognizer_of(about, network.requires_grad_(False), fingerprint)
+    return recognizer_of(description, network.requires_grad_(False), fingerprint)
 
 
 def describe_action_classifier(folder: str | Path) -> ActionClassifier:
@@ -173,30 +173,34 @@ def describe_action_classifier(folder: str | Path) -> ActionClassifier:
         ModelError: It is missing, damaged, or contradicts itself.
     """
     try:
-        about = read_json(ActionClassifier, Path(folder) / EVALUATOR_FILE)
+        card = read_json(ActionClassifier, Path(folder) / EVALUATOR_FILE)
     except InputError as error:
         raise ModelError(f"{error}; make the evaluator again") from error
-    if len(about.labels) != about.network.labels:
+    if len(card.labels) != card.network.labels:
         raise ModelError(
-            f"{folder}: {len(about.labels)} labels for a network of {about.network.labels}; "
+            f"{folder}: {len(card.labels)} labels for a network of {card.network.labels}; "
             "make the evaluator again"
         )
-    return about
+    return card
 
 
-def recognizer_of(about: ActionClassifier, network: ActionNetwork, fingerprint: str) -> Recognizer:
+def recognizer_of(
+    description: ActionClassifier, network: ActionNetwork, fingerprint: str
+) -> Recognizer:
     """Returns the evaluator around a network."""
-    representation = representation_named(about.representation)
-    if isinstance(about.network, GraphNetworkConfig):
+    representation = representation_named(description.representation)
+    if isinstance(description.network, GraphNetworkConfig):
         prepare: Preparation = rotations_of
-    elif isinstance(about.network, MotionGRUConfig):
+    elif isinstance(description.network, MotionGRUConfig):
         # HumanAct12's classifier sees joints in the axes of its data, not upright ones.
         smpl = isinstance(representation, SmplRepresentation)
         prepare = representation.camera_joints if smpl else representation.decode
     else:
-        mean, std = (np.array(values, np.float32) for values in (about.mean, about.std))
+        mean, std = (np.array(values, np.float32) for values in (description.mean, description.std))
         prepare = Normalizer(mean, std).normalize
-    return Recognizer(about.labels, fingerprint, network.eval(), prepare, representation.width)
+    return Recognizer(
+        description.labels, fingerprint, network.eval(), prepare, representation.width
+    )
 
 
 def rotations_of(features: np.ndarray) -> np.ndarray:

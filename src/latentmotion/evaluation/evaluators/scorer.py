@@ -18,7 +18,7 @@ from latentmotion.ranking.scorer import Scorer
 
 @dataclass(frozen=True)
 class ScorerEvaluator:
-    """A scorer, asked as evaluators are."""
+    """A scorer behind the interface of evaluators."""
 
     scorer: Scorer
     """The towers."""

@@ -60,8 +60,8 @@ def export_scorer(
         features = torch.randn(2, 28, networks.config.features)
         motions = _MotionGraph(networks, evaluator)
         trace(motions, {"features": features, "mask": frames}, temporary / scorers.MOTION_FILE)
-        states, seen = torch.randn(2, 7, words.width), torch.ones(2, 7, dtype=torch.bool)
-        trace(_TextGraph(networks), {"words": states, "mask": seen}, temporary / scorers.TEXT_FILE)
+        states, mask = torch.randn(2, 7, words.width), torch.ones(2, 7, dtype=torch.bool)
+        trace(_TextGraph(networks), {"words": states, "mask": mask}, temporary / scorers.TEXT_FILE)
         for graph in (scorers.MOTION_FILE, scorers.TEXT_FILE):
             halve_weights(temporary / graph)
         if data is not None:

@@ -160,8 +160,8 @@ def tensors_of(evaluator: T2MEvaluator) -> dict[str, Tensor]:
     arrays = {name: np.asarray(values, np.float32) for name, values in statistics.items()}
     if isinstance(evaluator.vectors, GloveWords):
         arrays[WORDS] = np.asarray(evaluator.vectors.vectors, np.float32)
-    own = {name: torch.from_numpy(values.copy()) for name, values in arrays.items()}
-    return {**own, **evaluator.networks.state_dict()}
+    tensors = {name: torch.from_numpy(values.copy()) for name, values in arrays.items()}
+    return {**tensors, **evaluator.networks.state_dict()}
 
 
 def _batches(rows: Sequence[int]) -> list[list[int]]:

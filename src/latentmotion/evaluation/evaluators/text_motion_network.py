@@ -140,9 +140,9 @@ class TextMotionNetworks(nn.Module):
     def __init__(self, config: TextMotionConfig) -> None:
         super().__init__()
         self.config = config
-        seen, movement = config.features - config.left_out, config.movement_width
+        channels, movement = config.features - config.left_out, config.movement_width
         hidden, width = config.motion_hidden, config.width
-        self.movement_encoder = MovementEncoder(seen, movement, config.dropout)
+        self.movement_encoder = MovementEncoder(channels, movement, config.dropout)
         self.motion_encoder = SequenceEncoder(movement, hidden, hidden, width)
         self.text_encoder = SentenceEncoder(config.word_width, config.text_hidden, width)
 
@@ -156,8 +156,8 @@ class TextMotionNetworks(nn.Module):
         As in the authors' code the movement before the padding sees a little of it: pass motions
         of one length, a multiple of four, where each must be what it is alone.
         """
-        seen = features[..., : self.config.features - self.config.left_out]
-        return self.motion_encoder(self.movement_encoder(seen), mask.sum(1) // FRAMES)
+        visible = features[..., : self.config.features - self.config.left_out]
+        return self.motion_encoder(self.movement_encoder(visible), mask.sum(1) // FRAMES)
 
     def texts(
         self,
@@ -188,8 +188,8 @@ class InfoNCE:
         """Returns the loss; `matches` is True if a sentence (row) describes a motion (column)."""
         diagonal = torch.eye(len(matches), dtype=torch.bool, device=matches.device)
         logits = (-squared / self.temperature).masked_fill(matches & ~diagonal, _NEVER)
-        own = torch.arange(len(logits), device=logits.device)
-        return (F.cross_entropy(logits, own) + F.cross_entropy(logits.T, own)) / 2
+        targets = torch.arange(len(logits), device=logits.device)
+        return (F.cross_entropy(logits, targets) + F.cross_entropy(logits.T, targets)) / 2
 
 
 @dataclass(frozen=True)
@@ -274,8 +274,8 @@ class TowerNetworks(nn.Module):
         super().__init__()
         self.config = config
         first, last = config.rotations
-        seen = config.features - config.left_out - (last - first)
-        self.halve = nn.Conv1d(seen, config.hidden, kernel_size=4, stride=2, padding=1)
+        channels = config.features - config.left_out - (last - first)
+        self.halve = nn.Conv1d(channels, config.hidden, kernel_size=4, stride=2, padding=1)
         self.quarter = nn.Conv1d(config.hidden, config.hidden, kernel_size=4, stride=2, padding=1)
         self.motion_tower = Tower(config, config.motion_layers)
         self.words_in = nn.Linear(config.word_width, config.hidden)
@@ -290,10 +290,10 @@ class TowerNetworks(nn.Module):
         """Returns the vectors of normalized motions; frames whose mask is False are zero."""
         first, last = self.config.rotations
         end = self.config.features - self.config.left_out
-        seen = torch.cat([features[..., :first], features[..., last:end]], dim=-1)
+        visible = torch.cat([features[..., :first], features[..., last:end]], dim=-1)
         # What lies beyond the end is zero at every stage, as it is for the motion alone.
         half, tokens = mask[:, ::2], mask[:, ::4]
-        x = F.gelu(self.halve(seen.transpose(1, 2))) * half[:, None]
+        x = F.gelu(self.halve(visible.transpose(1, 2))) * half[:, None]
         x = F.gelu(self.quarter(x)).transpose(1, 2)
         return self.motion_tower(x, tokens)
 
@@ -339,5 +339,6 @@ class Tower(nn.Module):
         x = self.layers(self.position(x), mask)
         real = mask[..., None].to(x.dtype)
         mean = (x * real).sum(1) / real.sum(1)
+        # Half precision reaches -65504; padding must never be the maximum.
         most = torch.where(mask[..., None], x, -1e4).amax(1)
         return F.normalize(self.out(torch.cat([mean, most], dim=-1)), dim=-1)

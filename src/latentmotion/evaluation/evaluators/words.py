@@ -82,8 +82,8 @@ def tokens_of(caption: Caption) -> list[Token]:
         pairs = (token.rpartition("/") for token in caption.tokens.split())
         words = [Token(word, part) for word, _, part in pairs if word]
     else:
-        found = _WORD.findall(caption.text.lower())
-        words = [Token(word, OTHER, tagged=False) for word in found]
+        matches = _WORD.findall(caption.text.lower())
+        words = [Token(word, OTHER, tagged=False) for word in matches]
     return [START, *words[:MAX_WORDS], END]
 
 
@@ -166,8 +166,8 @@ class GloveWords:
             row = []
             for token in tokens_of(caption):
                 forms = [token.word] if token.tagged else base_forms(token.word)
-                known = next((form for form in forms if form in self._numbers), None)
-                row.append(Token(known, token.part) if known else Token(UNKNOWN, OTHER))
+                form_known = next((form for form in forms if form in self._numbers), None)
+                row.append(Token(form_known, token.part) if form_known else Token(UNKNOWN, OTHER))
             rows.append(row)
         numbers = [np.array([self._numbers[token.word] for token in row]) for row in rows]
         parts = [np.array([class_of(token) for token in row]) for row in rows]
@@ -200,8 +200,8 @@ class EncodedWords:
         with warnings.catch_warnings():
             # Misspelled captions of a data set are not the user's.
             warnings.simplefilter("ignore", UnknownWordsWarning)
-            found = self.encoder([caption.text for caption in captions])
-        rows = [words[mask] for words, mask in zip(found.words, found.mask, strict=True)]
+            encoded = self.encoder([caption.text for caption in captions])
+        rows = [words[mask] for words, mask in zip(encoded.words, encoded.mask, strict=True)]
         other = PARTS_OF_SPEECH.index(OTHER)
         return fill(rows, [np.full(len(row), other) for row in rows])
 
@@ -238,21 +238,21 @@ def read_glove(folder: str | Path) -> GloveWords:
     path = folder / VECTORS
     vectors = read_array(path)
     if vectors.ndim != 2 or not np.issubdtype(vectors.dtype, np.floating):
-        found = f"{vectors.dtype} of shape {vectors.shape}"
-        raise FileFormatError(path, f"found {found}, expected one vector of numbers per word")
+        problem = f"{vectors.dtype} of shape {vectors.shape}"
+        raise FileFormatError(path, f"found {problem}, expected one vector of numbers per word")
     words, numbers = pickles.load(folder / WORDS), pickles.load(folder / NUMBERS)
     for name, content, kind in ((WORDS, words, list), (NUMBERS, numbers, dict)):
         if not isinstance(content, kind):
-            found = type(content).__name__
-            raise FileFormatError(folder / name, f"found a {found}, expected {kind.__name__}")
+            problem = type(content).__name__
+            raise FileFormatError(folder / name, f"found a {problem}, expected {kind.__name__}")
     if not all(isinstance(word, str) for word in words):
         raise FileFormatError(folder / WORDS, "something that is no word; download it again")
     lacking = [word for word in (START.word, END.word, UNKNOWN) if word not in words]
     if lacking:
         raise FileFormatError(folder / WORDS, f"lacks the words {', '.join(lacking)}")
     rows = range(len(vectors))
-    found = (numbers.get(word) for word in words)
-    fits = (isinstance(number, int) and number in rows for number in found)
+    problem = (numbers.get(word) for word in words)
+    fits = (isinstance(number, int) and number in rows for number in problem)
     lost = next((word for word, fit in zip(words, fits, strict=True) if not fit), None)
     if lost is not None:
         raise FileFormatError(

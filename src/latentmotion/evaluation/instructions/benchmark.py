@@ -20,7 +20,7 @@ from latentmotion.describe.reading import scene_of
 from latentmotion.errors import InputError
 from latentmotion.evaluation.instructions.body import Body
 from latentmotion.evaluation.instructions.detectors import fulfills
-from latentmotion.evaluation.instructions.ground_truth import Claim
+from latentmotion.evaluation.instructions.ground_truth import CaptionClaim
 from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
 from latentmotion.evaluation.instructions.prompts import VERSION
 from latentmotion.instructions import checking
@@ -139,7 +139,7 @@ def judge(
     about: Mapping[str, str],
     instructions: Sequence[Instruction],
     motions: Sequence[Sequence[Joints]],
-    real: Sequence[Claim] = (),
+    real: Sequence[CaptionClaim] = (),
     trained: Mapping[str, Check] | None = None,
 ) -> Benchmark:
     """Checks the motions of every prompt.
@@ -156,7 +156,7 @@ def judge(
         InputError: A motion is too short, or not of 22 joints.
     """
     bodies = [[body_of(each) for each in takes] for takes in counted(motions, "judging prompts")]
-    outcomes = [outcome_of(one, takes) for one, takes in zip(instructions, bodies, strict=True)]
+    outcomes = [outcome_of(item, takes) for item, takes in zip(instructions, bodies, strict=True)]
     claims = []
     for claim in counted(real, "judging captions"):
         body = body_of(claim.joints)
@@ -215,14 +215,14 @@ def chance_outcomes(
     """Checks motions of other groups' prompts, as many as each prompt has, always the same ones."""
     generator = np.random.default_rng(VERSION)
     outcomes = []
-    for one in instructions:
+    for item in instructions:
         others = [
             takes
             for other, takes in zip(instructions, bodies, strict=True)
-            if other.group != one.group
+            if other.group != item.group
         ]
         rows = generator.integers(len(others), size=len(bodies[0]))
-        outcomes.append(outcome_of(one, [others[row][take] for take, row in enumerate(rows)]))
+        outcomes.append(outcome_of(item, [others[row][take] for take, row in enumerate(rows)]))
     return outcomes
 
 
@@ -231,9 +231,9 @@ def shares(outcomes: Sequence[Outcome]) -> dict[str, Share]:
     figures: dict[str, Share] = {}
     for group in (*GROUPS, OVERALL):
         rows: dict[str, list[bool]] = {}
-        for one in outcomes:
-            if group in (one.group, OVERALL):
-                rows.setdefault(one.id, []).extend(one.fulfilled)
+        for outcome in outcomes:
+            if group in (outcome.group, OVERALL):
+                rows.setdefault(outcome.id, []).extend(outcome.fulfilled)
         if rows:
             figures[group] = Share.of(list(rows.values()))
     return figures
@@ -269,11 +269,11 @@ def table(benchmark: Benchmark) -> str:
 def markdown(benchmark: Benchmark) -> str:
     """Returns a page: the table, settings of the motions, every prompt."""
     takes = len(benchmark.outcomes[0].fulfilled)
-    about = [f"{name}: {value}" for name, value in benchmark.about.items()]
+    settings = [f"{name}: {value}" for name, value in benchmark.about.items()]
     prompts = [_line(["id", "prompt", "check", "fulfilled"]), "|---|---|---|---|"]
-    for one in benchmark.outcomes:
-        fulfilled = f"{sum(one.fulfilled)} of {takes}"
-        prompts.append(_line([one.id, one.prompt, f"`{one.check}`", fulfilled]))
+    for outcome in benchmark.outcomes:
+        fulfilled = f"{sum(outcome.fulfilled)} of {takes}"
+        prompts.append(_line([outcome.id, outcome.prompt, f"`{outcome.check}`", fulfilled]))
     return "\n\n".join(
         [
             f"# Instructions, version {benchmark.version}: {benchmark.subject}",
@@ -282,7 +282,7 @@ def markdown(benchmark: Benchmark) -> str:
             "(Wilson, takes of a prompt taken as dependent); prompts with a take that does; real "
             "motions whose captions claim the like; the checks on motions of other prompts; the "
             "prompts by the detectors that models are trained by.",
-            "\n".join(f"* {line}" for line in about),
+            "\n".join(f"* {line}" for line in settings),
             "## Prompts",
             "\n".join(prompts),
         ]

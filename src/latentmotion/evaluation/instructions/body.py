@@ -73,18 +73,18 @@ class Body:
 
     @property
     def way(self) -> float:
-        """Length of the path, meters."""
+        """Length of the root's path along the floor, meters."""
         return float(self.speed.sum() / FPS)
 
     @property
     def away(self) -> float:
-        """Distance from the first to the last place, meters."""
+        """Distance from the first to the last position of the root, meters."""
         path = self.joints[:, _PELVIS][:, [0, 2]]
         return float(np.linalg.norm(path[-1] - path[0]))
 
     @cached_property
     def height(self) -> Curve:
-        """Height of the pelvis by that of a standing body."""
+        """Height of the pelvis as a share of its height in a standing body."""
         return self.joints[:, _PELVIS, 1] / (1.13 * self.leg)
 
     @cached_property
@@ -116,7 +116,7 @@ class Body:
         return np.minimum(ankle - 0.07, toe)
 
     def lifted(self, side: str) -> Curve:
-        """Height of an ankle over that of the other, meters."""
+        """Height of an ankle above the other one, meters."""
         ankles = self.joints[:, _ANKLES, 1]
         return (ankles[:, 0] - ankles[:, 1]) * (1 if side == LEFT else -1)
 
@@ -194,12 +194,12 @@ def spans(
 
 
 def swings(curve: Curve, low: float, high: float) -> list[Span]:
-    """Returns each time a curve gets above `high`, until it is below `low` again."""
-    found, start = [], None
+    """Returns the intervals from above `high` to below `low` again, one for each swing."""
+    intervals, start = [], None
     for frame, value in enumerate(curve.tolist()):
         if start is None and value > high:
             start = frame
         elif start is not None and value < low:
-            found.append((start, frame))
+            intervals.append((start, frame))
             start = None
-    return found if start is None else [*found, (start, len(curve))]
+    return intervals if start is None else [*intervals, (start, len(curve))]

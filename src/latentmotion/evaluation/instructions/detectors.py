@@ -17,6 +17,9 @@ from latentmotion.instructions.prompts import Check, Term
 Detector = Callable[[Body, str], list[Span]]
 """Motion and side (`left`, `right`, `both` or `any`) to where the act happens."""
 
+# Units in all detectors: lengths in meters, speeds in m/s, times in seconds, angles in degrees,
+# heights of the pelvis as shares of a standing body's. Pairs such as (-0.1, 0.08) are the lower and
+# upper bound of a hysteresis, so that a limb that trembles at a threshold counts once.
 _OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 
 
@@ -28,8 +31,9 @@ def fulfills(body: Body, check: Check) -> bool:
     """
     if not check.ordered:
         return all(_holds(body, term) for term in check.terms)
-    found = [_events(body, term) for term in check.terms]
-    for earlier, later, term in zip(found, found[1:], check.terms[1:], strict=False):
+    events = [_events(body, term) for term in check.terms]
+    for earlier, later, term in zip(events, events[1:], check.terms[1:], strict=False):
+        # Acts within two frames (0.1 s) of each other happen at once, in no order.
         if not earlier or not later or earlier[0][0] + 2 > later[-1][0]:
             return False
         # What goes on from the start may also come again.
@@ -52,14 +56,14 @@ def _events(body: Body, term: Term) -> list[Span]:
     return ACTS[term.name](body, side)
 
 
-def _of_sides(one: Callable[[Body, str], list[Span]]) -> Detector:
+def _of_sides(detect: Callable[[Body, str], list[Span]]) -> Detector:
     """Returns a detector of either side from that of one, whose other side must do less of it."""
 
     def detector(body: Body, side: str) -> list[Span]:
         if side in _OTHER:
-            found, other = one(body, side), one(body, _OTHER[side])
-            return found if len(found) > len(other) or not other else []
-        return sorted(one(body, LEFT) + one(body, RIGHT))
+            events, other = detect(body, side), detect(body, _OTHER[side])
+            return events if len(events) > len(other) or not other else []
+        return sorted(detect(body, LEFT) + detect(body, RIGHT))
 
     return detector
 
@@ -67,23 +71,27 @@ def _of_sides(one: Callable[[Body, str], list[Span]]) -> Detector:
 def _raise(body: Body, side: str) -> list[Span]:
     left, right = body.hand(LEFT), body.hand(RIGHT)
     if side == "both":
+        # Raised: 8 cm above the shoulder; lowered: 10 cm below.
         return swings(np.minimum(left, right), -0.1, 0.08)
     if side == "any":
         return swings(np.maximum(left, right), -0.1, 0.08)
-    own, other = (left, right) if side == LEFT else (right, left)
-    up = swings(own, -0.1, 0.08)
+    raised, other = (left, right) if side == LEFT else (right, left)
+    up = swings(raised, -0.1, 0.08)
+    # The other hand may pass the shoulder's height, but not stay there.
     return [(s, e) for s, e in up if np.mean(other[s:e] > 0.0) < 0.4]
 
 
 def _wave_of(body: Body, side: str) -> list[Span]:
     """A raised hand that changes its direction across or up and down three times or more."""
     wrist = body.wrist(side)
-    found = []
+    waves = []
+    # A hand that waves may be 25 cm below the shoulder, as from a bent arm; strokes of less than 5
+    # cm are noise, and a wave spans 10 cm or more.
     for start, end in spans(wrist[:, 1] > -0.25, 0.5, 0.2):
         turns = [_reversals(wrist[start:end, axis], 0.05) for axis in (0, 1)]
         if max(turns) >= 3 and np.ptp(wrist[start:end], axis=0).max() > 0.1:
-            found.append((start, end))
-    return found
+            waves.append((start, end))
+    return waves
 
 
 def _wave(body: Body, side: str) -> list[Span]:
@@ -92,8 +100,8 @@ def _wave(body: Body, side: str) -> list[Span]:
         return sorted(left + right)
     if side == "both":
         return left if right else []
-    own, other = (left, right) if side == LEFT else (right, left)
-    return own if sum(e - s for s, e in own) > 1.5 * sum(e - s for s, e in other) else []
+    waves, other = (left, right) if side == LEFT else (right, left)
+    return waves if sum(e - s for s, e in waves) > 1.5 * sum(e - s for s, e in other) else []
 
 
 def _punch_of(body: Body, side: str) -> list[Span]:
@@ -101,14 +109,16 @@ def _punch_of(body: Body, side: str) -> list[Span]:
     wrist = body.wrist(side)
     level = np.hypot(wrist[:, 0], wrist[:, 2]) / body.arm
     rate = np.gradient(level * body.arm) * FPS
-    found = []
+    punches = []
+    # Reach over the floor as a share of the arm's length: 0.72 is nearly straight ahead, 0.6 drawn
+    # back.
     for start, end in swings(level, 0.6, 0.72):
         before = slice(max(start - 6, 0), start + 4)
         # An arm that is raised swings out, too, but up rather than ahead.
         rise, out = np.ptp(wrist[before, 1]), np.ptp(level[before]) * body.arm
         if rate[before].max() > 1.2 and wrist[start:end, 1].max() > -0.35 and rise < 1.3 * out:
-            found.append((start, end))
-    return found
+            punches.append((start, end))
+    return punches
 
 
 def _kick_of(body: Body, side: str) -> list[Span]:
@@ -117,6 +127,7 @@ def _kick_of(body: Body, side: str) -> list[Span]:
     out = np.hypot(ankle[:, 0], ankle[:, 2]) / body.leg
     straight = np.linalg.norm(ankle, axis=-1) / body.leg
     standing = body.foot(_OTHER[side]) < 0.15
+    # Off the floor by 15 cm and out by 42 % of the leg, which is 80 % stretched; steps stay below.
     kicked = (height > 0.15) & (out > 0.42) & (straight > 0.8) & standing & (body.height > 0.75)
     fast = body.stepping(side) + np.abs(np.gradient(height)) * FPS
     # A runner's trailing foot is bent, a walker's low.
@@ -129,12 +140,13 @@ def _kick_of(body: Body, side: str) -> list[Span]:
 
 def _knee_of(body: Body, side: str) -> list[Span]:
     """A knee near the height of the hip, the shin hanging, on a standing leg."""
+    # The knee at most 45 % of a thigh's length below the hip; over once it is 70 % below.
     standing = (body.knee(_OTHER[side]) > 0.75) & (body.height > 0.8)
     return swings(np.where(standing, -body.knee(side), -1.0), -0.7, -0.45)
 
 
 def _one_leg_of(body: Body, side: str) -> list[Span]:
-    """A second and more on one foot."""
+    """Standing on one foot for at least a second."""
     other = _OTHER[side]
     return spans((body.lifted(other) > 0.1) & (body.foot(side) < 0.1), 1.0, 0.1)
 
@@ -142,24 +154,26 @@ def _one_leg_of(body: Body, side: str) -> list[Span]:
 def _flights(body: Body) -> list[Span]:
     """Both feet off the floor, with the pelvis rising and falling."""
     low = np.minimum(body.foot(LEFT), body.foot(RIGHT))
-    found = []
+    flights = []
+    # 5 cm and 0.1 s are above the noise of reconstructed feet; no person flies for 1.2 s.
     for start, end in spans(low > 0.05, 0.1):
         around = body.joints[max(start - 5, 0) : end + 5, 0, 1]
         if around.max() - min(around[0], around[-1]) > 0.05 and end - start < 1.2 * FPS:
-            found.append((start, end))
-    return found
+            flights.append((start, end))
+    return flights
 
 
 def _jump(body: Body, side: str) -> list[Span]:
     """Flights that begin and end with both feet near each other, unlike a runner's."""
-    found = []
+    jumps = []
     for start, end in _flights(body):
         off, on = max(start - 1, 0), min(end, body.frames - 1)
+        # A runner's ankles are far apart in height; a rise of 15 cm is a jump in any stance.
         even = min(abs(body.lifted(LEFT)[off]), abs(body.lifted(LEFT)[on])) < 0.13
         rise = body.joints[start:end, 0, 1].max() - body.joints[[off, on], 0, 1].min()
         if rise > 0.06 and (even or rise > 0.15):
-            found.append((start, end))
-    return found
+            jumps.append((start, end))
+    return jumps
 
 
 def _hop_of(body: Body, side: str) -> list[Span]:
@@ -173,14 +187,14 @@ def _hop_of(body: Body, side: str) -> list[Span]:
 
 
 def _turning(body: Body, side: str) -> list[Span]:
-    """More than 25 degrees at one go."""
+    """Turns to one side by more than 25 degrees, throughout faster than 15 degrees per second."""
     rate = np.degrees(np.gradient(body.heading)) * FPS
-    found = []
+    turns = []
     for sign in {LEFT: (1,), RIGHT: (-1,)}.get(side, (1, -1)):
         for start, end in spans(sign * rate > 15, 0.2, 0.2):
             if abs(body.heading[end - 1] - body.heading[start]) > np.radians(25):
-                found.append((start, end))
-    return sorted(found)
+                turns.append((start, end))
+    return sorted(turns)
 
 
 def _going(body: Body, side: str) -> list[Span]:
@@ -197,17 +211,21 @@ def _going(body: Body, side: str) -> list[Span]:
 
 def _step(body: Body, side: str) -> list[Span]:
     """A foot that is set 15 cm or more away."""
-    found = []
-    for one in (LEFT, RIGHT):
-        for start, end in spans(body.stepping(one) > 0.4, 0.1, 0.05):
-            place = body.joints[[start, end - 1], 7 + (one == RIGHT)][:, [0, 2]]
-            if np.linalg.norm(place[1] - place[0]) > 0.15:
-                found.append((start, end))
-    return sorted(found)
+    steps = []
+    for foot in (LEFT, RIGHT):
+        # A swinging foot is faster than the body; 0.4 m/s leaves out sliding and shifting of
+        # weight.
+        for start, end in spans(body.stepping(foot) > 0.4, 0.1, 0.05):
+            positions = body.joints[[start, end - 1], 7 + (foot == RIGHT)][:, [0, 2]]
+            if np.linalg.norm(positions[1] - positions[0]) > 0.15:
+                steps.append((start, end))
+    return sorted(steps)
 
 
 def _sit(body: Body, side: str) -> list[Span]:
     """A low pelvis with the feet well before it, or on the floor, and the trunk up."""
+    # On a chair the feet are before the hips and a thigh is near level; on the floor (height below
+    # 0.35) they may be anywhere.
     before = np.maximum(body.ankle(LEFT)[:, 2], body.ankle(RIGHT)[:, 2])
     level = np.minimum(body.knee(LEFT), body.knee(RIGHT)) < 0.5
     low = (body.height < 0.78) & level & ((before > 0.12) | (body.height < 0.35))
@@ -218,19 +236,23 @@ def _jack(body: Body, side: str) -> list[Span]:
     """Arms that go up while the legs go apart."""
     up = swings(np.minimum(body.hand(LEFT), body.hand(RIGHT)), -0.1, 0.1)
     wide = body.feet_apart
+    # Wide by half more than the narrowest stance, and by 10 cm for stances that are never narrow.
     return [(s, e) for s, e in up if wide[max(s - 4, 0) : e].max() > 1.5 * wide.min() + 0.1]
 
 
 def _touch_head_of(body: Body, side: str) -> list[Span]:
     wrist = body.joints[:, 20 + (side == RIGHT)]
+    # The wrist is a hand's length from the head, whose joint is at its base.
     return spans(np.linalg.norm(wrist - body.head, axis=-1) < 0.28, 0.15, 0.2)
 
 
 def _still(body: Body, side: str) -> list[Span]:
+    # Below the speed of any step and of any gesture; swaying stays below both.
     return spans((body.speed < 0.2) & (body.busy < 0.45), 0.4, 0.1)
 
 
 def _run(body: Body, side: str) -> list[Span]:
+    # People change from walking to running at about 2 m/s; the bounds of both overlap around it.
     return spans(body.speed > 1.8, 0.4, 0.2)
 
 
@@ -264,6 +286,7 @@ ACTS: dict[str, Detector] = {
     "turn": _turning,
     "go": _going,
     "step": _step,
+    # Depth of the pelvis below standing, as a share; pitch of the trunk; distance of the wrists.
     "squat": lambda body, side: swings(1 - body.height, 0.12, 0.25),
     "bow": lambda body, side: swings(body.pitch, 20, 38),
     "clap": lambda body, side: swings(-body.hands_apart, -0.33, -0.24),
@@ -291,7 +314,7 @@ _LASTING = {"stand", "still", "walk", "run", "go", "step"}
 
 
 def _net_turn(body: Body, term: Term) -> bool:
-    """From first to last frame between two numbers of degrees, to a side or to either."""
+    """Whether the net turn lies between two angles in degrees, to one side or to either."""
     net = float(np.degrees(body.heading[-1] - body.heading[0]))
     net = {LEFT: net, RIGHT: -net}.get(term.words[0] if term.words else "either", abs(net))
     return term.numbers[0] <= net <= term.numbers[1]
@@ -306,6 +329,7 @@ def _pace(body: Body, term: Term) -> bool:
 
 def _faster(body: Body, term: Term) -> bool:
     third = body.frames // 3
+    # From the first to the last third by 30 %, and by 0.1 m/s where the body hardly moves.
     return bool(body.speed[-third:].mean() > 1.3 * body.speed[:third].mean() + 0.1)
 
 
@@ -315,11 +339,13 @@ def _slower(body: Body, term: Term) -> bool:
 
 
 def _stops(body: Body, term: Term) -> bool:
+    # The last 5 frames are a quarter of a second.
     return bool(body.speed[-5:].mean() < 0.3 and body.speed.max() > 0.5)
 
 
 def _on_the_spot(body: Body, term: Term) -> bool:
     """Feet that are lifted in turn, four times or more, while the body stays."""
+    # A step lifts its foot by 7 cm; `stays` leaves out walks.
     lifts = [len(swings(body.foot(side), 0.03, 0.07)) for side in (LEFT, RIGHT)]
     up = [body.foot(side) > 0.05 for side in (LEFT, RIGHT)]
     in_turn = (up[0] & up[1]).sum() < 0.5 * (up[0] | up[1]).sum()
@@ -365,7 +391,7 @@ CONDITIONS: dict[str, Callable[[Body, Term], bool]] = {
         np.mean((body.speed < 0.2) & (body.busy < 0.6)) > 0.85 and np.ptp(body.heading) < 0.5
     ),
 }
-"""What holds of a whole motion, by name."""
+"""Conditions on a whole motion, by name."""
 
 
 def _reversals(curve: np.ndarray, least: float) -> int:

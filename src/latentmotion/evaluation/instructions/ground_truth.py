@@ -46,7 +46,7 @@ class Pattern:
 
 
 @dataclass(frozen=True, eq=False)
-class Claim:
+class CaptionClaim:
     """A real motion with a claim of its caption."""
 
     clip: str
@@ -69,7 +69,7 @@ def patterns(of: Literal["captions", "labels"]) -> tuple[Pattern, ...]:
     )
 
 
-def claims_of(dataset: Dataset, split: str) -> list[Claim]:
+def claims_of(dataset: Dataset, split: str) -> list[CaptionClaim]:
     """Returns the real motions of a split whose captions claim what prompts ask for.
 
     A claim that several captions make of the same frames is one. If captions are tagged with parts
@@ -80,16 +80,20 @@ def claims_of(dataset: Dataset, split: str) -> list[Claim]:
     """
     clips = dataset.clips(split)
     tagged = any(caption.tokens for clip in clips for caption in clip.captions)
-    known = patterns("captions")
-    claims = [claim for clip in clips for claim in caption_claims(dataset, clip, known, tagged)]
+    known_claims = patterns("captions")
+    claims = [
+        claim for clip in clips for claim in caption_claims(dataset, clip, known_claims, tagged)
+    ]
     # Clips of one label resemble each other, and count as takes of it.
-    known = patterns("labels")
+    known_claims = patterns("labels")
     for clip in clips:
-        fitting = [pattern for pattern in known if clip.action and pattern.words.match(clip.action)]
+        fitting = [
+            pattern for pattern in known_claims if clip.action and pattern.words.match(clip.action)
+        ]
         if fitting and clip.frames >= MIN_FRAMES:
             joints = dataset.representation.decode(dataset.features(clip))
             label = str(clip.action)
-            claims += [Claim(label, clip.id, p.group, p.check, joints) for p in fitting]
+            claims += [CaptionClaim(label, clip.id, p.group, p.check, joints) for p in fitting]
     if not claims:
         raise DataError(
             f"{dataset.folder}: no caption of the {split} split claims what can be checked; "
@@ -99,23 +103,23 @@ def claims_of(dataset: Dataset, split: str) -> list[Claim]:
 
 
 def caption_claims(
-    dataset: Dataset, clip: Clip, known: Sequence[Pattern], tagged: bool
-) -> Iterator[Claim]:
+    dataset: Dataset, clip: Clip, known_claims: Sequence[Pattern], tagged: bool
+) -> Iterator[CaptionClaim]:
     """Yields the claims of a clip's captions.
 
     Args:
         dataset: Data set of the clip.
         clip: The clip.
-        known: Claims to search.
+        known_claims: Claims to search.
         tagged: Whether captions without parts of speech are left out.
     """
     counted: set[tuple[str, int, int]] = set()
     joints: Joints = np.zeros((0, 22, 3))
     # Captions of labeled clips are made from the label, which makes the claim.
     written = () if clip.action else clip.captions
-    for caption in (one for one in written if one.tokens or not tagged):
+    for caption in (item for item in written if item.tokens or not tagged):
         text = caption.text.lower()
-        for pattern in known:
+        for pattern in known_claims:
             key = (str(pattern.check), caption.start_frame, caption.end_frame)
             if key in counted or not pattern.is_in(text):
                 continue
@@ -124,4 +128,4 @@ def caption_claims(
                 joints = dataset.representation.decode(dataset.features(clip))
             part = joints[caption.start_frame : caption.end_frame]
             if len(part) >= MIN_FRAMES:
-                yield Claim(clip.id, caption.text, pattern.group, pattern.check, part)
+                yield CaptionClaim(clip.id, caption.text, pattern.group, pattern.check, part)

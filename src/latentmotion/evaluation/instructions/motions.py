@@ -67,18 +67,18 @@ def generate_motions(
     shortest, longest = (frames / model.representation.fps for frames in model.card.frames)
     by_prompt: dict[str, list[Joints]] = {}
     for timed in (False, True):
-        chosen = [one for one in instructions if (one.seconds is not None) == timed]
+        chosen = [row for row in instructions if (row.seconds is not None) == timed]
         if not chosen:
             continue
-        lengths = [min(max(one.seconds or 0.0, shortest), longest) for one in chosen]
+        lengths = [min(max(row.seconds or 0.0, shortest), longest) for row in chosen]
         sampling = settings.sampling or model.card.sampling
         with warnings.catch_warnings():
             # Unknown words and odd bone lengths show in the figures.
             warnings.simplefilter("ignore")
             motions = model.batch(
-                [one.prompt for one in chosen for _ in range(takes)],
+                [row.prompt for row in chosen for _ in range(takes)],
                 [length for length in lengths for _ in range(takes)] if timed else None,
-                [seed for one in chosen for seed in one.seeds(takes)],
+                [seed for row in chosen for seed in row.seeds(takes)],
                 sampling.steps,
                 sampling.guidance,
                 sampling.sampler,
@@ -95,9 +95,9 @@ def generate_motions(
                 positions = motion.joints.astype(np.float64)
                 rate = motion.fps / FPS
                 joints.append(positions if rate == 1 else interpolate(positions, rate))
-        for number, one in enumerate(chosen):
-            by_prompt[one.id] = joints[number * takes :][:takes]
-    return [by_prompt[one.id] for one in instructions]
+        for number, row in enumerate(chosen):
+            by_prompt[row.id] = joints[number * takes :][:takes]
+    return [by_prompt[row.id] for row in instructions]
 
 
 def read_joints_folder(
@@ -120,7 +120,11 @@ def read_joints_folder(
         raise InputError(f"--fps {fps:g}: expected 1 to 1000 frames per second")
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder; expected one of joint positions")
-    paths = [folder / f"{one.id}_{take}.npz" for one in instructions for take in range(takes)]
+    paths = [
+        folder / f"{instruction.id}_{take}.npz"
+        for instruction in instructions
+        for take in range(takes)
+    ]
     paths = [path if path.is_file() else path.with_suffix(".npy") for path in paths]
     missing = [path for path in paths if not path.is_file()]
     if missing:

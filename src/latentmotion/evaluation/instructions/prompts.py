@@ -26,7 +26,9 @@ def instructions() -> tuple[Instruction, ...]:
     """Returns the list."""
     rows = csv.DictReader(packaged_text("checks.csv").splitlines())
     checks = {row["id"]: parse(row["check"]) for row in rows}
-    return tuple(replace(one, check=checks[one.id]) for one in prompts.instructions())
+    return tuple(
+        replace(instruction, check=checks[instruction.id]) for instruction in prompts.instructions()
+    )
 
 
 def write_prompts(path: str | Path, takes: int) -> None:
@@ -39,7 +41,16 @@ def write_prompts(path: str | Path, takes: int) -> None:
     with atomic_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
-        for one in instructions():
-            length = "" if one.seconds is None else f"{one.seconds:g}"
-            seeds = " ".join(map(str, one.seeds(takes)))
-            writer.writerow([one.id, one.group, one.prompt, str(one.check), length, seeds])
+        for row in instructions():
+            length = "" if row.seconds is None else f"{row.seconds:g}"
+            seeds = " ".join(map(str, row.seeds(takes)))
+            writer.writerow(
+                [
+                    row.id,
+                    row.group,
+                    row.prompt,
+                    str(row.check),
+                    length,
+                    seeds,
+                ]
+            )

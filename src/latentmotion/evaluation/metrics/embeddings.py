@@ -90,12 +90,12 @@ class Gaussian:
         return cls(mean, np.atleast_2d(covariance))
 
 
-def frechet_distance(one: Gaussian, other: Gaussian) -> float:
+def frechet_distance(first: Gaussian, second: Gaussian) -> float:
     """Returns the Fréchet distance of two Gaussians; zero for equal ones."""
-    apart = one.mean - other.mean
-    roots = _root(one.covariance) @ _root(other.covariance)
+    apart = first.mean - second.mean
+    roots = _root(first.covariance) @ _root(second.covariance)
     overlap = np.sum(scipy.linalg.svdvals(roots))
-    spread = np.trace(one.covariance) + np.trace(other.covariance)
+    spread = np.trace(first.covariance) + np.trace(second.covariance)
     return max(0.0, float(apart @ apart + spread - 2 * overlap))
 
 
@@ -234,17 +234,17 @@ def diversity(features: Float[np.ndarray, "items width"]) -> float:
 
 def drawn_diversity(
     features: Float[np.ndarray, "items width"],
-    one: Int[np.ndarray, " pairs"],
-    other: Int[np.ndarray, " pairs"],
+    first: Int[np.ndarray, " pairs"],
+    second: Int[np.ndarray, " pairs"],
 ) -> float:
     """Returns the mean distance of the given pairs.
 
     Args:
         features: One row per motion.
-        one: First item of each pair.
-        other: Second item of each pair; the authors' draws let it be the same.
+        first: First item of each pair.
+        second: Second item of each pair; the authors' draws let it be the same.
     """
-    return float(np.linalg.norm(features[one] - features[other], axis=1).mean())
+    return float(np.linalg.norm(features[first] - features[second], axis=1).mean())
 
 
 def multimodality(groups: Sequence[Float[np.ndarray, "_ width"]]) -> float:
@@ -258,17 +258,17 @@ def multimodality(groups: Sequence[Float[np.ndarray, "_ width"]]) -> float:
 
 def shared_pairs_multimodality(
     groups: Float[np.ndarray, "captions samples width"],
-    one: Int[np.ndarray, " pairs"],
-    other: Int[np.ndarray, " pairs"],
+    first: Int[np.ndarray, " pairs"],
+    second: Int[np.ndarray, " pairs"],
 ) -> float:
     """Returns the mean distance of the same pairs of samples of every caption.
 
     Args:
         groups: Features of the motions of each caption.
-        one: First sample of each pair.
-        other: Second sample of each pair; it can be the same.
+        first: First sample of each pair.
+        second: Second sample of each pair; it can be the same.
     """
-    return float(np.linalg.norm(groups[:, one] - groups[:, other], axis=2).mean())
+    return float(np.linalg.norm(groups[:, first] - groups[:, second], axis=2).mean())
 
 
 def label_pairs(
@@ -287,12 +287,12 @@ def label_pairs(
     left = {int(label): quota for label in np.unique(labels)}
     pairs: list[tuple[int, int]] = []
     while any(left.values()):
-        one = draw(len(labels))
-        label = int(labels[one])
+        row = draw(len(labels))
+        label = int(labels[row])
         if left[label]:
             left[label] -= 1
-            while labels[other := draw(len(labels))] != label:
+            while labels[partner := draw(len(labels))] != label:
                 pass
-            pairs.append((one, other))
+            pairs.append((row, partner))
     first, second = np.array(pairs).T
     return first, second

@@ -219,7 +219,7 @@ class Pullback(nn.Module):
     """The transposed Jacobian of a decoder at one motion's latents.
 
     Args:
-        vae: Its decoder is differentiated.
+        vae: VAE whose decoder is differentiated.
     """
 
     def __init__(self, vae: MotionVAE) -> None:
@@ -235,7 +235,7 @@ class Pullback(nn.Module):
         """Returns the gradients of the latents.
 
         Args:
-            latents: Of one motion, in the VAE's scale.
+            latents: Latents of one motion, in the VAE's scale.
             mask: True on real frames.
             gradient: Gradients of normalized features; the features after the first are 0.
         """
@@ -293,9 +293,9 @@ def _turned(convolution: nn.Conv1d, g: Tensor, groups: int = 1) -> Tensor:
     """Returns the adjoint of a convolution, as one matrix product over all rows and steps.
 
     Args:
-        convolution: Its output has `groups` groups of channels.
+        convolution: Convolution whose output channels fall into `groups` groups.
         g: Gradients of the first channels of each group, (rows, steps, channels).
-        groups: How many groups there are.
+        groups: Number of groups.
     """
     kernel, steps, dilation = convolution.kernel_size[0], g.shape[1], convolution.dilation[0]
     reach = kernel // 2 * dilation

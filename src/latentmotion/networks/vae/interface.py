@@ -92,7 +92,7 @@ class MotionVAE(nn.Module, ABC):
         """Returns normalized features, zero on padding.
 
         Args:
-            latents: As `encode` gives them for as many frames.
+            latents: Latents of as many tokens as `encode` gives for these frames.
             mask: True on real frames; sets the length of each motion.
         """
 
@@ -116,20 +116,20 @@ def encoder_state(vae: MotionVAE) -> dict[str, Tensor]:
 
 def fingerprint(vae: MotionVAE) -> str:
     """Returns a hash of all weights that make latents; a zero has no sign in it."""
-    found = sha256()
+    digest = sha256()
     for name, value in encoder_state(vae).items():
-        found.update(name.encode() + (value + 0.0).cpu().contiguous().numpy().tobytes())
-    return found.hexdigest()
+        digest.update(name.encode() + (value + 0.0).cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()
 
 
 def copy_encoder(vae: MotionVAE, trained: MotionVAE) -> None:
-    """Gives `vae` the first half of a trained one, frozen, and of its way back what is alike.
+    """Copies the encoder of a trained VAE, frozen, and the decoder weights that match.
 
     Alike are the weights from the latents on, up to where name or shape differs.
     """
-    own, given = (decoder_modules(one).state_dict().items() for one in (vae, trained))
+    state, trained_state = (decoder_modules(model).state_dict().items() for model in (vae, trained))
     alike: dict[str, Tensor] = {}
-    for (name, value), (other, trained_value) in zip(own, given, strict=False):
+    for (name, value), (other, trained_value) in zip(state, trained_state, strict=False):
         if name != other or value.shape != trained_value.shape:
             break
         alike[name] = trained_value
@@ -187,8 +187,8 @@ class VAEObjective:
     vertices: float = 0.0
     """Weight of the distance of the body's vertices without its way, meters; needs a body."""
     padded_means: bool = False
-    """Whether means run over padding as well, as the authors': there the features are equal, which
-    dilutes their mean, and joints are the mean pose where a motion's way ended."""
+    """Whether means run over padding too, as in the authors' code. Padded features are equal, which
+    dilutes their mean; padded joints are the mean pose at the motion's last position."""
 
     @property
     def mean(self) -> Mean:
@@ -237,7 +237,7 @@ def vae_losses(
 
 
 def feature_losses(
-    found: Float[Tensor, "batch frames features"],
+    output: Float[Tensor, "batch frames features"],
     true: Float[Tensor, "batch frames features"],
     mask: Bool[Tensor, "batch frames"],
     joints_of: Callable[[Tensor], Tensor],
@@ -251,13 +251,13 @@ def feature_losses(
         Each loss by the name of its weight; those of feet and bones where a skeleton is given.
     """
     huber_delta, mean = objective.joints_huber_delta, objective.mean
-    joints = joints_of(found), joints_of(true)  #                    (batch, frames, joints, 3)
+    joints = joints_of(output), joints_of(true)  # (batch, frames, joints, 3)
     velocities = (fps * joints[0].diff(dim=1), fps * joints[1].diff(dim=1))
     limb_error = (velocities[0] - velocities[0][:, :, :1]) - (
         velocities[1] - velocities[1][:, :, :1]
     )
     losses = {
-        "features": mean(_distance(found, true, 1.0), mask),
+        "features": mean(_distance(output, true, 1.0), mask),
         "joints": mean(_distance(*joints, huber_delta), mask),
         "velocity": mean(_distance(*velocities, huber_delta * fps), mask[:, 1:]),
         "limbs": mean(limb_error**2, mask[:, 1:]),
@@ -282,5 +282,5 @@ def weighted_sum(losses: dict[str, Tensor], objective: VAEObjective) -> Tensor:
     return torch.stack([getattr(objective, name) * loss for name, loss in losses.items()]).sum()
 
 
-def _distance(found: Tensor, true: Tensor, huber_delta: float) -> Tensor:
-    return F.smooth_l1_loss(found, true, reduction="none", beta=huber_delta)
+def _distance(output: Tensor, true: Tensor, huber_delta: float) -> Tensor:
+    return F.smooth_l1_loss(output, true, reduction="none", beta=huber_delta)

@@ -18,7 +18,7 @@ from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.motion import Motion
 from latentmotion.networks import checkpoint
 from latentmotion.networks.build import build
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.interface import mean_of_real
 from latentmotion.pipeline import sampler_of
 from latentmotion.storage.files import sha256
@@ -36,7 +36,7 @@ from latentmotion.training.loop import Stage, train
 from latentmotion.training.run_folder import MODEL, open_run, provenance_of
 
 
-class DistillStage(Stage[Denoiser]):
+class DistillStage(Stage[DenoiserNetwork]):
     """The student, the steps that it learns, and held-out trajectories of its teacher.
 
     Args:
@@ -47,7 +47,7 @@ class DistillStage(Stage[Denoiser]):
     """
 
     def __init__(
-        self, student: Denoiser, card: ModelCard, data: DistillationData, previews: Previews
+        self, student: DenoiserNetwork, card: ModelCard, data: DistillationData, previews: Previews
     ) -> None:
         super().__init__()
         self.network = student
@@ -56,7 +56,7 @@ class DistillStage(Stage[Denoiser]):
         self._prompts, self._device = data.teacher.prompts, data.context.device
         self._few_step, self._huber_delta = data.settings.few_step, data.settings.huber_delta
 
-    def follow(self, average: Denoiser) -> None:
+    def follow(self, average: DenoiserNetwork) -> None:
         """Remembers the averaged student, but not as a part of this module, which it is not."""
         self._average = average.__call__
 
@@ -68,7 +68,7 @@ class DistillStage(Stage[Denoiser]):
         return {"total": loss}
 
     @torch.no_grad()
-    def validate(self, network: Denoiser) -> dict[str, float]:
+    def validate(self, network: DenoiserNetwork) -> dict[str, float]:
         """Distance of held-out ends from the teacher's, by steps: root mean square per number."""
         if self._held_out is None:
             return {}
@@ -84,7 +84,7 @@ class DistillStage(Stage[Denoiser]):
         return figures
 
     @torch.no_grad()
-    def sample(self, network: Denoiser) -> list[Motion]:
+    def sample(self, network: DenoiserNetwork) -> list[Motion]:
         """Motions for the prompts of a few held-out clips, in the most steps that it takes."""
         crops = self._held_out.crops if self._held_out else ()
         captions = [crop.caption for crop in crops][:4]
@@ -95,7 +95,7 @@ class DistillStage(Stage[Denoiser]):
         return self._previews.sample(*student, steps, self._prompts(captions), captions)
 
     def _student(
-        self, network: Denoiser, guidance: float | torch.Tensor, steps: int
+        self, network: DenoiserNetwork, guidance: float | torch.Tensor, steps: int
     ) -> tuple[ParametrizedDenoiser, Sampler]:
         """Returns the student and its sampler for a number of steps."""
         guided = self._card.parametrized(DistilledGuidance(network, guidance, steps))
@@ -244,7 +244,9 @@ def student_card(teacher: ModelCard, settings: Distillation) -> ModelCard:
     )
 
 
-def first_student(teacher: checkpoint.LatentModel, card: ModelCard, start: Path | None) -> Denoiser:
+def first_student(
+    teacher: checkpoint.LatentModel, card: ModelCard, start: Path | None
+) -> DenoiserNetwork:
     """Returns what training begins with: the teacher's weights, or those of an earlier student.
 
     Raises:
@@ -265,7 +267,7 @@ def first_student(teacher: checkpoint.LatentModel, card: ModelCard, start: Path 
     return student
 
 
-def student_of(teacher: Denoiser, config: DenoiserConfig) -> Denoiser:
+def student_of(teacher: DenoiserNetwork, config: DenoiserConfig) -> DenoiserNetwork:
     """Returns a student whose output is its teacher's without guidance at any step condition."""
     student = build(config)
     student.load_state_dict({**student.state_dict(), **teacher.state_dict()})

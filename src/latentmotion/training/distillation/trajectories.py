@@ -46,7 +46,7 @@ from latentmotion.errors import InputError
 from latentmotion.gpu.device import autocast
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig, Sampling
-from latentmotion.networks.denoiser import Denoiser
+from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.pipeline import sampler_of
 from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser import FrameCache, LatentCache
@@ -89,7 +89,7 @@ class Trajectories:
 class Teacher:
     """A trained model that computes trajectories; an earlier student makes its own few steps."""
 
-    network: Denoiser
+    network: DenoiserNetwork
     """Its denoiser, frozen."""
     card: ModelCard
     """Its description."""
@@ -390,14 +390,14 @@ class PhaseSteps:
         t, after, s = (self._times[at] for at in (first, first + 1, phases.last))
         mask, guided = latents.mask, self._teacher.guided(step_condition.guidance).denoiser
         with torch.no_grad():  # a step with the teacher, then one with the averaged student
-            z = self._moved(start, guided(start, t, condition, mask).float(), t, after)
+            z = self._ddim_step(start, guided(start, t, condition, mask).float(), t, after)
             output = average(z, after, condition, mask, step_condition).float()
-            there = self._moved(z, output, after, s)
+            there = self._ddim_step(z, output, after, s)
         # No noise may be left there, which determines no prediction.
         end = torch.where((after == s)[:, None, None], z, there)
         return StepBatch(start, end, (t, s), condition, mask, step_condition)
 
-    def _moved(self, z: Tensor, output: Tensor, t: Tensor, s: Tensor) -> Tensor:
+    def _ddim_step(self, z: Tensor, output: Tensor, t: Tensor, s: Tensor) -> Tensor:
         """Makes a step of DDIM, each item between times of its own."""
         card = self._teacher.card
         return add_noise(

@@ -146,7 +146,7 @@ def _one_clause(caption: TaggedCaption, generator: random.Random) -> str:
 
 def _imperative(caption: TaggedCaption, generator: random.Random) -> str:
     """Lemmas from the first verb on, "walk forward then turn", cut at a random length."""
-    verbs = [place for place, (_, tag) in enumerate(caption.tags) if tag == "VERB"]
+    verbs = [index for index, (_, tag) in enumerate(caption.tags) if tag == "VERB"]
     if not verbs:
         return caption.text
     lemmas = [lemma for lemma, _ in caption.tags[verbs[0] :]]

@@ -35,7 +35,7 @@ _WINDOW = 50
 
 
 @dataclass(frozen=True)
-class Targets:
+class TeacherOutputs:
     """The teacher's outputs for many sentences; arrays may be memory-mapped."""
 
     pooled: Float[np.ndarray, "sentences width"]
@@ -52,12 +52,12 @@ def teacher_targets(
     tokenizer: Tokenizer,
     teacher: PretrainedTextEncoder,
     context: DistributedContext,
-) -> Targets:
+) -> TeacherOutputs:
     """Reads targets from `folder`, computed first where they are missing or of other sentences.
 
     Args:
-        folder: Where they are kept.
-        sentences: What the teacher reads.
+        folder: Folder of the teacher's outputs.
+        sentences: Sentences for the teacher.
         tokenizer: The teacher's tokenizer, without padding.
         teacher: Runs on the device of `context` and is on the CPU afterwards.
         context: The leading rank computes.
@@ -75,7 +75,7 @@ def teacher_targets(
     context.wait()
     names = ("pooled", "words", "starts")
     try:  # nothing is unpickled: `np.load` refuses arrays of objects
-        return Targets(*(np.load(folder / f"{name}.npy", mmap_mode="r") for name in names))
+        return TeacherOutputs(*(np.load(folder / f"{name}.npy", mmap_mode="r") for name in names))
     except (OSError, ValueError) as error:
         raise InputError(f"{folder} is damaged ({error}); delete it and start again") from error
 
@@ -120,7 +120,7 @@ def padded(
 
 
 @dataclass(frozen=True)
-class Batch:
+class SentenceBatch:
     """Sentences of similar length with the teacher's outputs."""
 
     tokens: Int[torch.Tensor, "batch words"]
@@ -134,10 +134,10 @@ class Batch:
     words: Float[torch.Tensor, "pieces width"]
     """The teacher's states of the aligned pieces, in their order."""
 
-    def to(self, device: torch.device) -> Batch:
+    def to(self, device: torch.device) -> SentenceBatch:
         """Returns the batch on a device."""
         parts = (self.tokens, self.mask, self.pooled, self.aligned, self.words)
-        return Batch(*(part.to(device) for part in parts))
+        return SentenceBatch(*(part.to(device) for part in parts))
 
 
 @dataclass(frozen=True)
@@ -148,10 +148,10 @@ class TrainingSet:
     """Pieces of each sentence in the student's vocabulary."""
     aligned: Sequence[bool]
     """Whether the tokenizers of student and teacher split the sentence alike."""
-    targets: Targets
+    targets: TeacherOutputs
     """The teacher's outputs, in the order of the sentences."""
 
-    def batch(self, rows: Int[np.ndarray, " batch"]) -> Batch:
+    def batch(self, rows: Int[np.ndarray, " batch"]) -> SentenceBatch:
         """Returns the sentences at these rows."""
         tokens, mask = padded([self.ids[row] for row in rows])
         alike = torch.tensor([self.aligned[row] for row in rows])
@@ -162,11 +162,11 @@ class TrainingSet:
         width = self.targets.words.shape[1]
         states = np.concatenate([np.zeros((0, width), np.float16), *words]).astype(np.float32)
         pooled = torch.from_numpy(self.targets.pooled[rows])
-        return Batch(tokens, mask, pooled, mask & alike[:, None], torch.from_numpy(states))
+        return SentenceBatch(tokens, mask, pooled, mask & alike[:, None], torch.from_numpy(states))
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class ValidationSentences:
     """Sentences for validation."""
 
     sentences: Sequence[str]
@@ -300,13 +300,13 @@ def compare(
     cosines = (student * teacher).sum(1)
     groups = [slice(first, first + GROUP) for first in range(0, len(student) - GROUP + 1, GROUP)]
     same = [_nearest_other(student[part]) == _nearest_other(teacher[part]) for part in groups]
-    own = [(student[part] @ teacher[part].T).argmax(1) == np.arange(GROUP) for part in groups]
+    matches = [(student[part] @ teacher[part].T).argmax(1) == np.arange(GROUP) for part in groups]
     return Figures(
         sentences=len(student),
         cosine=float(cosines.mean()),
         cosine_5_percent=float(np.percentile(cosines, 5)),
         nearest=float(np.mean(same)),
-        own_first=float(np.mean(own)),
+        own_first=float(np.mean(matches)),
     )
 
 

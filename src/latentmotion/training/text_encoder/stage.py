@@ -73,7 +73,7 @@ class StudentRecipe:
 def distillation_losses(
     pooled: Float[torch.Tensor, "batch width"],
     states: Float[torch.Tensor, "batch words width"],
-    batch: text_data.Batch,
+    batch: text_data.SentenceBatch,
 ) -> dict[str, torch.Tensor]:
     """Returns the losses of one batch; "total" weights the others as stated at the top.
 
@@ -105,7 +105,7 @@ class TextEncoderStage(Stage[StudentNetwork]):
         self,
         network: StudentNetwork,
         data: text_data.TrainingSet,
-        held_out: text_data.HeldOut,
+        held_out: text_data.ValidationSentences,
         settings: TrainingSettings,
         context: DistributedContext,
     ) -> None:
@@ -163,7 +163,7 @@ def train_text_encoder(
     """Distills a text encoder, or resumes it; returns the folder with its files and card.
 
     Args:
-        recipe: What to make.
+        recipe: Sizes of the student and settings of its training.
         captions: Captions of motions; one in twenty is held out for validation.
         teacher: MiniLM or another BERT whose sentence embedding is the mean of the piece states.
         folder: Run folder; the encoder is written to `encoder/` in it.
@@ -174,8 +174,8 @@ def train_text_encoder(
         InputError: The run folder holds another run.
     """
     held_out = held_out_sentences(captions)
-    seen = json.dumps([(caption.text, caption.tags) for caption in captions])
-    digest = hashlib.sha256(seen.encode()).hexdigest()
+    corpus = json.dumps([(caption.text, caption.tags) for caption in captions])
+    digest = hashlib.sha256(corpus.encode()).hexdigest()
     open_run(folder, TextEncoderRun(digest, teacher.name, recipe), context)
     large = Tokenizer.from_str(teacher.tokenizer.backend_tokenizer.to_str())
     large.no_padding()
@@ -186,7 +186,9 @@ def train_text_encoder(
     sentences = training_sentences(captions, large, recipe)
     targets = text_data.teacher_targets(folder / "targets", sentences, large, teacher, context)
     data = text_data.TrainingSet(_ids(small, sentences), aligned(sentences, large, small), targets)
-    measured = text_data.HeldOut(held_out, _ids(small, held_out), teacher(held_out).pooled)
+    measured = text_data.ValidationSentences(
+        held_out, _ids(small, held_out), teacher(held_out).pooled
+    )
     network = first_network(recipe, teacher.model, vocabulary.places_in(large, small))
     stage = TextEncoderStage(network, data, measured, recipe.training, context)
     network, _ = train(stage, recipe.training, folder, context)
@@ -204,14 +206,14 @@ def held_out_sentences(captions: Sequence[text_data.TaggedCaption]) -> list[str]
     Raises:
         DataError: There are fewer than 33, one group of the validation.
     """
-    found = sorted(caption.text for caption in captions if text_data.is_held_out(caption.text))
-    if len(found) < text_data.GROUP:
+    sentences = sorted(caption.text for caption in captions if text_data.is_held_out(caption.text))
+    if len(sentences) < text_data.GROUP:
         raise DataError(
-            f"{len(found)} of {len(captions)} captions are held out for validation, expected "
+            f"{len(sentences)} of {len(captions)} captions are held out for validation, expected "
             f"{text_data.GROUP} or more; use more captions"
         )
-    random.Random(0).shuffle(found)
-    return found
+    random.Random(0).shuffle(sentences)
+    return sentences
 
 
 def training_sentences(
@@ -244,7 +246,7 @@ def first_network(recipe: StudentRecipe, teacher: Any, pieces_kept: np.ndarray) 
     """Returns the untrained student, made of the teacher's layers and piece embeddings.
 
     Args:
-        recipe: Which layers, and how many positions.
+        recipe: Layers to keep and number of positions.
         teacher: Hugging Face's `BertModel`.
         pieces_kept: The teacher's id of each piece of the student.
     """
@@ -267,7 +269,7 @@ def known_words(tokenizer: Tokenizer, texts: Sequence[str]) -> list[str]:
 
 
 def write_card(
-    folder: Path, recipe: StudentRecipe, teacher: str, held_out: text_data.HeldOut
+    folder: Path, recipe: StudentRecipe, teacher: str, held_out: text_data.ValidationSentences
 ) -> None:
     """Writes the card of an exported student: origin, agreement with the teacher, speed, sizes."""
     student = StudentTextEncoder.load(folder)
