@@ -277,7 +277,7 @@ class MotionPipeline:
         readings = {caption: self.read(caption) for caption in dict.fromkeys(captions)}
         for note in dict.fromkeys(note for one in readings.values() for note in one.notes()):
             warnings.warn(note, DoubtWarning, stacklevel=3)
-        prompts = [readings[caption].sentence for caption in captions]
+        prompts = [readings[caption].prompt for caption in captions]
         features = self.representation
         lengths = requests.each(seconds, len(prompts))
         free = [length is None for length in lengths]

@@ -1,5 +1,6 @@
 """The index of clips: support of sentences, files, joining, and what was left out of training."""
 
+import lzma
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from latentmotion.data.clip import Source
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import MOVES_FILE, SHIPPED
 from latentmotion.retrieval.index import (
+    ALL_DIRECTIONS,
     ClipIndex,
     IndexedCaption,
     IndexedClip,
@@ -23,12 +25,13 @@ from latentmotion.retrieval.index import (
 from latentmotion.retrieval.starts import LONGEST_STRETCH, stretched
 from latentmotion.retrieval.support import support
 from latentmotion.retrieval.thinning import SAME_OF_CLIP, thinned
+from latentmotion.retrieval.wordings import read_wordings
 
 OWNER = Source("ours", "CC0", "us")
 
 
-def index_of(captions, vectors, tokens=(4, 6), support=1, owner=OWNER):
-    """An index of clips of these lengths with captions (text, clip)."""
+def index_of(captions, vectors, tokens=(4, 6), support=1, owner=OWNER, wordings=(), directions=()):
+    """An index of clips of these lengths with captions (text, clip), and numbers of wordings."""
     starts = np.cumsum([0, *tokens])
     latents = np.random.default_rng(0).standard_normal((starts[-1], 3)).astype(np.float32)
     codes, scale = quantized(latents, 0, 127)
@@ -43,7 +46,9 @@ def index_of(captions, vectors, tokens=(4, 6), support=1, owner=OWNER):
         tuple(IndexedCaption(text, clip, 0, tokens[clip], support) for text, clip in captions),
         codes,
         scale,
+        np.array(wordings, np.int32),
         quantized(np.array(vectors, np.float32), 1, 127)[0],
+        np.array(directions, np.float32) if directions else ALL_DIRECTIONS,
         {word: 1 for text, _ in captions for word in words_of(text)},
     )
 
@@ -83,6 +88,45 @@ def test_joined_indexes_keep_latents_owners_and_captions():
     np.testing.assert_allclose(
         both.latents_of(near.caption), expected, atol=both.latent_scale.max()
     )
+
+
+def test_a_caption_is_near_by_its_wordings_too(tmp_path):
+    index_of(
+        [("shoots a bow", 0), ("a bow", 1)], [[1, 0], [0, 1], [0.6, -0.8]], wordings=[0]
+    ).write(tmp_path / MOVES_FILE)
+    index = read_index(tmp_path / MOVES_FILE)
+    archery = np.array([[0.55, -0.8]], np.float32)
+    near = index.nearest_by_wording(archery)
+    assert near.caption.text == "shoots a bow" and near.cosine > 0.99
+    (literal,) = index.nearest(archery, 1)
+    assert literal.cosine < 0.6
+    with pytest.raises(InputError, match="do not fit"):
+        replace(index, wordings=np.array([2], np.int32))
+
+
+def test_an_index_along_few_directions_is_joined_with_one_along_all():
+    shipped = index_of([("a wave", 0)], [[1], [1]], wordings=[0], directions=[[0.0], [1], [0]])
+    taught = index_of([("a bow", 1)], [[0.1, 0, 1.0]], support=0)
+    for index in (taught.joined(shipped), shipped.joined(taught)):
+        assert index.directions.shape == (3, 1) and len(index.embeddings) == 3
+        (near,) = index.nearest(np.array([[0.0, 0.3, 0.1]]), 1)
+        assert near.caption.text == "a wave"
+        assert index.captions[index.wordings[0]].text == "a wave"
+    with pytest.raises(InputError, match="different directions"):
+        shipped.joined(index_of([("a bow", 1)], [[1]], directions=[[1.0], [0], [0]]))
+
+
+def test_wordings_are_read_and_damaged_lines_told(tmp_path):
+    path = tmp_path / "wordings.tsv.xz"
+    path.write_bytes(lzma.compress(b"# comment\na man walks\tstroll|amble\n"))
+    plain = tmp_path / "wordings.tsv"
+    plain.write_text("a man walks\tgo on foot\n")
+    assert read_wordings([path, plain]) == {"a man walks": ["stroll", "amble", "go on foot"]}
+    plain.write_text("a man walks, stroll\n")
+    with pytest.raises(InputError, match="expected a caption, a tab"):
+        read_wordings([plain])
+    with pytest.raises(InputError, match="cannot be read as wordings"):
+        read_wordings([tmp_path / "none.tsv"])
 
 
 @pytest.mark.parametrize("damage", ["cut", "none", "other", "outside"])

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,6 +110,58 @@ def test_nothing_is_said_of_what_is_known(fast, sentence):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert "notes" not in fast(sentence, seconds=2).metadata
+
+
+@pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
+@pytest.mark.parametrize(
+    ("prompt", "word"),
+    [("archery", "bow and arrow"), ("ape around", "monkey"), ("tai chi", "arts")],
+)
+def test_an_activity_is_read_in_words_of_captions(fast, prompt, word):
+    reading = fast.read(prompt)
+    assert reading.sentence == prompt and word in reading.prompt
+    motion = fast(prompt, seconds=2)
+    assert motion.caption == prompt and motion.metadata["read_as"] == reading.prompt
+    assert motion.metadata["from_clips"]
+
+
+@pytest.mark.parametrize(
+    "sentence", ["a person walks forward", "hop three times", "he raises the left arm"]
+)
+def test_what_captions_say_themselves_is_read_as_it_stands(fast, sentence):
+    assert fast.read(sentence).caption is None
+
+
+def test_prepared_data_is_taught_with_wordings(fast, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    recorded = fast("a person squats down", seconds=3, seed=1)
+    Path("clips").mkdir()
+    recorded.save("clips/frog.npz")
+    Path("clips/frog.txt").write_text("a person does the frog\n")
+    main(
+        [
+            "data",
+            "prepare",
+            "own",
+            "clips",
+            "-o",
+            "data",
+            "--generated",
+            "--val",
+            "0",
+            "--test",
+            "0",
+        ]
+    )
+    Path("words.tsv").write_text("a person does the frog\twalks like a frog\n")
+    main(["teach", "data", "--wordings", "words.tsv", "-o", "moves"])
+    assert "1 clips" in capsys.readouterr().out
+    taught = fast.with_moves("moves")
+    assert taught.read("walks like a frog").prompt == "a person does the frog"
+    with pytest.raises(SystemExit):
+        main(["teach", "data", "a frog", "-o", "moves"])
+    assert "captions of its own" in capsys.readouterr().err
 
 
 def test_misspelled_words_are_corrected_and_said(fast):

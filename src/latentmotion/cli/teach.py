@@ -9,13 +9,18 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
+from latentmotion.condition.task import SentenceCondition
 from latentmotion.data.clip import Caption, Source
+from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import features_of
+from latentmotion.data.store import MANIFEST
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT, MOVES_FILE
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.retrieval.index import index_file, joined
-from latentmotion.retrieval.teach import ShownClip
+from latentmotion.retrieval.index import ClipIndex, index_file, joined
+from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips
+from latentmotion.retrieval.thinning import thinned
+from latentmotion.retrieval.wordings import along_main_directions, read_wordings, with_wordings
 from latentmotion.storage.files import check_writable
 
 _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
@@ -29,13 +34,18 @@ class Teach:
     sentence near one of these then starts from the clip. The same folder takes any number of clips.
 
     Example: latentmotion teach robot.bvh "a person does the robot dance" -o my_moves
+    Example: latentmotion teach my_data -o my_moves, for all training clips of prepared data
     """
 
     file: Annotated[Positional[Path], arg(metavar="CLIP", help=_MOTION)]
-    sentences: Annotated[Positional[tuple[str, ...]], arg(metavar="SENTENCES")]
-    """What the person in the clip does, in one or several wordings."""
+    sentences: Annotated[Positional[tuple[str, ...]], arg(metavar="SENTENCES")] = ()
+    """What the person in the clip does, in one or several wordings; prepared data has captions."""
+    wordings: tuple[Path, ...] = ()
+    """Files of captions in the words that people type, a line each: `CAPTION<tab>WORDS|WORDS`."""
     output: Annotated[Path, arg(aliases=["-o"])] = Path("my_moves")
     """Folder of moves; one that is there gets further clips."""
+    compact: bool = False
+    """Keep sentences in a quarter of the bytes; two such folders cannot be used together."""
     between: tuple[float, float] | None = None
     """The part of the clip that shows it, seconds; by default all of it."""
     model: str = DEFAULT
@@ -53,7 +63,10 @@ class Teach:
                 no sentence, or the model cannot start from clips.
             ModelError: The folder's file is damaged, or of another model.
         """
-        if not self.sentences or not all(text.strip() for text in self.sentences):
+        prepared = self.file.suffix == ".pack" or (self.file / MANIFEST).is_file()
+        if prepared and self.sentences:
+            raise InputError(f"{self.file} has captions of its own; leave the sentences out")
+        if not prepared and not any(text.strip() for text in self.sentences):
             raise InputError(
                 'a clip needs a sentence that says what it shows: latentmotion teach clip.bvh "a '
                 'person does the robot dance"'
@@ -61,16 +74,33 @@ class Teach:
         target = self.output / MOVES_FILE
         check_writable(target if self.output.exists() else self.output)
         pipeline = MotionPipeline.from_pretrained(self.model)
-        clips = [self._clip_of(pipeline, *item) for item in enumerate(formats.load(self.file))]
-        source = Source(self.credit or self.output.resolve().name, self.license, self.credit)
-        index = pipeline.taught(clips, [source])
+        index = self._of_data(pipeline) if prepared else self._of_clip(pipeline)
         if target.exists():
             earlier = joined([index_file(self.output)], index.latent_space, index.text_encoder)
             index = earlier.joined(index)
         self.output.mkdir(exist_ok=True)
         index.write(target)
         print(f"wrote {target}: {len(index.clips)} clips, {len(index.captions)} sentences")
-        print(f'try: latentmotion generate "{self.sentences[0]}" --moves {self.output}')
+        sentence = self.sentences[0] if self.sentences else index.captions[0].text
+        print(f'try: latentmotion generate "{sentence}" --moves {self.output}')
+
+    def _of_clip(self, pipeline: MotionPipeline) -> ClipIndex:
+        """Returns an index of the clips of a file."""
+        clips = [self._clip_of(pipeline, *item) for item in enumerate(formats.load(self.file))]
+        source = Source(self.credit or self.output.resolve().name, self.license, self.credit)
+        return pipeline.taught(clips, [source])
+
+    def _of_data(self, pipeline: MotionPipeline) -> ClipIndex:
+        """Returns an index of the training clips of prepared data."""
+        dataset, condition = Dataset.load(self.file), pipeline.condition
+        if not isinstance(condition, SentenceCondition):
+            raise InputError(f"model {self.model!r} reads no sentences, so it cannot be taught")
+        encoders = pipeline.feature_encoder, condition.encoder
+        index = build_index(shown_clips(dataset), dataset.sources, pipeline.card, *encoders)
+        index = thinned(index)
+        if self.wordings:
+            index = with_wordings(index, read_wordings(self.wordings), condition.encoder)
+        return along_main_directions(index) if self.compact else index
 
     def _clip_of(self, pipeline: MotionPipeline, number: int, motion: formats.Motion) -> ShownClip:
         space = pipeline.representation

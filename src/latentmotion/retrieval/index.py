@@ -36,8 +36,11 @@ FORMAT = "latentmotion moves 1"
 
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
 
-ABOUT = 0.05
+ABOUT = 0.03
 """How much farther than the nearest a caption may be for its support to count."""
+
+ALL_DIRECTIONS = np.zeros((0, 0), np.float32)
+"""Directions of an index that keeps embeddings whole."""
 
 _MOST_BYTES = 1 << 28
 """Unpacked size of the largest file: some 5,000 hours of clips."""
@@ -113,8 +116,15 @@ class ClipIndex:
     """Codes of the latents of all clips."""
     latent_scale: Float[np.ndarray, " width"]
     """Step of each channel, in the denoiser's scale."""
-    embeddings: Int[np.ndarray, "captions _"]
-    """Codes of pooled embeddings; their lengths carry no meaning."""
+    wordings: Int[np.ndarray, " wordings"]
+    """Number of the caption that each wording, which is kept by its embedding alone, says in the
+    words that people type."""
+    embeddings: Int[np.ndarray, "rows components"]
+    """Codes of the pooled embeddings of captions, then of wordings; their lengths carry no
+    meaning."""
+    directions: Float[np.ndarray, "embedding directions"]
+    """Directions of embeddings along which those of an index are compared; of no components where
+    that is all of them."""
     words: Mapping[str, int]
     """Words of all captions of the data, with the number of clips whose captions have them; also of
     captions that were left out (`thinning.py`)."""
@@ -127,7 +137,10 @@ class ClipIndex:
             and clip.source in sources
             for clip in self.clips
         )
-        if len(self.embeddings) != len(self.captions) or not clips_fit:
+        rows_fit = len(self.embeddings) == len(self.captions) + len(self.wordings)
+        named = 0 <= self.wordings.min(initial=0) <= self.wordings.max(initial=0)
+        named = named and self.wordings.max(initial=0) < len(self.captions)
+        if not (rows_fit and named and clips_fit):
             raise InputError("clips and captions of an index do not fit its arrays")
         for caption in self.captions:
             known = 0 <= caption.clip < len(self.clips)
@@ -135,8 +148,14 @@ class ClipIndex:
                 raise InputError(f"caption {caption.text[:80]!r} of an index lies outside its clip")
 
     @cached_property
-    def _units(self) -> Float[np.ndarray, "captions width"]:
+    def _units(self) -> Float[np.ndarray, "rows components"]:
         return unit(self.embeddings.astype(np.float32))
+
+    def _cosines(
+        self, sentences: Float[np.ndarray, "sides width"]
+    ) -> Float[np.ndarray, "rows sides"]:
+        along = sentences @ self.directions if self.directions.size else sentences
+        return self._units @ unit(along).T
 
     def nearest(self, sentences: Float[np.ndarray, "sides width"], count: int) -> list[Neighbor]:
         """Returns the captions nearest to a sentence, one for each clip, the nearest first.
@@ -146,7 +165,7 @@ class ClipIndex:
                 right swapped, if it names a side.
             count: Number of captions.
         """
-        cosines = self._units @ unit(sentences).T
+        cosines = self._cosines(sentences)[: len(self.captions)]
         sides = cosines.argmax(axis=1)
         best = cosines.max(axis=1)
         neighbors: dict[int, Neighbor] = {}
@@ -159,6 +178,19 @@ class ClipIndex:
             )
         return list(neighbors.values())
 
+    def nearest_by_wording(self, sentences: Float[np.ndarray, "sides width"]) -> Neighbor | None:
+        """Returns the caption one of whose wordings is nearest to a sentence, if there are any.
+
+        Args:
+            sentences: As for `nearest`.
+        """
+        if not len(self.wordings):
+            return None
+        cosines = self._cosines(sentences)[len(self.captions) :]
+        row, side = np.unravel_index(cosines.argmax(), cosines.shape)
+        caption = self.captions[self.wordings[row]]
+        return Neighbor(caption, float(cosines[row, side]), bool(side))
+
     def support(self, sentences: Float[np.ndarray, "sides width"]) -> int:
         """Returns the largest support of the captions that are about as near as the nearest.
 
@@ -167,7 +199,7 @@ class ClipIndex:
         Args:
             sentences: As for `nearest`.
         """
-        cosines = (self._units @ unit(sentences).T).max(axis=1)
+        cosines = self._cosines(sentences)[: len(self.captions)].max(axis=1)
         if self.captions[int(cosines.argmax())].support == 0:
             return 0
         near = np.flatnonzero(cosines >= cosines.max() - ABOUT)
@@ -198,6 +230,21 @@ class ClipIndex:
             "license": source.license,
         }
 
+    def along(self, directions: Float[np.ndarray, "embedding components"]) -> ClipIndex:
+        """Returns the index with embeddings along some directions only.
+
+        Raises:
+            InputError: They are kept along others already.
+        """
+        if np.array_equal(self.directions, directions):
+            return self
+        if self.directions.size:
+            raise InputError(
+                "embeddings of two indexes are kept along different directions; teach them again"
+            )
+        codes, _ = quantized(unit(self._units @ directions), 1, EMBEDDING_LEVELS)
+        return replace(self, embeddings=codes, directions=directions)
+
     def joined(self, other: ClipIndex) -> ClipIndex:
         """Returns one index of the clips of both.
 
@@ -208,6 +255,9 @@ class ClipIndex:
             raise InputError(
                 "the clips of two indexes were encoded by different models; teach them again"
             )
+        directions = self.directions if self.directions.size else other.directions
+        mine, theirs = self.along(directions), other.along(directions)
+        first_caption = len(self.captions)
         known = {source.name: source for source in self.sources}
         renamed = {
             source.name: source.name
@@ -236,7 +286,16 @@ class ClipIndex:
             (*self.captions, *(replace(c, clip=c.clip + shift) for c in other.captions)),
             np.concatenate(latents),
             scale,
-            np.concatenate([self.embeddings, other.embeddings]),
+            np.concatenate([self.wordings, other.wordings + first_caption]),
+            np.concatenate(
+                [
+                    mine.embeddings[:first_caption],
+                    theirs.embeddings[: len(other.captions)],
+                    mine.embeddings[first_caption:],
+                    theirs.embeddings[len(other.captions) :],
+                ]
+            ),
+            directions,
             dict(Counter(self.words) + Counter(other.words)),
         )
 
@@ -248,7 +307,7 @@ class ClipIndex:
         """
         arrays = {
             name: np.ascontiguousarray(getattr(self, name))
-            for name in ("latents", "latent_scale", "embeddings")
+            for name in ("latents", "latent_scale", "wordings", "embeddings", "directions")
         }
         text = {
             "format": FORMAT,
@@ -397,11 +456,17 @@ def _check(
     expected = {
         "latents": (np.int8, 2),
         "latent_scale": (np.float32, 1),
+        "wordings": (np.int32, 1),
         "embeddings": (np.int8, 2),
+        "directions": (np.float32, 2),
     }
     kinds = {name: (array.dtype.type, array.ndim) for name, array in arrays.items()}
     if kinds != expected or arrays["latents"].shape[1:] != arrays["latent_scale"].shape:
         raise ValueError(f"arrays {', '.join(sorted(arrays))} of other sizes or types")
-    scale = arrays["latent_scale"]
+    scale, directions = arrays["latent_scale"], arrays["directions"]
     if not np.isfinite(scale).all() or (scale <= 0).any():
         raise ValueError("a scale that is no positive number")
+    if directions.size and directions.shape[1] != arrays["embeddings"].shape[1]:
+        raise ValueError("directions of another number than embeddings have components")
+    if not np.isfinite(directions).all():
+        raise ValueError("directions that are not finite")

@@ -19,13 +19,13 @@ from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.data.clip import mirror_words
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import Start
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, parts_of
 from latentmotion.retrieval.index import ClipIndex, Neighbor
+from latentmotion.retrieval.wordings import both_sides
 
 LEAST_COSINE = 0.6
 """Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
@@ -117,9 +117,7 @@ class ClipStarts:
 
     def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
         """Returns the embedding of a sentence, and that of its mirror image if it differs."""
-        mirrored = mirror_words(sentence)
-        texts = [sentence] if mirrored == sentence else [sentence, mirrored]
-        return self.text_encoder(texts).pooled
+        return self.text_encoder(both_sides(sentence)).pooled
 
     def choices(self, sentence: str) -> list[Choice]:
         """Returns clips to start from, for each movement of a sentence that follows another.

@@ -21,6 +21,7 @@ from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
 from latentmotion.retrieval.index import (
+    ALL_DIRECTIONS,
     EMBEDDING_LEVELS,
     LATENT_LEVELS,
     ClipIndex,
@@ -117,9 +118,11 @@ def build_index(
         captions,
         codes,
         scale,
+        np.zeros(0, np.int32),
         quantized(embeddings, 1, EMBEDDING_LEVELS)[0][
             [number[caption.text] for caption, _ in rows]
         ],
+        ALL_DIRECTIONS,
         dict(words),
     )
 

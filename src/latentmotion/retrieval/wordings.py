@@ -1,0 +1,158 @@
+"""Wordings: captions of an index in the words that people type, so that "archery" finds its clip.
+
+    nearest(s) = argmax over captions and their wordings w of cos(P s, P w)
+
+Captions say what a body does ("a person shoots a bow and arrow"), prompts name activities and
+purposes ("archery"); a text encoder of sentences puts the two about as far apart as two movements.
+A wording is kept by its embedding alone, in 4 bits; in the index that ships along the main
+directions P of all of them.
+"""
+
+from __future__ import annotations
+
+import lzma
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.arrays import unit
+from latentmotion.condition.interface import TextEncoder
+from latentmotion.data.clip import mirror_words
+from latentmotion.describe.asked import asked_exactly
+from latentmotion.errors import InputError
+from latentmotion.retrieval.index import EMBEDDING_LEVELS, ClipIndex, quantized, words_of
+
+COMPONENTS = 128
+"""Directions that are kept of 384."""
+
+SAME = 0.85
+"""Cosine from which a caption of the index says the same as one that it was thinned from."""
+
+NEAR_WORDING, NEAR_CAPTION = 0.7, 0.75
+"""Cosine from which a sentence says what a wording does, and from which its own words are near
+enough to those of a caption. Chosen on the acts of benchmarks/quality/acts, by clips in ten."""
+
+_SIDES = frozenset({"left", "right"})
+
+_AT_ONCE = 512
+"""Sentences that are embedded together."""
+
+
+def in_words_of_captions(
+    movements: Sequence[str], index: ClipIndex, text_encoder: TextEncoder
+) -> str | None:
+    """Returns a sentence in words that the denoiser learned; None where its own are near them.
+
+    Each movement that people say otherwise than captions do becomes the caption whose wording is
+    nearest, but for exact counts and turns, and sides that the caption does not name.
+
+    Args:
+        movements: The parts of a sentence that follow each other.
+        index: With wordings.
+        text_encoder: The encoder of the index.
+    """
+    captions = [_caption(movement, index, text_encoder) for movement in movements]
+    if not any(captions):
+        return None
+    return ", then ".join(
+        caption or movement for caption, movement in zip(captions, movements, strict=True)
+    )
+
+
+def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
+    sides = text_encoder(both_sides(sentence)).pooled
+    near, (literal,) = index.nearest_by_wording(sides), index.nearest(sides, 1)
+    if near is None or near.cosine < NEAR_WORDING or literal.cosine >= NEAR_CAPTION:
+        return None
+    if near.cosine <= literal.cosine or asked_exactly(sentence, True):
+        return None
+    caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
+    named = _SIDES & {*words_of(sentence)}
+    return None if named and named != _SIDES & {*words_of(caption)} else caption
+
+
+def both_sides(sentence: str) -> list[str]:
+    """Returns a sentence, and its mirror image if it names a side."""
+    mirrored = mirror_words(sentence)
+    return [sentence] if mirrored == sentence else [sentence, mirrored]
+
+
+def with_wordings(
+    index: ClipIndex, wordings: Mapping[str, Sequence[str]], text_encoder: TextEncoder
+) -> ClipIndex:
+    """Returns an index whose captions are found by their wordings, too.
+
+    Args:
+        index: Without wordings.
+        wordings: Of captions of the data; those of captions that were left out go to the nearest
+            that says the same, if there is one.
+        text_encoder: The encoder of the index.
+    """
+    captions = index.embeddings.astype(np.float32)
+    said = embedded(list(wordings), text_encoder) @ unit(captions).T
+    nearest, same = said.argmax(axis=1), said.max(axis=1) >= SAME
+    rows = [
+        (wording, int(caption))
+        for texts, caption, kept in zip(wordings.values(), nearest, same, strict=True)
+        if kept
+        for wording in texts
+    ]
+    codes, _ = quantized(embedded([text for text, _ in rows], text_encoder), 1, EMBEDDING_LEVELS)
+    return replace(
+        index,
+        wordings=np.array([caption for _, caption in rows], np.int32),
+        embeddings=np.concatenate([index.embeddings, codes]),
+    )
+
+
+def along_main_directions(index: ClipIndex, components: int = COMPONENTS) -> ClipIndex:
+    """Returns an index that keeps embeddings along the main directions of all of them.
+
+    A third of them find acts as often as all, in a quarter of the bytes. Such an index joins with
+    those of all directions only.
+    """
+    vectors = unit(index.embeddings.astype(np.float32))
+    return index.along(np.linalg.svd(vectors.T @ vectors)[0][:, :components])
+
+
+def read_wordings(files: Sequence[Path]) -> dict[str, list[str]]:
+    """Returns the wordings of captions that files hold, one caption a line: `CAPTION<tab>A|B|C`.
+
+    Args:
+        files: Texts, packed by xz where the name ends so; lines that start with # are comments.
+
+    Raises:
+        InputError: A file cannot be read, or a line is of another form.
+    """
+    wordings: dict[str, list[str]] = {}
+    for file in files:
+        try:
+            content = file.read_bytes()
+            text = (lzma.decompress(content) if file.suffix == ".xz" else content).decode()
+        except (OSError, lzma.LZMAError, UnicodeDecodeError) as error:
+            raise InputError(f"{file} cannot be read as wordings ({error})") from error
+        for number, line in enumerate(text.splitlines(), 1):
+            if line.startswith("#") or not line.strip():
+                continue
+            caption, tab, texts = line.partition("\t")
+            if not (caption.strip() and tab and texts.strip()):
+                raise InputError(
+                    f"line {number} of {file} is {line[:60]!r}, expected a caption, a tab, and "
+                    "wordings with | between them"
+                )
+            wordings.setdefault(caption, []).extend(texts.split("|"))
+    return wordings
+
+
+def embedded(
+    sentences: Sequence[str], text_encoder: TextEncoder
+) -> Float[np.ndarray, "sentences width"]:
+    """Returns the pooled embeddings of sentences, of unit length."""
+    parts = [
+        text_encoder(sentences[first : first + _AT_ONCE]).pooled
+        for first in range(0, len(sentences), _AT_ONCE)
+    ]
+    return unit(np.concatenate(parts))
