@@ -21,7 +21,7 @@ from jaxtyping import Float
 from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import mirror_words
-from latentmotion.describe.asked import asked_exactly
+from latentmotion.describe.asked import asked_of
 from latentmotion.errors import InputError
 from latentmotion.retrieval.index import EMBEDDING_LEVELS, ClipIndex, quantized, words_of
 
@@ -47,7 +47,8 @@ def in_words_of_captions(
     """Returns a sentence in words that the denoiser learned; None where its own are near them.
 
     Each movement that people say otherwise than captions do becomes the caption whose wording is
-    nearest, but for exact counts and turns, and sides that the caption does not name.
+    nearest. Not so where the sentence claims something that can be measured, which the denoiser
+    learned from sentences of all kinds, and where it names a side that the caption does not.
 
     Args:
         movements: The parts of a sentence that follow each other.
@@ -67,7 +68,7 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
     near, (literal,) = index.nearest_by_wording(sides), index.nearest(sides, 1)
     if near is None or near.cosine < NEAR_WORDING or literal.cosine >= NEAR_CAPTION:
         return None
-    if near.cosine <= literal.cosine or asked_exactly(sentence, True):
+    if near.cosine <= literal.cosine or asked_of(sentence).claims:
         return None
     caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
     named = _SIDES & {*words_of(sentence)}
