@@ -154,11 +154,11 @@ def test_prepared_data_is_taught_with_wordings(fast, tmp_path, monkeypatch, caps
             "0",
         ]
     )
-    Path("words.tsv").write_text("a person does the frog\twalks like a frog\n")
+    Path("words.tsv").write_text("a person does the frog\tacts like a frog\n")
     main(["teach", "data", "--wordings", "words.tsv", "-o", "moves"])
     assert "1 clips" in capsys.readouterr().out
     taught = fast.with_moves("moves")
-    assert taught.read("walks like a frog").prompt == "a person does the frog"
+    assert taught.read("acts like a frog").prompt == "a person does the frog"
     with pytest.raises(SystemExit):
         main(["teach", "data", "a frog", "-o", "moves"])
     assert "captions of its own" in capsys.readouterr().err
