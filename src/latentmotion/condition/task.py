@@ -208,7 +208,7 @@ class Task(ABC):
 
     @property
     def parents(self) -> dict[str, str]:
-        """Fingerprints of the models that a model of this task depends on, by name."""
+        """Names of the models that this one depends on, which its run folder records."""
         return {}
 
     @property
@@ -278,7 +278,7 @@ class TextTask(Task):
 
     @property
     def parents(self) -> dict[str, str]:
-        """Fingerprint of the text encoder."""
+        """Name of the text encoder."""
         return {"text": self.encoder} if self.encoder else {}
 
     @property

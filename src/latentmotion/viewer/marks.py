@@ -16,7 +16,7 @@ _POSE = 12
 
 
 def marks_of(motion: Motion) -> dict[str, Any]:
-    """Returns the goals and spans of a motion's metadata, for the page's script.
+    """Returns goals and spans of a motion's metadata for the page; absent kinds are left out.
 
     Metadata may come from any file: what is not of the expected form is left out, too.
 
