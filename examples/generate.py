@@ -14,9 +14,9 @@ from latentmotion import MotionPipeline, save
 
 
 def main(folder: str, *sentences: str) -> None:
-    """Generates one motion for each sentence, cleans it up and saves it."""
+    """Generates a motion for each sentence, the best of several takes, and saves it."""
     generate = MotionPipeline.from_pretrained()
-    motions = [motion.cleaned() for motion in generate.batch(sentences)]
+    motions = [generate(sentence) for sentence in sentences]
     Path(folder).mkdir(parents=True, exist_ok=True)
     for number, motion in enumerate(motions):
         motion.save(Path(folder) / f"{number}.bvh")

@@ -17,7 +17,7 @@ from latentmotion.retarget.transfer import write
 def main(character: str, sentence: str, output: str, seconds: str = "4") -> None:
     """Generates, cleans up and carries the motion to the character's skeleton."""
     rig = read_rig(character)
-    motion = MotionPipeline.from_pretrained()(sentence, float(seconds)).cleaned()
+    motion = MotionPipeline.from_pretrained()(sentence, float(seconds))
     for path in write(output, rig, [motion], names=[sentence]):
         print(f"wrote {path}")
 

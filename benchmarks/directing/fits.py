@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from benchmarks.directing.bench import CLIP, Bench, Rows, jitter
 from benchmarks.directing.smoothers import kalman, spline
+from latentmotion.control.fit_keypoints import fit_motion
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
 
@@ -80,7 +81,7 @@ def _measured(
     real, seen = motion.joints.astype(np.float64), spoiled.seen(motion)
     noisy = real + np.random.default_rng(number).normal(0, spoiled.noise, real.shape)
     asked = seen if seen.all() else ~seen
-    fitted = bench.generate.fit(noisy, seen)
+    fitted = fit_motion(bench.generate, noisy, seen)
     cleaned = fitted.cleaned().joints.astype(np.float64)
     # Clean-up puts the figure on the floor, the recording's need not be there.
     cleaned[..., 1] += np.median(fitted.joints[:, 0, 1] - cleaned[:, 0, 1])

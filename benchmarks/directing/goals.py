@@ -9,11 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.directing.bench import CLIP, Bench, Recording, Rows, Values, beside
+from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.control.exact import distances
 from latentmotion.control.goals import Goal, Heading, Reach, RootPath, targets_of
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding
-from latentmotion.motion import Motion, cleaned
+from latentmotion.motion import Motion
+from latentmotion.pipeline import cleaned_up
 from latentmotion.representation.canonical import heading
 
 SETS = {
@@ -44,7 +46,7 @@ def goal_rows(bench: Bench) -> Rows:
     real, told = [each.motion for each in clips], [each.text for each in clips]
     rows: dict[str, Values] = {
         "real motion": _measured(bench, real, told),
-        "real motion, cleaned": _measured(bench, cleaned(real), told),
+        "real motion, cleaned": _measured(bench, clean_batch(real), told),
         "no goals": {"Off before exact, cm": _off(free, goals[first]), **without, "CPU ms": spent},
     }
     moved = [_moved(motion, own) for motion, own in zip(free, goals[first], strict=True)]
@@ -55,7 +57,7 @@ def goal_rows(bench: Bench) -> Rows:
     }
     for name, own in goals.items():
         made, spent = _timed(bench, recordings, own)
-        kept = [number for number, motion in enumerate(made) if motion.goals]
+        kept = [number for number, motion in enumerate(made) if "goals" in motion.metadata]
         some = [made[number] for number in kept]
         same = {column: values[kept] for column, values in without.items()}
         usual = _measured(bench, some, [texts[number] for number in kept])
@@ -103,7 +105,7 @@ def _path_row(
     bench: Bench, prompt: str, goals: Sequence[Goal], seconds: float
 ) -> dict[str, np.ndarray]:
     seeds = range(max(2, bench.count // 5))
-    made = [bench.generate(prompt, seconds, seed, goals=list(goals)).cleaned() for seed in seeds]
+    made = [bench.generate(prompt, seconds, seed, goals=goals, takes=1) for seed in seeds]
     usual = _measured(bench, made, ())
     return {
         **(_reported(made) if goals else {}),
@@ -139,11 +141,11 @@ def _timed(
     for seed, (each, own) in enumerate(zip(recordings, goals, strict=True)):
         start = time.process_time()
         try:
-            motion = bench.generate(each.text, each.motion.seconds, seed, goals=list(own))
+            raw = bench.generate.raw_motions([each.text], each.motion.seconds, [seed], goals=own)
         except InputError:
-            motion = bench.generate(each.text, each.motion.seconds, seed)
-        missed = [goal["before"] for goal in motion.metadata.get("goals", [])]
-        cleaned = motion.cleaned()
+            raw = bench.generate.raw_motions([each.text], each.motion.seconds, [seed])
+        missed = [goal["before"] for goal in raw[0].motion.metadata.get("goals", [])]
+        (cleaned,) = cleaned_up(raw, CleanUp())
         spent.append(1e3 * (time.process_time() - start))
         made.append(replace(cleaned, metadata={**cleaned.metadata, "missed": missed}))
     return made, np.array(spent)

@@ -7,6 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from latentmotion.control.edit import generate_edited
+from latentmotion.control.exact import inertialized
+from latentmotion.errors import InputError
+from latentmotion.motion import Motion
 from benchmarks.directing.bench import (
     CLIP,
     Bench,
@@ -71,8 +75,12 @@ def _inertialized(bench: Bench, each: Recording, start: int, end: int, seed: int
 
 
 _FILLS: dict[str, Fill] = {
-    "edit": lambda bench, each, start, end, seed: bench.generate.edit(
-        each.motion, each.text, (start / each.motion.fps, end / each.motion.fps), seed
+    "edit": lambda bench, each, start, end, seed: generate_edited(
+        bench.generate,
+        each.motion,
+        each.text,
+        (start / each.motion.fps, end / each.motion.fps),
+        seed,
     ),
     "linear interpolation": lambda _, each, start, end, __: replace(
         each.motion, joints=blended(each.motion.joints, start, end)

@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from benchmarks.directing.bench import CLIP, Bench, Rows, beside, blended, jerk
 from latentmotion.control.generator import decoders_of, margin_of
-from latentmotion.control.stream import decode_in_windows
+from latentmotion.control.stream import decode_in_windows, generate_loop, generate_stream
+from latentmotion.control.timeline import generate_timeline
 from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
@@ -50,11 +51,11 @@ def timeline_rows(bench: Bench) -> Rows:
     drawn = [[texts[n] for n in draw.integers(len(texts), size=CHAIN)] for _ in texts]
     chains, chain_of = bench.repeated(drawn)
     whole = [
-        bench.generate.timeline([(text, SECONDS) for text in chain], seed).cleaned()
+        generate_timeline(bench.generate, [(text, SECONDS) for text in chain], seed).cleaned()
         for seed, chain in enumerate(chains)
     ]
     singles = [
-        [bench.generate(text, SECONDS, CHAIN * seed + n).cleaned() for n, text in enumerate(chain)]
+        [bench.generate(text, SECONDS, CHAIN * seed + n, takes=1) for n, text in enumerate(chain)]
         for seed, chain in enumerate(chains)
     ]
     cut = [_cut_together(parts) for parts in singles]
@@ -113,7 +114,7 @@ def stream_rows(bench: Bench) -> Rows:
     for number in range(count * bench.seeds):
         prompt = STREAMED[number // bench.seeds % len(STREAMED)]
         texts += [prompt] * 5
-        stream = bench.generate.stream(prompt, number)
+        stream = generate_stream(bench.generate, prompt, number)
         motions, calls = [next(stream)], []
         while sum(map(len, motions)) < 1200 * minutes:
             start = time.process_time()
@@ -126,7 +127,10 @@ def stream_rows(bench: Bench) -> Rows:
         for name, start in zip(pieces, (0, half - 200, len(joints) - 400), strict=True):
             for first in range(start, start + 400, 80):
                 pieces[name].append(replace(motions[0], joints=joints[first : first + 80]))
-    alone = [bench.generate(text, 4.0, number) for number, text in enumerate(texts)]
+    alone = [
+        bench.generate(text, 4.0, number, takes=1, clean_up=None)
+        for number, text in enumerate(texts)
+    ]
     stream_of = np.arange(count * bench.seeds)
     rows = {
         name: {**bench.usual_columns(motions, texts), CLIP: stream_of}
@@ -148,8 +152,8 @@ def loop_rows(bench: Bench) -> Rows:
     turns = [(CYCLES[n % len(CYCLES)], TURNS[n % len(TURNS)]) for n in range(bench.count)]
     every, loop_of = bench.repeated(turns)
     asked = [(*turn, seed) for seed, turn in enumerate(every)]
-    loops = [bench.generate.loop(*each) for each in asked]
-    plain = [bench.generate(*each) for each in asked]
+    loops = [generate_loop(bench.generate, *each) for each in asked]
+    plain = [bench.generate(*each, takes=1, clean_up=None) for each in asked]
     poses = [_local(motion) for motion in plain]
     # The last third of a second goes straight to the first frame.
     closed = [blended(np.concatenate([own, own[:1]]), len(own) - 6, len(own))[:-1] for own in poses]

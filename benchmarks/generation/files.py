@@ -50,7 +50,7 @@ def report(model: Model, seconds: float, turns: int) -> str:
     """
     generate = MotionPipeline.from_pretrained(model.folder, "onnxruntime", threads=1)
     seeds = zip(cycle(PROMPTS), range(turns + 8))
-    motions = [generate(prompt, seconds, seed) for prompt, seed in seeds]
+    motions = [generate.batch([prompt], seconds, [seed])[0] for prompt, seed in seeds]
     cleaned = [motion.cleaned() for motion in motions]
     with tempfile.TemporaryDirectory() as folder:
         contenders = {"clean-up": whole(motions[0].cleaned)}

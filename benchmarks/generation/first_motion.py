@@ -15,14 +15,16 @@ from benchmarks.harness.stopwatch import Laps, Stopwatch
 def ours(folder: str, engine: str, threads: str, seconds: str, steps: str) -> Laps:
     """Imports, loads, makes a motion and another one."""
     watch = Stopwatch()
-    from latentmotion.cli.generate import load_generator
+    from latentmotion.cli.loading import load_generator
 
     watch.lap("import")
     generate = load_generator(folder, engine, int(threads))  # type: ignore[arg-type]
     watch.lap("load")
-    generate("a person walks forward and kicks", float(seconds), steps=int(steps))
+    generate(
+        "a person walks forward and kicks", float(seconds), steps=int(steps), takes=1, clean_up=None
+    )
     watch.lap("first motion")
-    generate("a person jumps to the left", float(seconds), steps=int(steps))
+    generate("a person jumps to the left", float(seconds), **one)
     watch.lap("second")
     return watch.laps
 

@@ -17,7 +17,7 @@ import torch
 
 from benchmarks.generation.ours import Generation, Model, entries, label, options_parser
 from benchmarks.harness.contest import figure, table, take_turns
-from latentmotion.cli.generate import load_generator
+from latentmotion.cli.loading import load_generator
 from latentmotion.pipeline import MotionPipeline
 
 

@@ -21,7 +21,7 @@ from benchmarks.generation.authors import AuthorsGeneration
 from benchmarks.generation.mdm import MDMGeneration
 from benchmarks.generation.ours import Generation, entries, label, options_parser
 from benchmarks.harness.contest import Contender, Times, figure, table, take_turns
-from latentmotion.cli.generate import load_generator
+from latentmotion.cli.loading import load_generator
 
 PARTS = ("text", "denoiser", "decoder", "joints")
 

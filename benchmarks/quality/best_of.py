@@ -27,6 +27,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion import Motion, MotionPipeline
+from latentmotion.cleanup import CleanUp
 from latentmotion.data.dataset import Dataset
 from latentmotion.describe.asked import asked_exactly
 from latentmotion.describe.reading import scene_of
@@ -35,6 +36,7 @@ from latentmotion.instructions.checking import fulfills
 from latentmotion.instructions.drawn import drawn_instructions
 from latentmotion.instructions.prompts import GROUPS, Instruction, instructions
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
+from latentmotion.pipeline import cleaned_up
 from latentmotion.ranking.best import Take, ranked
 from latentmotion.ranking.scorer import Scorer
 
@@ -99,12 +101,12 @@ def write_takes(folder: Path, name: str, takes: int, prompts: Sequence[Instructi
         if path.exists():
             continue
         seconds = None if one.seconds is None else min(max(one.seconds, shortest), longest)
-        raw = model.batch([one.prompt] * takes, seconds, one.seeds(takes))
-        cleaned = [motion.cleaned() for motion in raw]
+        raw = model.raw_motions([one.prompt] * takes, seconds, one.seeds(takes))
+        cleaned = cleaned_up(raw, CleanUp())
         temporary = folder / f".{one.id}.npz"
         np.savez(
             temporary,
-            raw=np.stack([motion.joints for motion in raw]),
+            raw=np.stack([take.motion.joints for take in raw]),
             ok=[fulfills(scene_of(m.joints.astype(np.float64)), one.check) for m in cleaned],
             phys=[
                 [foot_sliding(m.joints, m.fps), penetration(m.joints), jitter(m.joints, m.fps)]
@@ -119,13 +121,11 @@ def read_takes(folder: Path, scorer: Scorer, prompts: Sequence[Instruction]) -> 
     every = []
     for one in prompts:
         arrays = np.load(folder / f"{one.id}.npz")
-        exactly = asked_exactly(one.prompt, one.seconds is None)
-        motions = [
-            Motion(joints, metadata={"seed": n, **exactly})
-            for n, joints in enumerate(arrays["raw"])
-        ]
+        corrections = [asked_exactly(one.prompt, one.seconds is None)] * len(arrays["raw"])
+        motions = [Motion(joints, metadata={"seed": n}) for n, joints in enumerate(arrays["raw"])]
         takes = sorted(
-            ranked(motions, one.prompt, scorer), key=lambda take: take.motion.metadata["seed"]
+            ranked(motions, one.prompt, scorer, CleanUp(), corrections),
+            key=lambda take: take.motion.metadata["seed"],
         )
         every.append(Judged(one, arrays["ok"].astype(bool), tuple(takes), arrays["phys"]))
     return every

@@ -18,6 +18,7 @@ import numpy as np
 import tyro
 
 from latentmotion import MotionPipeline, formats
+from latentmotion.cleanup import CleanUp
 from latentmotion.describe.reading import describe
 from latentmotion.motion import Motion
 
@@ -51,10 +52,11 @@ def main(sheet: BlindSheet) -> None:
     prompts = [line for line in sheet.prompts.read_text("utf-8").splitlines() if line.strip()]
     asked = [(prompt, seed) for prompt in prompts for seed in sheet.seeds]
     if sheet.best_of > 1:
-        raw = [generate.best(p, sheet.best_of, seed=s * sheet.best_of) for p, s in asked]
+        takes = sheet.best_of
+        motions = [generate(p, seed=s * takes, takes=takes) for p, s in asked]
     else:
-        raw = generate.batch([p for p, _ in asked], seeds=[s for _, s in asked])
-    motions = [motion.cleaned() for motion in raw]
+        seeds = [seed for _, seed in asked]
+        motions = generate.batch([p for p, _ in asked], seeds=seeds, clean_up=CleanUp())
     sheet.out.mkdir(parents=True, exist_ok=True)
     order = np.random.default_rng(sheet.order).permutation(len(asked)).tolist()
     with (sheet.out / "key.csv").open("w", newline="", encoding="utf-8") as file:

@@ -22,7 +22,10 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion import Motion, MotionPipeline, Reach, RootPath, read_bvh, to_humanml3d
+from latentmotion.cleanup import CleanUp
 from latentmotion.control.direct import sliding_in_contact
+from latentmotion.control.edit import generate_edited
+from latentmotion.pipeline import cleaned_up
 from latentmotion.representation.canonical import heading
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 
@@ -85,24 +88,24 @@ def goals_row(
     generate: MotionPipeline, kinds: tuple[tuple[str, int], ...], number: int
 ) -> list[float] | None:
     prompt, draw = PROMPTS[number % len(PROMPTS)], np.random.default_rng(number)
-    other = generate(prompt, 4.0, 1000 + number).cleaned()
+    other = generate(prompt, 4.0, 1000 + number, takes=1)
     frames = draw.choice(np.arange(15, 80), sum(n for _, n in kinds), replace=False)
     names = [name for name, n in kinds for _ in range(n)]
     goals = []
     for name, frame in zip(names, sorted(frames.tolist()), strict=True):
         x, y, z = other.joints[frame, other.skeleton.names.index(name)].tolist()
         goals.append(Reach(name, frame / 20, (x, None if name == "pelvis" else y, z)))
-    generate(prompt, 4.0, number)
+    generate.raw_motions([prompt], 4.0, [number])
     start = time.perf_counter()
-    free = generate(prompt, 4.0, number)
+    free = generate.raw_motions([prompt], 4.0, [number])
     free_ms = 1e3 * (time.perf_counter() - start)
     start, cpu = time.perf_counter(), time.process_time()
-    made = generate(prompt, 4.0, number, goals=goals)
+    made = generate.raw_motions([prompt], 4.0, [number], goals=goals)
     ms, cpu_ms = 1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu)
-    cleaned, without = made.cleaned(), free.cleaned()
+    cleaned, without = cleaned_up([*made, *free], CleanUp())
     found = cleaned.metadata["goals"]
     return [
-        1e2 * float(np.mean([goal["before"] for goal in made.metadata["goals"]])),
+        1e2 * float(np.mean([goal["before"] for goal in made[0].motion.metadata["goals"]])),
         1e2 * float(np.mean([goal["before"] for goal in found])),
         1e3 * max(goal["after"] for goal in found),
         1e2 * sliding_in_contact(cleaned),
@@ -144,7 +147,7 @@ def paths_table(generate: MotionPipeline, count: int) -> Iterable[str]:
         rows = []
         for seed in range(min(count, 4)):
             path = RootPath(course.points, times.tolist())
-            motion = generate(PROMPTS[0], seconds, seed, goals=[path]).cleaned()
+            motion = generate(PROMPTS[0], seconds, seed, goals=[path], takes=1)
             found = motion.metadata["goals"]
             rows.append(
                 [
@@ -183,7 +186,7 @@ def edits_table(generate: MotionPipeline, files: list[Path], unit: str) -> Itera
             continue
         middle = motion.seconds / 2
         start = time.perf_counter()
-        edited = generate.edit(motion, PROMPTS[0], (middle - 0.6, middle + 0.6))
+        edited = generate_edited(generate, motion, PROMPTS[0], (middle - 0.6, middle + 0.6))
         ms = 1e3 * (time.perf_counter() - start)
         first, last = round((middle - 0.6) * 20), round((middle + 0.6) * 20)
         rest = np.r_[0:first, last : len(motion)]

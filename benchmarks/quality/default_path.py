@@ -18,10 +18,7 @@ def default_motion(
         prompt: A sentence.
         seed: Takes of different seeds have no noise in common.
         takes: Number of takes; by default as many as the command makes.
-        settings: As for `MotionPipeline.best`, such as `seconds`.
+        settings: As for the pipeline, such as `seconds`.
     """
     takes = takes or usual_takes(pipeline.card, prompt)
-    if takes == 1 and not settings.get("from_clips"):
-        settings.pop("from_clips", None)
-        return pipeline(prompt, seed=seed, **settings).cleaned()
-    return pipeline.best(prompt, takes, seed=seed * takes, **settings).cleaned()
+    return pipeline(prompt, seed=seed * takes, takes=takes, **settings)

@@ -15,6 +15,10 @@ import numpy as np
 from PIL import Image
 
 from latentmotion import Motion, MotionPipeline, Reach, RootPath
+from latentmotion.control.edit import generate_edited
+from latentmotion.control.fit_keypoints import fit_motion
+from latentmotion.control.stream import generate_loop
+from latentmotion.control.timeline import generate_timeline
 from latentmotion.render.strip import write
 
 WIDTH, MOST = 880, 58_000
@@ -23,19 +27,19 @@ WIDTH, MOST = 880, 58_000
 
 def path(generate: MotionPipeline) -> list[Motion]:
     wave = [(0.9 * float(np.sin(1.1 * z)), z) for z in np.linspace(0, 5.4, 8).tolist()]
-    motion = generate("a person walks forward", 5, 1, goals=[RootPath(wave)]).cleaned()
+    motion = generate("a person walks forward", 5, 1, goals=[RootPath(wave)], takes=1)
     return [replace(motion, caption="walks forward, along a path")]
 
 
 def goals(generate: MotionPipeline) -> list[Motion]:
     goals = [Reach("right_wrist", 2.0, (-0.35, 1.8, 2.3)), Reach("pelvis", 2.0, (0, None, 2.1))]
-    motion = generate("a person walks forward", 4, 2, goals=goals).cleaned()
+    motion = generate("a person walks forward", 4, 2, goals=goals, takes=1)
     return [replace(motion, caption="walks; right wrist 1.8 m high at 2 s")]
 
 
 def edit(generate: MotionPipeline) -> list[Motion]:
-    walk = generate("a person walks forward", 5, 0).cleaned()
-    jump = generate.edit(walk, "a person jumps", (1.6, 3.0), 3)
+    walk = generate("a person walks forward", 5, 0, takes=1)
+    jump = generate_edited(generate, walk, "a person jumps", (1.6, 3.0), 3)
     return [
         replace(walk, caption="walks forward"),
         replace(jump, caption="the same; jumps between 1.6 and 3 s"),
@@ -44,17 +48,17 @@ def edit(generate: MotionPipeline) -> list[Motion]:
 
 def timeline(generate: MotionPipeline) -> list[Motion]:
     spans = [("a person walks forward", 3), ("a person jumps", 2), ("a person sits down", 3)]
-    return [generate.timeline(spans, 2).cleaned()]
+    return [generate_timeline(generate, spans, 2).cleaned()]
 
 
 def two_tracks(generate: MotionPipeline) -> list[Motion]:
     spans, wave = [("a person walks forward", 5)], "a person waves the right hand"
-    motion = generate.timeline(spans, 1, parts=[("right_arm", wave, 1, 4)]).cleaned()
+    motion = generate_timeline(generate, spans, 1, parts=[("right_arm", wave, 1, 4)]).cleaned()
     return [replace(motion, caption="walks forward; right arm: waves from 1 to 4 s")]
 
 
 def loop(generate: MotionPipeline) -> list[Motion]:
-    turn = generate.loop("a person runs forward", 1.2, 2)
+    turn = generate_loop(generate, "a person runs forward", 1.2, 2)
     joints = turn.joints.copy()
     joints[..., [0, 2]] -= joints[:, :1, [0, 2]]
     twice = replace(turn, joints=np.concatenate([joints, joints]))
@@ -62,10 +66,10 @@ def loop(generate: MotionPipeline) -> list[Motion]:
 
 
 def fit(generate: MotionPipeline) -> list[Motion]:
-    real = generate("a person walks forward and waves", 3.2, 3).cleaned()
+    real = generate("a person walks forward and waves", 3.2, 3, takes=1)
     noise = np.random.default_rng(0).normal(0, 0.05, real.joints.shape)
     noisy = (real.joints + noise).astype(np.float32)
-    fitted = generate.fit(noisy).cleaned()
+    fitted = fit_motion(generate, noisy).cleaned()
     return [
         replace(Motion(noisy, real.fps), caption="recorded, 5 cm of noise"),
         replace(fitted, caption="fitted"),

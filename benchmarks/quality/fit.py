@@ -21,6 +21,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, UnivariateSpline
 
 from latentmotion import Dataset, MotionPipeline
+from latentmotion.control.fit_keypoints import fit_motion
 from latentmotion.control.observe import tilt
 from latentmotion.kinematics.keypoints import LAYOUTS, Keypoints, joint_weights
 from latentmotion.kinematics.skeleton import HUMANML3D
@@ -109,7 +110,7 @@ def row(
         seen[first : first + round(spoiled.gap * FPS), list(spoiled.joints)] = False
     asked = ~seen if spoiled.gap else seen
     start = time.process_time()
-    fitted = generate.fit(noisy, seen)
+    fitted = fit_motion(generate, noisy, seen)
     cpu = time.process_time() - start
     cleaned = fitted.cleaned()
     shift = np.zeros(3)
@@ -183,7 +184,7 @@ def camera_rows(generate: MotionPipeline, motions: list[np.ndarray]) -> Iterable
                 pixels, np.ones(pixels.shape[:2]), FPS, layout, (1280, 720), focal
             )
             start = time.process_time()
-            fitted = generate.fit(keypoints).joints.astype(np.float64)
+            fitted = fit_motion(generate, keypoints).joints.astype(np.float64)
             cpu = time.process_time() - start
             real = tilt(seen, -0.1)
             found.append([*camera_errors(fitted, real), cpu])

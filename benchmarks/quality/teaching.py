@@ -23,7 +23,7 @@ from benchmarks.quality.own_clip.tower import Tower
 from latentmotion import MotionPipeline
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset, Item, items_of
-from latentmotion.retrieval.teach import ShownClip
+from latentmotion.retrieval.teach import ShownClip, build_index
 
 SHORTEST, LONGEST = 40, 196
 """Frames of the clips."""
@@ -47,6 +47,12 @@ def main(model: Positional[str] = "fast", clips: int = 10, seeds: int = 10) -> N
     dataset = Dataset.load("data/starter.pack")
     starts = pipeline.clip_starts
     assert starts is not None
+
+    def taught(clips: list[ShownClip]) -> MotionPipeline:
+        encoders = pipeline.feature_encoder, pipeline.text_encoder
+        index = build_index(clips, dataset.sources, pipeline.card, *encoders)
+        return pipeline.with_moves(index.preferred())
+
     items = [item for item in items_of(dataset.clips("test")) if SHORTEST <= item.frames <= LONGEST]
     items.sort(key=lambda item: starts.neighbors(item.captions[0], 1)[0].cosine)
     features = [dataset.features(item.clip)[item.start : item.end] for item in items]
@@ -67,14 +73,13 @@ def main(model: Positional[str] = "fast", clips: int = 10, seeds: int = 10) -> N
         own = features[number]
         captions = (Caption(item.captions[0], 0, len(own)),)
         shown.append(ShownClip(clip.id, clip.source, clip.origin, own, captions))
-        index = pipeline.taught(shown[-1:], dataset.sources)
-        taught = pipeline.with_moves(index)
+        after = taught(shown[-1:])
         seconds = time.perf_counter() - begun
-        right = [int((ranks(one, number) == 1).sum()) for one in (pipeline, taught)]
+        right = [int((ranks(one, number) == 1).sum()) for one in (pipeline, after)]
         sums += right
         cells = asked(item)[:70], *(f"{one} of {seeds}" for one in right), f"{seconds:.1f}"
         print(f"| {' | '.join(cells)} |")
-    every = pipeline.with_moves(pipeline.taught(shown, dataset.sources))
+    every = taught(shown)
     after = np.array([ranks(every, number) == 1 for number in others]).sum()
     print(f"| all | {sums[0]:.0f} of {clips * seeds} | {sums[1]:.0f} | |")
     print(f"| ten other captions, not taught | {kept} of {clips * seeds} | {after} | |")

@@ -135,7 +135,8 @@ def places_of(
     """Returns the place of each caption for the motion of one side of its pair."""
     prompts = [pair[side] for pair in pairs]
     if best_of > 1:
-        motions = [generate.best(prompt, best_of, seed=seed * best_of) for prompt in prompts]
+        settings = {"seed": seed * best_of, "takes": best_of, "clean_up": None}
+        motions = [generate(prompt, **settings) for prompt in prompts]
     else:
         motions = generate.batch(prompts, seeds=[seed] * len(prompts))
     made = evaluator.motions([shipped_scorer().features_of(motion) for motion in motions])

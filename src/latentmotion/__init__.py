@@ -14,11 +14,19 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from latentmotion.plugins import register
+
 if TYPE_CHECKING:
+    from latentmotion.control.edit import generate_between as generate_between
+    from latentmotion.control.edit import generate_edited as generate_edited
+    from latentmotion.control.fit_keypoints import fit_motion as fit_motion
     from latentmotion.control.goals import Heading as Heading
     from latentmotion.control.goals import Pose as Pose
     from latentmotion.control.goals import Reach as Reach
     from latentmotion.control.goals import RootPath as RootPath
+    from latentmotion.control.stream import generate_loop as generate_loop
+    from latentmotion.control.stream import generate_stream as generate_stream
+    from latentmotion.control.timeline import generate_timeline as generate_timeline
     from latentmotion.data.dataset import Dataset as Dataset
     from latentmotion.errors import LatentMotionError as LatentMotionError
     from latentmotion.formats import load as load
@@ -36,6 +44,12 @@ __version__ = "1.0.0rc1"
 
 _HOMES = {
     "Animation": "kinematics.skeleton",
+    "fit_motion": "control.fit_keypoints",
+    "generate_between": "control.edit",
+    "generate_edited": "control.edit",
+    "generate_loop": "control.stream",
+    "generate_stream": "control.stream",
+    "generate_timeline": "control.timeline",
     "Heading": "control.goals",
     "RootPath": "control.goals",
     "Pose": "control.goals",
@@ -65,6 +79,12 @@ __all__ = [
     "RootPath",
     "Skeleton",
     "__version__",
+    "fit_motion",
+    "generate_between",
+    "generate_edited",
+    "generate_loop",
+    "generate_stream",
+    "generate_timeline",
     "load",
     "read_asf_amc",
     "read_bvh",
@@ -72,6 +92,13 @@ __all__ = [
     "to_humanml3d",
     "write_bvh",
 ]
+
+
+# What a motion does by rooms above it, which it does not import.
+register("motion.cleaned", "latentmotion.cleanup:clean")
+register("motion.html", "latentmotion.viewer.page:notebook_html")
+register("motion.load", "latentmotion.formats:load")
+register("motion.save", "latentmotion.formats:save")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,8 @@
-"""Motion: joint positions over time, which can be saved in any format."""
+"""Motion: joint positions over time. It is data, and knows no room that works on it.
+
+`save`, `load`, `cleaned` and the view in a notebook are looked up by name among what other rooms
+have registered (`plugins.register`), which the package does when it is imported.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
+from latentmotion.language.sides import mirror_words
+from latentmotion.plugins import registered
 from latentmotion.progress import counted
 from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS
 
 if TYPE_CHECKING:
-    from latentmotion.cleanup import CleanUp
-    from latentmotion.control.goals import Reach
     from latentmotion.kinematics.recorded import Recorded
     from latentmotion.kinematics.standing import Stated
 
@@ -45,8 +50,6 @@ class Motion:
     """The sentence it was made from, or that describes it."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
     """Any values that JSON can hold: model, seed, guidance, rights, weights_license."""
-    goals: tuple[Reach, ...] = ()
-    """Places of joints to which clean-up yields."""
     recorded: Recorded | None = field(default=None, init=False, repr=False)
     """The animation it was read from, with all its joints; None once its joints are others."""
 
@@ -134,7 +137,7 @@ class Motion:
     def joined(self, *others: Motion) -> Motion:
         """Returns motions one after the other, each from where the one before ends, facing its way.
 
-        They are joined by a cut; `MotionPipeline.between` generates a transition.
+        They are joined by a cut; `control.edit.generate_between` generates a transition.
 
         Raises:
             InputError: They differ in skeleton or frame rate.
@@ -158,23 +161,23 @@ class Motion:
 
     def mirrored(self) -> Motion:
         """Returns the mirror image: left and right are swapped, in the caption too."""
-        from latentmotion.data.clip import mirror_words
-
         joints = self.joints[:, self.skeleton.mirror] * np.array([-1, 1, 1], np.float32)
         return self._edited(joints, mirror_words(self.caption))
 
     def _edited(self, joints: Float[np.ndarray, "frames joints 3"], caption: str) -> Motion:
         """Returns other joints of this motion, without what was said of its own frames."""
         metadata = {name: it for name, it in self.metadata.items() if name not in _OF_FRAMES}
-        return replace(self, joints=joints, caption=caption, goals=(), metadata=metadata)
+        return replace(self, joints=joints, caption=caption, metadata=metadata)
 
-    def cleaned(self, steps: CleanUp | None = None) -> Motion:
+    def cleaned(self, steps: Any = None, corrections: Corrections = NO_CORRECTIONS) -> Motion:
         """Returns the motion with still feet, constant bones and less jitter.
 
         Args:
-            steps: The clean-up steps; by default all that do not move the motion as a whole.
+            steps: A `latentmotion.cleanup.CleanUp`; by default all steps that do not move the
+                motion as a whole.
+            corrections: Degrees and repetitions that are made exact.
         """
-        return cleaned([self], steps)[0]
+        return registered("motion.cleaned")(self, steps, corrections)
 
     def save(self, path: str | Path, fps: float | None = None) -> list[Path]:
         """Writes a file in the format of the ending of `path`; returns the files written.
@@ -187,9 +190,7 @@ class Motion:
             InputError: The ending is unknown or the folder cannot be written.
             MissingExtraError: The format needs a package that is not installed.
         """
-        from latentmotion import formats
-
-        return formats.save(path, [self], fps)
+        return registered("motion.save")(path, [self], fps)
 
     @classmethod
     def load(cls, path: str | Path, stated: Stated | None = None) -> Motion:
@@ -208,9 +209,7 @@ class Motion:
         Warns:
             ReadingWarning: Unit or axes are a guess.
         """
-        from latentmotion import formats
-
-        return formats.load(path, stated)[0]
+        return registered("motion.load")(path, stated)[0]
 
     @cached_property
     def _solved(self) -> Animation:
@@ -226,9 +225,7 @@ class Motion:
 
     def _repr_html_(self) -> str:
         """Shows the page with the moving figure in a notebook."""
-        from latentmotion.viewer.page import notebook_html
-
-        return notebook_html(self)
+        return registered("motion.html")(self)
 
 
 _TOGETHER = 32
@@ -259,26 +256,3 @@ def animations(motions: Sequence[Motion]) -> list[Animation]:
         for number, animation in zip(numbers, found, strict=True):
             new[number].__dict__["_solved"] = new[number]._turning(animation)
     return [motion.animation() for motion in motions]
-
-
-def cleaned(motions: Sequence[Motion], steps: CleanUp | None = None) -> list[Motion]:
-    """Returns motions as `Motion.cleaned` does; those of one length together, which is faster.
-
-    Args:
-        motions: The motions.
-        steps: The clean-up steps; by default all that do not move a motion as a whole.
-    """
-    from latentmotion.cleanup import CleanUp, clean_batch
-
-    steps = CleanUp() if steps is None else steps
-    found = [
-        after.with_recorded(
-            before.recorded and before.recorded.following(before.joints, after.joints)
-        )
-        for before, after in zip(motions, clean_batch(motions, steps), strict=True)
-    ]
-    if steps.in_place or not any(motion.goals for motion in motions):
-        return found
-    from latentmotion.control.direct import at_goals
-
-    return [at_goals(motion) if motion.goals else motion for motion in found]

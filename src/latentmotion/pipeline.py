@@ -1,14 +1,21 @@
 """The pipeline: prompt → condition → (noise → latents) → features → joints → motion.
 
-This is section 3 of MLD without PyTorch, to read from top to bottom: `MotionPipeline.__call__`,
-`batch`, `generate_batch` and `features_from_noise`, which training previews and exported graphs
-run, too. A prompt is a sentence, an action label or nothing.
+This is section 3 of MLD without PyTorch, to read from top to bottom:
+
+    __call__             the best of several takes, cleaned up: what the command writes
+    raw_motions          prompts → readings, lengths, starts → joints, a take for each prompt
+    generate_batch       prompts → condition; noise → features
+    features_from_noise  noise → latents, by the sampler → features, by the VAE's decoder
+
+Training previews run `features_from_noise`, too. Of a model of few steps it was traced into one
+graph (`export/onnx.py`), which `generate_batch` runs in its place. A prompt is a sentence, an
+action label or nothing.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,8 +24,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from latentmotion.cleanup import USUAL, CleanUp, clean_batch
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
 from latentmotion.condition.task import SentenceCondition
+from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.describe.asked import asked_exactly
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import Estimator, Noise, ParametrizedDenoiser
@@ -61,24 +70,42 @@ from latentmotion.text.encoder import LazyTextEncoder
 from latentmotion.text.lengths import LengthFile
 
 if TYPE_CHECKING:
-    from latentmotion.cleanup import CleanUp
-    from latentmotion.control.goals import Goal
-    from latentmotion.control.stream import MotionStream, StreamState
-    from latentmotion.control.timeline import PartSpan, Span
-    from latentmotion.data.clip import Source
-    from latentmotion.kinematics.keypoints import Keypoints
+    from latentmotion.control.goals import Goal, Reach
     from latentmotion.ranking.best import Take
     from latentmotion.ranking.scorer import Scorer
     from latentmotion.retrieval.index import ClipIndex
     from latentmotion.retrieval.starts import ClipStart, ClipStarts
-    from latentmotion.retrieval.teach import ShownClip
 
 MAX_BATCH_SIZE = 32
 """Maximum number of motions that go through the networks at once, which bounds memory."""
 
 
-ON_THE_WAY = "a person walks"
-"""Default prompt of the motion between two others."""
+@dataclass(frozen=True, eq=False)
+class RawMotion:
+    """A motion as the networks make it, and what its clean-up has to know."""
+
+    motion: Motion
+    """The motion."""
+    corrections: Corrections = NO_CORRECTIONS
+    """Degrees and repetitions that its sentence names."""
+    goals: tuple[Reach, ...] = ()
+    """Places at which its joints are put in the end."""
+    start: ClipStart | None = None
+    """What it starts from; None for pure noise."""
+
+
+def cleaned_up(raw: Sequence[RawMotion], steps: CleanUp) -> list[Motion]:
+    """Returns motions cleaned up, with their corrections, and their joints at their goals."""
+    motions = clean_batch([one.motion for one in raw], steps, [one.corrections for one in raw])
+    return [_at_goals(motion, one, steps) for motion, one in zip(motions, raw, strict=True)]
+
+
+def _at_goals(cleaned: Motion, raw: RawMotion, steps: CleanUp) -> Motion:
+    if steps.in_place or not raw.goals:
+        return cleaned
+    from latentmotion.control.direct import at_goals
+
+    return at_goals(cleaned, raw.goals)
 
 
 @dataclass(frozen=True)
@@ -180,16 +207,6 @@ class MotionPipeline:
         _ = pipeline.clip_starts  # read now, so that an error comes here
         return pipeline
 
-    @classmethod
-    def load(cls, *arguments: Any, **named: Any) -> MotionPipeline:
-        """Old name of `from_pretrained`, which takes the same arguments."""
-        warnings.warn(
-            "MotionPipeline.load is now from_pretrained; the old name goes with the next release",
-            DeprecationWarning,
-            stacklevel=2,
-        )
-        return cls.from_pretrained(*arguments, **named)
-
     def __call__(
         self,
         prompt: str = "",
@@ -200,40 +217,109 @@ class MotionPipeline:
         sampler: SamplerName | None = None,
         goals: Sequence[Goal] = (),
         from_clips: bool = True,
+        takes: int | None = None,
+        clean_up: CleanUp | None = USUAL,
+        scorer: Scorer | None = None,
     ) -> Motion:
-        """Turns a prompt into a motion.
+        """Turns a prompt into a motion: the best of several takes, cleaned up.
 
         Args:
             prompt: What the person does, e.g. `a person walks and sits down`; for a model of
                 actions one of its labels; for an unconditional model nothing.
             seconds: Length of the motion; by default the length that the model predicts for the
                 sentence, or 4 s if it has no `lengths.safetensors`.
-            seed: Seed of the noise; the same seed gives the same motion.
+            seed: Seed of the first take's noise, later ones count up from it; the same seed gives
+                the same motion.
             steps: Sampling steps; more is slower and finer. By default the model's own.
             guidance: How strongly the prompt steers (paper eq. 6). By default the model's own.
             sampler: `ddim` (the same as `euler`), `heun`, `dpm++`, or `ddpm` for fresh noise at
                 every step. By default the model's own.
             goals: Where joints should be and when, which way the body faces, the path it takes:
-                `Reach`, `Heading`, `Path`, `Pose`. Once the motion is cleaned up, its joints are
-                exactly there.
+                `Reach`, `Heading`, `Path`, `Pose`. The joints of a cleaned motion are exactly
+                there.
             from_clips: Whether a rare movement starts from the nearest clip of the training data
-                (`retrieval/starts.py`); motions with goals never do.
+                (`retrieval/starts.py`), of several takes every other one; motions with goals never
+                do.
+            takes: Takes of which the best is returned; its metadata tell the scores of all. By
+                default 4 of a sentence if the model samples in few steps, otherwise 1.
+            clean_up: Steps of the clean-up; None for the motion as the networks make it.
+            scorer: Compares takes with the sentence; by default the one that ships.
 
         Raises:
             InputError: The prompt is not of the model's kind or a number is out of range; or no
                 person could meet a goal.
             ModelError: There are goals, but the model has no `pullback.onnx`.
         """
-        if not goals:
-            return self.batch([prompt], seconds, [seed], steps, guidance, sampler, from_clips)[0]
-        usual = self.usual_seconds([prompt]) if seconds is None else None
-        (frames,) = requests.frames_of(self.card, seconds, 1, self.representation.fps, usual)
-        sampling = self.card.sampling.but(steps, guidance, sampler)
-        request = GenerationRequest((prompt,), (frames,), (seed,), sampling)
-        request.check(self.card, self.representation.fps)
-        from latentmotion.control.direct import generate_directed
+        from latentmotion.ranking.best import best_of, usual_takes
 
-        return generate_directed(self, request, goals)
+        requests.check_prompts(self.card, [prompt])
+        of = usual_takes(self.card, prompt) if takes is None else takes
+        settings = (steps, guidance, sampler, goals, from_clips, clean_up)
+        if of != 1:
+            return best_of(self.ranked(prompt, of, seconds, seed, *settings, scorer))
+        raw = self.raw_motions([prompt], seconds, [seed], *settings[:3], from_clips, goals)
+        return cleaned_up(raw, clean_up)[0] if clean_up else raw[0].motion
+
+    def ranked(
+        self,
+        prompt: str,
+        takes: int,
+        seconds: float | None = None,
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+        sampler: SamplerName | None = None,
+        goals: Sequence[Goal] = (),
+        from_clips: bool = True,
+        clean_up: CleanUp | None = USUAL,
+        scorer: Scorer | None = None,
+    ) -> list[Take]:
+        """Returns several takes of a sentence with their scores, the best first.
+
+        Args:
+            prompt: What the person does.
+            takes: Number of takes.
+            seconds: As for one motion; so are all further arguments.
+            seed: Seed of the first take.
+            steps: Sampling steps.
+            guidance: Guidance scale.
+            sampler: Sampler.
+            goals: Of all takes.
+            from_clips: Whether every other take may start from a clip.
+            clean_up: Steps after which claims of the sentence are measured.
+            scorer: Compares takes with the sentence.
+
+        Raises:
+            InputError: The model reads no sentences or moves another skeleton, or a number is out
+                of range.
+        """
+        from latentmotion.ranking import best
+
+        best.check_sentence(self.card, prompt, takes)
+        every_other = [from_clips and number % 2 == 0 for number in range(takes)]
+        raw = self.raw_motions(
+            [prompt] * takes,
+            seconds,
+            range(seed, seed + takes),
+            *(steps, guidance, sampler, every_other, goals),
+        )
+        ranked = best.ranked(
+            [one.motion for one in raw],
+            self.read(prompt).sentence,
+            scorer or best.scorer_beside(self.condition),
+            clean_up,
+            [one.corrections for one in raw],
+            [one.start.advantage if one.start else 0.0 for one in raw],
+        )
+        if clean_up is None:
+            return ranked
+        first = ranked[0]
+        chosen = next(one for one in raw if one.motion is first.motion)
+        if first.cleaned is None or clean_up.in_place:  # claims are measured on the path
+            (cleaned,) = cleaned_up([chosen], clean_up)
+        else:
+            cleaned = _at_goals(first.cleaned, chosen, clean_up)
+        return [replace(first, cleaned=cleaned), *ranked[1:]]
 
     def batch(
         self,
@@ -244,8 +330,9 @@ class MotionPipeline:
         guidance: float | None = None,
         sampler: SamplerName | None = None,
         from_clips: bool | Sequence[bool] = True,
+        clean_up: CleanUp | None = None,
     ) -> list[Motion]:
-        """Turns several prompts into motions; each is what it would be alone.
+        """Turns several prompts into motions, one take of each; each is what it would be alone.
 
         Args:
             prompts: One per motion; a single string is one prompt.
@@ -255,60 +342,100 @@ class MotionPipeline:
             guidance: As for one motion.
             sampler: As for one motion.
             from_clips: As for one motion, or for each.
+            clean_up: Steps of the clean-up; by default motions stay as the networks make them.
+
+        Raises:
+            InputError: A prompt is not of the model's kind or a number is out of range.
+        """
+        texts = [prompts] if isinstance(prompts, str) else prompts
+        raw = self.raw_motions(texts, seconds, seeds, steps, guidance, sampler, from_clips)
+        return cleaned_up(raw, clean_up) if clean_up else [one.motion for one in raw]
+
+    def raw_motions(
+        self,
+        prompts: Sequence[str],
+        seconds: float | Sequence[float | None] | None = None,
+        seeds: Sequence[int] | None = None,
+        steps: int | None = None,
+        guidance: float | None = None,
+        sampler: SamplerName | None = None,
+        from_clips: bool | Sequence[bool] = True,
+        goals: Sequence[Goal] = (),
+    ) -> list[RawMotion]:
+        """Returns one take for each prompt, with what its clean-up has to know.
+
+        Args:
+            prompts: One per motion.
+            seconds: As for `batch`; so are all further arguments.
+            seeds: One seed per motion.
+            steps: Sampling steps.
+            guidance: Guidance scale.
+            sampler: Sampler.
+            from_clips: Whether they may start from clips.
+            goals: Of each motion.
 
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
         sampling = self.card.sampling.but(steps, guidance, sampler)
-        takes = self._takes(prompts, seconds, seeds, sampling, from_clips)
-        return [motion for motion, _ in takes]
-
-    def _takes(
-        self,
-        prompts: Sequence[str] | str,
-        seconds: float | Sequence[float | None] | None,
-        seeds: Sequence[int] | None,
-        sampling: Sampling,
-        from_clips: bool | Sequence[bool],
-    ) -> list[tuple[Motion, ClipStart | None]]:
-        """Returns motions and what they start from, None for pure noise."""
-        captions = [prompts] if isinstance(prompts, str) else prompts
-        requests.check_prompts(self.card, captions)
-        readings = {caption: self.read(caption) for caption in dict.fromkeys(captions)}
+        seeds = range(len(prompts)) if seeds is None else seeds
+        requests.check_prompts(self.card, prompts)
+        if goals:
+            lengths = requests.each(seconds, len(prompts))
+            return [
+                self._directed(*one, sampling, goals)
+                for one in zip(prompts, lengths, seeds, strict=True)
+            ]
+        readings = {prompt: self.read(prompt) for prompt in dict.fromkeys(prompts)}
         for note in dict.fromkeys(note for one in readings.values() for note in one.notes()):
             warnings.warn(note, DoubtWarning, stacklevel=3)
-        prompts = [readings[caption].prompt for caption in captions]
-        features = self.representation
+        sentences = [readings[prompt].prompt for prompt in prompts]
         lengths = requests.each(seconds, len(prompts))
         free = [length is None for length in lengths]
-        usual = self.usual_seconds(prompts) if any(free) else None
-        frames = requests.frames_of(self.card, lengths, len(prompts), features.fps, usual)
-        seeds = range(len(prompts)) if seeds is None else seeds
-        request = GenerationRequest(tuple(prompts), tuple(frames), tuple(seeds), sampling)
-        request.check(self.card, features.fps)
+        usual = self.usual_seconds(sentences) if any(free) else None
+        space, card = self.representation, self.card
+        frames = requests.frames_of(card, lengths, len(prompts), space.fps, usual)
+        request = GenerationRequest(tuple(sentences), tuple(frames), tuple(seeds), sampling)
+        request.check(card, space.fps)
         starts = self._clip_starts(request, free, from_clips)
-        frames = [start.frames if start else n for start, n in zip(starts, frames, strict=True)]
         if any(starts):
+            frames = [s.frames if s else n for s, n in zip(starts, frames, strict=True)]
             begun = tuple(start and start.start for start in starts)
             request = replace(request, frames=tuple(frames), starts=begun)
-        rows, joints = self._batches(request), []
-        for batch in counted(rows, "generating batches"):
-            placed = self.joints_of(self.generate_batch(request.take(batch)))
-            joints.append(self.backend.to_host(placed))
-        metadata = {"steps": sampling.steps, "guidance": sampling.guidance, **self.card.terms()}
-        reads_text = self.card.condition.reads_text
-        unpadded = requests.unpadded(joints, rows, frames)
-        takes: list[tuple[Motion, ClipStart | None]] = []
-        for positions, caption, seed, start, any_length in zip(
-            unpadded, captions, seeds, starts, free, strict=True
+        joints = self._in_batches(request, lambda one: self.joints_of(self.generate_batch(one)))
+        settings = {"steps": sampling.steps, "guidance": sampling.guidance, **card.terms()}
+        reads_text, raw = card.condition.reads_text, []
+        for positions, prompt, seed, start, any_length in zip(
+            joints, prompts, seeds, starts, free, strict=True
         ):
-            about = {"model": self.card.name, "seed": seed, **metadata}
-            about |= asked_exactly(readings[caption].sentence, any_length) if reads_text else {}
-            about |= readings[caption].about()
-            about |= start.about() if start else {}
-            placed = positions.astype(np.float32, copy=False)
-            takes.append((Motion(placed, features.fps, features.skeleton, caption, about), start))
-        return takes
+            reading, corrections = readings[prompt], NO_CORRECTIONS
+            if reads_text:
+                corrections = asked_exactly(reading.sentence, any_length)
+            about = {"model": card.name, "seed": seed, **settings, **corrections.about()}
+            about |= reading.about() | (start.about() if start else {})
+            positions = positions.astype(np.float32, copy=False)
+            motion = Motion(positions, space.fps, space.skeleton, prompt, about)
+            raw.append(RawMotion(motion, corrections, start=start))
+        return raw
+
+    def _directed(
+        self,
+        prompt: str,
+        seconds: float | None,
+        seed: int,
+        sampling: Sampling,
+        goals: Sequence[Goal],
+    ) -> RawMotion:
+        """Returns a motion whose sampling is directed to goals."""
+        from latentmotion.control.direct import generate_directed
+
+        usual = self.usual_seconds([prompt]) if seconds is None else None
+        fps = self.representation.fps
+        (frames,) = requests.frames_of(self.card, seconds, 1, fps, usual)
+        request = GenerationRequest((prompt,), (frames,), (seed,), sampling)
+        request.check(self.card, fps)
+        motion, places = generate_directed(self, request, goals)
+        return RawMotion(motion, goals=places)
 
     def read(self, prompt: str) -> Reading:
         """Returns a prompt as the model reads it: corrected, and with what it does not know of it.
@@ -321,34 +448,13 @@ class MotionPipeline:
     def _clip_starts(
         self, request: GenerationRequest, free: Sequence[bool], from_clips: bool | Sequence[bool]
     ) -> list[ClipStart | None]:
-        """Returns what each motion of a request starts from, None for pure noise.
-
-        Args:
-            request: The motions.
-            free: Whether nobody gave the length of each.
-            from_clips: Whether they may start from clips.
-        """
+        """Returns what each motion of a request starts from, None for pure noise."""
         count = len(request.prompts)
         wanted = [from_clips] * count if isinstance(from_clips, bool) else list(from_clips)
         if len(wanted) != count:
             raise InputError(f"{len(wanted)} values of from_clips for {count} motions")
-        clips = self.clip_starts if any(wanted) else None
-        if clips is None or request.sampling.steps < 2:
-            return [None] * count
-        choices = {prompt: clips.choices(prompt) for prompt in dict.fromkeys(request.prompts)}
-        for prompt, near in choices.items():
-            # Noise has the count or the turn that a sentence asks for exactly more often than a
-            # clip, but for a clip that a user showed.
-            if asked_exactly(prompt, True) and all(choice.support for choice in near):
-                choices[prompt] = []
-        return [
-            clips.start(choices[prompt], None if any_length else frames, seed)
-            if take and choices[prompt]
-            else None
-            for prompt, frames, seed, take, any_length in zip(
-                request.prompts, request.frames, request.seeds, wanted, free, strict=True
-            )
-        ]
+        clips = self.clip_starts if any(wanted) and request.sampling.steps > 1 else None
+        return [None] * count if clips is None else clips.starts(request, free, wanted)
 
     @cached_property
     def clip_starts(self) -> ClipStarts | None:
@@ -376,24 +482,16 @@ class MotionPipeline:
             self.card, index, text_encoder, self.feature_encoder, decode, self.representation
         )
 
-    def taught(self, clips: Iterable[ShownClip], sources: Sequence[Source]) -> ClipIndex:
-        """Returns an index of clips that motions of this model may start from.
-
-        Args:
-            clips: With sentences about them.
-            sources: Their owners, with their terms.
+    @property
+    def text_encoder(self) -> TextEncoder:
+        """The encoder of the model's sentences.
 
         Raises:
-            InputError: There is no clip with a sentence, or the model reads none.
-            ModelError: The model has no `encoder.onnx`.
+            InputError: It reads none.
         """
-        from latentmotion.retrieval.teach import build_index
-
         if not isinstance(self.condition, SentenceCondition):
-            raise InputError(f"model {self.card.name!r} reads no sentences, so it cannot be taught")
-        text_encoder = self.condition.encoder
-        index = build_index(clips, sources, self.card, self.feature_encoder, text_encoder)
-        return index.preferred()
+            raise InputError(f"model {self.card.name!r} reads no sentences, so it has no encoder")
+        return self.condition.encoder
 
     @cached_property
     def feature_encoder(self) -> FeatureEncoder:
@@ -408,66 +506,6 @@ class MotionPipeline:
                 "export it again"
             )
         return FeatureEncoder.of(self.card, self.encoder)
-
-    def ranked(
-        self,
-        prompt: str,
-        of: int = 8,
-        seconds: float | None = None,
-        seed: int = 0,
-        scorer: Scorer | None = None,
-        goals: Sequence[Goal] = (),
-        clean_up: CleanUp | None = None,
-        from_clips: bool = True,
-        **sampling: Any,
-    ) -> list[Take]:
-        """Generates several takes of a sentence, scores them and returns the best first.
-
-        Args:
-            prompt: What the person does.
-            of: Number of takes.
-            seconds: As for one motion.
-            seed: Seed of the first take; later ones count up from it.
-            scorer: Compares motions with sentences; by default the one that ships.
-            goals: As for one motion; all takes have them.
-            clean_up: Steps that the kept take goes through later, by default those of
-                `Motion.cleaned`: claims of the sentence are measured after them.
-            from_clips: Whether every other take of a rare movement starts from a near clip.
-            sampling: `steps`, `guidance` and `sampler`, as for one motion.
-
-        Raises:
-            InputError: The model reads no sentences or moves another skeleton, or a number is out
-                of range.
-        """
-        from latentmotion.ranking import best
-
-        best.check_sentence(self.card, prompt, of)
-        seeds, advantages = range(seed, seed + of), [0.0] * of
-        if goals:
-            takes = [self(prompt, seconds, n, goals=goals, **sampling) for n in seeds]
-        else:
-            every_other = [from_clips and number % 2 == 0 for number in range(of)]
-            settings = self.card.sampling.but(*map(sampling.get, ("steps", "guidance", "sampler")))
-            started = self._takes([prompt] * of, seconds, seeds, settings, every_other)
-            takes = [motion for motion, _ in started]
-            advantages = [start.advantage if start else 0.0 for _, start in started]
-        scorer = scorer or best.scorer_beside(self.condition)
-        return best.ranked(takes, self.read(prompt).sentence, scorer, clean_up, advantages)
-
-    def best(self, prompt: str, of: int = 8, **settings: Any) -> Motion:
-        """Returns the best of several takes; its metadata tell the scores of all.
-
-        Args:
-            prompt: What the person does.
-            of: Number of takes.
-            settings: As for `ranked`.
-
-        Raises:
-            InputError: As for `ranked`.
-        """
-        from latentmotion.ranking.best import best_of
-
-        return best_of(self.ranked(prompt, of, **settings))
 
     def features(
         self,
@@ -502,10 +540,7 @@ class MotionPipeline:
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
-        rows = self._batches(request)
-        counting = counted(rows, "generating batches")
-        features = (self.generate_batch(request.take(batch)) for batch in counting)
-        return requests.unpadded(map(self.backend.to_host, features), rows, request.frames)
+        return self._in_batches(request, self.generate_batch)
 
     def generate_batch(
         self, request: GenerationRequest, condition: Conditioning | None = None
@@ -564,187 +599,6 @@ class MotionPipeline:
             return None
         return self.lengths.usual(self.condition.encoder(prompts).pooled)
 
-    def edit(
-        self,
-        motion: Motion,
-        prompt: str,
-        between: tuple[float, float],
-        seed: int = 0,
-        steps: int | None = None,
-        guidance: float | None = None,
-        parts: Sequence[str] = (),
-    ) -> Motion:
-        """Generates a part of a motion again; all frames outside of it stay bit-identical.
-
-        Args:
-            motion: The motion, with the frame rate and skeleton of the model's.
-            prompt: What the person does in that part.
-            between: Its start and end, seconds.
-            seed: As for one motion.
-            steps: As for one motion.
-            guidance: As for one motion.
-            parts: Parts of the body that change, such as `left_arm`; all other joints stay
-                bit-identical. By default the whole body changes.
-
-        Raises:
-            InputError: The motion is of another kind, the times are not within it, or there is no
-                such part.
-            ModelError: The model has no `pullback.onnx`.
-        """
-        from latentmotion.control.edit import generate_edited
-
-        sampling = self.card.sampling.but(steps, guidance, None)
-        return generate_edited(self, motion, prompt, between, seed, sampling, parts)
-
-    def between(
-        self,
-        start: Motion,
-        end: Motion,
-        seconds: float,
-        prompt: str = ON_THE_WAY,
-        seed: int = 0,
-        steps: int | None = None,
-        guidance: float | None = None,
-    ) -> Motion:
-        """Generates what leads from one motion or pose to another; both are part of the result.
-
-        Args:
-            start: A motion, or a pose of one frame, whose frames stay the same numbers.
-            end: Likewise. Where it is says where the motion has to get.
-            seconds: Length of the transition.
-            prompt: What the person does in between.
-            seed: As for one motion.
-            steps: As for one motion.
-            guidance: As for one motion.
-
-        Raises:
-            InputError: The motions are of another kind or too far apart.
-            ModelError: The model has no `pullback.onnx`.
-        """
-        from latentmotion.control.edit import generate_between
-
-        sampling = self.card.sampling.but(steps, guidance, None)
-        return generate_between(self, (start, end), seconds, prompt, seed, sampling)
-
-    def loop(
-        self,
-        prompt: str,
-        seconds: float,
-        seed: int = 0,
-        steps: int | None = None,
-        guidance: float | None = None,
-    ) -> Motion:
-        """Generates one turn of a seamless cycle, such as a step of a walk.
-
-        The frame after its last is its first, farther along its path; `cleaned` with `in_place`
-        takes the path away, but clean-up knows nothing of the cycle and may leave a small seam.
-
-        Args:
-            prompt: What the person does.
-            seconds: Length of a turn, rounded to 0.2 s.
-            seed: As for one motion.
-            steps: As for one motion; 2 or more.
-            guidance: As for one motion.
-
-        Raises:
-            InputError: A number is out of range.
-            ModelError: The model has no `pullback.onnx`.
-        """
-        from latentmotion.control.stream import generate_loop
-
-        sampling = self.card.sampling.but(steps, guidance, None)
-        return generate_loop(self, prompt, seconds, seed, sampling)
-
-    def timeline(
-        self,
-        spans: Sequence[str | tuple[str, float] | Span],
-        seed: int = 0,
-        steps: int | None = None,
-        guidance: float | None = None,
-        parts: Sequence[tuple[str, str, float, float] | PartSpan] = (),
-    ) -> Motion:
-        """Generates one motion for several prompts, one after the other.
-
-        Args:
-            spans: Prompts, `(prompt, seconds)` or `Span`s; where the length is left out, it is
-                predicted from the prompt.
-            seed: As for one motion.
-            steps: As for one motion; 2 or more.
-            guidance: As for one motion.
-            parts: What parts of the body do meanwhile: `(part, prompt, start, end)` or `PartSpan`s,
-                such as `("right_arm", "a person waves the right hand", 1, 3)`; all other joints
-                are those of the timeline without it.
-
-        Raises:
-            InputError: A prompt is not of the model's kind, a number is out of range, there is no
-                such part, or two prompts move one joint at a time.
-            ModelError: The model has no `pullback.onnx`.
-        """
-        from latentmotion.control.timeline import generate_timeline
-
-        sampling = self.card.sampling.but(steps, guidance, None)
-        return generate_timeline(self, spans, seed, sampling, parts)
-
-    def stream(
-        self,
-        prompt: str,
-        seed: int = 0,
-        steps: int | None = None,
-        guidance: float | None = None,
-        state: StreamState | None = None,
-    ) -> MotionStream:
-        """Returns an endless motion: an iterator of its next two seconds, in constant memory.
-
-        Args:
-            prompt: What the person does; `stream.say` changes it.
-            seed: As for one motion.
-            steps: As for one motion; 2 or more.
-            guidance: As for one motion.
-            state: Where an earlier stream is resumed.
-
-        Raises:
-            InputError: A number is out of range.
-            ModelError: The model has no `pullback.onnx`.
-        """
-        from latentmotion.control.stream import generate_stream
-
-        sampling = self.card.sampling.but(steps, guidance, None)
-        return generate_stream(self, prompt, seed, sampling, state)
-
-    def fit(
-        self,
-        joints: Float[np.ndarray, "frames keypoints coordinates"] | Keypoints,
-        seen: np.ndarray | None = None,
-        fps: float | None = None,
-        names: Sequence[str] | None = None,
-        noise: float | None = None,
-    ) -> Motion:
-        """Returns a clean motion near joints that were recorded with noise, gaps or one camera.
-
-        Nothing is sampled: of all motions that the decoder can make, it is the likely one that
-        explains what was seen. It lasts as long as the recording and is where that is, in the
-        person's size.
-
-        Args:
-            joints: Meters, y up; or pixels, right and down. NaN is not seen. A `Keypoints` has
-                names, frame rate and camera with it.
-            seen: True, or a confidence up to 1, where a joint was seen; by default everywhere.
-            fps: Frames per second of the recording; by default the model's.
-            names: Of the keypoints: HumanML3D's, COCO's, OpenPose's or MediaPipe's; by default
-                those of the layout with so many.
-            noise: Deviation of what was recorded, meters; by default it is estimated.
-
-        Raises:
-            InputError: Shapes do not fit, a name is unknown, or hardly anything was seen.
-            ModelError: The model has no `pullback.onnx`.
-        """
-        from latentmotion.control.fit_keypoints import generate_fitted
-        from latentmotion.kinematics.keypoints import keypoints_of
-
-        rate = self.representation.fps if fps is None else fps
-        found = keypoints_of(joints, seen, rate, names)
-        return generate_fitted(self, found, noise)
-
     def guided(self, sampling: Sampling) -> ParametrizedDenoiser:
         """Returns the denoiser with guidance around it, or inside it for a distilled model."""
         card, scale = self.card, sampling.guidance
@@ -767,10 +621,14 @@ class MotionPipeline:
         """The VAE's decoder with the scales of latents and features."""
         return FeatureDecoder.of(self.card, self.backend.decoder, self.backend.to_device)
 
-    def _batches(self, request: GenerationRequest) -> list[list[int]]:
-        """Checks a request; returns the motions of each batch."""
+    def _in_batches(
+        self, request: GenerationRequest, function: Callable[[GenerationRequest], Any]
+    ) -> list[np.ndarray]:
+        """Returns what a function makes of a request's batches, for each motion without padding."""
         request.check(self.card, self.representation.fps)
-        return request.batches(self.max_batch_size, self.card.masks_padding)
+        batches = request.batches(self.max_batch_size, self.card.masks_padding)
+        outputs = (function(request.take(one)) for one in counted(batches, "generating batches"))
+        return requests.unpadded(map(self.backend.to_host, outputs), batches, request.frames)
 
     def _denoise(
         self,

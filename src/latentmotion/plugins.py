@@ -1,15 +1,19 @@
-"""Plugins: objects that other installed packages add by entry points.
+"""Plugins and registered functions: what is looked up by name, so that a room need not be known.
 
     [project.entry-points."latentmotion.formats"]
     trc = "my_package.trc"
 
-Nothing is looked up before a name is needed that this package does not have.
+Other installed packages add plugins by entry points; none is looked up before a name is needed that
+this package does not have. This package registers functions of its own rooms for those below them:
+a motion saves itself, but does not import the formats.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -47,6 +51,25 @@ def warn_of(group: Group, name: str, error: Exception) -> None:
     warnings.warn(
         f"the plugin {name!r} of {group} is left out: {reason}", RuntimeWarning, stacklevel=3
     )
+
+
+def register(name: str, function: str) -> None:
+    """Registers a function of another room.
+
+    Args:
+        name: What it is looked up by, such as `motion.save`.
+        function: `module:function`, which is imported when it is looked up.
+    """
+    _FUNCTIONS[name] = function
+
+
+def registered(name: str) -> Callable[..., Any]:
+    """Returns the function that was registered by a name."""
+    module, _, function = _FUNCTIONS[name].partition(":")
+    return getattr(import_module(module), function)
+
+
+_FUNCTIONS: dict[str, str] = {}
 
 
 def _entry_points(group: Group) -> EntryPoints:

@@ -16,7 +16,7 @@ from latentmotion.cleanup.leg_ik import find_legs, reach
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.kinematics.rotations import quaternion_between, quaternion_rotate
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
-from latentmotion.motion import Motion, cleaned
+from latentmotion.motion import Motion
 from tests.support.walker import walker
 
 FPS = 20.0
@@ -37,7 +37,7 @@ def test_motions_of_a_batch_are_what_they_are_alone() -> None:
     motions += [Motion(lying, FPS), Motion(shaken(50, 3), 30.0)]
     motions.append(Motion(np.repeat(KIT.rest_joints()[None], 50, axis=0), 12.5, KIT))
     for steps in (CleanUp(), CleanUp(in_place=True)):
-        for alone, together in zip(motions, cleaned(motions, steps), strict=True):
+        for alone, together in zip(motions, clean_batch(motions, steps), strict=True):
             assert together.caption == alone.caption
             np.testing.assert_allclose(together.joints, alone.cleaned(steps).joints, atol=1e-6)
     assert clean_batch([]) == []

@@ -65,7 +65,9 @@ def test_an_action_model_generates(actions: Path) -> None:
     generate = torch_pipeline(actions)
     features = generate.features(["swayLeft1", "swayRight0"], [24, 41], [3, 4], steps=2)
     assert [len(each) for each in features] == [24, 41]
-    one, other = (generate("swayLeft1", 1.2, 3, steps=2, guidance=g).joints for g in (1, 50))
+    one, other = (
+        generate("swayLeft1", 1.2, 3, steps=2, guidance=g, clean_up=None).joints for g in (1, 50)
+    )
     assert np.abs(one - other).max() > 0
     assert generate("swayLeft1", 1.2).caption == "swayLeft1"
     for prompt, message in {
@@ -144,7 +146,7 @@ def test_pytorch_runs_what_was_not_exported_or_says_that_it_is_missing(
     words = ["generate", "swayLeft1", "--steps", "1", "--no-clean", "-o", str(tmp_path / "a.npz")]
     main([*words, "--model", str(actions)])
     assert "has no graphs (latentmotion export); PyTorch runs it" in capsys.readouterr().err
-    monkeypatch.setattr("latentmotion.cli.generate.find_spec", lambda name: None)
+    monkeypatch.setattr("latentmotion.cli.loading.find_spec", lambda name: None)
     with pytest.raises(SystemExit):
         main([*words, "--model", str(actions)])
     assert "latentmotion export, or here: pip install" in capsys.readouterr().err

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from latentmotion import Motion, MotionPipeline
-from latentmotion.control.fit_keypoints import Scene, body_scale, unlikeliness, white_noise
+from latentmotion.control.edit import generate_edited
+from latentmotion.control.fit_keypoints import (
+    Scene,
+    body_scale,
+    fit_motion,
+    unlikeliness,
+    white_noise,
+)
 from latentmotion.control.observe import Observation
 from latentmotion.control.parts import PARTS, parts_named, with_parts
 from latentmotion.errors import InputError
@@ -25,7 +32,7 @@ def generate() -> MotionPipeline:
 
 @pytest.fixture(scope="module")
 def walk(generate: MotionPipeline) -> np.ndarray:
-    joints = generate("a person walks forward", 2.0, 0).joints.astype(float)
+    joints = generate("a person walks forward", 2.0, 0, takes=1, clean_up=None).joints.astype(float)
     return turn(joints, np.array(0.8)) + np.array([2.0, 0.0, -1.0])
 
 
@@ -65,7 +72,7 @@ def test_noise_and_gaps_are_taken_away_where_the_recording_is(
     seen = np.ones(walk.shape[:2], bool)
     seen[15:25, [4, 5, 7, 8, 10, 11]] = False
     noisy[0, 20] += 3.0  # a mistake of the tracker
-    fitted = generate.fit(noisy, seen)
+    fitted = fit_motion(generate, noisy, seen)
     assert len(fitted) == len(walk) and fitted.fps == 20
     off = np.linalg.norm(fitted.joints - walk, axis=-1)
     assert off[seen].mean() < 0.04 and off[~seen].mean() < 0.2
@@ -92,31 +99,31 @@ def test_joints_that_are_never_seen_are_those_of_somebody_upright(
 ) -> None:
     real = walk + np.array([0, height, 0])
     seen = np.array([name not in unseen for name in NAMES])[None].repeat(len(real), axis=0)
-    fitted = generate.fit(real, seen).joints
+    fitted = fit_motion(generate, real, seen).joints
     assert np.linalg.norm(fitted - real, axis=-1)[~seen].mean() < 0.25
     feet = fitted[:, [10, 11], 1].min(axis=1) - height
     assert abs(feet).max() < 0.1
 
 
 def test_somebody_who_sits_with_legs_unseen_has_feet_on_the_floor(generate: MotionPipeline) -> None:
-    sits = generate("a person sits down on a chair", 2.0, 2).cleaned().joints.astype(float)
+    sits = generate("a person sits down on a chair", 2.0, 2, takes=1).joints.astype(float)
     assert np.median(sits[:, 0, 1]) < 0.7
     seen = np.array([name not in LEGS for name in NAMES])[None].repeat(len(sits), axis=0)
-    fitted = generate.fit(sits, seen).joints
+    fitted = fit_motion(generate, sits, seen).joints
     assert abs(np.median(fitted[:, [10, 11], 1].min(axis=1))) < 0.1
 
 
 def test_other_rates_and_layouts_are_fitted(generate: MotionPipeline, walk: np.ndarray) -> None:
     fast = Motion(walk).resampled(50)
     points = np.einsum("kj,tjc->tkc", joint_weights(LAYOUTS["coco_17"]), fast.joints)
-    fitted = generate.fit(points, fps=50, names=LAYOUTS["coco_17"])
+    fitted = fit_motion(generate, points, fps=50, names=LAYOUTS["coco_17"])
     count = min(len(fitted), len(walk))
     assert abs(len(fitted) - len(walk)) <= 1
     assert np.linalg.norm(fitted.joints[:count] - walk[:count], axis=-1).mean() < 0.05
 
 
 def test_a_camera_sees_which_way_somebody_walks(generate: MotionPipeline) -> None:
-    joints = generate("a person walks forward", 2.0, 0).joints.astype(float)
+    joints = generate("a person walks forward", 2.0, 0, takes=1, clean_up=None).joints.astype(float)
     seen = turn(joints - joints[0, 0] * (1, 0, 1), np.array(np.pi / 2))
     seen += np.array([-1.0, -1.0, 5.0])
     points = np.einsum("kj,tjc->tkc", joint_weights(LAYOUTS["body_25"]), seen)
@@ -124,7 +131,7 @@ def test_a_camera_sees_which_way_somebody_walks(generate: MotionPipeline) -> Non
     keypoints = Keypoints(
         pixels, np.ones(pixels.shape[:2]), 20, LAYOUTS["body_25"], (1280, 720), 1000
     )
-    fitted = generate.fit(keypoints)
+    fitted = fit_motion(generate, keypoints)
     walked = fitted.joints[-1, 0] - fitted.joints[0, 0]
     assert walked[0] == pytest.approx(seen[-1, 0, 0] - seen[0, 0, 0], rel=0.25)
     own, real = (x - x[:, :1] for x in (fitted.joints, seen))
@@ -137,13 +144,13 @@ def test_long_recordings_are_fitted_in_windows(
 ) -> None:
     monkeypatch.setattr("latentmotion.control.fit_keypoints._WINDOW", 24)
     monkeypatch.setattr("latentmotion.control.fit_keypoints._OVERLAP", 8)
-    fitted = generate.fit(walk, noise=0.01)
+    fitted = fit_motion(generate, walk, noise=0.01)
     assert len(fitted) == len(walk)
     assert np.linalg.norm(fitted.joints - walk, axis=-1).mean() < 0.03
     # Without legs all windows have the floor of the first.
     seen = np.ones(walk.shape[:2], bool)
     seen[:, [NAMES.index(name) for name in LEGS]] = False
-    lowest = generate.fit(walk, seen).joints[..., 1].min(axis=1)
+    lowest = fit_motion(generate, walk, seen).joints[..., 1].min(axis=1)
     assert np.ptp(lowest) < 0.1
 
 
@@ -165,7 +172,7 @@ def test_nothing_seen_for_a_whole_window_is_told(
     seen = np.ones(walk.shape[:2], bool)
     seen[14:] = False
     with pytest.raises(InputError, match=r"nothing was seen for .* s: cut the recording there"):
-        generate.fit(walk, seen)
+        fit_motion(generate, walk, seen)
 
 
 def test_frames_of_a_window_are_counted_from_its_start(walk: np.ndarray) -> None:
@@ -181,8 +188,10 @@ def test_frames_of_a_window_are_counted_from_its_start(walk: np.ndarray) -> None
 
 
 def test_other_joints_of_an_edited_part_are_the_same_numbers(generate: MotionPipeline) -> None:
-    walk = generate("a person walks forward", 3.0, 3).cleaned()
-    edited = generate.edit(walk, "a person waves", (1.0, 2.0), parts=["left_arm", "head"])
+    walk = generate("a person walks forward", 3.0, 3, takes=1)
+    edited = generate_edited(
+        generate, walk, "a person waves", (1.0, 2.0), parts=["left_arm", "head"]
+    )
     changed = (edited.joints != walk.joints).any(axis=-1)
     moved = {NAMES[joint] for joint in np.flatnonzero(changed.any(axis=0))}
     assert moved == {"left_elbow", "left_wrist", "head"}
@@ -216,6 +225,6 @@ def test_wrong_parts_are_named(names: list[str], reason: str) -> None:
 
 def test_keypoints_bring_their_own_names(generate: MotionPipeline, walk: np.ndarray) -> None:
     with pytest.raises(InputError, match=r"shape \(40, 2, 3\): expected \(frames, 22 keypoints"):
-        generate.fit(walk[:, :2], names=NAMES)
+        fit_motion(generate, walk[:, :2], names=NAMES)
     with pytest.raises(InputError, match="leave the others"):
-        generate.fit(Keypoints(walk, np.ones(walk.shape[:2]), 20.0, NAMES), names=NAMES)
+        fit_motion(generate, Keypoints(walk, np.ones(walk.shape[:2]), 20.0, NAMES), names=NAMES)

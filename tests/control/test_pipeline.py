@@ -12,6 +12,7 @@ import pytest
 from latentmotion import Heading, Motion, MotionPipeline, Pose, Reach, RootPath
 from latentmotion.cli.main import main
 from latentmotion.control.direct import goal_report
+from latentmotion.control.edit import generate_between, generate_edited
 from latentmotion.errors import InputError, ModelError
 from tests.support.walker import walker
 
@@ -22,56 +23,60 @@ def generate(student: Path) -> MotionPipeline:
 
 
 def test_goals_are_met_exactly_in_the_cleaned_motion(generate: MotionPipeline) -> None:
-    free = generate("1", 2.0, 3).joints
+    free = generate("1", 2.0, 3, clean_up=None).joints
     near = [Reach("right_wrist", 1.0, tuple((free[20, 21] + 0.02).tolist()))]
     near += [Reach("pelvis", 1.6, (float(free[32, 0, 0]), None, float(free[32, 0, 2]) + 0.05))]
-    motion = generate("1", 2.0, 3, goals=[*near, Heading(1.6, 5)])
-    assert motion.goals == tuple(near)
+    (raw,) = generate.raw_motions(["1"], 2.0, [3], goals=[*near, Heading(1.6, 5)])
+    assert raw.goals == tuple(near)
     # The decoder is untrained, so that a few updates leave more than those of real ones.
-    assert max(goal["before"] for goal in motion.metadata["goals"]) < 0.1
-    cleaned = motion.cleaned()
+    assert max(goal["before"] for goal in raw.motion.metadata["goals"]) < 0.1
+    cleaned = generate("1", 2.0, 3, goals=[*near, Heading(1.6, 5)])
     assert max(goal["after"] for goal in cleaned.metadata["goals"]) < 1e-3
-    assert goal_report(motion, cleaned)["goals"][0]["after"] < 1e-3
-    assert (generate("1", 2.0, 3).joints == free).all()
+    assert goal_report(near, raw.motion, cleaned)["goals"][0]["after"] < 1e-3
+    assert (generate("1", 2.0, 3, clean_up=None).joints == free).all()
 
 
 def test_a_path_is_taken(generate: MotionPipeline) -> None:
     path = RootPath([(1, 0), (1, 0.2), (1.1, 0.4)], [0, 1, 1.9])
-    motion = generate("1", 2.0, 3, goals=[path]).cleaned()
+    motion = generate("1", 2.0, 3, goals=[path])
     assert np.abs(motion.joints[20, 0, ::2] - (1, 0.2)).max() < 1e-3
     assert np.abs(motion.joints[38, 0, ::2] - (1.1, 0.4)).max() < 1e-3
 
 
 def test_other_frames_of_an_edit_are_the_same_numbers(generate: MotionPipeline) -> None:
     motion = Motion(walker(60).joints())
-    edited = generate.edit(motion, "1", (1.0, 1.85), seed=4)
+    edited = generate_edited(generate, motion, "1", (1.0, 1.85), seed=4)
     assert (edited.joints[:20] == motion.joints[:20]).all()
     assert (edited.joints[37:] == motion.joints[37:]).all()
     assert (edited.joints[20:37] != motion.joints[20:37]).any()
-    assert (generate.edit(motion, "1", (1.0, 1.85), seed=4).joints == edited.joints).all()
+    assert (
+        generate_edited(generate, motion, "1", (1.0, 1.85), seed=4).joints == edited.joints
+    ).all()
     with pytest.raises(InputError, match="nothing of the motion"):
-        generate.edit(motion, "1", (0, 3))
+        generate_edited(generate, motion, "1", (0, 3))
     with pytest.raises(InputError, match="resampled"):
-        generate.edit(motion.resampled(30), "1", (1, 2))
+        generate_edited(generate, motion.resampled(30), "1", (1, 2))
 
 
 def test_between_poses_and_motions(generate: MotionPipeline) -> None:
     motion = Motion(walker(60).joints())
     start, end = motion.joints[:1], motion.joints[30:31]
-    joined = generate.between(Motion(start), Motion(end), 1.0, "1")
+    joined = generate_between(generate, Motion(start), Motion(end), 1.0, "1")
     assert len(joined) == 22
     assert (joined.joints[[0, -1]] == np.concatenate([start, end])).all()
-    longer = generate.between(Motion(motion.joints[:20]), Motion(motion.joints[40:]), 1.0, "1")
+    longer = generate_between(
+        generate, Motion(motion.joints[:20]), Motion(motion.joints[40:]), 1.0, "1"
+    )
     assert len(longer) == 60
     assert (longer.joints[:20] == motion.joints[:20]).all()
     assert (longer.joints[40:] == motion.joints[40:]).all()
     with pytest.raises(InputError, match="m apart"):
-        generate.between(Motion(start), Motion(end + np.float32([0, 0, 30])), 1.0, "1")
+        generate_between(generate, Motion(start), Motion(end + np.float32([0, 0, 30])), 1.0, "1")
 
 
 def test_a_pose_is_a_goal(generate: MotionPipeline) -> None:
-    pose = Motion(generate("1", 2.0, 3).joints[20:21])
-    cleaned = generate("1", 2.0, 3, goals=[Pose(1.0, pose)]).cleaned()
+    pose = Motion(generate("1", 2.0, 3, clean_up=None).joints[20:21])
+    cleaned = generate("1", 2.0, 3, goals=[Pose(1.0, pose)])
     assert np.abs(cleaned.joints[20] - pose.joints[0]).max() < 1e-5
 
 

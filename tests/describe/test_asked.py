@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
 from latentmotion.describe.asked import asked_exactly, asked_of
 from latentmotion.describe.claims import Claim, claims_of
 
@@ -70,9 +71,8 @@ def test_orders_and_verbs_that_are_left_out(prompt: str, kinds: str) -> None:
     ],
 )
 def test_a_count_is_asked(prompt: str, act: str, side: str, times: int) -> None:
-    count = {"act": act, "side": side, "times": times}
-    assert asked_exactly(prompt, True) == {"count": count}
-    assert asked_exactly(prompt, False) == {}
+    assert asked_exactly(prompt, True) == Corrections(count=Count(act, side, times))
+    assert asked_exactly(prompt, False) == NO_CORRECTIONS
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_a_count_is_asked(prompt: str, act: str, side: str, times: int) -> None:
      "jump about three times", "kick 2-3 times", ""],
 )  # fmt: skip
 def test_no_exact_count_is_asked(prompt: str) -> None:
-    assert asked_exactly(prompt, True) == {}
+    assert asked_exactly(prompt, True) == NO_CORRECTIONS
 
 
 def test_what_happens_meanwhile_has_no_order() -> None:

@@ -77,7 +77,8 @@ def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
     assert (card.provenance.license, card.precision) == ("CC0", precision)
     page = (output / "README.md").read_text(encoding="utf-8")
     assert page.startswith("---\nlicense: ") and "# model\n" in page
-    motion = MotionPipeline.from_pretrained(output, "onnxruntime", 1)("a person walks", 1, steps=3)
+    pipeline = MotionPipeline.from_pretrained(output, "onnxruntime", 1)
+    motion = pipeline("a person walks", 1, steps=3, takes=1)
     assert motion.joints.shape == (20, 22, 3)
     assert motion.metadata["model"] == "model"
 

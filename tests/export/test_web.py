@@ -46,7 +46,9 @@ def test_the_graph_makes_the_joints_that_python_makes(
     for seed, sentence in enumerate(SENTENCES):
         found = joints(web_folder, sentence, frames, seed, 2.5)
         # The graph starts from noise.
-        expected = pipeline(sentence, frames / 20, seed, 4, 2.5, from_clips=False).joints
+        expected = pipeline.batch([sentence], frames / 20, [seed], 4, 2.5, from_clips=False)[
+            0
+        ].joints
         np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
@@ -128,7 +130,7 @@ def test_a_model_of_labels_takes_their_numbers(student: Path, labels_folder: Pat
     pipeline = MotionPipeline.from_pretrained(student, threads=1)
     session = open_session(folder / motion_file(2), "onnxruntime", 1)
     for number, label in enumerate("012"):
-        expected = pipeline(label, 2.0, number, 2, 3.0).joints
+        expected = pipeline.batch([label], 2.0, [number], 2, 3.0)[0].joints
         noise = SeededNoise([number])((1, pipeline.card.latents.tokens_of(40), 8))
         found = session(
             tokens=np.array([[number]]),

@@ -140,7 +140,8 @@ def test_a_model_of_labels_takes_them_in_node(student: Path, labels_folder: Path
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     answer = json.loads(run.stdout)
-    expected = MotionPipeline.from_pretrained(student, threads=1)("4", 1.0, 3, 2, 2.0).joints
+    pipeline = MotionPipeline.from_pretrained(student, threads=1)
+    expected = pipeline.batch(["4"], 1.0, [3], 2, 2.0)[0].joints
     found = np.reshape(answer["joints"], expected.shape)
     np.testing.assert_allclose(found, expected, atol=1e-4)
     assert answer["told"] == 'InputError: unknown action "9"; known are 0, 1, 2, 3, 4, 5'

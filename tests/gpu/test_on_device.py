@@ -13,7 +13,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.cli.generate import load_generator
+from latentmotion.cli.loading import load_generator
 from latentmotion.diffusion.samplers import sample
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.engine.request import GenerationRequest, padded_batch

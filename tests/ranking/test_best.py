@@ -10,6 +10,7 @@ import pytest
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp
 from latentmotion.cli.main import main
+from latentmotion.corrections import Corrections, Count
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.skeleton import KIT
 from latentmotion.ranking.best import best_of, ranked, usual_takes
@@ -79,26 +80,28 @@ def test_the_take_with_the_degrees_asked_is_preferred() -> None:
 
 
 def test_a_count_that_the_clean_up_mends_is_no_reason_against_a_take() -> None:
-    """Two jumps for three: `Motion.cleaned` adds one."""
-    asked = {"count": {"act": "jump", "times": 3, "side": ""}}
-    twice = Motion(acted.jump(2).astype(np.float32), metadata=asked)
-    (mended,) = ranked([twice], "a person jumps three times", shipped_scorer())
-    (left,) = ranked([twice], "a person jumps three times", shipped_scorer(), NO_COUNT)
+    """Two jumps for three: clean-up adds one."""
+    prompt, corrections = "a person jumps three times", [Corrections(count=Count("jump", "", 3))]
+    twice = Motion(acted.jump(2).astype(np.float32))
+    (mended,) = ranked([twice], prompt, shipped_scorer(), CleanUp(), corrections)
+    (left,) = ranked([twice], prompt, shipped_scorer(), NO_COUNT, corrections)
     assert mended.claims > left.claims
     assert mended.motion is twice
 
 
 def test_the_best_tells_of_all_takes(fast: MotionPipeline) -> None:
-    takes = fast.ranked("a person kicks", of=3, seconds=1.6, seed=5)
+    takes = fast.ranked("a person kicks", 3, seconds=1.6, seed=5)
     assert [take.score for take in takes] == sorted((t.score for t in takes), reverse=True)
     assert {take.motion.metadata["seed"] for take in takes} == {5, 6, 7}
-    best = fast.best("a person kicks", of=3, seconds=1.6, seed=5)
-    assert np.array_equal(best.joints, takes[0].motion.joints)
+    best = fast("a person kicks", takes=3, seconds=1.6, seed=5)
+    assert takes[0].cleaned is not None and np.array_equal(best.joints, takes[0].cleaned.joints)
+    raw = fast("a person kicks", takes=3, seconds=1.6, seed=5, clean_up=None)
+    assert np.array_equal(raw.joints, takes[0].motion.joints)
     assert json.loads(json.dumps(best.metadata["best_of"])) == [take.about() for take in takes]
 
 
 def test_one_take_is_the_motion_itself(fast: MotionPipeline) -> None:
-    alone = fast("a person kicks", seconds=1.6, seed=2)
+    alone = fast("a person kicks", seconds=1.6, seed=2, takes=1)
     assert np.array_equal(best_of(fast.ranked("a person kicks", 1, 1.6, 2)).joints, alone.joints)
 
 
@@ -107,7 +110,7 @@ def test_one_take_is_the_motion_itself(fast: MotionPipeline) -> None:
 )
 def test_what_cannot_be_scored_is_refused(fast: MotionPipeline, prompt: str, of: int) -> None:
     with pytest.raises(InputError, match=f"best of {of}"):
-        fast.best(prompt, of)
+        fast(prompt, takes=of)
 
 
 def test_other_skeletons_and_too_short_motions_are_refused(walk: Motion) -> None:

@@ -69,15 +69,15 @@ def test_a_named_side_takes_the_mirror_image_of_the_clip(fast):
 
 
 def test_movements_in_a_row_start_from_a_clip_each(fast):
-    motion = fast("a person drinks from a cup, then does a cartwheel", seed=0)
+    motion = fast("a person drinks from a cup, then does a cartwheel", seed=0, takes=1)
     assert len(motion.metadata["from_clips"]) == 2
 
 
 def test_half_of_the_takes_start_from_clips_and_have_an_advantage(fast):
-    motion = fast.best("she sweeps the floor", 4, seed=0)
+    motion = fast("she sweeps the floor", seed=0)
     advantages = [take["advantage"] for take in motion.metadata["best_of"]]
     assert sum(one > 0 for one in advantages) == 2 and motion.metadata["from_clips"]
-    plain = fast.best("she sweeps the floor", 4, seed=0, from_clips=False)
+    plain = fast("she sweeps the floor", seed=0, from_clips=False)
     assert not any(take["advantage"] for take in plain.metadata["best_of"])
 
 
@@ -98,7 +98,7 @@ def test_values_of_from_clips_are_counted(fast):
 )
 def test_what_is_not_known_is_said(fast, sentence, about):
     with pytest.warns(DoubtWarning, match="nearest that I learned"):
-        motion = fast(sentence, seconds=2)
+        motion = fast(sentence, seconds=2, takes=1)
     (note,) = motion.metadata["notes"]
     assert f'not sure about "{about}"' in note
 
@@ -109,7 +109,7 @@ def test_what_is_not_known_is_said(fast, sentence, about):
 def test_nothing_is_said_of_what_is_known(fast, sentence):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert "notes" not in fast(sentence, seconds=2).metadata
+        assert "notes" not in fast(sentence, seconds=2, takes=1).metadata
 
 
 @pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
@@ -166,15 +166,15 @@ def test_prepared_data_is_taught_with_wordings(fast, tmp_path, monkeypatch, caps
 
 def test_misspelled_words_are_corrected_and_said(fast):
     with pytest.warns(DoubtWarning, match='read "wlaks" as "walks"'):
-        motion = fast("a person wlaks forward", seconds=2, seed=3)
+        motion = fast("a person wlaks forward", seconds=2, seed=3, takes=1)
     assert motion.caption == "a person wlaks forward"
-    right = fast("a person walks forward", seconds=2, seed=3)
+    right = fast("a person walks forward", seconds=2, seed=3, takes=1)
     np.testing.assert_array_equal(motion.joints, right.joints)
 
 
 def test_a_movement_is_taught_by_showing(fast, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    fast("a person squats down", seconds=3, seed=1).save("shown.npz")
+    fast("a person squats down", seconds=3, seed=1, takes=1).save("shown.npz")
     sentence = "a person does the frog"
     main(["teach", "shown.npz", sentence, "--license", "CC0", "--credit", "me", "-o", "moves"])
     main(["teach", "shown.npz", "someone sits like a frog", "--between", "0.5", "2", "-o", "moves"])
@@ -187,7 +187,7 @@ def test_a_movement_is_taught_by_showing(fast, tmp_path, monkeypatch, capsys):
     lowest = [m.joints[:, 0, 1].min() for m in taught.batch([sentence] * 3, seeds=range(3))]
     assert max(abs(np.array(lowest) - shown[:, 0, 1].min())) < 0.12
     # Other sentences start as they did before.
-    again = taught(RARE, seconds=2, seed=1)
+    again = taught(RARE, seconds=2, seed=1, takes=1)
     np.testing.assert_allclose(again.joints, fast(RARE, seconds=2, seed=1).joints, atol=2e-2)
 
 

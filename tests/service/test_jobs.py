@@ -171,7 +171,8 @@ def test_what_a_killed_process_left_is_taken_up(
     place.mkdir()
     asked = ASKED | {"prompts": ["a person walks"] * 3}
     (place / "request.json").write_text(json.dumps(asked))
-    MotionPipeline.from_pretrained(threads=1)("a person walks", 1.0, 7).save(place / "00000.npz")
+    (motion,) = MotionPipeline.from_pretrained(threads=1).batch(["a person walks"], 1.0, [7])
+    motion.save(place / "00000.npz")
 
     async def take_up() -> bytes:
         async with serving(Settings(jobs=tmp_path, file_workers=1)) as client:

@@ -11,6 +11,7 @@ import pytest
 
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp
+from latentmotion.control.timeline import generate_timeline
 from tests.service.conftest import Called
 
 WALK = {"prompt": "a person walks", "seconds": 1.0, "seed": 3}
@@ -19,7 +20,7 @@ ARM = {"part": "right_arm", "prompt": "a person waves", "start": 0.2, "end": 0.8
 
 @pytest.fixture(scope="module")
 def walk() -> Motion:
-    return MotionPipeline.from_pretrained(threads=1)("a person walks", 1.0, 3)
+    return MotionPipeline.from_pretrained(threads=1).batch(["a person walks"], 1.0, [3])[0]
 
 
 def test_raw_joints_are_the_librarys(called: Called, walk: Motion) -> None:
@@ -43,22 +44,22 @@ def test_a_motion_is_cleaned_unless_told_otherwise(called: Called, walk: Motion)
 
 def test_turns_are_exact_unless_told_otherwise(called: Called) -> None:
     turn = {"prompt": "turn left by 90 degrees", "seed": 1}
-    motion = MotionPipeline.from_pretrained(threads=1)(turn["prompt"], seed=1)
+    (raw,) = MotionPipeline.from_pretrained(threads=1).raw_motions([turn["prompt"]], seeds=[1])
     for exact in (True, False):
-        expected = motion.cleaned(CleanUp(exact_turn=exact))
+        expected = raw.motion.cleaned(CleanUp(exact_turn=exact), raw.corrections)
         found = called.post("/v1/motions", turn | {"exact_turn": exact}).json()
         np.testing.assert_allclose(found["positions"], expected.joints, atol=1e-4)
-    assert "made" in motion.cleaned().metadata["turn"]
+    assert "made" in raw.motion.cleaned(None, raw.corrections).metadata["turn"]
 
 
 def test_counts_are_exact_unless_told_otherwise_or_timed(called: Called) -> None:
     bows = {"prompt": "a person bows twice", "seed": 1}
-    motion = MotionPipeline.from_pretrained(threads=1)(bows["prompt"], seed=1)
+    (raw,) = MotionPipeline.from_pretrained(threads=1).raw_motions([bows["prompt"]], seeds=[1])
     for exact in (True, False):
-        expected = motion.cleaned(CleanUp(exact_count=exact))
+        expected = raw.motion.cleaned(CleanUp(exact_count=exact), raw.corrections)
         found = called.post("/v1/motions", bows | {"exact_count": exact}).json()
         np.testing.assert_allclose(found["positions"], expected.joints, atol=1e-4)
-    assert "made" in motion.cleaned().metadata["count"]
+    assert "made" in raw.motion.cleaned(None, raw.corrections).metadata["count"]
     timed = called.post("/v1/motions", bows | {"seconds": motion.seconds}).json()
     assert len(timed["positions"]) == len(motion) and "count" not in timed["metadata"]
 
@@ -94,8 +95,11 @@ def test_a_part_of_the_body_follows_the_second_track(called: Called) -> None:
         called.post("/v1/motions", body | {"timeline_parts": parts}).json()
         for parts in ([], [wave])
     )
-    library = MotionPipeline.from_pretrained(threads=1).timeline(
-        [("a person walks", 2.0)], 3, parts=[("right_arm", "a person waves", 0.5, 1.5)]
+    library = generate_timeline(
+        MotionPipeline.from_pretrained(threads=1),
+        [("a person walks", 2.0)],
+        3,
+        parts=[("right_arm", "a person waves", 0.5, 1.5)],
     )
     np.testing.assert_allclose(found["positions"], library.joints, atol=1e-4)
     arm = [found["joints"].index(f"right_{joint}") for joint in ("elbow", "wrist")]

@@ -24,6 +24,7 @@ from fastapi import FastAPI
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.client import Client
+from latentmotion.control.stream import generate_stream
 from latentmotion.service.server import Server, bound
 
 
@@ -55,7 +56,9 @@ def arrived(address: str) -> float:
 def test_sigterm_loses_nothing_and_streams_end(tmp_path: Path) -> None:
     with served("--batch-size", "2", "--file-workers", "1") as (process, address):
         with Client(address) as client, client.stream("a person walks", seed=5) as stream:
-            expected = MotionPipeline.from_pretrained(threads=1).stream("a person walks", 5)
+            expected = generate_stream(
+                MotionPipeline.from_pretrained(threads=1), "a person walks", 5
+            )
             for _ in range(3):
                 np.testing.assert_allclose(next(stream).joints, next(expected).joints, atol=1e-4)
             stream.say("a person jumps")

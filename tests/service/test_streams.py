@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
+from latentmotion.control.stream import generate_stream
 from latentmotion.service import streams
 from tests.service.conftest import Called
 
@@ -70,7 +71,7 @@ def test_a_stream_is_the_librarys(streamed: Any) -> None:
     async def talk(client: Client) -> None:
         await client.begun({"prompt": "a person walks", "seed": 5})
         assert (await client.hear())["fps"] == 20
-        stream = MotionPipeline.from_pretrained(threads=1).stream("a person walks", 5)
+        stream = generate_stream(MotionPipeline.from_pretrained(threads=1), "a person walks", 5)
         for number in (1, 2, 3):
             about, joints = await client.hear(), await client.hear()
             expected = next(stream).joints

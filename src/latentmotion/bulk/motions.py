@@ -28,7 +28,7 @@ from latentmotion.engine import request as requests
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.model.card import DEFAULT, find_model
 from latentmotion.model.config import Sampling
-from latentmotion.motion import Motion, cleaned
+from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import sha256
 from latentmotion.storage.shards import Run, ShardContent, Work, Wrong
@@ -123,15 +123,13 @@ class BulkGeneration:
         if isinstance(condition, SentenceCondition):  # lengths and networks read the same ones
             condition = replace(condition, encoder=MemoryCachedTextEncoder(condition.encoder))
             pipeline = replace(pipeline, condition=condition)
-        motions = pipeline.batch(
+        return pipeline.batch(
             [row.prompt for row in rows],
             [self.seconds if row.seconds is None else row.seconds for row in rows],
             [row.seed for row in rows],
             *(self.steps, self.guidance, self.sampler),
+            clean_up=CleanUp(self.exact_count, self.exact_turn) if self.clean else None,
         )
-        if not self.clean:
-            return motions
-        return cleaned(motions, CleanUp(exact_count=self.exact_count, exact_turn=self.exact_turn))
 
     def _sampling(self, pipeline: MotionPipeline) -> Sampling:
         return pipeline.card.sampling.but(self.steps, self.guidance, self.sampler)

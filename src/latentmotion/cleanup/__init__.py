@@ -7,6 +7,6 @@ and measured alone (`benchmarks/quality/cleanup.py`).
 """
 
 from latentmotion.cleanup.foot_lock import FootLock
-from latentmotion.cleanup.pipeline import CleanUp, CleanUpWarning, clean, clean_batch
+from latentmotion.cleanup.pipeline import USUAL, CleanUp, CleanUpWarning, clean, clean_batch
 
-__all__ = ["CleanUp", "CleanUpWarning", "FootLock", "clean", "clean_batch"]
+__all__ = ["USUAL", "CleanUp", "CleanUpWarning", "FootLock", "clean", "clean_batch"]

@@ -7,13 +7,13 @@ in the direction that the body faces. Movements that look like half a repetition
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from latentmotion.corrections import Count
 from latentmotion.describe.repetitions import COUNTED, Repetitions, repetitions
 from latentmotion.motion import Motion
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
@@ -25,7 +25,7 @@ Pieces = list[tuple[int, int]]
 """First and last frame of each piece of a motion, in their order."""
 
 _MOST = 20
-"""Largest count."""
+"""Largest count that is made."""
 
 _FRAMES = (20, 196)
 """Fewest and most frames of a motion that is made."""
@@ -52,35 +52,6 @@ _OTHER = 4
 """Frames by which cycles differ that are tried."""
 
 
-@dataclass(frozen=True)
-class Count:
-    """Number of repetitions of an act that a sentence asks for."""
-
-    act: str
-    """A name of `repetitions.COUNTED`."""
-    times: int
-    """Number of times, 1 or more."""
-    side: str = ""
-    """`left`, `right` or `both`, or nothing for any."""
-
-    @property
-    def wanted(self) -> range:
-        """Counts that are as asked: a step more may be the one that ends the walk."""
-        return range(self.times, self.times + (2 if self.act == "step" else 1))
-
-    @classmethod
-    def of(cls, metadata: Mapping[str, Any]) -> Count | None:
-        """Returns the count that metadata ask for; none where they do not, or it was made."""
-        found = metadata.get("count")
-        if not isinstance(found, Mapping) or "made" in found:
-            return None
-        act, times, side = (found.get(name) for name in ("act", "times", "side"))
-        known = isinstance(act, str) and act in COUNTED and side in ("", "left", "right", "both")
-        if not known or not isinstance(times, int) or not 1 <= times <= _MOST:
-            return None
-        return cls(str(act), times, str(side))
-
-
 def exact_count(
     motion: Motion, cleaned: Motion, asked: Count, clean: Callable[[Motion], Motion]
 ) -> Motion:
@@ -98,6 +69,8 @@ def exact_count(
     fps, skeleton = HUMANML3D_FEATURES.fps, HUMANML3D_FEATURES.skeleton
     if (motion.skeleton.names, motion.fps) != (skeleton.names, fps) or len(motion) < _FRAMES[0]:
         return cleaned
+    if asked.act not in COUNTED or not 1 <= asked.times <= _MOST:
+        return cleaned
     joints = cleaned.joints.astype(np.float64)
     found = repetitions(joints, asked.act, asked.side)
     if found is None or not found.full or len(found.full) in asked.wanted:
@@ -110,7 +83,7 @@ def exact_count(
         again = repetitions(joints, asked.act, asked.side)
         steady = all(fit.slide <= _SLIDE and fit.jerk <= _JERK for fit in fits)
         if steady and again and not again.weak and len(again.full) in asked.wanted:
-            about = {**motion.metadata["count"], "made": len(found.full)}
+            about = {**asdict(asked), "made": len(found.full)}
             return replace(candidate, metadata={**candidate.metadata, "count": about})
     return cleaned
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from latentmotion.cleanup.bone_lengths import constant_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
-from latentmotion.cleanup.counting import Count, exact_count
+from latentmotion.cleanup.counting import exact_count
 from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian, smooth
-from latentmotion.cleanup.turning import Turn, exact_turns
+from latentmotion.cleanup.turning import exact_turns
+from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion, alike
 from latentmotion.progress import counted
@@ -25,7 +26,16 @@ Joints = Float[np.ndarray, "frames motions joints 3"]
 
 
 class CleanUpWarning(UserWarning):
-    """A step was skipped, or had to move joints far."""
+    """A step was skipped, or had to move joints far.
+
+    Args:
+        text: What happened.
+        motion: The motion that it happened to, before it was cleaned up.
+    """
+
+    def __init__(self, text: str, motion: Motion | None = None) -> None:
+        super().__init__(text)
+        self.motion = motion
 
 
 _FAR = 0.25
@@ -69,57 +79,83 @@ class CleanUp:
             raise InputError(f"cutoff {self.cutoff}: expected hertz, a positive number such as 5")
 
 
-def clean(motion: Motion, steps: CleanUp = CleanUp()) -> Motion:
-    """Returns the motion cleaned up, as long as it was, unless its metadata ask for a count.
+USUAL = CleanUp()
+"""The steps by default: all that do not move the motion as a whole."""
+
+
+def clean(
+    motion: Motion, steps: CleanUp | None = None, corrections: Corrections = NO_CORRECTIONS
+) -> Motion:
+    """Returns the motion cleaned up, as long as it was, unless a count is corrected.
+
+    Args:
+        motion: The motion.
+        steps: The clean-up steps; by default all that do not move the motion as a whole.
+        corrections: What its sentence says exactly.
 
     Warns:
         CleanUpWarning: The skeleton has no feet to lock, so only the other steps are taken; or bone
             lengths were so wrong that joints had to move far.
     """
-    return clean_batch([motion], steps)[0]
+    return clean_batch([motion], steps or USUAL, [corrections])[0]
 
 
-def clean_batch(motions: Sequence[Motion], steps: CleanUp = CleanUp()) -> list[Motion]:
+def clean_batch(
+    motions: Sequence[Motion],
+    steps: CleanUp = USUAL,
+    corrections: Sequence[Corrections] | None = None,
+) -> list[Motion]:
     """Returns the motions cleaned up, each as it would be alone; those of one length together.
+
+    Args:
+        motions: The motions.
+        steps: The clean-up steps.
+        corrections: What the sentence of each says exactly; by default nothing.
 
     Warns:
         CleanUpWarning: As `clean` does.
     """
-    cleaned = _clean_alike(motions, steps)
+    corrections = [NO_CORRECTIONS] * len(motions) if corrections is None else corrections
+    cleaned = _clean_alike(motions, steps, corrections)
     moving = replace(steps, in_place=False)  # repetitions are counted on the path
 
-    def clean_again(motion: Motion) -> Motion:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CleanUpWarning)  # the whole motion has had its warning
-            return _clean_alike([motion], moving)[0]
-
-    for number, motion in enumerate(motions):
-        count = Count.of(motion.metadata) if steps.exact_count else None
-        if count is None:
+    for number, (motion, correction) in enumerate(zip(motions, corrections, strict=True)):
+        if correction.count is None or not steps.exact_count:
             continue
+
+        def clean_again(motion: Motion, correction: Corrections = correction) -> Motion:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", CleanUpWarning)  # the whole motion has had its own
+                return _clean_alike([motion], moving, [correction])[0]
+
         whole = clean_again(motion) if steps.in_place else cleaned[number]
-        exact = exact_count(motion, whole, count, clean_again)
+        exact = exact_count(motion, whole, correction.count, clean_again)
         joints = in_place(exact.joints, exact.fps) if steps.in_place else exact.joints
         cleaned[number] = replace(exact, joints=joints)
-    return cleaned
+    return [
+        after.with_recorded(
+            before.recorded and before.recorded.following(before.joints, after.joints)
+        )
+        for before, after in zip(motions, cleaned, strict=True)
+    ]
 
 
-def _clean_alike(motions: Sequence[Motion], steps: CleanUp) -> list[Motion]:
+def _clean_alike(
+    motions: Sequence[Motion], steps: CleanUp, corrections: Sequence[Corrections]
+) -> list[Motion]:
     """Cleans motions up, those of one length together."""
     cleaned = list(motions)
     for numbers in counted(alike(motions), "cleaning up"):
         batch = [motions[n] for n in numbers]
         joints = np.stack([motion.joints for motion in batch], axis=1).astype(np.float64)
-        made: list[float | None] = [None] * len(batch)
-        if steps.exact_turn:
-            turns = [Turn.of(motion.metadata) for motion in batch]
-            joints, made = exact_turns(joints, batch[0].fps, batch[0].skeleton, turns)
+        turns = [corrections[n].turn if steps.exact_turn else None for n in numbers]
+        joints, before = exact_turns(joints, batch[0].fps, batch[0].skeleton, turns)
         joints = _cleaned(joints, batch, steps).astype(np.float32)
-        for place, number in enumerate(numbers):
-            about, before = dict(batch[place].metadata), made[place]
-            if before is not None:
-                about["turn"] = {**about["turn"], "made": round(before, 1)}
-            cleaned[number] = replace(batch[place], joints=joints[:, place], metadata=about)
+        for column, (number, turn, degrees) in enumerate(zip(numbers, turns, before, strict=True)):
+            about = dict(motions[number].metadata)
+            if turn is not None and degrees is not None:
+                about["turn"] = {**asdict(turn), "made": round(degrees, 1)}
+            cleaned[number] = replace(motions[number], joints=joints[:, column], metadata=about)
     return cleaned
 
 
@@ -134,10 +170,12 @@ def _cleaned(joints: Joints, motions: Sequence[Motion], steps: CleanUp) -> Joint
             one = moved[:, motion]
             frame, joint = np.unravel_index(one.argmax(), one.shape)
             warnings.warn(
-                f"{_named(motions[motion])}bones were drawn so long or short that "
-                f"{skeleton.names[joint]} was moved by "
-                f"{100 * one.max():.0f} cm at {frame / fps:.1f} s to give them one length",
-                CleanUpWarning,
+                CleanUpWarning(
+                    f"{_named(motions[motion])}bones were drawn so long or short that "
+                    f"{skeleton.names[joint]} was moved by "
+                    f"{100 * one.max():.0f} cm at {frame / fps:.1f} s to give them one length",
+                    motions[motion],
+                ),
                 stacklevel=4,
             )
     if steps.floor:

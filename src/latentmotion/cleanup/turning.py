@@ -6,13 +6,12 @@ proportion to how fast it does, and the path bends with it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.corrections import Turn
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import gaussian_smooth, turn
 
@@ -25,32 +24,11 @@ _EXACT = 1.0
 _SMOOTH = 0.1
 """Seconds by which the heading is smoothed."""
 
+_RANGE = (10.0, 1080.0)
+"""Degrees of the smallest and the largest turn that is made exact."""
+
 _LEVEL = 0.7
 """Share of the line between the hips that is along the floor at least; else the body lies."""
-
-_MOST = 1080.0
-"""Degrees of the largest turn."""
-
-
-@dataclass(frozen=True)
-class Turn:
-    """A turn that a sentence asks for."""
-
-    degrees: float
-    """By how much, 10 and more."""
-    side: str = ""
-    """`left`, `right`, or nothing for either."""
-
-    @classmethod
-    def of(cls, metadata: Mapping[str, Any]) -> Turn | None:
-        """Returns the turn that metadata ask for; none where they do not, or it was made."""
-        found = metadata.get("turn")
-        if not isinstance(found, Mapping) or "made" in found:
-            return None
-        degrees, side = found.get("degrees"), found.get("side", "")
-        if not isinstance(degrees, int | float) or side not in ("", "left", "right"):
-            return None
-        return cls(float(degrees), side) if 10 <= degrees <= _MOST else None
 
 
 def exact_turns(
@@ -77,7 +55,7 @@ def exact_turns(
         return joints, made
     joints = joints.copy()
     for number, asked in enumerate(turns):
-        if asked is not None:
+        if asked is not None and _RANGE[0] <= asked.degrees <= _RANGE[1]:
             one = joints[:, number]
             heading = _heading(one[:, hips[0]] - one[:, hips[1]], fps)
             total = 0.0 if heading is None else float(np.degrees(heading[-1] - heading[0]))

@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 
 from latentmotion.bulk.motions import ROWS, BulkGeneration, Format, work_of
 from latentmotion.cli import options
-from latentmotion.cli.generate import load_generator
+from latentmotion.cli.loading import load_generator
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT

@@ -15,7 +15,7 @@ from latentmotion.cleanup.changes import Changes
 from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.cli import options
 from latentmotion.errors import ReadingWarning
-from latentmotion.motion import Motion, cleaned
+from latentmotion.motion import Motion
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.storage.files import check_writable
 
@@ -36,11 +36,6 @@ class Clean(options.ReadingOptions):
     """Files to write; the extension selects the format."""
     skeleton: Literal["own", "ours"] = "own"
     """Skeleton of a BVH file that is written: the file's own with all its joints, or our 22."""
-    exact_count: bool = True
-    """Make a motion that was written raw do an act as often as its sentence says, unless its
-    length was given."""
-    exact_turn: bool = True
-    """Make a motion that was written raw turn by the degrees that its sentence names."""
     smooth: bool = True
     """Remove jitter."""
     bones: bool = True
@@ -61,8 +56,6 @@ class Clean(options.ReadingOptions):
             InputError: The file cannot be read, or an ending or a folder cannot be used.
         """
         steps = CleanUp(
-            exact_count=self.exact_count,
-            exact_turn=self.exact_turn,
             smooth=self.smooth,
             bones=self.bones,
             floor=self.floor,
@@ -74,7 +67,7 @@ class Clean(options.ReadingOptions):
             formats.check_ending(path)
             check_writable(path)
         before = formats.load(self.file, self.stated())
-        motions = cleaned(before, steps)
+        motions = clean_batch(before, steps)
         written = [target for path in self.output for target in self._write(path, motions)]
         print("\n".join(f"wrote {path}" for path in written))
         for old, new in zip(before, motions, strict=True):

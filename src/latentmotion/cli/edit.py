@@ -11,10 +11,11 @@ from tyro.conf import Positional, arg
 from latentmotion import formats
 from latentmotion.cli import options
 from latentmotion.cli.options import Guidance, Outputs, RuntimeChoice, Seed, Steps, Threads
+from latentmotion.control.edit import ON_THE_WAY, generate_between, generate_edited
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT
 from latentmotion.motion import Motion
-from latentmotion.pipeline import ON_THE_WAY, MotionPipeline
+from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import check_writable
 
 PartName = Literal[
@@ -73,7 +74,8 @@ class EditMotion(_Filling):
             ModelError: The model cannot be loaded or cannot direct motions.
         """
         generate, motion = self._pipeline(), Motion.load(self.file, self.stated())
-        edited = generate.edit(
+        edited = generate_edited(
+            generate,
             motion,
             self.prompt,
             self.between,
@@ -108,7 +110,7 @@ class Between(_Filling):
         """
         generate = self._pipeline()
         start, end = (Motion.load(file, self.stated()) for file in (self.start, self.end))
-        joined = generate.between(
-            start, end, self.seconds, self.prompt, self.seed, self.steps, self.guidance
+        joined = generate_between(
+            generate, start, end, self.seconds, self.prompt, self.seed, self.steps, self.guidance
         )
         self._write(joined)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
-from latentmotion.cli.generate import load_generator, located
+from latentmotion.cli.loading import load_generator, located
 from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
 from latentmotion.engine.backend import ExecutionOptions

@@ -12,6 +12,7 @@ from latentmotion import formats
 from latentmotion.cleanup.changes import Changes
 from latentmotion.cli.clean import tell
 from latentmotion.cli.options import Outputs, RuntimeChoice, Threads
+from latentmotion.control.fit_keypoints import fit_motion
 from latentmotion.errors import InputError
 from latentmotion.formats.keypoints import ENDINGS, KeypointOptions, read_keypoints
 from latentmotion.model.card import DEFAULT
@@ -71,7 +72,7 @@ class Fit:
         stated = KeypointOptions(self.fps, self.layout, self.size, self.focal, self.up, self.unit)
         keypoints = read_keypoints(self.file, stated)
         generate = MotionPipeline.from_pretrained(self.model, self.runtime, self.threads)
-        motion = generate.fit(keypoints, noise=self.noise)
+        motion = fit_motion(generate, keypoints, noise=self.noise)
         fitted = motion
         if self.clean:
             motion = motion.cleaned()

@@ -1,32 +1,29 @@
-"""`latentmotion generate`: prompts to motion files; also the loading of models for all verbs."""
+"""`latentmotion generate`: prompts to motion files."""
 
 from __future__ import annotations
 
 import json
 import sys
 from dataclasses import dataclass, replace
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional, arg
+from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from latentmotion import formats
-from latentmotion.cleanup import CleanUp
+from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.cli import options
-from latentmotion.engine.backend import ON_CPU, ExecutionOptions
-from latentmotion.engine.prior import MotionPrior
-from latentmotion.engine.session import open_decoder, thread_limit
-from latentmotion.errors import InputError, MissingExtraError, ModelError
+from latentmotion.cli.loading import load_generator, load_prior
+from latentmotion.engine.backend import ExecutionOptions
+from latentmotion.errors import InputError
 from latentmotion.formats.engines import ENGINES, EngineName, for_engine
 from latentmotion.kinematics import smpl
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_or_download, read_card
-from latentmotion.motion import Motion, cleaned
+from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
+from latentmotion.ranking.best import usual_takes
 from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.files import cache_folder, check_writable, read_lines
 from latentmotion.storage.reading import read_text
@@ -43,53 +40,34 @@ _OUTPUT = (
 
 
 @dataclass(frozen=True)
-class Generate:
-    """Turn sentences, action labels or nothing into motion files.
+class Cleaning:
+    """What becomes of the motion once it is generated (docs/guide/cleanup.md)."""
 
-    Example: latentmotion generate "a person walks forward and sits down" -o walk.bvh walk.html
-    """
+    clean: bool = True
+    """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter."""
+    exact_count: bool = True
+    """Make a motion do an act as often as its sentence says, such as "jumps three times". It gets
+    shorter or longer; with --seconds it stays as it is."""
+    exact_turn: bool = True
+    """Make a motion turn by the degrees that its sentence names, such as "turns around"."""
+    in_place: bool = False
+    """Remove the root's path along the floor, as game engines expect."""
 
-    prompts: Annotated[Positional[tuple[str, ...]], arg(metavar="PROMPTS")] = ()
-    """Descriptions of what the person does: sentences, or labels for a model of actions; each
-    becomes a motion of its own. A model trained on motion alone takes none."""
-    file: Annotated[Path | None, arg(aliases=["-f"])] = None
-    """Text file with one prompt per line, in place of prompts."""
-    seconds: float | None = None
-    """Length of each motion; by default the model predicts it from the sentence, or it is 4."""
-    count: int = 1
-    """Motions per prompt."""
-    best_of: int | None = None
-    """Takes of each motion, of which the best is kept: the one that does what its sentence asks,
-    with steady feet on the floor (docs/guide/best_of.md). By default 4 of a sentence, if the model
-    samples in at most 16 steps, otherwise 1."""
-    seed: int = 0
-    """Seed of the first take of the first motion; later takes and motions count up from it. The
-    same seed gives the same motion."""
-    output: Annotated[options.Outputs, arg(help=_OUTPUT)] = ()
-    model: str = DEFAULT
-    """Name or folder of the model, or its id on the Hugging Face Hub, OWNER/NAME."""
-    prior: bool = False
-    """Decode random latents of the model's VAE, without prompt and diffusion."""
-    steps: options.Steps = None
-    guidance: options.Guidance = None
-    sampler: options.SamplerChoice = None
-    from_clips: bool = True
-    """Start motions of rare movements from the nearest clips of the training data; of several takes
-    every other one."""
-    moves: options.Moves = ()
-    runtime: options.RuntimeChoice = "auto"
-    threads: options.Threads = None
-    cache: bool = True
-    """Cache the text encoder's output in the user's cache folder, or in the folder that the
-    environment variable LATENTMOTION_CACHE names (`off` for none)."""
-    text_encoder: options.OptionalTextEncoder = None
-    device: options.Device = options.AUTO
-    precision: options.ComputePrecision = "float32"
-    launch: options.LaunchMode = "eager"
-    body: options.Body = None
+    def steps(self) -> CleanUp | None:
+        """Returns the steps of the clean-up: none with `--no-clean`."""
+        if self.in_place and not self.clean:
+            raise InputError("--in-place is a step of the clean-up; leave --no-clean out")
+        steps = CleanUp(self.exact_count, self.exact_turn, in_place=self.in_place)
+        return steps if self.clean else None
+
+
+@dataclass(frozen=True)
+class Directing:
+    """Where joints, body and path have to be, and several prompts (docs/guide/control.md)."""
+
     reach: options.Goals = ()
     """Goals of joints: JOINT@SECONDS=X,Y,Z in meters, e.g. right_wrist@2.5=.3,1.4,2.1; _ leaves a
-    coordinate free. A motion starts at 0,0 and faces +z; y is up (docs/guide/control.md)."""
+    coordinate free. A motion starts at 0,0 and faces +z; y is up."""
     heading: options.Goals = ()
     """Directions that the body faces: DEGREES@SECONDS; 0 is +z, 90 is +x."""
     path: str | None = None
@@ -102,24 +80,94 @@ class Generate:
     timeline_part: options.Goals = ()
     """What a part of the body does during the timeline: PART@START-END=PROMPT in seconds, e.g.
     "right_arm@1-3=a person waves the right hand"; parts are those of `edit --parts`."""
-    clean: bool = True
-    """Clean up the motion: hold standing feet, put the figure on the floor, remove jitter
-    (docs/guide/cleanup.md)."""
-    exact_count: bool = True
-    """As part of the clean-up, make a motion do an act as often as its sentence says, such as
-    "jumps three times". It gets shorter or longer; with --seconds it stays as it is."""
-    exact_turn: bool = True
-    """As part of the clean-up, make a motion turn by the degrees that its sentence names, such as
-    "turns around"."""
-    in_place: bool = False
-    """Remove the root's path along the floor, as game engines expect."""
+
+    def read_scene(self) -> Scene | None:
+        """Returns the scene of the file, if one is named."""
+        if self.scene is None:
+            return None
+        from latentmotion.control.scene import read_scene
+
+        return read_scene(self.scene)
+
+    def goals(self, scene: Scene | None) -> list[Goal]:
+        """Returns the goals of the options and of the scene."""
+        goals = scene.all_goals(self.scene.parent) if scene and self.scene else []
+        if not (self.reach or self.heading or self.path is not None):
+            return goals
+        from latentmotion.control.scene import parse_heading, parse_path, parse_reach
+
+        goals += [*map(parse_reach, self.reach), *map(parse_heading, self.heading)]
+        return goals + ([parse_path(self.path)] if self.path is not None else [])
+
+
+@dataclass(frozen=True)
+class SamplingOptions:
+    """How the model samples, and what it starts from."""
+
+    steps: options.Steps = None
+    guidance: options.Guidance = None
+    sampler: options.SamplerChoice = None
+    from_clips: bool = True
+    """Start motions of rare movements from the nearest clips of the training data; of several takes
+    every other one."""
+    moves: options.Moves = ()
+    prior: bool = False
+    """Decode random latents of the model's VAE, without prompt and diffusion."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """What runs the networks, and where (docs/guide/runtime.md)."""
+
+    runtime: options.RuntimeChoice = "auto"
+    threads: options.Threads = None
+    cache: bool = True
+    """Cache the text encoder's output in the user's cache folder, or in the folder that the
+    environment variable LATENTMOTION_CACHE names (`off` for none)."""
+    text_encoder: options.OptionalTextEncoder = None
+    device: options.Device = options.AUTO
+    precision: options.ComputePrecision = "float32"
+    launch: options.LaunchMode = "eager"
+    body: options.Body = None
+
+
+@dataclass(frozen=True)
+class Generate:
+    """Turn sentences, action labels or nothing into motion files.
+
+    Example: latentmotion generate "a person walks forward and sits down" -o walk.bvh walk.html
+    """
+
+    prompts: Annotated[Positional[tuple[str, ...]], arg(metavar="PROMPTS")] = ()
+    """Descriptions of what the person does: sentences, or labels for a model of actions; each
+    becomes a motion of its own. A model trained on motion alone takes none."""
+    output: Annotated[options.Outputs, arg(help=_OUTPUT)] = ()
+    seconds: float | None = None
+    """Length of each motion; by default the model predicts it from the sentence, or it is 4."""
+    seed: int = 0
+    """Seed of the first take of the first motion; later takes and motions count up from it. The
+    same seed gives the same motion."""
+    count: int = 1
+    """Motions per prompt."""
+    best_of: int | None = None
+    """Takes of each motion, of which the best is kept: the one that does what its sentence asks,
+    with steady feet on the floor (docs/guide/best_of.md). By default 4 of a sentence, if the model
+    samples in at most 16 steps, otherwise 1."""
+    fps: float | None = None
+    """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
     preset: EngineName | None = None
     """Write figures for other programs. unreal, unity: the engine's names of bones, root motion on
     a root bone; .glb, .gltf, .fbx and .bvh. lafan, cmu: .bvh as readers of these data sets expect
     it. 30 frames per second (cmu: 120) unless --fps says otherwise."""
-    fps: float | None = None
-    """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
+    file: Annotated[Path | None, arg(aliases=["-f"])] = None
+    """Text file with one prompt per line, in place of prompts."""
+    model: str = DEFAULT
+    """Name or folder of the model, or its id on the Hugging Face Hub, OWNER/NAME."""
     json: options.PrintJson = False
+    clean_up: OmitArgPrefixes[Cleaning] = Cleaning()
+    directing: OmitArgPrefixes[Directing] = Directing()
+    sampling: OmitArgPrefixes[SamplingOptions] = SamplingOptions()
+    execution: OmitArgPrefixes[Execution] = Execution()
 
     def run(self) -> None:
         """Generates and writes.
@@ -128,8 +176,10 @@ class Generate:
             InputError: A prompt, a number, an ending or a folder cannot be used.
             ModelError: The model cannot be loaded.
         """
-        scene = self._scene()
-        goals = self._goals(scene)
+        scene = self.directing.read_scene()
+        goals = self.directing.goals(scene)
+        if goals and self.sampling.prior:
+            raise InputError("--prior takes no goals; leave them out")
         lines = self._checked_lines()
         wrong = [f"{self.file}:{number}: {error}" for number, _, error in lines if error]
         prompts = self._checked_prompts(scene, [line for _, line, error in lines if not error])
@@ -148,12 +198,10 @@ class Generate:
                 expected = f"expected {' or '.join(endings)}"
                 raise InputError(f"--preset {self.preset} cannot be written as {path}; {expected}")
         motions = self._generated(prompts, scene, goals)
-        if self.clean:
-            motions = cleaned(motions, self._clean_up())
         fps = self.fps if self.fps or not self.preset else ENGINES[self.preset].fps
         if fps is not None:
             motions = [motion.resampled(fps) for motion in counted(motions, "resampling")]
-        for motion in motions if self.clean else []:
+        for motion in motions if self.clean_up.clean else []:
             print(_goal_text(motion), end="", file=sys.stderr)
         for motion in motions:
             print(_take_text(motion) + _clip_text(motion), end="", file=sys.stderr)
@@ -174,27 +222,6 @@ class Generate:
             for m in motions
         ]
         print(json.dumps({"files": [str(p.absolute()) for p in written], "motions": details}))
-
-    def _clean_up(self) -> CleanUp:
-        """Returns the steps of the clean-up: none with `--no-clean`."""
-        if not self.clean:
-            return CleanUp(False, False, smooth=False, bones=False, floor=False, feet=False)
-        return CleanUp(self.exact_count, self.exact_turn, in_place=self.in_place)
-
-    def _scene(self) -> Scene | None:
-        from latentmotion.control.scene import read_scene
-
-        return read_scene(self.scene) if self.scene else None
-
-    def _goals(self, scene: Scene | None) -> list[Goal]:
-        from latentmotion.control.scene import parse_heading, parse_path, parse_reach
-
-        goals = scene.all_goals(self.scene.parent) if scene and self.scene else []
-        goals += [*map(parse_reach, self.reach), *map(parse_heading, self.heading)]
-        goals += [parse_path(self.path)] if self.path is not None else []
-        if goals and self.prior:
-            raise InputError("--prior takes no goals; leave them out")
-        return goals
 
     def _checked_lines(self) -> list[tuple[int, str, InputError | None]]:
         """Returns number and prompt of each line of the file, and what is wrong with it."""
@@ -222,21 +249,23 @@ class Generate:
         """Returns the prompts; for an unconditional model or a timeline an empty one."""
         if self.best_of is not None and self.best_of < 1:
             raise InputError(f"--best-of {self.best_of}: expected 1 or more")
-        several = bool(self.timeline) or (scene is not None and bool(scene.spans()))
-        if self.best_of not in (None, 1) and (several or self.prior):
+        directing, prior = self.directing, self.sampling.prior
+        several = bool(directing.timeline) or (scene is not None and bool(scene.spans()))
+        if self.best_of not in (None, 1) and (several or prior):
             raise InputError(
                 f"--best-of {self.best_of}: takes are scored by their one sentence; leave --prior, "
                 "--timeline and scenes with a timeline out"
             )
-        alone = [self.prompts, self.file, self.prior, self.scene, self.reach, self.heading]
-        if self.timeline and any([*alone, self.path, self.seconds, self.sampler]):
+        others = [value for name, value in vars(directing).items() if "timeline" not in name]
+        others += [self.prompts, self.file, prior, self.seconds, self.sampling.sampler]
+        if directing.timeline and any(others):
             raise InputError(
                 "--timeline stands alone: leave prompts, --file, --prior, --scene, --seconds, "
                 "--sampler and goals out"
             )
-        if self.timeline_part and not self.timeline:
+        if directing.timeline_part and not directing.timeline:
             raise InputError("--timeline-part needs --timeline, which the whole body follows")
-        if scene is not None and (self.prompts or self.file or self.prior):
+        if scene is not None and (self.prompts or self.file or prior):
             raise InputError("--scene has the prompt; leave prompts, --file and --prior out")
         if scene is not None:
             return [scene.prompt]
@@ -244,17 +273,16 @@ class Generate:
             raise InputError("give either prompts or --file, not both")
         if self.count < 1:
             raise InputError(f"--count {self.count}: expected 1 or more")
-        if self.in_place and not self.clean:
-            raise InputError("--in-place is a step of the clean-up; leave --no-clean out")
+        self.clean_up.steps()
         given = lines or list(self.prompts)
-        if self.prior and given:
+        if prior and given:
             raise InputError(f"--prior takes no prompt; leave {given[0]!r} out")
-        if self.prior:
+        if prior:
             return given
         if given:
             self._warn_of_words(given)
             return given
-        if self.timeline:
+        if directing.timeline:
             return [""]
         card = read_card(find_or_download(self.model))
         if card.condition.prompted:
@@ -276,51 +304,52 @@ class Generate:
         self, prompts: list[str], scene: Scene | None, goals: list[Goal]
     ) -> list[Motion]:
         """Loads the model and generates the motions."""
-        from latentmotion.control.timeline import parse_part_span, parse_span
-        from latentmotion.ranking.best import usual_takes
-
-        execution = ExecutionOptions(self.device, self.precision, self.launch)
-        body = representation_of(smpl.load_smpl(self.body)) if self.body else None
-        if self.prior:
-            prior = load_prior(self.model, self.runtime, self.threads, execution)
+        execution, sampling = self.execution, self.sampling
+        computing = ExecutionOptions(execution.device, execution.precision, execution.launch)
+        body = representation_of(smpl.load_smpl(execution.body)) if execution.body else None
+        steps, runtime = self.clean_up.steps(), (execution.runtime, execution.threads)
+        if sampling.prior:
+            prior = load_prior(self.model, *runtime, computing)
             seeds = range(self.seed, self.seed + self.count)
-            return replace(prior, body=body).batch(self.seconds, seeds)
-        generator = load_generator(
-            self.model,
-            self.runtime,
-            self.threads,
-            self.text_encoder,
-            execution,
-            cache_folder() if self.cache else None,
-        )
-        repeated = [prompt for prompt in prompts for _ in range(self.count)]
+            made = replace(prior, body=body).batch(self.seconds, seeds)
+            return clean_batch(made, steps) if steps else made
+        cache = cache_folder() if execution.cache else None
+        encoder = execution.text_encoder
+        generator = load_generator(self.model, *runtime, encoder, computing, cache)
+        generator = replace(generator, body=body).with_moves(*sampling.moves)
+        seed = scene.seed if scene and scene.seed is not None else self.seed
+        if self.directing.timeline or (scene and scene.spans()):
+            return self._timelines(generator, scene, seed, steps)
         seconds = scene.seconds if scene and self.seconds is None else self.seconds
-        first = scene.seed if scene and scene.seed is not None else self.seed
-        seeds = range(first, first + len(repeated))
-        generator = replace(generator, body=body).with_moves(*self.moves)
-        sampling = self.steps, self.guidance, self.sampler
-        spans = scene.spans() if scene else [parse_span(text) for text in self.timeline]
-        parts = scene.part_spans() if scene else [*map(parse_part_span, self.timeline_part)]
-        if spans:
-            return [
-                generator.timeline(spans, seed, self.steps, self.guidance, parts)
-                for seed in range(first, first + self.count)
-            ]
+        repeated = [prompt for prompt in prompts for _ in range(self.count)]
         takes = self.best_of or min(usual_takes(generator.card, prompt) for prompt in prompts)
-        if takes > 1:
-            named = dict(zip(("steps", "guidance", "sampler"), sampling, strict=True))
-            settings = {"seconds": seconds, "goals": goals, "clean_up": self._clean_up(), **named}
-            settings["from_clips"] = self.from_clips
-            return [
-                generator.best(prompt, takes, seed=first + takes * number, **settings)
-                for number, prompt in enumerate(repeated)
-            ]
-        if not goals:
-            return generator.batch(repeated, seconds, seeds, *sampling, self.from_clips)
+        settings = sampling.steps, sampling.guidance, sampling.sampler
+        if takes == 1 and not goals:  # all prompts together, which is faster
+            seeds = range(seed, seed + len(repeated))
+            return generator.batch(repeated, seconds, seeds, *settings, sampling.from_clips, steps)
+        settings = (*settings, goals, sampling.from_clips, takes, steps)
         return [
-            generator(prompt, seconds, seed, *sampling, goals)
-            for prompt, seed in zip(repeated, seeds, strict=True)
+            generator(prompt, seconds, seed + takes * number, *settings)
+            for number, prompt in enumerate(repeated)
         ]
+
+    def _timelines(
+        self,
+        generator: MotionPipeline,
+        scene: Scene | None,
+        seed: int,
+        steps: CleanUp | None,
+    ) -> list[Motion]:
+        """Generates several prompts in one motion, as often as `--count` says."""
+        from latentmotion.control.timeline import generate_timeline, parse_part_span, parse_span
+
+        timeline, parts = self.directing.timeline, self.directing.timeline_part
+        spans = scene.spans() if scene else [*map(parse_span, timeline)]
+        part_spans = scene.part_spans() if scene else [*map(parse_part_span, parts)]
+        settings = self.sampling.steps, self.sampling.guidance, part_spans
+        seeds = range(seed, seed + self.count)
+        made = [generate_timeline(generator, spans, seed, *settings) for seed in seeds]
+        return clean_batch(made, steps) if steps else made
 
 
 def _no_text_encoder() -> TextEncoder:
@@ -329,7 +358,7 @@ def _no_text_encoder() -> TextEncoder:
 
 def _goal_text(motion: Motion) -> str:
     """Returns how far the joints of a motion are from their goals, a line for each."""
-    if not motion.goals:
+    if "goals" not in motion.metadata:
         return ""
     lines = [
         f"{goal['joint']} at {goal['at']:g} s: {1e3 * goal['after']:.1f} mm from its goal, "
@@ -361,101 +390,3 @@ def _clip_text(motion: Motion) -> str:
         "terms are in the file\n"
         for clip in motion.metadata.get("from_clips", ())
     )
-
-
-def located(execution: ExecutionOptions) -> ExecutionOptions:
-    """Returns options with the device `auto` replaced by a GPU, if there is one, or the CPU."""
-    if execution.device != options.AUTO:
-        return execution
-    default = import_module("latentmotion.gpu.device").default_device()
-    return replace(execution, device=default)
-
-
-def load_generator(
-    model: str | Path,
-    runtime: options.Runtime = "auto",
-    threads: int | None = None,
-    text_encoder: str | None = None,
-    execution: ExecutionOptions = ON_CPU,
-    cache: Path | None = None,
-) -> MotionPipeline:
-    """Loads a model, exported or not.
-
-    Args:
-        model: Name, folder or hub id.
-        runtime: Engine of the networks.
-        threads: Maximum number of threads; PyTorch's are set for the whole process.
-        text_encoder: Text encoder if the folder has none, as for `latentmotion train denoiser`.
-        execution: Device, precision and launch mode; only PyTorch has other ones than the CPU's.
-        cache: Folder in which embeddings of an exported model's prompts are kept.
-
-    Raises:
-        InputError: The engine does not support the execution options or the text encoder.
-        ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
-    """
-    folder = find_or_download(model)
-    card = read_card(folder)
-    if not card.denoiser:
-        raise ModelError(
-            f"{model} has a VAE but no denoiser: sample its prior by --prior, or train the "
-            "diffusion: latentmotion train denoiser"
-        )
-    runtime = _runtime_for(execution, runtime, text_encoder)
-    if runtime != "pytorch" and (folder / "denoiser.onnx").is_file():
-        return MotionPipeline.from_pretrained(folder, runtime, threads, cache)
-    backend = _pytorch(folder, runtime, threads)
-    encoder = backend.text_encoder_named(text_encoder) if text_encoder else None
-    return backend.torch_pipeline(folder, encoder, located(execution))
-
-
-def load_prior(
-    model: str | Path,
-    runtime: options.Runtime = "auto",
-    threads: int | None = None,
-    execution: ExecutionOptions = ON_CPU,
-) -> MotionPrior:
-    """Loads a model's VAE, exported or not, to sample its prior.
-
-    Raises:
-        InputError: The engine does not support the execution options.
-        ModelError: There is no such model, it is damaged, or it needs PyTorch, which is missing.
-    """
-    folder, runtime = find_or_download(model), _runtime_for(execution, runtime)
-    if runtime != "pytorch" and (folder / "decoder.onnx").is_file():
-        card = read_card(folder)
-        return MotionPrior(card, open_decoder(card, folder, runtime, threads))
-    return _pytorch(folder, runtime, threads).torch_prior(folder, located(execution))
-
-
-def _runtime_for(
-    execution: ExecutionOptions, runtime: options.Runtime, text_encoder: str | None = None
-) -> options.Runtime:
-    """Returns the runtime, or PyTorch if the options need it."""
-    plain = execution in (ON_CPU, ExecutionOptions(options.AUTO))
-    if runtime == "pytorch" or (plain and text_encoder is None):
-        return runtime
-    if runtime == "auto":
-        return "pytorch"
-    if text_encoder is not None:
-        raise InputError(f"the runtime {runtime} takes no --text-encoder; leave one of them out")
-    raise InputError(
-        f"the runtime {runtime} computes on the CPU, in float32; for {execution} leave it out"
-    )
-
-
-def _pytorch(folder: Path, runtime: options.Runtime, threads: int | None) -> ModuleType:
-    """Returns the module of pipelines on PyTorch."""
-    if find_spec("torch") is None and runtime == "pytorch":
-        raise MissingExtraError("the runtime pytorch", "PyTorch", "train")
-    if find_spec("torch") is None:
-        raise ModelError(
-            f"{folder} was not exported, and PyTorch, which could run it as it is, is not "
-            "installed; run on the machine that trained it: latentmotion export, or here: "
-            'pip install "latentmotion[train]"'
-        )
-    if runtime != "pytorch":
-        print(f"{folder} has no graphs (latentmotion export); PyTorch runs it", file=sys.stderr)
-    # Imported only here, so that exported models run without PyTorch.
-    if threads is not None:
-        import_module("torch").set_num_threads(thread_limit(threads))
-    return import_module("latentmotion.gpu.backend")

@@ -43,7 +43,7 @@ class MakeStudy:
 
     def run(self) -> None:
         """Makes the page and the key."""
-        from latentmotion.cli.generate import load_generator
+        from latentmotion.cli.loading import load_generator
         from latentmotion.study import design
 
         if self.output.suffix != ".html":

@@ -83,14 +83,20 @@ def _check_lists(command: object, words: Sequence[str]) -> None:
     """Refuses `-o` with nothing behind it or given twice: tyro takes no value, or the last ones."""
     hints = get_type_hints(type(command), include_extras=True)
     for name, value in vars(command).items():
+        if is_dataclass(value) and tyro.conf.OmitArgPrefixes in _markers(hints[name]):
+            _check_lists(value, words)  # a group of options
         if not isinstance(value, tuple):
             continue
         # A short name, where there is one, is the first letter.
         count = sum(word.partition("=")[0] in (f"--{name}", f"-{name[0]}") for word in words)
         if count and not value:
             raise InputError(f"--{name} needs a value")
-        if count > 1 and tyro.conf.UseAppendAction not in getattr(hints[name], "__metadata__", ()):
+        if count > 1 and tyro.conf.UseAppendAction not in _markers(hints[name]):
             raise InputError(f"--{name} is given {count} times; name all its values behind one")
+
+
+def _markers(kind: Any) -> tuple[Any, ...]:
+    return getattr(kind, "__metadata__", ())
 
 
 def _explanation(event: Any, command: type) -> str | None:

@@ -127,8 +127,11 @@ class Direction:
 
 def generate_directed(
     generator: Generator, request: GenerationRequest, goals: Sequence[Goal]
-) -> Motion:
+) -> tuple[Motion, tuple[Reach, ...]]:
     """Generates the one motion of a request with goals, as `MotionPipeline.__call__` does.
+
+    Returns:
+        The motion, not cleaned up, and the places at which `at_goals` puts its joints once it is.
 
     Raises:
         InputError: No person could meet a goal, or goals contradict each other.
@@ -139,11 +142,11 @@ def generate_directed(
     direction = direction_of(goals, frames, space.fps, space.skeleton)
     made = directed(direction, motion, latents_of(generator, request), space.fps)
     about = {**metadata_of(generator, seed, request.sampling), **made.metadata}
-    return replace(made, caption=prompt, metadata=about)
+    return replace(made, caption=prompt, metadata=about), direction.goals
 
 
 def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: float) -> Motion:
-    """Generates a motion with goals; clean it up, and its joints are exactly there.
+    """Generates a motion with goals; clean it up, and `at_goals` puts its joints exactly there.
 
     Args:
         direction: The goals.
@@ -162,8 +165,8 @@ def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: f
         joints = motion.joints(z)
     if direction.curve is not None:
         joints = bent(joints, direction.curve, fps, skeleton)
-    made = Motion(joints.astype(np.float32), fps, skeleton, goals=direction.goals)
-    return replace(made, metadata=goal_report(made, made))
+    made = Motion(joints.astype(np.float32), fps, skeleton)
+    return replace(made, metadata=goal_report(direction.goals, made, made))
 
 
 def direction_of(goals: Sequence[Goal], frames: int, fps: float, skeleton: Skeleton) -> Direction:
@@ -202,34 +205,35 @@ def direction_of(goals: Sequence[Goal], frames: int, fps: float, skeleton: Skele
     return direction
 
 
-def at_goals(cleaned: Motion) -> Motion:
+def at_goals(cleaned: Motion, goals: Sequence[Reach]) -> Motion:
     """Returns a motion that was cleaned up, its joints exactly at their goals."""
     fps, skeleton = cleaned.fps, cleaned.skeleton
-    targets = targets_of(cleaned.goals, len(cleaned), fps, skeleton, None)
+    targets = targets_of(goals, len(cleaned), fps, skeleton, None)
     joints = hold_targets(cleaned.joints.astype(np.float64), targets, fps, skeleton)
     exact = replace(cleaned, joints=joints.astype(np.float32))
-    return replace(exact, metadata={**cleaned.metadata, **goal_report(cleaned, exact)})
+    return replace(exact, metadata={**cleaned.metadata, **goal_report(goals, cleaned, exact)})
 
 
-def goal_report(before: Motion, after: Motion) -> dict[str, object]:
+def goal_report(goals: Sequence[Reach], before: Motion, after: Motion) -> dict[str, object]:
     """Returns how far joints are from their goals, and how fast feet that stand slide.
 
     Args:
+        goals: Where joints should be.
         before: The motion before it was put at its goals.
         after: The same after it.
     """
-    targets = targets_of(after.goals, len(after), after.fps, after.skeleton, None)
+    targets = targets_of(goals, len(after), after.fps, after.skeleton, None)
     missed = zip(
-        after.goals,
+        goals,
         distances(before.joints, targets).tolist(),
         distances(after.joints, targets).tolist(),
         strict=True,
     )
-    goals = [
+    report = [
         {"joint": goal.joint, "at": goal.at, "to": list(goal.to), "before": was, "after": now}
         for goal, was, now in missed
     ]
-    return {"goals": goals, "foot_sliding": sliding_in_contact(after)}
+    return {"goals": report, "foot_sliding": sliding_in_contact(after)}
 
 
 def sliding_in_contact(motion: Motion) -> float:

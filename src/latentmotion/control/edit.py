@@ -36,6 +36,10 @@ _SEAM = 12
 """Frames in which the offsets at a seam decay."""
 
 
+ON_THE_WAY = "a person walks"
+"""Prompt by default of the motion between two others."""
+
+
 @dataclass(frozen=True)
 class Gap:
     """The frames of a motion that are generated, and those around them that steer."""
@@ -78,11 +82,12 @@ def generate_edited(
     motion: Motion,
     prompt: str,
     between: tuple[float, float],
-    seed: int,
-    sampling: Sampling,
+    seed: int = 0,
+    steps: int | None = None,
+    guidance: float | None = None,
     parts: Sequence[str] = (),
 ) -> Motion:
-    """Generates a part of a motion again, as `MotionPipeline.edit` does.
+    """Generates a part of a motion again; all frames outside of it stay bit-identical.
 
     Args:
         generator: The model.
@@ -90,14 +95,17 @@ def generate_edited(
         prompt: What the person does in that part.
         between: Its start and end, seconds.
         seed: Seed of the noise.
-        sampling: Steps, guidance and sampler.
-        parts: Parts of the body that change; by default all.
+        steps: Sampling steps; by default the model's own.
+        guidance: Guidance scale; by default the model's own.
+        parts: Parts of the body that change, such as `left_arm`; all other joints stay
+            bit-identical. By default the whole body changes.
 
     Raises:
         InputError: The motion is of another kind, the times are not within it, or there is no such
             part.
-        ModelError: The model has no pullback.
+        ModelError: The model has no `pullback.onnx`.
     """
+    sampling = generator.card.sampling.but(steps, guidance, None)
     _check_like(generator, motion)
     gap, changed = gap_between(motion, between), parts_named(parts, motion.skeleton)
     made = _filled(generator, motion, gap, prompt, seed, sampling)
@@ -110,29 +118,34 @@ def generate_edited(
 
 def generate_between(
     generator: Generator,
-    ends: tuple[Motion, Motion],
+    start: Motion,
+    end: Motion,
     seconds: float,
-    prompt: str,
-    seed: int,
-    sampling: Sampling,
+    prompt: str = ON_THE_WAY,
+    seed: int = 0,
+    steps: int | None = None,
+    guidance: float | None = None,
 ) -> Motion:
-    """Generates what leads from one motion to another, as `MotionPipeline.between` does.
+    """Generates what leads from one motion or pose to another; both are part of the result.
 
     Args:
         generator: The model.
-        ends: Two motions, or poses of one frame, whose frames stay the same numbers.
+        start: A motion, or a pose of one frame, whose frames stay the same numbers.
+        end: Likewise. Where it is says where the motion has to get.
         seconds: Length of the transition.
         prompt: What the person does in between.
         seed: Seed of the noise.
-        sampling: Steps, guidance and sampler.
+        steps: Sampling steps; by default the model's own.
+        guidance: Guidance scale; by default the model's own.
 
     Raises:
         InputError: The motions are of another kind or too far apart.
-        ModelError: The model has no pullback.
+        ModelError: The model has no `pullback.onnx`.
     """
-    _check_like(generator, ends[0])
-    joints, gap = in_between(*ends, seconds)
-    return _filled(generator, replace(ends[0], joints=joints), gap, prompt, seed, sampling)
+    sampling = generator.card.sampling.but(steps, guidance, None)
+    _check_like(generator, start)
+    joints, gap = in_between(start, end, seconds)
+    return _filled(generator, replace(start, joints=joints), gap, prompt, seed, sampling)
 
 
 def gap_between(motion: Motion, between: tuple[float, float]) -> Gap:

@@ -13,6 +13,7 @@ their speed. Recordings longer than the model's motions are fitted in windows th
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Any
@@ -26,7 +27,14 @@ from latentmotion.control.jacobian import joint_features
 from latentmotion.control.observe import Observation, robust, tilt
 from latentmotion.control.reach import DecodedMotion
 from latentmotion.errors import InputError, ReadingWarning
-from latentmotion.kinematics.keypoints import LIMBS, Keypoints, grounded, joint_weights, limb_ratio
+from latentmotion.kinematics.keypoints import (
+    LIMBS,
+    Keypoints,
+    grounded,
+    joint_weights,
+    keypoints_of,
+    limb_ratio,
+)
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
@@ -80,21 +88,36 @@ _UPRIGHT = (("mid_shoulder", "mid_hip", 0.5), ("mid_shoulder", "mid_ankle", 1.3)
 """Bones that show how far away a person is, with their lengths in meters."""
 
 
-def generate_fitted(
-    generator: Generator, keypoints: Keypoints, noise: float | None = None
+def fit_motion(
+    generator: Generator,
+    joints: Float[np.ndarray, "frames keypoints coordinates"] | Keypoints,
+    seen: np.ndarray | None = None,
+    fps: float | None = None,
+    names: Sequence[str] | None = None,
+    noise: float | None = None,
 ) -> Motion:
-    """Returns the motion of which a tracker would see these keypoints.
+    """Returns a clean motion near joints that were recorded with noise, gaps or one camera.
+
+    Nothing is sampled: of all motions that the decoder can make, it is the likely one that explains
+    what was seen. It lasts as long as the recording and is where that is, in the person's size.
 
     Args:
         generator: The model.
-        keypoints: What was seen.
-        noise: Deviation of what was seen, meters; by default estimated.
+        joints: Meters, y up; or pixels, right and down. NaN is not seen. A `Keypoints` has names,
+            frame rate and camera with it.
+        seen: True, or a confidence up to 1, where a joint was seen; by default everywhere.
+        fps: Frames per second of the recording; by default the model's.
+        names: Of the keypoints: HumanML3D's, COCO's, OpenPose's or MediaPipe's; by default those
+            of the layout with so many.
+        noise: Deviation of what was recorded, meters; by default it is estimated.
 
     Raises:
-        InputError: The points are in another unit, or the model's features of another kind.
-        ModelError: The model has no pullback.
+        InputError: Shapes do not fit, a name is unknown, or hardly anything was seen; or the
+            model's features are of another kind.
+        ModelError: The model has no `pullback.onnx`.
     """
     motion, space = decoders_of(generator), generator.representation
+    keypoints = keypoints_of(joints, seen, space.fps if fps is None else fps, names)
     joint_features(motion(1).representation)
     if space.skeleton.names != HUMANML3D.names:
         raise InputError(

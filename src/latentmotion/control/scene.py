@@ -123,11 +123,11 @@ class Scene:
     """What parts of the body do during the timeline."""
 
     def spans(self) -> list[Span]:
-        """Returns the timeline for `MotionPipeline.timeline`."""
+        """Returns the timeline for `generate_timeline`."""
         return [Span(span.prompt, span.seconds) for span in self.timeline]
 
     def part_spans(self) -> list[PartSpan]:
-        """Returns what parts of the body do, for `MotionPipeline.timeline`.
+        """Returns what parts of the body do, for `generate_timeline`.
 
         Raises:
             InputError: Times are not ascending.

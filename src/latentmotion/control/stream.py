@@ -28,7 +28,7 @@ from latentmotion.control.generator import (
 from latentmotion.control.reach import DecodedMotion
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import FileFormatError
-from latentmotion.model.config import STRIDE, Sampling
+from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.interface import Representation
@@ -48,20 +48,28 @@ _SEAM = 6
 
 
 def generate_stream(
-    generator: Generator, prompt: str, seed: int, sampling: Sampling, state: StreamState | None
+    generator: Generator,
+    prompt: str,
+    seed: int = 0,
+    steps: int | None = None,
+    guidance: float | None = None,
+    state: StreamState | None = None,
 ) -> MotionStream:
-    """Returns an endless motion, as `MotionPipeline.stream` does.
+    """Returns an endless motion: an iterator of its next two seconds, in constant memory.
 
     Args:
         generator: The model.
-        prompt: What the person does.
+        prompt: What the person does; `say` of the stream changes it.
         seed: Seed of the noise.
-        sampling: Steps, guidance and sampler; 2 steps or more.
+        steps: Sampling steps, 2 or more; by default the model's own.
+        guidance: Guidance scale; by default the model's own.
         state: Where an earlier stream is resumed.
 
     Raises:
-        ModelError: The model has no pullback.
+        InputError: A number is out of range.
+        ModelError: The model has no `pullback.onnx`.
     """
+    sampling = generator.card.sampling.but(steps, guidance, None)
     space, motion = generator.representation, decoders_of(generator)
     sees = margin_of(generator)
 
@@ -78,21 +86,31 @@ def generate_stream(
 
 
 def generate_loop(
-    generator: Generator, prompt: str, seconds: float, seed: int, sampling: Sampling
+    generator: Generator,
+    prompt: str,
+    seconds: float,
+    seed: int = 0,
+    steps: int | None = None,
+    guidance: float | None = None,
 ) -> Motion:
-    """Generates one turn of a seamless cycle, as `MotionPipeline.loop` does.
+    """Generates one turn of a seamless cycle, such as a step of a walk.
+
+    The frame after its last is its first, farther along its path; `cleaned` with `in_place` takes
+    the path away, but clean-up knows nothing of the cycle and may leave a small seam.
 
     Args:
         generator: The model.
         prompt: What the person does.
         seconds: Length of a turn, rounded to 0.2 s.
         seed: Seed of the noise.
-        sampling: Steps, guidance and sampler; 2 steps or more.
+        steps: Sampling steps, 2 or more; by default the model's own.
+        guidance: Guidance scale; by default the model's own.
 
     Raises:
         InputError: A number is out of range.
-        ModelError: The model has no pullback.
+        ModelError: The model has no `pullback.onnx`.
     """
+    sampling = generator.card.sampling.but(steps, guidance, None)
     space, motion = generator.representation, decoders_of(generator)
     tokens = max(1, round(seconds * space.fps / STRIDE))
     request = GenerationRequest((prompt,), (STRIDE * tokens,), (seed,), sampling)

@@ -29,7 +29,7 @@ from latentmotion.control.stream import KNOWN, decode_in_windows
 from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.model.config import STRIDE, Sampling
+from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 
 LONGEST = 600.0
@@ -87,25 +87,31 @@ class PartSpan:
 def generate_timeline(
     generator: Generator,
     spans: Sequence[str | tuple[str, float] | Span],
-    seed: int,
-    sampling: Sampling,
+    seed: int = 0,
+    steps: int | None = None,
+    guidance: float | None = None,
     parts: Sequence[tuple[str, str, float, float] | PartSpan] = (),
 ) -> Motion:
-    """Generates one motion for several prompts, as `MotionPipeline.timeline` does.
+    """Generates one motion for several prompts, one after the other.
 
     Args:
         generator: The model.
-        spans: Prompts, `(prompt, seconds)` or `Span`s.
+        spans: Prompts, `(prompt, seconds)` or `Span`s; where the length is left out, it is
+            predicted from the prompt.
         seed: Seed of the noise.
-        sampling: Steps, guidance and sampler; 2 steps or more.
-        parts: What parts of the body do meanwhile: `(part, prompt, start, end)` or `PartSpan`s.
+        steps: Sampling steps, 2 or more; by default the model's own.
+        guidance: Guidance scale; by default the model's own.
+        parts: What parts of the body do meanwhile: `(part, prompt, start, end)` or `PartSpan`s,
+            such as `("right_arm", "a person waves the right hand", 1, 3)`; all other joints are
+            those of the timeline without it.
 
     Raises:
         InputError: A prompt is not of the model's kind, a number is out of range, there is no such
             part, or two prompts move one joint at a time.
-        ModelError: The model has no pullback.
+        ModelError: The model has no `pullback.onnx`.
     """
     card, space, motion = generator.card, generator.representation, decoders_of(generator)
+    sampling = card.sampling.but(steps, guidance, None)
     every = spans_of(spans)
     prompts = [span.prompt for span in every]
     usual = generator.usual_seconds(prompts) or [USUAL_SECONDS] * len(every)
@@ -133,7 +139,7 @@ def generate_timeline(
         # A token more, so that rounding takes no frame away.
         alone = Span(span.prompt, span.end - span.start + STRIDE / space.fps)
         drawn = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
-        own = generate_timeline(generator, [alone], drawn, sampling).joints
+        own = generate_timeline(generator, [alone], drawn, steps, guidance).joints
         joints = _with_part(joints, own, span, space.fps, space.skeleton)
         found.append(vars(span))
     about = {**metadata_of(generator, seed, sampling), "spans": found}

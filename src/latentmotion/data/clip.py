@@ -7,10 +7,11 @@ the frames [int(20 from), int(20 to)), at KIT's 12.5 frames per second as well.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
+
+from latentmotion.language.sides import mirror_words
 
 Split = Literal["train", "val", "test"]
 
@@ -73,15 +74,6 @@ TAG_RATE = 20
 _MOST_SECONDS = 1e6
 """Seconds from which a time is taken for damage, infinite ones too."""
 
-_OTHER_SIDE = {"left": "right", "right": "left", "clockwise": "counterclockwise"}
-"""Replacements of words; all spellings of counterclockwise become clockwise."""
-
-# Endings such as "leftward", "rights" and "left-handed" follow; "upright", "frightened" must not.
-_SIDED = re.compile(
-    r"\b(?:(left|right)(?=s?\b|wards?\b|most\b|ies\b|y\b)|((?:counter|anti)[- ]?)?clock-?wise\b)",
-    re.IGNORECASE,
-)
-
 
 @dataclass(frozen=True)
 class TaggedSentence:
@@ -95,17 +87,6 @@ class TaggedSentence:
     """Seconds; zero in both means the whole motion."""
     end: float = 0.0
     """Seconds."""
-
-
-def mirror_words(text: str) -> str:
-    """Swaps left and right, clockwise and counterclockwise, in a sentence."""
-
-    def swap(match: re.Match[str]) -> str:
-        word = match.group(0)
-        other = _OTHER_SIDE.get(word.lower().replace("clock-wise", "clockwise"), "clockwise")
-        return other.capitalize() if word[0].isupper() else other
-
-    return _SIDED.sub(swap, text)
 
 
 def mirror_sentence(sentence: TaggedSentence) -> TaggedSentence:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from typing import Any
 
+from latentmotion.corrections import Corrections, Count, Turn
 from latentmotion.describe.claims import SLIGHT, Claim, claims_of, verb_before
 
 MORE_VERBS = (
@@ -203,30 +203,29 @@ _VAGUE = re.compile(
 """Words by which a count is not exact, or not of repetitions."""
 
 
-def asked_exactly(prompt: str, any_length: bool) -> dict[str, Any]:
-    """Returns metadata by which clean-up makes a generated motion do exactly what is asked.
+def asked_exactly(prompt: str, any_length: bool) -> Corrections:
+    """Returns the numbers that clean-up makes exact in a motion of a prompt.
 
-    They have `turn` where the prompt names the degrees of exactly one turn, and `count` where it
-    says how often exactly one act is done.
+    They have a turn where the prompt names the degrees of exactly one, and a count where it says
+    how often exactly one act is done.
 
     Args:
         prompt: A sentence as users write it.
-        any_length: Whether the motion may become shorter or longer; else there is no `count`.
+        any_length: Whether the motion may become shorter or longer; else there is no count.
     """
     claims = asked_of(prompt).claims
     turns = [claim for claim in claims if claim.kind in ("turn", "circle")]
-    asked: dict[str, Any] = {}
+    turn = None
     if len(turns) == 1 and turns[0].degrees not in (0, SLIGHT):
-        degrees = turns[0].degrees * max(turns[0].count, 1)
-        asked["turn"] = {"degrees": degrees, "side": turns[0].side}
+        turn = Turn(turns[0].degrees * max(turns[0].count, 1), turns[0].side)
     counts = [claim for claim in claims if claim.count and claim not in turns]
-    if any_length and len(counts) == 1 and not _VAGUE.search(prompt.lower()):
-        asked |= _count(counts[0], claims, prompt)
-    return asked
+    if not any_length or len(counts) != 1 or _VAGUE.search(prompt.lower()):
+        return Corrections(turn)
+    return Corrections(turn, _count(counts[0], claims, prompt))
 
 
-def _count(counted: Claim, claims: tuple[Claim, ...], prompt: str) -> dict[str, Any]:
-    """Returns the metadata of the one act that is counted; none if others look like it."""
+def _count(counted: Claim, claims: tuple[Claim, ...], prompt: str) -> Count | None:
+    """Returns the count of the one act that is counted; none if others look like it."""
     kind = counted.kind
     alike = next((kinds for kinds in _CONFUSED if kind in kinds), (kind,))
     others = [claim for claim in claims if claim is not counted and claim.kind in alike]
@@ -235,9 +234,9 @@ def _count(counted: Claim, claims: tuple[Claim, ...], prompt: str) -> dict[str, 
         others = [one for one in others if one.kind != "walk" or one.direction not in ways]
         others += [claim for claim in claims if claim.then]
     if kind not in _COUNTED or others:
-        return {}
+        return None
     act = "step" if kind in ("move", "walk") else kind
     if kind == "hop" and not counted.side and not re.search(r"\b(?:leg|foot)\b", prompt.lower()):
         act = "jump"
     side = counted.side if act in ("hop", "kick", "knee", "punch", "raise") else ""
-    return {"count": {"act": act, "side": side, "times": counted.count}}
+    return Count(act, side, counted.count)

@@ -10,7 +10,6 @@ import json
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from latentmotion import formats
+from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.describe.asked import asked_exactly
 from latentmotion.errors import DiskFullError, InputError, LatentMotionError
-from latentmotion.motion import Motion, cleaned
+from latentmotion.motion import Motion
 from latentmotion.viewer.page import payload
 
 MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
@@ -59,12 +59,9 @@ def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, st
         file = Path(folder) / "motion.npz"
         file.write_bytes(content)
         motions = formats.load(file)
-    if clean:
-        raw = [
-            replace(motion, metadata={**motion.metadata, **asked_exactly(motion.caption, False)})
-            for motion in motions
-        ]
-        motions = cleaned(raw)
+    if clean:  # the page gives lengths, so counts stay as they are
+        corrections = [asked_exactly(motion.caption, any_length=False) for motion in motions]
+        motions = clean_batch(motions, CleanUp(), corrections)
     return encoded(motions, form)
 
 

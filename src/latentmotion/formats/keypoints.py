@@ -317,7 +317,7 @@ def _check_keys(path: Path, keys: Sequence[str] | Mapping[str, Any]) -> None:
         raise FileFormatError(
             path,
             "holds a motion, not what a tracker saw: expected points (frames, keypoints, 2 or 3); "
-            "in Python, generate.fit(motion.joints, fps=motion.fps) fits a motion",
+            "in Python, fit_motion(pipeline, motion.joints, fps=motion.fps) fits a motion",
         )
     for key in keys:
         if key not in _KEYS:

@@ -21,9 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.cleanup import CleanUp, CleanUpWarning, clean_batch
+from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
 from latentmotion.condition.interface import Condition
 from latentmotion.condition.task import SentenceCondition
+from latentmotion.corrections import Corrections
 from latentmotion.describe.asked import asked_of
 from latentmotion.describe.closeness import closeness
 from latentmotion.describe.reading import scene_of
@@ -54,7 +55,7 @@ class Take:
     """One of several motions of a prompt, with its score and the reasons for it."""
 
     motion: Motion
-    """The motion."""
+    """The motion as it was given."""
     score: float
     """Twice the claims, and the match, less the costs; the highest is the best."""
     claims: float
@@ -69,6 +70,8 @@ class Take:
     """Mean jerk of the joints, m/s³."""
     advantage: float = 0.0
     """How much likelier its start makes what is asked, 0 for a start from noise."""
+    cleaned: Motion | None = None
+    """The motion cleaned up, where its claims were measured so, or it is kept."""
 
     def about(self) -> dict[str, Any]:
         """Returns seed, score and reasons, as JSON can hold them."""
@@ -118,7 +121,8 @@ def ranked(
     motions: Sequence[Motion],
     prompt: str,
     scorer: Scorer,
-    clean_up: CleanUp | None = None,
+    clean_up: CleanUp | None = USUAL,
+    corrections: Sequence[Corrections] | None = None,
     advantages: Sequence[float] | None = None,
 ) -> list[Take]:
     """Returns the takes of a prompt, the best first.
@@ -127,36 +131,46 @@ def ranked(
         motions: At least one take, of the skeleton that the scorer reads.
         prompt: The sentence.
         scorer: Compares motions with sentences.
-        clean_up: Steps that the kept take goes through later, which may mend a count or a turn;
-            by default those of `Motion.cleaned`.
+        clean_up: Steps that the kept take goes through, which may mend a count or a turn; None
+            where it stays as it is.
+        corrections: What clean-up makes exact in each motion; by default nothing.
         advantages: Of the motions' starts; by default all start from noise.
 
     Raises:
         InputError: A motion has another skeleton or is too short.
     """
     matches = scorer.motions(motions) @ scorer.texts([prompt])[0]
-    takes, asked = [], asked_of(prompt)
-    steps = replace(clean_up or CleanUp(), in_place=False)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CleanUpWarning)  # the kept take's come when it is cleaned
-        mended = clean_batch(motions, steps) if asked else motions
+    request = asked_of(prompt)
+    cleaned: Sequence[Motion | None] = [None] * len(motions)
+    notes: list[warnings.WarningMessage] = []
+    # Without a claim there is nothing to measure, and only the kept take is cleaned up, later.
+    if clean_up is not None and request.claims:
+        with warnings.catch_warnings(record=True) as notes:
+            warnings.simplefilter("always", CleanUpWarning)
+            cleaned = clean_batch(motions, replace(clean_up, in_place=False), corrections)
     advantages = [0.0] * len(motions) if advantages is None else advantages
     weight = _CLAIMS * (1 - max(advantages, default=0.0))
-    for motion, match, later, advantage in zip(
-        motions, matches.tolist(), mended, advantages, strict=True
+    takes = []
+    for motion, match, after, advantage in zip(
+        motions, matches.tolist(), cleaned, advantages, strict=True
     ):
         joints, fps = motion.joints, motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
-        jerk = jitter(joints, fps)
-        claims = closeness(asked, scene_of(later.joints.astype(np.float64)))
+        jerk, claims = jitter(joints, fps), 0.0
+        if request.claims:
+            claims = closeness(request, scene_of((after or motion).joints.astype(np.float64)))
         costs = sliding + _PENETRATION * depth + _JERK * max(0.0, jerk - _USUAL_JERK)
         score = weight * claims + match + advantage - costs
-        takes.append(Take(motion, score, claims, match, sliding, depth, jerk, advantage))
-    return sorted(takes, key=lambda take: -take.score)
+        takes.append(Take(motion, score, claims, match, sliding, depth, jerk, advantage, after))
+    takes.sort(key=lambda take: -take.score)
+    for note in notes:  # of takes that are not kept nobody needs to know
+        if getattr(note.message, "motion", None) in (None, takes[0].motion):
+            warnings.warn(note.message, stacklevel=2)
+    return takes
 
 
 def best_of(takes: Sequence[Take]) -> Motion:
-    """Returns the best take's motion, whose metadata tell of all takes."""
-    first = takes[0].motion
+    """Returns the best take's motion, cleaned up if it was, whose metadata tell of all takes."""
+    first = takes[0].cleaned or takes[0].motion
     about = {**first.metadata, "best_of": [take.about() for take in takes]}
     return replace(first, metadata=about)

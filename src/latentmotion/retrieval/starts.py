@@ -19,8 +19,10 @@ from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.corrections import NO_CORRECTIONS
+from latentmotion.describe.asked import asked_exactly
 from latentmotion.engine.backend import FeatureEncoder
-from latentmotion.engine.request import Start
+from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, parts_of
@@ -139,6 +141,32 @@ class ClipStarts:
         least = near[0].cosine - ALIKE
         alike = tuple(neighbor for neighbor in near if neighbor.cosine >= least)
         return Choice(alike, self.index.support(sides))
+
+    def starts(
+        self, request: GenerationRequest, free: Sequence[bool], wanted: Sequence[bool]
+    ) -> list[ClipStart | None]:
+        """Returns what each motion of a request starts from, None for pure noise.
+
+        Args:
+            request: The motions.
+            free: Whether nobody gave the length of each.
+            wanted: Whether each may start from a clip.
+        """
+        choices = {prompt: self.choices(prompt) for prompt in dict.fromkeys(request.prompts)}
+        for prompt, near in choices.items():
+            # Noise has the count or the turn that a sentence asks for exactly more often than a
+            # clip, but for a clip that a user showed.
+            exact = asked_exactly(prompt, any_length=True) != NO_CORRECTIONS
+            if exact and all(choice.support for choice in near):
+                choices[prompt] = []
+        return [
+            self.start(choices[prompt], None if any_length else frames, seed)
+            if take and choices[prompt]
+            else None
+            for prompt, frames, seed, take, any_length in zip(
+                request.prompts, request.frames, request.seeds, wanted, free, strict=True
+            )
+        ]
 
     def start(self, choices: Sequence[Choice], frames: int | None, seed: int) -> ClipStart:
         """Returns what a motion starts from.

@@ -168,9 +168,9 @@ def _motions(service: Service) -> APIRouter:
         async def made() -> Response:
             until = service.deadline()
             with service.place(body.format, body.clean, body.fps):
-                motion, dirty = await service.motion(body, until)
-                file = service.file([motion], body.format, dirty, body.fps, until)
-                return _response([motion], *await file)
+                raw, dirty = await service.motion(body, until)
+                file = service.file([raw], body.format, dirty, body.fps, until)
+                return _response([raw.motion], *await file)
 
         return await unless_gone(request, made())
 
@@ -183,10 +183,10 @@ def _motions(service: Service) -> APIRouter:
             until, settings = service.deadline(), body.settings(body.seconds is None)
             with service.place(body.format, body.clean, body.fps):
                 seconds = service.settings.deadline
-                motions = await service.generated(settings, body.all_prompts(), seconds)
-                motions = body.to_clean(motions)
-                file = service.file(motions, body.format, body.clean, body.fps, until)
-                return _response(motions, *await file)
+                raw = await service.generated(settings, body.all_prompts(), seconds)
+                raw = body.to_clean(raw)
+                file = service.file(raw, body.format, body.clean, body.fps, until)
+                return _response([one.motion for one in raw], *await file)
 
         return await unless_gone(request, made())
 

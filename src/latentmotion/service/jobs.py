@@ -207,10 +207,10 @@ class Jobs:
                 if part.is_file():
                     continue
                 some = prompts[start : start + TOGETHER]
-                motions = await service.generated(settings, some, PATIENCE, background=True)
-                motions = request.to_clean(motions)
+                raw = await service.generated(settings, some, PATIENCE, background=True)
+                raw = request.to_clean(raw)
                 until = time.monotonic() + PATIENCE
-                content, _ = await service.file(motions, "npz", request.clean, request.fps, until)
+                content, _ = await service.file(raw, "npz", request.clean, request.fps, until)
                 with atomic_file(part) as temporary:
                     temporary.write_bytes(content)
             names = [part.name for part in _parts(folder)]

@@ -10,8 +10,7 @@ from latentmotion.condition.task import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine.request import GenerationRequest, frames_of
 from latentmotion.errors import LatentMotionError
-from latentmotion.motion import Motion
-from latentmotion.pipeline import MotionPipeline
+from latentmotion.pipeline import MotionPipeline, RawMotion
 from latentmotion.text.cache import MemoryCachedTextEncoder
 
 RECENT_PROMPTS = 1000
@@ -88,7 +87,7 @@ def run(
         payloads: Prompts, or functions without arguments.
 
     Returns:
-        Motions, or what the functions return; or the error of each that could not be made.
+        Raw motions, or what the functions return; or the error of each that could not be made.
     """
     if not isinstance(key, BatchSettings):
         return [_result_or_error(payload) for payload in payloads]
@@ -105,11 +104,11 @@ def run(
 
 def _motions(
     pipeline: MotionPipeline, settings: BatchSettings, prompts: Sequence[Prompt]
-) -> list[Motion]:
+) -> list[RawMotion]:
     seconds = None if settings.predicted else [prompt.seconds or 0.0 for prompt in prompts]
     texts, seeds = [prompt.text for prompt in prompts], [prompt.seed for prompt in prompts]
     sampling = settings.steps, settings.guidance, settings.sampler
-    return pipeline.batch(texts, seconds, seeds, *sampling)
+    return pipeline.raw_motions(texts, seconds, seeds, *sampling)
 
 
 def _result_or_error(function: Callable[[], Any]) -> Any | LatentMotionError:

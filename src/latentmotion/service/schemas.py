@@ -10,9 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from latentmotion.control.goals import Goal, Heading, Reach, RootPath
 from latentmotion.control.timeline import PartSpan, Span
+from latentmotion.corrections import Corrections
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError
-from latentmotion.motion import Motion
+from latentmotion.pipeline import RawMotion
 from latentmotion.service.model import BatchSettings, Prompt
 from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 
@@ -156,14 +157,17 @@ class _Sampled(RequestModel):
     exact_count: ExactCount = True
     exact_turn: ExactTurn = True
 
-    def to_clean(self, motions: Sequence[Motion]) -> list[Motion]:
-        """Returns motions without the corrections that the request leaves out."""
-        exact = {"count": self.exact_count, "turn": self.exact_turn}
-        if all(exact.values()):
-            return list(motions)
+    def to_clean(self, raw: Sequence[RawMotion]) -> list[RawMotion]:
+        """Returns motions of which clean-up makes exact only what is wanted."""
         return [
-            replace(m, metadata={n: it for n, it in m.metadata.items() if exact.get(n, True)})
-            for m in motions
+            replace(
+                one,
+                corrections=Corrections(
+                    one.corrections.turn if self.exact_turn else None,
+                    one.corrections.count if self.exact_count else None,
+                ),
+            )
+            for one in raw
         ]
 
     def settings(self, predicted: bool) -> BatchSettings:

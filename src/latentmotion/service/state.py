@@ -13,9 +13,10 @@ from typing import Any, TypeVar, get_args
 
 from starlette.requests import Request
 
+from latentmotion.cleanup import CleanUp
+from latentmotion.control.timeline import generate_timeline
 from latentmotion.formats.content import encoded
-from latentmotion.motion import Motion
-from latentmotion.pipeline import MotionPipeline
+from latentmotion.pipeline import MotionPipeline, RawMotion
 from latentmotion.service import model
 from latentmotion.service.batching import NICE, Batcher
 from latentmotion.service.metrics import Metrics
@@ -124,8 +125,8 @@ class Service:
         prompts: Sequence[model.Prompt],
         seconds: float,
         background: bool = False,
-    ) -> list[Motion]:
-        """Returns the motions of prompts.
+    ) -> list[RawMotion]:
+        """Returns the motions of prompts, not cleaned up.
 
         Raises:
             LatentMotionError: A prompt cannot be used.
@@ -165,7 +166,7 @@ class Service:
             return nullcontext()
         return self.writers.place(self.settings.deadline)
 
-    async def motion(self, request: MotionRequest, until: float) -> tuple[Motion, bool]:
+    async def motion(self, request: MotionRequest, until: float) -> tuple[RawMotion, bool]:
         """Returns the motion of a request, and whether it still has to be cleaned up.
 
         Args:
@@ -182,26 +183,26 @@ class Service:
         if request.timeline:
             if goals or request.prompt or request.seconds is not None or request.sampler:
                 raise Problem(422, "a timeline has no prompt, seconds, sampler or goals")
-            make = partial(pipeline.timeline, request.spans(), request.seed, *sampled, parts)
+            spans = request.spans()
+            make = partial(generate_timeline, pipeline, spans, request.seed, *sampled, parts)
         elif goals:
             self.check(settings, request.prompts())
-            arguments = request.prompt, request.seconds, request.seed, *sampled, request.sampler
-            make = partial(pipeline, *arguments, goals)
+            about = request.prompt, request.seconds, request.seed, *sampled, request.sampler
+            # Joints are put at their goals after clean-up, which a worker could not do.
+            steps = CleanUp() if request.clean else None
+            make = partial(pipeline, *about, goals, takes=1, clean_up=steps)
         else:
-            motions = await self.generated(settings, request.prompts(), seconds)
-            return request.to_clean(motions)[0], request.clean
-        # Clean-up yields to goals, which a worker would not know.
-        clean = request.clean and bool(goals)
-        motion = await self.called(lambda: make().cleaned() if clean else make(), seconds)
-        return motion, request.clean and not clean
+            found = await self.generated(settings, request.prompts(), seconds)
+            return request.to_clean(found)[0], request.clean
+        return RawMotion(await self.called(make, seconds)), request.clean and not goals
 
     async def file(
-        self, motions: Sequence[Motion], form: str, clean: bool, fps: float | None, until: float
+        self, raw: Sequence[RawMotion], form: str, clean: bool, fps: float | None, until: float
     ) -> tuple[bytes, str]:
         """Returns motions as bytes, and their format.
 
         Args:
-            motions: The motions.
+            raw: The motions.
             form: The format.
             clean: Whether they are cleaned up.
             fps: Frames per second; None as they are.
@@ -211,8 +212,8 @@ class Service:
             Problem: As for `written`.
         """
         if _plain(form, clean, fps):
-            return encoded(motions, form)
-        return await self.written(*written(motions, form, clean, fps), until - time.monotonic())
+            return encoded([one.motion for one in raw], form)
+        return await self.written(*written(raw, form, clean, fps), until - time.monotonic())
 
     async def written(
         self, task: dict[str, Any], content: bytes, seconds: float

@@ -19,7 +19,7 @@ import numpy as np
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
-from latentmotion.control.stream import CALL, STRIDE, MotionStream
+from latentmotion.control.stream import CALL, STRIDE, MotionStream, generate_stream
 from latentmotion.errors import InputError, LatentMotionError
 from latentmotion.service.model import BatchSettings, Prompt
 from latentmotion.service.problems import Problem, refuse_stream
@@ -99,7 +99,7 @@ class ClientStream:
             if message.prompt is None:
                 raise InputError("the first message needs a prompt")
             arguments = message.prompt, message.seed, message.steps, message.guidance
-            self._motion = pipeline.stream(*arguments)
+            self._motion = generate_stream(pipeline, *arguments)
         elif message.prompt is not None:
             self._motion.say(message.prompt)
         if message.ack is not None:

@@ -37,8 +37,6 @@ BINARY_BODY = {
 
 
 def clean_up_steps(
-    exact_count: bool = True,
-    exact_turn: bool = True,
     smooth: bool = True,
     bones: bool = True,
     floor: bool = True,
@@ -92,8 +90,8 @@ def routes(service: Service) -> APIRouter:
         )
         async with uploaded(service, request, f"character.{source}") as folder:
             until = service.deadline()
-            motion, dirty = await unless_gone(request, service.motion(motion_request, until))
-            content, _ = await service.file([motion], "npz", dirty, None, until)
+            raw, dirty = await unless_gone(request, service.motion(motion_request, until))
+            content, _ = await service.file([raw], "npz", dirty, None, until)
             (folder / "motion.npz").write_bytes(content)
             task = {"verb": "retarget", "file": f"character.{source}", "format": target}
             return await _answer(service, request, folder, {**task, "fps": fps})

@@ -22,14 +22,16 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from latentmotion import formats
-from latentmotion.cleanup import CleanUp
+from latentmotion.cleanup import CleanUp, clean_batch
+from latentmotion.corrections import Corrections
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import encoded, packed
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.motion import Motion, animations, cleaned
+from latentmotion.motion import Motion, animations
 from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.inspection import inspect_rig
 from latentmotion.storage.children import limit
+from latentmotion.storage.configuration import from_json
 from latentmotion.storage.files import atomic_file, is_disk_full
 
 MEMORY = 1 << 32
@@ -104,6 +106,7 @@ def write(task: dict[str, Any], content: bytes) -> Reply:
 def _prepared(tasks: Sequence[Reply]) -> list[list[Motion]]:
     """Returns the motions of each task, cleaned up where it says so, all tasks' together."""
     groups: list[list[Motion]] = []
+    dirty, corrections = [task["clean"] for task, _ in tasks], []
     for task, content in tasks:
         motions, at = [], 0
         for stored in task["motions"]:
@@ -114,9 +117,11 @@ def _prepared(tasks: Sequence[Reply]) -> list[list[Motion]]:
             motions.append(
                 Motion(joints, stored["fps"], skeleton, stored["caption"], stored["metadata"])
             )
+            if task["clean"]:
+                corrections.append(from_json(Corrections, stored["corrections"]))
         groups.append(motions)
-    dirty = [task["clean"] for task, _ in tasks]
-    clean = iter(cleaned([motion for motions in compress(groups, dirty) for motion in motions]))
+    together = [motion for motions in compress(groups, dirty) for motion in motions]
+    clean = iter(clean_batch(together, CleanUp(), corrections))
     groups = [
         list(islice(clean, len(motions))) if is_dirty else motions
         for motions, is_dirty in zip(groups, dirty, strict=True)
@@ -149,7 +154,7 @@ def convert(task: dict[str, Any], content: bytes) -> Reply:
     os.chdir(task["folder"])
     motions = formats.load(task["file"])
     if task["clean"] is not None:
-        motions = cleaned(motions, CleanUp(**task["clean"]))
+        motions = clean_batch(motions, CleanUp(**task["clean"]))
     if task["fps"] is not None:
         motions = [motion.resampled(task["fps"]) for motion in motions]
     file, form = encoded(motions, task["format"])

@@ -18,12 +18,13 @@ import numpy as np
 
 from latentmotion.errors import DiskFullError, InputError
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.motion import Motion
+from latentmotion.pipeline import RawMotion
 from latentmotion.service.batching import NICE
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
 from latentmotion.service.turns import CLIENT, Turns, room
 from latentmotion.storage import children
+from latentmotion.storage.configuration import to_json
 
 _TASKS_OF_A_PROCESS = 1000
 _TOGETHER = 8
@@ -263,7 +264,7 @@ _BUFFER = 1 << 20
 """Bytes of answers that are read before someone waits for them."""
 
 
-def written(motions: Sequence[Motion], form: str, clean: bool, fps: float | None) -> Answer:
+def written(raw: Sequence[RawMotion], form: str, clean: bool, fps: float | None) -> Answer:
     """Returns the task that makes a file of motions, and the bytes that belong to it."""
     heads = [
         {
@@ -272,10 +273,11 @@ def written(motions: Sequence[Motion], form: str, clean: bool, fps: float | None
             "caption": motion.caption,
             "metadata": dict(motion.metadata),
             "skeleton": _skeleton_json(motion.skeleton),
+            "corrections": to_json(corrections),
         }
-        for motion in motions
+        for motion, corrections in ((one.motion, one.corrections) for one in raw)
     ]
-    content = b"".join(motion.joints.astype("<f4", copy=False).tobytes() for motion in motions)
+    content = b"".join(one.motion.joints.astype("<f4", copy=False).tobytes() for one in raw)
     return {"verb": "write", "motions": heads, "clean": clean, "fps": fps, "format": form}, content
 
 

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 
 from latentmotion import __version__
-from latentmotion.cleanup import CleanUp
+from latentmotion.cleanup import CleanUp, clean_batch
+from latentmotion.control.edit import ON_THE_WAY, generate_between, generate_edited
 from latentmotion.control.goals import Goal, Pose
+from latentmotion.control.stream import generate_loop
+from latentmotion.control.timeline import generate_timeline
 from latentmotion.errors import InputError
-from latentmotion.motion import Motion, cleaned
-from latentmotion.pipeline import ON_THE_WAY, MotionPipeline
+from latentmotion.motion import Motion
+from latentmotion.pipeline import MotionPipeline
 from latentmotion.representation.canonical import heading, turn
 from latentmotion.storage.configuration import from_json
 from latentmotion.studio.edits import Edits
@@ -113,19 +116,15 @@ def motions_of(
     check(recipe)
     fps, sampled = pipeline.representation.fps, (recipe.steps, recipe.guidance)
     if recipe.edit is not None:
-        edit, edited = recipe.edit, source(recipe.edit.take).resampled(fps)
-        between = edit.between
-        return [
-            pipeline.edit(edited, recipe.prompt, between, seed, *sampled, edit.parts)
-            for seed in seeds
-        ]
+        edit = recipe.edit
+        about = source(edit.take).resampled(fps), recipe.prompt, edit.between
+        return [generate_edited(pipeline, *about, seed, *sampled, edit.parts) for seed in seeds]
     if recipe.between is not None:
         start, end = (source(n).resampled(fps) for n in (recipe.between.start, recipe.between.end))
-        seconds, prompt = recipe.seconds or 1.0, recipe.prompt or ON_THE_WAY
-        return [pipeline.between(start, end, seconds, prompt, seed, *sampled) for seed in seeds]
-    motions = _generated(pipeline, recipe, seeds, source)
-    steps = CleanUp(exact_count=recipe.exact_count, exact_turn=recipe.exact_turn)
-    return cleaned(motions, steps) if recipe.clean else motions
+        about = start, end, recipe.seconds or 1.0, recipe.prompt or ON_THE_WAY
+        return [generate_between(pipeline, *about, seed, *sampled) for seed in seeds]
+    steps = CleanUp(recipe.exact_count, recipe.exact_turn) if recipe.clean else None
+    return _generated(pipeline, recipe, seeds, source, steps)
 
 
 def check(recipe: Recipe) -> None:
@@ -159,26 +158,30 @@ def check(recipe: Recipe) -> None:
 
 
 def _generated(
-    pipeline: MotionPipeline, recipe: Recipe, seeds: Sequence[int], source: Source
+    pipeline: MotionPipeline,
+    recipe: Recipe,
+    seeds: Sequence[int],
+    source: Source,
+    steps: CleanUp | None,
 ) -> list[Motion]:
     prompt, seconds, sampled = recipe.prompt, recipe.seconds, (recipe.steps, recipe.guidance)
     if recipe.timeline:
         spans, parts = recipe.spans(), recipe.part_spans()
-        return [pipeline.timeline(spans, seed, *sampled, parts) for seed in seeds]
+        made = [generate_timeline(pipeline, spans, seed, *sampled, parts) for seed in seeds]
+        return clean_batch(made, steps) if steps else made
     if recipe.loop:
         assert seconds is not None  # `check` has looked
-        return [pipeline.loop(prompt, seconds, seed, *sampled) for seed in seeds]
+        made = [generate_loop(pipeline, prompt, seconds, seed, *sampled) for seed in seeds]
+        return clean_batch(made, steps) if steps else made
     goals = [*recipe.all_goals(), *_poses(recipe, source)]
-    if recipe.best_of > 1:
-        named = dict(zip(("steps", "guidance", "sampler"), (*sampled, recipe.sampler), strict=True))
-        settings = {"seconds": seconds, "goals": goals, **named}
-        return [pipeline.best(prompt, recipe.best_of, seed=seed, **settings) for seed in seeds]
-    if not goals:
-        # By the seed, so that a take that is made again starts from what it started from.
-        every_other = [seed % 2 == 0 for seed in seeds]
-        prompts = [prompt] * len(seeds)
-        return pipeline.batch(prompts, seconds, seeds, *sampled, recipe.sampler, every_other)
-    return [pipeline(prompt, seconds, seed, *sampled, recipe.sampler, goals) for seed in seeds]
+    if goals or recipe.best_of > 1:
+        settings = {"takes": recipe.best_of, "clean_up": steps}
+        sampling = (*sampled, recipe.sampler)
+        return [pipeline(prompt, seconds, n, *sampling, goals, **settings) for n in seeds]
+    # By the seed, so that a take that is made again starts from what it started from.
+    every_other = [seed % 2 == 0 for seed in seeds]
+    prompts = [prompt] * len(seeds)
+    return pipeline.batch(prompts, seconds, seeds, *sampled, recipe.sampler, every_other, steps)
 
 
 def _poses(recipe: Recipe, source: Source) -> list[Goal]:

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.cleanup import CleanUp
 from latentmotion.data.recording import interpolate
 from latentmotion.describe.facts import FPS
 from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
 from latentmotion.instructions.prompts import Instruction
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.config import Sampling
-from latentmotion.motion import cleaned
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.storage.array_files import read_array, read_arrays
@@ -82,11 +82,10 @@ def generate_motions(
                 sampling.steps,
                 sampling.guidance,
                 sampling.sampler,
+                clean_up=CleanUp() if settings.clean else None,
             )
             joints = []
-            for motion in counted(
-                cleaned(motions) if settings.clean else motions, "checking motions"
-            ):
+            for motion in counted(motions, "checking motions"):
                 if motion.skeleton.names != HUMANML3D.names:
                     raise ModelError(
                         f"motions have skeleton {motion.skeleton.name!r}; expected "

@@ -1,0 +1,56 @@
+"""Corrections: degrees and repetitions that a sentence names, which clean-up makes exact.
+
+A diffusion model turns by about what is asked and does an act about as often. Language reads the
+numbers out of the sentence, the pipeline hands them on beside the motion, and clean-up edits the
+motion by them. They are never read out of a file: its metadata only tell what was done.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn of the whole body that a sentence asks for."""
+
+    degrees: float
+    """By how much."""
+    side: str = ""
+    """`left`, `right`, or nothing for either."""
+
+
+@dataclass(frozen=True)
+class Count:
+    """Number of repetitions of an act that a sentence asks for."""
+
+    act: str
+    """A name of `COUNTED`, the acts whose repetitions are measured."""
+    side: str = ""
+    """`left`, `right` or `both`, or nothing for any."""
+    times: int = 1
+    """Number of times, 1 or more."""
+
+    @property
+    def wanted(self) -> range:
+        """Counts that are as asked: a step more may be the one that ends the walk."""
+        return range(self.times, self.times + (2 if self.act == "step" else 1))
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """What clean-up makes exact in one motion; by default nothing."""
+
+    turn: Turn | None = None
+    """The turn, if the sentence names the degrees of exactly one."""
+    count: Count | None = None
+    """The count, if the sentence says how often exactly one act is done."""
+
+    def about(self) -> dict[str, Any]:
+        """Returns what a motion's metadata say of the numbers in its sentence."""
+        return {name: each for name, each in asdict(self).items() if each is not None}
+
+
+NO_CORRECTIONS = Corrections()
+"""Of a motion that nobody asked for a number."""
