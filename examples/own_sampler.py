@@ -17,13 +17,13 @@ class AdamsBashforth:
 
     schedule: Schedule
 
-    def integrate(self, estimate, z, times, noise):
+    def steps(self, estimate, z, times, noise):
         before = None
         for t, s in pairwise(times):
             now = estimate(z, t)
             z0, epsilon = (1.5 * a - 0.5 * b for a, b in zip(now, before or now, strict=True))
             z, before = self.schedule.alpha(s) * z0 + self.schedule.sigma(s) * epsilon, now
-        return z
+            yield z
 
 
 class Pipeline(MotionPipeline):
@@ -32,6 +32,4 @@ class Pipeline(MotionPipeline):
 
 
 if __name__ == "__main__":
-    Pipeline.from_pretrained("starter")(sys.argv[1], seconds=4, steps=20).cleaned().save(
-        sys.argv[2]
-    )
+    Pipeline.from_pretrained("starter")(sys.argv[1], seconds=4, steps=20).save(sys.argv[2])

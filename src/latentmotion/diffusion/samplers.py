@@ -1,15 +1,15 @@
 """Samplers: solvers that integrate from noise to latents, in steps from time t to an earlier s.
 
-A sampler knows the schedule alone. What the network's output means is its estimator's business, and
-guidance is a denoiser around a denoiser. Of `Heun` and `DPMSolver` the error falls with the square
-of the step.
+Each step can be seen (`trajectory`), and `sample` returns the last. A sampler knows the schedule
+alone. What the network's output means is its estimator's business, and guidance is a denoiser
+around a denoiser. Of `Heun` and `DPMSolver` the error falls with the square of the step.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -38,10 +38,10 @@ class Sampler(Protocol):
         """The noise schedule, which gives alpha and sigma at each time."""
         ...
 
-    def integrate(
+    def steps(
         self, estimate: Estimate, z: Latents, times: Sequence[float], noise: Noise
-    ) -> Latents:
-        """Returns the latents at the last of the descending `times`; mutates nothing.
+    ) -> Iterator[Latents]:
+        """Yields the latents at each of the descending `times` after the first; mutates nothing.
 
         Args:
             estimate: Returns the estimates of (z_0, epsilon), given latents and one time for all.
@@ -59,13 +59,13 @@ class SingleStepSampler(ABC):
     def step(self, estimates: Estimates, z: Latents, t: float, s: float, noise: Noise) -> Latents:
         """Returns z_s, s < t, from z_t and the estimates of (z_0, epsilon) there; mutates none."""
 
-    def integrate(
+    def steps(
         self, estimate: Estimate, z: Latents, times: Sequence[float], noise: Noise
-    ) -> Latents:
-        """Returns the latents at the last of the times."""
+    ) -> Iterator[Latents]:
+        """Yields the latents after each step."""
         for t, s in pairwise(times):
             z = self.step(estimate(z, t), z, t, s, noise)
-        return z
+            yield z
 
 
 @dataclass(frozen=True)
@@ -115,13 +115,13 @@ class Heun:
 
     schedule: Schedule
 
-    def integrate(
+    def steps(
         self, estimate: Estimate, z: Latents, times: Sequence[float], noise: Noise
-    ) -> Latents:
-        """Returns the latents at the last of the times."""
+    ) -> Iterator[Latents]:
+        """Yields the latents after each step."""
         for t, s in pairwise(times):
             z = self._step(estimate, z, t, s)
-        return z
+            yield z
 
     def _step(self, estimate: Estimate, z: Latents, t: float, s: float) -> Latents:
         alpha, sigma = self.schedule.alpha(s), self.schedule.sigma(s)
@@ -145,10 +145,10 @@ class DPMSolver:
 
     schedule: Schedule
 
-    def integrate(
+    def steps(
         self, estimate: Estimate, z: Latents, times: Sequence[float], noise: Noise
-    ) -> Latents:
-        """Returns the latents at the last of the times."""
+    ) -> Iterator[Latents]:
+        """Yields the latents after each step."""
         before, last = None, 0.0
         for t, s in pairwise(times):
             z0, _ = estimate(z, t)
@@ -157,7 +157,7 @@ class DPMSolver:
             ahead = z0 + size / (2 * last) * (z0 - before) if usable else z0
             z = self._step(ahead, z, t, s)
             before, last = z0, size
-        return z
+            yield z
 
     def _step(self, z0: Latents, z: Latents, t: float, s: float) -> Latents:
         ratio = self.schedule.sigma(s) / self.schedule.sigma(t)
@@ -193,7 +193,23 @@ def sample(
     noise: Noise,
     remaining: int | None = None,
 ) -> Latents:
-    """Integrates from pure noise to latents, or from noised latents over the last of the steps.
+    """Returns the latents at the end of the steps; see `trajectory` for the arguments."""
+    for _, latents in trajectory(estimator, sampler, z, condition, mask, steps, noise, remaining):
+        z = latents
+    return z
+
+
+def trajectory(
+    estimator: Estimator,
+    sampler: Sampler,
+    z: Latents,
+    condition: Conditioning,
+    mask: Bool[Any, "batch tokens"],
+    steps: int,
+    noise: Noise,
+    remaining: int | None = None,
+) -> Iterator[tuple[float, Latents]]:
+    """Yields the latents from pure noise, or noised latents, to clean ones, with their timesteps.
 
     Args:
         estimator: A denoiser, with guidance around it, that returns estimates of (z_0, epsilon).
@@ -210,7 +226,8 @@ def sample(
         return estimator(z, t, condition, mask)
 
     times = remaining_times(sampler.schedule, steps, remaining)
-    return sampler.integrate(estimate, z, times, noise)
+    yield times[0], z
+    yield from zip(times[1:], sampler.steps(estimate, z, times, noise), strict=True)
 
 
 def remaining_times(schedule: Schedule, steps: int, remaining: int | None) -> list[float]:

@@ -6,16 +6,13 @@ z_T (noise) → … → z_t → … → z_0, recorded at the denoiser's calls, �
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.parametrization import Estimates, Estimator
-from latentmotion.diffusion.samplers import sample
+from latentmotion.diffusion.samplers import trajectory
 from latentmotion.engine.request import GenerationRequest, padded_batch
 from latentmotion.errors import MissingExtraError
 from latentmotion.evaluation.report import Figure
@@ -233,21 +230,6 @@ CLEAN = -1.0
 """Timestep that stands for latents without noise."""
 
 
-@dataclass
-class Recorder:
-    """An estimator around another that records its inputs."""
-
-    estimator: Estimator
-    """The other."""
-    states: list[tuple[float, Any]] = field(default_factory=list)
-    """Timestep and latents of every call."""
-
-    def __call__(self, z: Any, t: float, condition: Conditioning, mask: Any) -> Estimates:
-        """Records the latents and returns their estimates."""
-        self.states.append((t, z.reshape(len(z), -1)))
-        return self.estimator(z, t, condition, mask)
-
-
 def draw_latents(generator: MotionPipeline, path: Path) -> dict[str, Figure]:
     """Draws the maps of a model of actions; returns the silhouettes of noise and latents."""
     known = generator.card.condition.known_prompts
@@ -278,10 +260,10 @@ def latents_along(
     )
     condition = generator.condition(labels)
     batch, noise = padded_batch(request, condition, card.latents, generator.backend)
-    recorder, sampler = Recorder(generator.guided(sampling)), sampler_of(card, sampling)
-    steps, to_host = sampling.steps, generator.backend.to_host
-    z = sample(recorder, sampler, batch.noise, batch.condition, batch.tokens, steps, noise)
-    return [(t, to_host(state)) for t, state in [*recorder.states, (CLEAN, z.reshape(len(z), -1))]]
+    chain = generator.guided(sampling), sampler_of(card, sampling), batch.noise
+    steps = trajectory(*chain, batch.condition, batch.tokens, sampling.steps, noise)
+    states = [(t, generator.backend.to_host(z).reshape(len(z), -1)) for t, z in steps]
+    return [*states[:-1], (CLEAN, states[-1][1])]
 
 
 def chosen(

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -30,16 +30,15 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.condition.interface import Conditioning
 from latentmotion.data.dataset import Crop
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
-from latentmotion.diffusion.parametrization import Estimates, ParametrizedDenoiser, add_noise
+from latentmotion.diffusion.parametrization import ParametrizedDenoiser, add_noise
 from latentmotion.diffusion.samplers import (
     Sampler,
     SamplerName,
     SeededNoise,
-    sample,
     sampler_named,
+    trajectory,
 )
 from latentmotion.diffusion.schedule import Schedule, StepCondition
 from latentmotion.errors import InputError
@@ -118,16 +117,12 @@ class Teacher:
         start, real = torch.from_numpy(z).to(self.device), mask.to(self.device)
         sampler, steps = self._sampler()
         guided = self.guided(scale.to(self.device))
-        states: list[torch.Tensor] = []
-
-        def watched(z: Any, t: float, condition: Conditioning, mask: Any) -> Estimates:
-            states.append(z)
-            return guided(z, t, condition, mask)
-
         with autocast(self.device, self.precision):
-            last = sample(watched, sampler, start, condition, real, steps, nothing)
+            states = [
+                z for _, z in trajectory(guided, sampler, start, condition, real, steps, nothing)
+            ]
         stops = [stop * steps // self.few_step.solver_steps for stop in self.few_step.stops]
-        points = torch.stack([[*states, last][stop] for stop in stops], dim=1)
+        points = torch.stack([states[stop] for stop in stops], dim=1)
         rows = torch.arange(len(crops))
         return Trajectories(points, mask, scale, rows).to(torch.device("cpu"))
 
