@@ -7,10 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from latentmotion.control.edit import generate_edited
-from latentmotion.control.exact import inertialized
-from latentmotion.errors import InputError
-from latentmotion.motion import Motion
 from benchmarks.directing.bench import (
     CLIP,
     Bench,
@@ -20,6 +16,7 @@ from benchmarks.directing.bench import (
     blended,
     jerk,
 )
+from latentmotion.control.edit import generate_edited
 from latentmotion.control.exact import inertialized
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion

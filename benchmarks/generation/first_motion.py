@@ -20,11 +20,9 @@ def ours(folder: str, engine: str, threads: str, seconds: str, steps: str) -> La
     watch.lap("import")
     generate = load_generator(folder, engine, int(threads))  # type: ignore[arg-type]
     watch.lap("load")
-    generate(
-        "a person walks forward and kicks", float(seconds), steps=int(steps), takes=1, clean_up=None
-    )
+    generate.batch("a person walks forward and kicks", float(seconds), steps=int(steps))
     watch.lap("first motion")
-    generate("a person jumps to the left", float(seconds), **one)
+    generate.batch("a person jumps to the left", float(seconds), steps=int(steps))
     watch.lap("second")
     return watch.laps
 

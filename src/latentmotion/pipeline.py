@@ -404,18 +404,18 @@ class MotionPipeline:
             request = replace(request, frames=tuple(frames), starts=begun)
         joints = self._in_batches(request, lambda one: self.joints_of(self.generate_batch(one)))
         settings = {"steps": sampling.steps, "guidance": sampling.guidance, **card.terms()}
-        reads_text, raw = card.condition.reads_text, []
-        for positions, prompt, seed, start, any_length in zip(
-            joints, prompts, seeds, starts, free, strict=True
+        pairs = list(zip(sentences, free, strict=True)) if card.condition.reads_text else []
+        exact = {pair: asked_exactly(*pair) for pair in dict.fromkeys(pairs)}
+        corrections = [exact[pair] for pair in pairs] or [NO_CORRECTIONS] * len(prompts)
+        raw = []
+        for positions, prompt, seed, correction, start in zip(
+            joints, prompts, seeds, corrections, starts, strict=True
         ):
-            reading, corrections = readings[prompt], NO_CORRECTIONS
-            if reads_text:
-                corrections = asked_exactly(reading.sentence, any_length)
-            about = {"model": card.name, "seed": seed, **settings, **corrections.about()}
-            about |= reading.about() | (start.about() if start else {})
+            about = {"model": card.name, "seed": seed, **settings, **correction.about()}
+            about |= readings[prompt].about() | (start.about() if start else {})
             positions = positions.astype(np.float32, copy=False)
             motion = Motion(positions, space.fps, space.skeleton, prompt, about)
-            raw.append(RawMotion(motion, corrections, start=start))
+            raw.append(RawMotion(motion, correction, start=start))
         return raw
 
     def _directed(

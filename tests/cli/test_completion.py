@@ -40,7 +40,7 @@ def test_bash_completes_commands_options_and_choices(
     )
     found = [line.split() for line in done.stdout.splitlines()]
     words = [["generate"], ["hdm05"], ["--model"], ["openvino"]]
-    words += [["--precision", "--preset"], ["--check", "--clean"]]  # whose help has several lines
+    words += [["--preset", "--precision"], ["--check", "--clean"]]  # whose help has several lines
     assert found == words, done.stderr
 
 

@@ -155,8 +155,3 @@ def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     with pytest.raises(MissingExtraError, match=r"huggingface_hub.*latentmotion\[hub\]"):
         MotionPipeline.from_pretrained("someone/walks")
-
-
-def test_old_names_work_and_say_what_they_are_called_now() -> None:
-    with pytest.warns(DeprecationWarning, match="now from_pretrained"):
-        assert MotionPipeline.load("starter", threads=1).card.name == "starter"

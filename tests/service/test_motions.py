@@ -60,8 +60,8 @@ def test_counts_are_exact_unless_told_otherwise_or_timed(called: Called) -> None
         found = called.post("/v1/motions", bows | {"exact_count": exact}).json()
         np.testing.assert_allclose(found["positions"], expected.joints, atol=1e-4)
     assert "made" in raw.motion.cleaned(None, raw.corrections).metadata["count"]
-    timed = called.post("/v1/motions", bows | {"seconds": motion.seconds}).json()
-    assert len(timed["positions"]) == len(motion) and "count" not in timed["metadata"]
+    timed = called.post("/v1/motions", bows | {"seconds": raw.motion.seconds}).json()
+    assert len(timed["positions"]) == len(raw.motion) and "count" not in timed["metadata"]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from latentmotion import formats
-from latentmotion.cleanup import CleanUp
+from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.cleanup.changes import Changes
 from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.cli import options

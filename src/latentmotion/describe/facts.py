@@ -108,20 +108,27 @@ class Description:
 
     def find(self, kind: str, side: str = "", direction: str = "") -> tuple[Event, ...]:
         """Returns the moves, turns, postures and events of a kind, by start."""
-        everything = (*self.moves, *self.turns, *self.postures, *self.events)
-        found = (
-            event
-            for event in everything
-            if event.kind == kind
-            and (not side or event.side in (side, BOTH))
-            and (not direction or event.direction == direction)
-        )
-        return tuple(sorted(found, key=lambda event: event.start))
+        every = (*self.moves, *self.turns, *self.postures, *self.events)
+        return among(every, kind, side, direction)
 
     def share(self, kind: str, direction: str = "") -> float:
         """Returns the share of the motion, 0 to 1, that moves or postures of a kind take."""
         found = self.find(kind, direction=direction)
         return min(sum(event.frames for event in found) / max(self.frames, 1), 1.0)
+
+
+def among(
+    events: Iterable[Event], kind: str, side: str = "", direction: str = ""
+) -> tuple[Event, ...]:
+    """Returns the events of a kind, by start; with a side, those of that side or both."""
+    found = (
+        event
+        for event in events
+        if event.kind == kind
+        and (not side or event.side in (side, BOTH))
+        and (not direction or event.direction == direction)
+    )
+    return tuple(sorted(found, key=lambda event: event.start))
 
 
 @dataclass(frozen=True)

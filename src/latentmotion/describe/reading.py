@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +15,7 @@ from latentmotion.describe import arms, legs, whole_body
 from latentmotion.describe.acts import acts_of
 from latentmotion.describe.agreement import check
 from latentmotion.describe.claims import claims_of
-from latentmotion.describe.facts import FPS, LEFT, RIGHT, Description, Event
+from latentmotion.describe.facts import FPS, LEFT, RIGHT, Description, Event, Path, among
 from latentmotion.describe.sentences import sentences
 from latentmotion.describe.signals import Signals, activity_of, measure, twist_of
 
@@ -29,8 +31,11 @@ class Scene:
     """Its description."""
     signals: Signals
     """The curves that the description is measured from."""
-    poses: tuple[Event, ...]
-    """Poses and exercises of the whole body."""
+
+    @cached_property
+    def poses(self) -> tuple[Event, ...]:
+        """Poses and exercises of the whole body."""
+        return whole_body.poses_of(self.signals)
 
     def find(self, *kinds: str) -> list[Event]:
         """Returns the events, moves, turns, postures and poses of some kinds, by start."""
@@ -49,41 +54,119 @@ def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Description:
     Raises:
         InputError: The joints have another shape, fewer than 4 frames, or are not numbers.
     """
-    return _described(measure(joints))
+    return Measured(measure(joints))
 
 
-def _described(signals: Signals) -> Description:
-    flights = legs.flights_of(signals)
-    running = legs.running_of(flights, signals)
-    turns = whole_body.turns_of(signals)
-    postures = whole_body.postures_of(signals)
-    changes = whole_body.changes_of(postures)
-    kicks = legs.kicks_of(signals)
-    events: list[Event] = [
-        *legs.jumps_of(signals, flights, running),
-        *kicks,
-        *legs.knees_of(signals, kicks),
-        *legs.balances_of(signals),
-        *legs.climbs_of(signals),
-        *arms.raises_of(signals),
-        *arms.waves_of(signals),
-        *arms.punches_of(signals),
-        *arms.arm_circles_of(signals),
-        *arms.claps_of(signals),
-        *changes,
-        *whole_body.dips_of(signals, changes),
-    ]
-    return Description(
-        frames=signals.frames,
-        path=whole_body.path_of(signals, turns),
-        moves=whole_body.moves_of(signals, running, legs.treading_of(signals)),
-        turns=turns,
-        postures=postures,
-        events=tuple(sorted(events, key=lambda event: (event.start, event.kind, event.side))),
-        steps=legs.steps_of(signals),
-        twist=twist_of(signals),
-        activity=activity_of(signals),
-    )
+_SOURCES = (
+    ("moves", ("stand", "walk", "jog", "run")),
+    ("turns", ("turn",)),
+    ("postures", ("stand", "crouch", "bend", "kneel", "sit", "floor", "lie")),
+    ("jumps", ("jump", "hop")),
+    ("kicks", ("kick",)),
+    ("knees", ("knee",)),
+    ("balances", ("balance",)),
+    ("climbs", ("climb",)),
+    ("raises", ("raise",)),
+    ("waves", ("wave",)),
+    ("punches", ("punch",)),
+    ("arm_circles", ("arm_circle",)),
+    ("claps", ("clap",)),
+    ("changes", whole_body.CHANGES),
+    ("dips", ("squat", "bow", "pick_up")),
+)
+"""What is measured by one detector, and the kinds of events that it finds."""
+
+
+Fact = TypeVar("Fact")
+
+
+def _of_signals(function: Callable[[Signals], Fact]) -> cached_property[Fact]:
+    """Returns a property that is measured from the signals alone."""
+    return cached_property(lambda measured: function(measured.signals))
+
+
+def _order(event: Event) -> tuple[int, str, str]:
+    return event.start, event.kind, event.side
+
+
+class Measured(Description):
+    """A description whose facts are measured when they are first asked for.
+
+    A sentence asks for a few of them, and to measure all takes longer than all networks.
+
+    Args:
+        signals: The curves that they are measured from.
+    """
+
+    def __init__(self, signals: Signals) -> None:
+        # The class is frozen, as descriptions are, and lets only cached properties in.
+        self.__dict__.update(signals=signals, frames=signals.frames)
+
+    def find(self, kind: str, side: str = "", direction: str = "") -> tuple[Event, ...]:
+        """Returns the moves, turns, postures and events of a kind, by start."""
+        sources = [source for source, kinds in _SOURCES if kind in kinds]
+        return among(
+            [event for source in sources for event in sorted(getattr(self, source), key=_order)],
+            kind,
+            side,
+            direction,
+        )
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """All that is neither a move nor a turn nor a posture, by start."""
+        found = (event for source, _ in _SOURCES[3:] for event in getattr(self, source))
+        return tuple(sorted(found, key=_order))
+
+    @cached_property
+    def path(self) -> Path:
+        """Its path over the floor."""
+        return whole_body.path_of(self.signals, self.turns)
+
+    @cached_property
+    def moves(self) -> tuple[Event, ...]:
+        """Gaits and pauses, one after another without gaps."""
+        return whole_body.moves_of(self.signals, self.running, legs.treading_of(self.signals))
+
+    @cached_property
+    def running(self) -> Float[np.ndarray, " frames"]:
+        """Share of running around each frame."""
+        return legs.running_of(self.flights, self.signals)
+
+    @cached_property
+    def jumps(self) -> list[Event]:
+        """Jumps, hops and leaps."""
+        return legs.jumps_of(self.signals, self.flights, self.running)
+
+    @cached_property
+    def knees(self) -> list[Event]:
+        """Raised knees that are no kicks."""
+        return legs.knees_of(self.signals, self.kicks)
+
+    @cached_property
+    def changes(self) -> list[Event]:
+        """Changes of posture."""
+        return whole_body.changes_of(self.postures)
+
+    @cached_property
+    def dips(self) -> list[Event]:
+        """Squats, bows and what is picked up."""
+        return whole_body.dips_of(self.signals, self.changes)
+
+    turns = _of_signals(whole_body.turns_of)
+    postures = _of_signals(whole_body.postures_of)
+    flights = _of_signals(legs.flights_of)
+    kicks = _of_signals(legs.kicks_of)
+    balances = _of_signals(legs.balances_of)
+    climbs = _of_signals(legs.climbs_of)
+    raises = _of_signals(arms.raises_of)
+    waves = _of_signals(arms.waves_of)
+    punches = _of_signals(arms.punches_of)
+    arm_circles = _of_signals(arms.arm_circles_of)
+    claps = _of_signals(arms.claps_of)
+    steps = _of_signals(legs.steps_of)
+    twist = _of_signals(twist_of)
+    activity = _of_signals(activity_of)
 
 
 def scene_of(joints: Float[np.ndarray, "frames 22 3"]) -> Scene:
@@ -96,7 +179,7 @@ def scene_of(joints: Float[np.ndarray, "frames 22 3"]) -> Scene:
         InputError: The joints have another shape, too few frames, or are not numbers.
     """
     signals = measure(joints)
-    return Scene(_described(signals), signals, whole_body.poses_of(signals))
+    return Scene(Measured(signals), signals)
 
 
 def lasting(events: list[Event], seconds: float) -> list[Event]:

@@ -168,6 +168,9 @@ _CHANGES = {
 }
 """The change between two postures, with or without a short crouch or bow between them."""
 
+CHANGES = tuple(dict.fromkeys(_CHANGES.values()))
+"""Kinds of changes."""
+
 _FIRST_HALF = {"sit_down": "lie_down", "kneel_down": "lie_down", "sit_up": "get_up"}
 """Changes that may be only the first half of another."""
 
