@@ -252,7 +252,8 @@ class MotionPipeline:
         """
         from latentmotion.ranking.best import best_of, usual_takes
 
-        requests.check_prompts(self.card, [prompt])
+        if takes is None:
+            requests.check_prompts(self.card, [prompt])
         of = usual_takes(self.card, prompt) if takes is None else takes
         settings = (steps, guidance, sampler, goals, from_clips, clean_up)
         if of != 1:
@@ -404,9 +405,11 @@ class MotionPipeline:
             request = replace(request, frames=tuple(frames), starts=begun)
         joints = self._in_batches(request, lambda one: self.joints_of(self.generate_batch(one)))
         settings = {"steps": sampling.steps, "guidance": sampling.guidance, **card.terms()}
-        pairs = list(zip(sentences, free, strict=True)) if card.condition.reads_text else []
-        exact = {pair: asked_exactly(*pair) for pair in dict.fromkeys(pairs)}
-        corrections = [exact[pair] for pair in pairs] or [NO_CORRECTIONS] * len(prompts)
+        corrections = [NO_CORRECTIONS] * len(prompts)
+        if card.condition.reads_text:
+            pairs = [(readings[p].sentence, any_) for p, any_ in zip(prompts, free, strict=True)]
+            exact = {pair: asked_exactly(*pair) for pair in dict.fromkeys(pairs)}
+            corrections = [exact[pair] for pair in pairs]
         raw = []
         for positions, prompt, seed, correction, start in zip(
             joints, prompts, seeds, corrections, starts, strict=True

@@ -78,7 +78,7 @@ def test_a_packaged_model_generates(kind: str, tmp_path: Path) -> None:
     page = (output / "README.md").read_text(encoding="utf-8")
     assert page.startswith("---\nlicense: ") and "# model\n" in page
     pipeline = MotionPipeline.from_pretrained(output, "onnxruntime", 1)
-    motion = pipeline("a person walks", 1, steps=3, takes=1)
+    (motion,) = pipeline.batch("a person walks", 1, steps=3)
     assert motion.joints.shape == (20, 22, 3)
     assert motion.metadata["model"] == "model"
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from latentmotion.motion import Motion
+from latentmotion.pipeline import RawMotion
 from latentmotion.service import worker, workers
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
@@ -183,7 +184,7 @@ def test_a_request_whose_file_would_be_late_is_not_generated(
 def test_files_written_together_are_what_they_are_alone(form: str) -> None:
     joints = walker(30).joints()
     noise = np.random.default_rng(0).normal(0, 0.005, (3, *joints.shape))
-    motions = [Motion(joints + one, caption=str(n)) for n, one in enumerate(noise)]
+    motions = [RawMotion(Motion(joints + one, caption=str(n))) for n, one in enumerate(noise)]
     tasks = [written([one], form, one is not motions[2], None) for one in motions]
     tasks.append(written(motions[:2], form, True, 30.0))
     together = worker.answers(tasks)

@@ -88,7 +88,8 @@ class Teach:
         """Returns an index of the clips of a file."""
         clips = [self._clip_of(pipeline, *item) for item in enumerate(formats.load(self.file))]
         source = Source(self.credit or self.output.resolve().name, self.license, self.credit)
-        return pipeline.taught(clips, [source])
+        encoders = pipeline.feature_encoder, pipeline.text_encoder
+        return build_index(clips, [source], pipeline.card, *encoders).preferred()
 
     def _of_data(self, pipeline: MotionPipeline) -> ClipIndex:
         """Returns an index of the training clips of prepared data."""

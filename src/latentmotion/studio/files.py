@@ -12,6 +12,7 @@ from fastapi.concurrency import run_in_threadpool
 
 from latentmotion.errors import InputError
 from latentmotion.formats.content import encoded
+from latentmotion.pipeline import RawMotion
 from latentmotion.service.state import Service
 from latentmotion.studio.library import Library, StoredTake
 
@@ -49,7 +50,8 @@ async def content_of(
     form.check()
     motion = await run_in_threadpool(library.motion, take)
     if form.character is None:
-        return await service.file([motion], form.format, False, form.fps, service.deadline())
+        raw = [RawMotion(motion)]
+        return await service.file(raw, form.format, False, form.fps, service.deadline())
     character = await run_in_threadpool(library.character, form.character)
     task = {
         **{"verb": "retarget", "map": character.joint_map(), "figure": True},

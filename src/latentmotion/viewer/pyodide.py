@@ -31,7 +31,8 @@ _LOADERS = ("pyodide.asm.mjs", "pyodide.asm.js")
 _OLDEST_PYTHON = (3, 11)
 
 _PARTS = (
-    *("__init__.py", "arrays.py", "errors.py", "motion.py", "plugins.py", "progress.py"),
+    *("__init__.py", "arrays.py", "corrections.py", "errors.py", "motion.py", "plugins.py"),
+    *("progress.py", "language"),
     *("cleanup", "formats", "kinematics", "render", "representation", "storage"),
     *("describe/__init__.py", "describe/asked.py", "describe/claims.py", "describe/facts.py"),
     *("describe/repetitions.py", "describe/arms.py", "describe/legs.py", "describe/signals.py"),
