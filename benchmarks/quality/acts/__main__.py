@@ -13,6 +13,8 @@
    the prompt at hand only) or bad.
 4. `table` prints shares of good, by how many clips of the training split name the act.
 
+`retrieve fast` needs no judge: ranks of the acts' own clips by the tower of own-clip retrieval.
+
 `count DATA` updates clips and seconds of `acts.tsv`. Verdicts are kept in `verdicts/`.
 """
 
@@ -28,9 +30,11 @@ import tyro
 from tyro.conf import Positional
 
 from benchmarks.quality.acts import table
+from benchmarks.quality.acts.retrieval import ranks
 from benchmarks.quality.acts.sheets import write_sheets
 from benchmarks.quality.acts.table import Judged
 from benchmarks.quality.default_path import default_motion
+from benchmarks.quality.own_clip.__main__ import lines_of
 from latentmotion import MotionPipeline
 
 
@@ -119,6 +123,30 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Retrieve:
+    """Print how far up clips of the act are that a prompt asks for."""
+
+    model: Positional[str] = "fast"
+    """Name or folder of a model."""
+    data: Path = Path("data/starter.pack")
+    """Prepared folder or pack with the clips."""
+    from_clips: bool = True
+    """Passed to the pipeline."""
+    seed: int = 0
+    """Seed of clips and noise."""
+
+    def run(self) -> None:
+        """Prints."""
+        warnings.simplefilter("ignore")
+        by_stratum = ranks(self.model, self.data, self.seed, self.from_clips)
+        every = [rank for each in by_stratum.values() for rank in each]
+        strata = np.repeat([*by_stratum], [len(each) for each in by_stratum.values()])
+        print("| motions | clips of the act | prompts | median rank | first | in ten |")
+        print("|---" * 6 + "|")
+        print("\n".join(lines_of(self.model, np.array(every), strata, tuple(table.STRATA))))
+
+
+@dataclass(frozen=True)
 class Count:
     """Count clips and seconds of the acts anew."""
 
@@ -134,4 +162,4 @@ class Count:
 
 
 if __name__ == "__main__":
-    tyro.cli(Draw | Reveal | Table | Count).run()
+    tyro.cli(Draw | Reveal | Table | Retrieve | Count).run()

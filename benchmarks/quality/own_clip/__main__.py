@@ -110,10 +110,12 @@ def ranks_of(
     return 1 + (scores > np.diag(scores)[:, None]).sum(axis=1)
 
 
-def lines_of(name: str, ranks: np.ndarray, strata: np.ndarray) -> list[str]:
+def lines_of(
+    name: str, ranks: np.ndarray, strata: np.ndarray, names: tuple[str, ...] = tuple(STRATA)
+) -> list[str]:
     """Returns a line for each stratum: median rank, first, in ten, with bootstrapped intervals."""
     lines = []
-    for stratum in (*STRATA, "all"):
+    for stratum in (*names, "all"):
         chosen = ranks if stratum == "all" else ranks[strata == stratum]
         if not len(chosen):
             continue
