@@ -306,7 +306,7 @@ class MotionPipeline:
         )
         ranked = best.ranked(
             [one.motion for one in raw],
-            self.read(prompt).sentence,
+            self.read(prompt).prompt,
             scorer or best.scorer_beside(self.condition),
             clean_up,
             [one.corrections for one in raw],
@@ -398,7 +398,7 @@ class MotionPipeline:
         frames = requests.frames_of(card, lengths, len(prompts), space.fps, usual)
         request = GenerationRequest(tuple(sentences), tuple(frames), tuple(seeds), sampling)
         request.check(card, space.fps)
-        starts = self._clip_starts(request, free, from_clips)
+        starts = self._clip_starts([readings[p] for p in prompts], request, free, from_clips)
         if any(starts):
             frames = [s.frames if s else n for s, n in zip(starts, frames, strict=True)]
             begun = tuple(start and start.start for start in starts)
@@ -449,7 +449,11 @@ class MotionPipeline:
         return Reading(prompt) if clips is None else clips.doubts.read(prompt)
 
     def _clip_starts(
-        self, request: GenerationRequest, free: Sequence[bool], from_clips: bool | Sequence[bool]
+        self,
+        readings: Sequence[Reading],
+        request: GenerationRequest,
+        free: Sequence[bool],
+        from_clips: bool | Sequence[bool],
     ) -> list[ClipStart | None]:
         """Returns what each motion of a request starts from, None for pure noise."""
         count = len(request.prompts)
@@ -457,7 +461,7 @@ class MotionPipeline:
         if len(wanted) != count:
             raise InputError(f"{len(wanted)} values of from_clips for {count} motions")
         clips = self.clip_starts if any(wanted) and request.sampling.steps > 1 else None
-        return [None] * count if clips is None else clips.starts(request, free, wanted)
+        return [None] * count if clips is None else clips.starts(readings, request, free, wanted)
 
     @cached_property
     def clip_starts(self) -> ClipStarts | None:

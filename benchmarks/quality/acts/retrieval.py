@@ -1,6 +1,6 @@
 """Act retrieval: how far up a clip of the act is that a prompt asks for, by a tower of its own.
 
-    rank = 1 + #{of 240 clips of other acts: nearer to the motion than the nearest of up to 5 of its}
+    rank = 1 + #{240 clips of other acts nearer to the motion than the nearest of 5 of its act}
 
 The tower is that of own-clip retrieval, which nothing trains, ranks or chooses by. Prompts are in a
 user's words, so it measures understanding as much as motion.

@@ -25,7 +25,7 @@ from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
-from latentmotion.retrieval.doubts import Doubts, parts_of
+from latentmotion.retrieval.doubts import Doubts, Reading, parts_of
 from latentmotion.retrieval.index import ClipIndex, Neighbor
 from latentmotion.retrieval.wordings import both_sides
 
@@ -121,18 +121,25 @@ class ClipStarts:
         """Returns the embedding of a sentence, and that of its mirror image if it differs."""
         return self.text_encoder(both_sides(sentence)).pooled
 
-    def choices(self, sentence: str) -> list[Choice]:
+    def choices(self, reading: Reading) -> list[Choice]:
         """Returns clips to start from, for each movement of a sentence that follows another.
+
+        A sentence in words of its own claims nothing that a clip could spoil, so that its movement
+        may be less rare.
 
         Returns:
             Nothing where no movement is rare, or where a rare one has no clip near enough.
         """
-        parts = [self._choice(part) for part in parts_of(sentence)]
-        whole = self._choice(sentence) if len(parts) > 1 else parts[0]
+        parts = [self._choice(part) for part in parts_of(reading.prompt)]
+        whole = self._choice(reading.prompt) if len(parts) > 1 else parts[0]
         # A caption that tells of all movements in a row is nearer than captions of each.
         if whole.cosine >= min(part.cosine for part in parts):
             parts = [whole]
-        rare = min(part.support for part in parts) <= RARE
+        support = min(part.support for part in parts)
+        # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
+        # but for a clip that a user showed.
+        exact = support and asked_exactly(reading.sentence, any_length=True) != NO_CORRECTIONS
+        rare = support <= (USUAL if reading.caption else RARE) and not exact
         return parts if rare and all(part.cosine >= LEAST_COSINE for part in parts) else []
 
     def _choice(self, sentence: str) -> Choice:
@@ -143,28 +150,27 @@ class ClipStarts:
         return Choice(alike, self.index.support(sides))
 
     def starts(
-        self, request: GenerationRequest, free: Sequence[bool], wanted: Sequence[bool]
+        self,
+        readings: Sequence[Reading],
+        request: GenerationRequest,
+        free: Sequence[bool],
+        wanted: Sequence[bool],
     ) -> list[ClipStart | None]:
         """Returns what each motion of a request starts from, None for pure noise.
 
         Args:
+            readings: Their sentences.
             request: The motions.
             free: Whether nobody gave the length of each.
             wanted: Whether each may start from a clip.
         """
-        choices = {prompt: self.choices(prompt) for prompt in dict.fromkeys(request.prompts)}
-        for prompt, near in choices.items():
-            # Noise has the count or the turn that a sentence asks for exactly more often than a
-            # clip, but for a clip that a user showed.
-            exact = asked_exactly(prompt, any_length=True) != NO_CORRECTIONS
-            if exact and all(choice.support for choice in near):
-                choices[prompt] = []
+        choices = {reading: self.choices(reading) for reading in dict.fromkeys(readings)}
         return [
-            self.start(choices[prompt], None if any_length else frames, seed)
-            if take and choices[prompt]
+            self.start(choices[reading], None if any_length else frames, seed)
+            if take and choices[reading]
             else None
-            for prompt, frames, seed, take, any_length in zip(
-                request.prompts, request.frames, request.seeds, wanted, free, strict=True
+            for reading, frames, seed, take, any_length in zip(
+                readings, request.frames, request.seeds, wanted, free, strict=True
             )
         ]
 
