@@ -186,7 +186,7 @@ def _motions(service: Service) -> APIRouter:
                 raw = await service.generated(settings, body.all_prompts(), seconds)
                 raw = body.to_clean(raw)
                 file = service.file(raw, body.format, body.clean, body.fps, until)
-                return _response([one.motion for one in raw], *await file)
+                return _response([item.motion for item in raw], *await file)
 
         return await unless_gone(request, made())
 

@@ -158,16 +158,16 @@ class _Sampled(RequestModel):
     exact_turn: ExactTurn = True
 
     def to_clean(self, raw: Sequence[RawMotion]) -> list[RawMotion]:
-        """Returns motions of which clean-up makes exact only what is wanted."""
+        """Returns motions without the corrections that the request leaves out."""
         return [
             replace(
-                one,
+                item,
                 corrections=Corrections(
-                    one.corrections.turn if self.exact_turn else None,
-                    one.corrections.count if self.exact_count else None,
+                    item.corrections.turn if self.exact_turn else None,
+                    item.corrections.count if self.exact_count else None,
                 ),
             )
-            for one in raw
+            for item in raw
         ]
 
     def settings(self, predicted: bool) -> BatchSettings:

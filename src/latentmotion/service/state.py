@@ -192,8 +192,8 @@ class Service:
             steps = CleanUp() if request.clean else None
             make = partial(pipeline, *about, goals, takes=1, clean_up=steps)
         else:
-            found = await self.generated(settings, request.prompts(), seconds)
-            return request.to_clean(found)[0], request.clean
+            motions = await self.generated(settings, request.prompts(), seconds)
+            return request.to_clean(motions)[0], request.clean
         return RawMotion(await self.called(make, seconds)), request.clean and not goals
 
     async def file(
@@ -212,7 +212,7 @@ class Service:
             Problem: As for `written`.
         """
         if _plain(form, clean, fps):
-            return encoded([one.motion for one in raw], form)
+            return encoded([item.motion for item in raw], form)
         return await self.written(*written(raw, form, clean, fps), until - time.monotonic())
 
     async def written(

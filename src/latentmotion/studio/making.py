@@ -167,12 +167,12 @@ def _generated(
     prompt, seconds, sampled = recipe.prompt, recipe.seconds, (recipe.steps, recipe.guidance)
     if recipe.timeline:
         spans, parts = recipe.spans(), recipe.part_spans()
-        made = [generate_timeline(pipeline, spans, seed, *sampled, parts) for seed in seeds]
-        return clean_batch(made, steps) if steps else made
+        motions = [generate_timeline(pipeline, spans, seed, *sampled, parts) for seed in seeds]
+        return clean_batch(motions, steps) if steps else motions
     if recipe.loop:
         assert seconds is not None  # `check` has looked
-        made = [generate_loop(pipeline, prompt, seconds, seed, *sampled) for seed in seeds]
-        return clean_batch(made, steps) if steps else made
+        motions = [generate_loop(pipeline, prompt, seconds, seed, *sampled) for seed in seeds]
+        return clean_batch(motions, steps) if steps else motions
     goals = [*recipe.all_goals(), *_poses(recipe, source)]
     if goals or recipe.best_of > 1:
         settings = {"takes": recipe.best_of, "clean_up": steps}
