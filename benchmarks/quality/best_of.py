@@ -29,16 +29,16 @@ from jaxtyping import Bool, Float
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp
 from latentmotion.data.dataset import Dataset
-from latentmotion.describe.asked import asked_exactly
-from latentmotion.describe.reading import scene_of
+from latentmotion.data.instructions import GROUPS, Instruction, instructions
 from latentmotion.evaluation.instructions.benchmark import OVERALL, Share
-from latentmotion.instructions.checking import fulfills
-from latentmotion.instructions.drawn import drawn_instructions
-from latentmotion.instructions.prompts import GROUPS, Instruction, instructions
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
+from latentmotion.language.request import asked_exactly
+from latentmotion.measure.scene import scene_of
 from latentmotion.pipeline import cleaned_up
 from latentmotion.ranking.best import Take, ranked
 from latentmotion.ranking.scorer import Scorer
+from latentmotion.training.checking import fulfills
+from latentmotion.training.drawn_instructions import drawn_instructions
 
 SEED = 77
 """What draws prompts."""

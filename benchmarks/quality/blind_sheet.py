@@ -19,7 +19,7 @@ import tyro
 
 from latentmotion import MotionPipeline, formats
 from latentmotion.cleanup import CleanUp
-from latentmotion.describe.reading import describe
+from latentmotion.measure.scene import describe
 from latentmotion.motion import Motion
 
 PER_SHEET = 6

@@ -17,10 +17,11 @@ from pathlib import Path
 from benchmarks.harness.contest import table
 from latentmotion.data.clip import SPLITS, Clip
 from latentmotion.data.dataset import Dataset
-from latentmotion.describe.agreement import Verdict, check
-from latentmotion.describe.claims import Claim, claims_of
-from latentmotion.describe.facts import BOTH, Description
-from latentmotion.describe.reading import describe
+from latentmotion.language.claims import Claim
+from latentmotion.language.reading import claims_of
+from latentmotion.measure.facts import BOTH, Description
+from latentmotion.measure.scene import describe
+from latentmotion.ranking.agreement import Verdict, check
 
 GAITS = ("walk", "jog", "run", "move")
 SHORTEST = 8

@@ -28,7 +28,6 @@ from latentmotion.cleanup import USUAL, CleanUp, clean_batch
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
-from latentmotion.describe.asked import asked_exactly
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import Estimator, Noise, ParametrizedDenoiser
 from latentmotion.diffusion.samplers import (
@@ -57,6 +56,7 @@ from latentmotion.engine.session import (
     open_pullback,
 )
 from latentmotion.errors import InputError, ModelError
+from latentmotion.language.request import asked_exactly
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
@@ -446,7 +446,9 @@ class MotionPipeline:
         Without clips of the training data nothing is known of that, so nothing is said.
         """
         clips = self.clip_starts
-        return Reading(prompt) if clips is None else clips.doubts.read(prompt)
+        if not self.card.condition.reads_text:
+            return Reading(prompt)
+        return Reading.of(prompt) if clips is None else clips.doubts.read(prompt)
 
     def _clip_starts(
         self,

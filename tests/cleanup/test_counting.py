@@ -10,9 +10,9 @@ from latentmotion.cleanup import CleanUp, clean, clean_batch
 from latentmotion.control.stream import generate_loop
 from latentmotion.control.timeline import generate_timeline
 from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
-from latentmotion.describe.repetitions import repetitions
 from latentmotion.kinematics.plausibility import jitter
 from latentmotion.kinematics.skeleton import KIT
+from latentmotion.measure.repetitions import repetitions
 from tests.support import acted
 
 NO_COUNT = CleanUp(exact_count=False)

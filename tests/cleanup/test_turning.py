@@ -8,8 +8,8 @@ import pytest
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp, clean, clean_batch
 from latentmotion.corrections import Corrections, Turn
-from latentmotion.describe.reading import describe
 from latentmotion.kinematics.skeleton import KIT
+from latentmotion.measure.scene import describe
 from tests.support import acted
 
 NO_TURN = CleanUp(exact_turn=False)
@@ -25,7 +25,15 @@ def turned(motion: Motion) -> float:
 
 @pytest.mark.parametrize(
     ("made", "degrees", "side"),
-    [(60, 90, "left"), (-150, 90, "right"), (130, 180, ""), (-250, 360, "right"), (70, 45, "left")],
+    [
+        (60, 90, "left"),
+        (-150, 90, "right"),
+        (130, 180, ""),
+        (-250, 360, "right"),
+        (70, 45, "left"),
+        (-110, 45, "right"),
+        (128, 45, ""),
+    ],
 )
 def test_a_turn_of_the_right_sense_becomes_exact(made: float, degrees: float, side: str) -> None:
     motion = Motion(acted.turn_in_place(made))
@@ -37,7 +45,7 @@ def test_a_turn_of_the_right_sense_becomes_exact(made: float, degrees: float, si
 
 @pytest.mark.parametrize(
     ("degrees", "side"),
-    [(90, "right"), (30, "left"), (200, "left"), (90.4, "left"), (1, ""), (float("nan"), ""),
+    [(90, "right"), (25, "left"), (200, "left"), (90.4, "left"), (1, ""), (float("nan"), ""),
      (1e9, "")],
 )  # fmt: skip
 def test_other_turns_are_left_as_they_are(degrees: float, side: str) -> None:
@@ -90,3 +98,15 @@ def test_a_sentence_tells_the_turn() -> None:
     prompts = ["do a one-eighty", "turn right by 90 degrees", "turn left", "walk in a circle"]
     found = [motion.metadata.get("turn") for motion in generate.batch(prompts, 1.0)]
     assert found == [{"degrees": 180, "side": ""}, {"degrees": 90, "side": "right"}, None, None]
+
+
+def test_a_motion_that_turns_back_is_left_as_it_is() -> None:
+    there, back = acted.turn_in_place(90.0), acted.turn_in_place(-60.0)
+    motion = Motion(np.concatenate([there, turned_about(back, 90.0)[1:]]))
+    assert turned(motion) == pytest.approx(30, abs=3)
+    assert clean(motion, corrections=asks(45, "left")).metadata == motion.metadata
+
+
+def turned_about(joints: np.ndarray, degrees: float) -> np.ndarray:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return joints @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])

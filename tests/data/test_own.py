@@ -10,7 +10,6 @@ import pytest
 from latentmotion import formats
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Source
-from latentmotion.data.file_names import captions_of_names
 from latentmotion.data.prepare import Preparation, encode_all
 from latentmotion.data.recording import Dropped, Recording, files_below
 from latentmotion.data.sources.own import OwnMotions
@@ -21,6 +20,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.kinematics.standing import Stated
 from latentmotion.motion import Motion
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from latentmotion.training.captioning.file_names import captions_of_names
 from tests.support.mocap_folders import swaying, with_t_pose, write_own
 
 SOURCE = Source("own", "mine", "me")

@@ -7,11 +7,11 @@ import re
 import numpy as np
 import pytest
 
+from latentmotion.data.instructions import GROUPS, parse
 from latentmotion.errors import InputError
 from latentmotion.evaluation.instructions.body import Body, spans, swings
 from latentmotion.evaluation.instructions.detectors import ACTS, CONDITIONS, fulfills
 from latentmotion.evaluation.instructions.prompts import instructions
-from latentmotion.instructions.prompts import GROUPS, parse
 from tests.support import acted
 
 MOTIONS = {

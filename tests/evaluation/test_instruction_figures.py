@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from latentmotion.data.instructions import GROUPS, Instruction, parse
 from latentmotion.errors import InputError
 from latentmotion.evaluation.instructions.benchmark import (
     OVERALL,
@@ -30,7 +32,7 @@ from latentmotion.evaluation.instructions.benchmark import (
 from latentmotion.evaluation.instructions.body import Body
 from latentmotion.evaluation.instructions.ground_truth import CaptionClaim
 from latentmotion.evaluation.instructions.prompts import VERSION, write_prompts
-from latentmotion.instructions.prompts import GROUPS, Instruction, parse
+from latentmotion.training.checking import meets
 from tests.support import acted
 
 ASKED = (
@@ -46,7 +48,7 @@ TAKES = ([KICK, KICK], [KICK, acted.kick("right")], [acted.jump(2)] * 2, [acted.
 @pytest.fixture(scope="module")
 def found() -> Benchmark:
     real = [CaptionClaim("0001", "he kicks left", "side", parse("kick(left)"), KICK)]
-    trained = {one.id: one.check for one in ASKED[:2]}
+    trained = {one.id: partial(meets, one.check) for one in ASKED[:2]}
     return judge("mine", {"motions": "raw"}, ASKED, TAKES, real, trained)
 
 

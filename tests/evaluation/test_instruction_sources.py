@@ -12,6 +12,7 @@ import pytest
 
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.instructions import Instruction, parse
 from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer, write_dataset
 from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.evaluation.instructions.ground_truth import claims_of, patterns
@@ -20,7 +21,6 @@ from latentmotion.evaluation.instructions.motions import (
     check_axes,
     generate_motions,
 )
-from latentmotion.instructions.prompts import Instruction, parse
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion

@@ -14,19 +14,19 @@ import pytest
 
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
-from latentmotion.describe.prompting import plain
-from latentmotion.describe.reading import scene_of
+from latentmotion.data.instructions import GROUPS, instructions, parse, refused_captions
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.evaluation.instructions import detectors
 from latentmotion.evaluation.instructions import prompts as asked
 from latentmotion.evaluation.instructions.benchmark import Share, judge, markdown, wilson
 from latentmotion.evaluation.instructions.ground_truth import patterns
 from latentmotion.evaluation.instructions.motions import read_joints_folder
-from latentmotion.instructions.checking import ACTS, CONDITIONS, fulfills, validate
-from latentmotion.instructions.drawn import drawn_instructions
-from latentmotion.instructions.prompts import GROUPS, instructions, parse, refused_captions
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.language.words import plain
+from latentmotion.measure.scene import scene_of
 from latentmotion.model.card import CARD_FILE, find_model, read_card
+from latentmotion.training.checking import ACTS, CONDITIONS, fulfills, validate
+from latentmotion.training.drawn_instructions import drawn_instructions
 
 FRAMES = 80
 JOINT = {name: index for index, name in enumerate(HUMANML3D.names)}

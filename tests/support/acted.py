@@ -12,11 +12,11 @@ from functools import cache
 
 import numpy as np
 
-from latentmotion.describe.facts import LEFT, RIGHT, SIDES
-from latentmotion.describe.reading import Scene, scene_of
-from latentmotion.describe.signals import JOINT
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.measure.facts import LEFT, RIGHT, SIDES
+from latentmotion.measure.scene import Scene, scene_of
+from latentmotion.measure.signals import JOINT
 
 FPS = 20
 STANDING = 0.88

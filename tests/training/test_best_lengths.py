@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from latentmotion.condition.interface import TextEmbedding
-from latentmotion.instructions.drawn import drawn_instructions
-from latentmotion.instructions.lengths import LengthVerdicts
 from latentmotion.text.lengths import LengthModel
+from latentmotion.training.drawn_instructions import drawn_instructions
+from latentmotion.training.length_trials import LengthVerdicts
 from latentmotion.training.lengths import ObedienceRecipe, best_lengths, kept_lengths
 
 RECIPE = ObedienceRecipe(hidden=32, passes=40, dropout=0.1, prompts=200, copies=1)

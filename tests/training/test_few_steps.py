@@ -15,6 +15,7 @@ from latentmotion.condition.interface import Conditioning, TextEmbedding
 from latentmotion.condition.task import ActionTask
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Dataset, Item
+from latentmotion.data.instructions import instructions
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, DistilledGuidance
 from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.samplers import DDIM
@@ -28,7 +29,6 @@ from latentmotion.diffusion.schedule import (
 )
 from latentmotion.errors import InputError, ModelError
 from latentmotion.gpu.backend import torch_pipeline
-from latentmotion.instructions.prompts import instructions
 from latentmotion.model.config import DenoiserConfig, FewStepConfig, TransformerConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_model

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.corrections import Count
-from latentmotion.describe.repetitions import COUNTED, Repetitions, repetitions
+from latentmotion.measure.repetitions import COUNTED, Repetitions, repetitions
 from latentmotion.motion import Motion
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.splicing import pose_descriptors, seam_of, splice

@@ -15,8 +15,15 @@ from latentmotion.corrections import Turn
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import gaussian_smooth, turn
 
-_WITHIN = (0.5, 2.0)
-"""Degrees asked over degrees made, outside of which a motion is not of the kind that was asked."""
+_LEAST = 0.5
+"""Share of the degrees asked that a motion turns at least; less may be no turn at all."""
+
+_MOST_TIMES, _SMALL_TIMES, _SMALL = 2.0, 3.0, 135.0
+"""How many times the degrees asked a motion turns at most, and how many times up to 135°: models
+that are asked for 45° turn by 104 to 131°, which is the turn that was asked, too far."""
+
+_BACK = 45.0
+"""Degrees by which it may turn back; more is another turn, and which was asked is open."""
 
 _EXACT = 1.0
 """Degrees off that are left as they are."""
@@ -37,7 +44,10 @@ def exact_turns(
     skeleton: Skeleton,
     turns: Sequence[Turn | None],
 ) -> tuple[Float[np.ndarray, "frames motions joints 3"], list[float | None]]:
-    """Makes motions turn by what is asked, where they turn that way by half to twice as much.
+    """Makes motions turn by what is asked, where it is without doubt the turn that was asked.
+
+    It is where they turn that way by half to twice as much, small angles by three times, and
+    never far back.
 
     Args:
         joints: Positions, meters, y up; joint 0 is the root.
@@ -60,9 +70,8 @@ def exact_turns(
             heading = _heading(one[:, hips[0]] - one[:, hips[1]], fps)
             total = 0.0 if heading is None else float(np.degrees(heading[-1] - heading[0]))
             wrong = (total > 0) != (asked.side == "left") if asked.side else False
-            ratio = asked.degrees / max(abs(total), 1e-6)
             near = abs(asked.degrees - abs(total)) < _EXACT
-            if heading is None or wrong or near or not _WITHIN[0] <= ratio <= _WITHIN[1]:
+            if heading is None or wrong or near or not _is_one_turn(heading, asked.degrees):
                 continue
             rates = np.maximum(np.sign(total) * np.diff(heading), 0)
             missing = np.sign(total) * np.radians(asked.degrees - abs(total))
@@ -70,6 +79,15 @@ def exact_turns(
             joints[:, number] = _turned(one, added)
             made[number] = total
     return joints, made
+
+
+def _is_one_turn(heading: Float[np.ndarray, " frames"], degrees: float) -> bool:
+    """Whether a motion's turn is without doubt the one of so many degrees that was asked."""
+    total = np.degrees(heading[-1] - heading[0])
+    turned = np.degrees(heading - heading[0]) * np.sign(total)
+    most = max(_MOST_TIMES * degrees, min(_SMALL_TIMES * degrees, _SMALL))
+    back = float((np.maximum.accumulate(turned) - turned).max())
+    return bool(_LEAST * degrees <= abs(total) <= most and back <= _BACK)
 
 
 def _heading(

@@ -18,12 +18,11 @@ from tyro.conf import Positional, arg
 from latentmotion import __version__
 from latentmotion.cli import options
 from latentmotion.cli.motions import write_draft
-from latentmotion.data import described, pack_file, packing, sharding
+from latentmotion.data import pack_file, packing, sharding
 from latentmotion.data.clip import Source
-from latentmotion.data.compose import Composition, compose
-from latentmotion.data.compose_actions import compose_actions
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.inspection import inspect_folder
+from latentmotion.data.instructions import refused_captions
 from latentmotion.data.prepare import Preparation, encode_all, merge
 from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup
 from latentmotion.data.report import Report, parts_of
@@ -31,9 +30,7 @@ from latentmotion.data.sources import cmu, hdm05, humanact12, humanml3d, snu, ue
 from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST
-from latentmotion.describe.reading import Windows
 from latentmotion.errors import InputError, hint
-from latentmotion.instructions.prompts import refused_captions
 from latentmotion.plugins import plugin, plugin_names
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation, representation_named
@@ -42,6 +39,10 @@ from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable, sha256
+from latentmotion.training.captioning import described
+from latentmotion.training.captioning.compose import Composition, compose
+from latentmotion.training.captioning.compose_actions import compose_actions
+from latentmotion.training.captioning.windows import Windows
 
 _FEW_ACTS = 3
 """Most acts of a part that gets captions beside single actions."""

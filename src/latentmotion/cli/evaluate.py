@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
 from latentmotion.cli.loading import load_generator, located
+from latentmotion.data import instructions as held_out
 from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
 from latentmotion.engine.backend import ExecutionOptions
@@ -23,7 +25,6 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.instructions import benchmark, ground_truth, motions
 from latentmotion.evaluation.instructions.prompts import instructions, write_prompts
 from latentmotion.evaluation.protocol import PROTOCOLS, Protocol
-from latentmotion.instructions import prompts as trained_prompts
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import CARD_FILE, find_model, read_card
 from latentmotion.storage import shards
@@ -31,6 +32,7 @@ from latentmotion.storage.address import folder_at
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable
 from latentmotion.storage.shards import ShardSubset
+from latentmotion.training import checking
 
 if TYPE_CHECKING:
     from latentmotion.evaluation.candidates import Candidate
@@ -239,7 +241,7 @@ class Evaluate:
         else:
             answers = self.generated()
         name, settings, takes_of = answers
-        trained = {item.id: item.check for item in trained_prompts.instructions()}
+        trained = {item.id: partial(checking.meets, item.check) for item in held_out.instructions()}
         result = benchmark.judge(name, settings, instructions(), takes_of, claims, trained)
         print(benchmark.table(result))
         if self.output is not None:

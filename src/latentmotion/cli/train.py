@@ -23,7 +23,6 @@ from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import describe_action_classifier
 from latentmotion.evaluation.evaluators.words import EncodedWords, read_glove
 from latentmotion.gpu.backend import find_encoder, text_encoder_named
-from latentmotion.instructions.lengths import LengthTrials, judged_lengths
 from latentmotion.model.card import LENGTHS_FILE, find_model, read_card
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.pipeline import MotionPipeline
@@ -38,6 +37,7 @@ from latentmotion.training.distillation.data import Distillation
 from latentmotion.training.distributed import distributed_context
 from latentmotion.training.evaluator import recipe_named
 from latentmotion.training.experiment import TrainingSettings, with_changes
+from latentmotion.training.length_trials import LengthTrials, judged_lengths
 from latentmotion.training.presets import PRESETS, preset_named
 from latentmotion.training.reinforce import Reinforcement, reinforce
 from latentmotion.training.text_encoder.data import read_captions

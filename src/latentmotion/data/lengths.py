@@ -19,8 +19,9 @@ from jaxtyping import Float
 from latentmotion.data.clip import TAG_RATE, Split, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.humanml3d import read_index, read_splits, read_texts, sentences_of
-from latentmotion.describe.claims import claims_of
 from latentmotion.errors import DataError
+from latentmotion.language.kinds import kinds
+from latentmotion.language.reading import claims_of
 
 SHORTEST, TOO_LONG, LONGEST = 40, 200, 196
 """Frames of HumanML3D's items: left out below the first, from the second on; cut to the third."""
@@ -28,10 +29,7 @@ SHORTEST, TOO_LONG, LONGEST = 40, 200, 196
 SHORTEST_ACT = 1.6
 """Seconds of the shortest act of a prepared folder; spans are cut close to what happens."""
 
-ACTS = frozenset(
-    {"turn", "circle", "jump", "hop", "kick", "punch", "wave", "raise", "clap", "knee", "squat",
-     "bow", "pick_up", "arm_circle", "sit_down", "stand_up", "lie_down", "kneel_down", "stop"}
-)  # fmt: skip
+ACTS = frozenset(kinds("ends"))
 """Kinds of claims about something that begins and ends."""
 
 

@@ -4,7 +4,7 @@
             − sliding − 2 · penetration − max(0, jerk − 150)/1000
 
 `claims` is how closely the motion, cleaned up, does what the sentence asks: degrees, counts, sides,
-ways, paces and order (`describe/closeness.py`). Sliding is in m/s, penetration in m, jerk in m/s³
+ways, paces and order (`ranking/closeness.py`). Sliding is in m/s, penetration in m, jerk in m/s³
 (`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such that claims
 decide first, and ordinary differences of feet and floor only between takes that match about as
 well (lab/diary/best_of.md). A take of a rare movement that starts from a clip of it has an
@@ -25,13 +25,13 @@ from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
 from latentmotion.condition.interface import Condition
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.corrections import Corrections
-from latentmotion.describe.asked import asked_of
-from latentmotion.describe.closeness import closeness
-from latentmotion.describe.reading import scene_of
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
+from latentmotion.language.reading import request_of
+from latentmotion.measure.scene import scene_of
 from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
+from latentmotion.ranking.closeness import closeness
 from latentmotion.ranking.scorer import Scorer, shipped_scorer
 
 MOST_TAKES = 256
@@ -140,7 +140,7 @@ def ranked(
         InputError: A motion has another skeleton or is too short.
     """
     matches = scorer.motions(motions) @ scorer.texts([prompt])[0]
-    request = asked_of(prompt)
+    request = request_of(prompt)
     cleaned: Sequence[Motion | None] = [None] * len(motions)
     notes: list[warnings.WarningMessage] = []
     # Without a claim there is nothing to measure, and only the kept take is cleaned up, later.

@@ -8,7 +8,6 @@ sentence means, since without it the embedding is another one; or a word names w
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -17,12 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.language.negation import affirmed
+from latentmotion.language.words import ENDINGS, parts_of
 from latentmotion.retrieval.index import ClipIndex, words_of
 from latentmotion.retrieval.wordings import in_words_of_captions
 from latentmotion.text.encoder import pieces
-
-THEN = re.compile(r"\s*(?:[,;.]?\s+(?:and\s+)?then\b|;|\.\s|,\s+(?:and\s+)?finally\b)\s*", re.I)
-"""What separates movements that follow each other."""
 
 FAR = 0.64
 """Cosine of the nearest caption below which a sentence is foreign, unless a wording is near: 1 % of
@@ -36,9 +34,6 @@ NEAR_ENOUGH = 0.8
 
 SAID_OTHERWISE = 0.85
 """Cosine of the nearest wording from which it is known, too; wordings name more than clips show."""
-
-_ENDINGS = ("s", "es", "ed", "d", "ing", "ly", "er", "ers", "e", "y", "ies")
-"""Endings in which two forms of a word may differ."""
 
 _FREQUENT = 20
 """Clips that have a word which another is taken for a misspelling of."""
@@ -69,7 +64,9 @@ class Reading:
     """A sentence as the model reads it."""
 
     sentence: str
-    """The sentence, misspelled words corrected."""
+    """The sentence, misspelled words corrected, and without what it says is not to happen."""
+    negated: bool = False
+    """Whether something was left out since it is not to happen."""
     corrections: tuple[tuple[str, str], ...] = ()
     """Words as they were typed and as they are read."""
     doubt: Doubt | None = None
@@ -85,7 +82,15 @@ class Reading:
     def notes(self) -> list[str]:
         """Returns what to tell whoever typed it, a line each."""
         read = [f'read "{wrong}" as "{right}"' for wrong, right in self.corrections]
+        if self.negated:
+            read.append(f'read as "{self.sentence}": what is not to happen is left out')
         return [*read, str(self.doubt)] if self.doubt else read
+
+    @classmethod
+    def of(cls, sentence: str) -> Reading:
+        """Returns a sentence as it is read where nothing is known of the training data."""
+        said = affirmed(sentence)
+        return cls(said, negated=said != sentence)
 
     def about(self) -> dict[str, Any]:
         """Returns what a file says of it, as JSON can hold it; nothing if all is known."""
@@ -107,11 +112,13 @@ class Doubts:
     def read(self, sentence: str) -> Reading:
         """Returns a sentence as the model reads it, and what it does not know of it."""
         corrected, corrections = self.corrected(sentence)
+        said = affirmed(corrected)
         return Reading(
-            corrected,
+            said,
+            said != corrected,
             tuple(corrections.items()),
-            self.doubt(corrected),
-            in_words_of_captions(parts_of(corrected), self.index, self.text_encoder),
+            self.doubt(said),
+            in_words_of_captions(parts_of(said), self.index, self.text_encoder),
         )
 
     def corrected(self, sentence: str) -> tuple[str, dict[str, str]]:
@@ -168,24 +175,19 @@ class Doubts:
         if not word.isascii():
             return True
         head, *tail = pieces(self.text_encoder, word)
-        return head.isalpha() and "".join(tail).removeprefix("##") in ("", *_ENDINGS)
+        return head.isalpha() and "".join(tail).removeprefix("##") in ("", *ENDINGS)
 
     def _is_known(self, word: str) -> bool:
         """Returns whether captions have a word or another form of it."""
         words = self.index.words
         return word in words or any(
-            stem + ending in words for stem in _stems(word) for ending in ("", *_ENDINGS)
+            stem + ending in words for stem in _stems(word) for ending in ("", *ENDINGS)
         )
-
-
-def parts_of(sentence: str) -> list[str]:
-    """Returns the movements of a sentence that follow each other, in order."""
-    return [part for part in THEN.split(sentence) if part and part.strip()] or [sentence]
 
 
 def _stems(word: str) -> Iterator[str]:
     """Yields what a word may be without its ending."""
-    for ending in _ENDINGS:
+    for ending in ENDINGS:
         if word.endswith(ending) and len(word) - len(ending) >= 3:
             stem = word[: -len(ending)]
             yield stem

@@ -20,12 +20,13 @@ from jaxtyping import Float
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS
-from latentmotion.describe.asked import asked_exactly
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
+from latentmotion.language.request import asked_exactly
+from latentmotion.language.words import parts_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
-from latentmotion.retrieval.doubts import Doubts, Reading, parts_of
+from latentmotion.retrieval.doubts import Doubts, Reading
 from latentmotion.retrieval.index import ClipIndex, Neighbor
 from latentmotion.retrieval.wordings import both_sides
 

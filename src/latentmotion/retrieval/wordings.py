@@ -21,8 +21,8 @@ from jaxtyping import Float
 from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import mirror_words
-from latentmotion.describe.asked import asked_of
 from latentmotion.errors import InputError
+from latentmotion.language.reading import request_of
 from latentmotion.retrieval.index import EMBEDDING_LEVELS, ClipIndex, quantized, words_of
 
 COMPONENTS = 128
@@ -68,7 +68,7 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
     near, (literal,) = index.nearest_by_wording(sides), index.nearest(sides, 1)
     if near is None or near.cosine < NEAR_WORDING or literal.cosine >= NEAR_CAPTION:
         return None
-    if near.cosine <= literal.cosine or asked_of(sentence).claims:
+    if near.cosine <= literal.cosine or request_of(sentence).claims:
         return None
     caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
     named = _SIDES & {*words_of(sentence)}

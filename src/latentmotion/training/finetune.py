@@ -12,18 +12,15 @@ import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from latentmotion.data import described
 from latentmotion.data.clip import Source, TaggedSentence, mirror_sentence
 from latentmotion.data.prepare import Preparation, encode_all, merge
 from latentmotion.data.recording import Label, Recording
 from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, read_manifest
-from latentmotion.describe.reading import scene_of
 from latentmotion.errors import DataError, ModelError
 from latentmotion.export import package
 from latentmotion.gpu.backend import find_encoder, torch_pipeline
-from latentmotion.instructions.checking import fulfills
-from latentmotion.instructions.drawn import drawn_instructions
+from latentmotion.measure.scene import scene_of
 from latentmotion.model import card as cards
 from latentmotion.model.card import find_model, lengths_file, read_card
 from latentmotion.model.config import FewStepConfig
@@ -35,9 +32,12 @@ from latentmotion.storage.files import sha256
 from latentmotion.text.cache import CachedTextEncoder
 from latentmotion.text.encoder import UnknownWordsWarning
 from latentmotion.training import stages
+from latentmotion.training.captioning import described
+from latentmotion.training.checking import fulfills
 from latentmotion.training.distillation.data import Distillation, TrajectoryRegression
 from latentmotion.training.distillation.stage import distill
 from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.presets import preset_named
 from latentmotion.training.run_folder import open_run

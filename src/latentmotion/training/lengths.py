@@ -22,9 +22,9 @@ from torch import Tensor, nn
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import TAG_RATE
 from latentmotion.data.lengths import CaptionLengths
-from latentmotion.instructions.drawn import drawn_instructions
-from latentmotion.instructions.lengths import LengthVerdicts
 from latentmotion.text.lengths import QUANTILES, LengthModel
+from latentmotion.training.drawn_instructions import drawn_instructions
+from latentmotion.training.length_trials import LengthVerdicts
 
 _AT_ONCE = 256
 """Sentences that are encoded together."""

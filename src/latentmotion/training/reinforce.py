@@ -20,15 +20,15 @@ import torch
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.instructions import Instruction
 from latentmotion.diffusion.parametrization import add_noise
-from latentmotion.instructions.drawn import drawn_instructions
-from latentmotion.instructions.prompts import Instruction
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel, load_model, save_model
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.storage.files import sha256
 from latentmotion.text.lengths import LengthFile, LengthModel
 from latentmotion.training.denoiser import DenoiserStage, LatentData
 from latentmotion.training.distributed import DistributedContext, StepRandomness
+from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.experiment import Experiment, TrainingSettings
 from latentmotion.training.journal import Previews
 from latentmotion.training.loop import train

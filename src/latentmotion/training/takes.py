@@ -16,17 +16,17 @@ from jaxtyping import Bool, Float
 from safetensors.torch import load_file, save_file
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.describe.facts import FPS
-from latentmotion.describe.reading import scene_of
+from latentmotion.data.instructions import Instruction
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import SeededNoise, sample, sampler_named
 from latentmotion.engine.backend import FeatureDecoder, representation_of
 from latentmotion.gpu.device import autocast
-from latentmotion.instructions.checking import fulfills
-from latentmotion.instructions.prompts import Instruction
+from latentmotion.measure.facts import FPS
+from latentmotion.measure.scene import scene_of
 from latentmotion.model.config import STRIDE
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.storage.files import atomic_file
+from latentmotion.training.checking import fulfills
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.task_conditions import ConditionTable
 

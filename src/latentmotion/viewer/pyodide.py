@@ -32,11 +32,9 @@ _OLDEST_PYTHON = (3, 11)
 
 _PARTS = (
     *("__init__.py", "arrays.py", "corrections.py", "errors.py", "motion.py", "plugins.py"),
-    *("progress.py", "language"),
-    *("cleanup", "formats", "kinematics", "render", "representation", "storage"),
-    *("describe/__init__.py", "describe/asked.py", "describe/claims.py", "describe/facts.py"),
-    *("describe/repetitions.py", "describe/arms.py", "describe/legs.py", "describe/signals.py"),
-    *("describe/whole_body.py", "render/mannequin.json"),
+    *("progress.py", "cleanup", "formats", "kinematics", "language", "measure", "render"),
+    *("representation", "storage", "language/acts.toml", "language/words.toml"),
+    *("render/mannequin.json",),
     *("viewer/__init__.py", "viewer/marks.py", "viewer/page.py", "viewer/template.html"),
 )
 """Modules that clean up and write motion; `viewer.js` lies beside the site's page."""

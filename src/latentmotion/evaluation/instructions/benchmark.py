@@ -8,7 +8,7 @@ correlation of takes of one prompt, estimated by analysis of variance, between 0
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import sqrt
 from pathlib import Path
@@ -16,15 +16,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool
 
-from latentmotion.describe.reading import scene_of
+from latentmotion.data.instructions import GROUPS, Instruction
 from latentmotion.errors import InputError
 from latentmotion.evaluation.instructions.body import Body
 from latentmotion.evaluation.instructions.detectors import fulfills
 from latentmotion.evaluation.instructions.ground_truth import CaptionClaim
 from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
 from latentmotion.evaluation.instructions.prompts import VERSION
-from latentmotion.instructions import checking
-from latentmotion.instructions.prompts import GROUPS, Check, Instruction
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import atomic_folder
@@ -140,7 +138,7 @@ def judge(
     instructions: Sequence[Instruction],
     motions: Sequence[Sequence[Joints]],
     real: Sequence[CaptionClaim] = (),
-    trained: Mapping[str, Check] | None = None,
+    trained: Mapping[str, Callable[[Joints], bool]] | None = None,
 ) -> Benchmark:
     """Checks the motions of every prompt.
 
@@ -167,7 +165,7 @@ def judge(
     drilled = [
         replace(
             outcome,
-            fulfilled=tuple(checking.fulfills(scene_of(m), trained[outcome.id]) for m in takes),
+            fulfilled=tuple(map(trained[outcome.id], takes)),
         )
         for outcome, takes in zip(outcomes, motions, strict=True)
         if trained and outcome.id in trained

@@ -1,6 +1,6 @@
 """Where in a motion each act happens: a few lines of kinematics for each, on joints alone.
 
-Written from the prompts of the benchmark, without a look at `latentmotion.describe`, by whose
+Written from the prompts of the benchmark, without a look at `latentmotion.measure`, by whose
 detectors models are trained and takes are chosen: what these find is news to a model.
 """
 
@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from latentmotion.data.instructions import Check, Term
 from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.instructions.body import FPS, LEFT, RIGHT, Body, Span, spans, swings
-from latentmotion.instructions.prompts import Check, Term
 
 Detector = Callable[[Body, str], list[Span]]
 """Motion and side (`left`, `right`, `both` or `any`) to where the act happens."""

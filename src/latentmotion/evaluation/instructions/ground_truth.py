@@ -18,10 +18,10 @@ import numpy as np
 
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.instructions import Check, parse
 from latentmotion.errors import DataError
 from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
 from latentmotion.evaluation.instructions.prompts import packaged_text
-from latentmotion.instructions.prompts import Check, parse
 
 _NEGATED = re.compile(r"\b(without|not|no|doesn't|never|or|as if|like)\b")
 

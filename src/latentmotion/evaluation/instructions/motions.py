@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.cleanup import CleanUp
+from latentmotion.data.instructions import Instruction
 from latentmotion.data.recording import interpolate
-from latentmotion.describe.facts import FPS
 from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
-from latentmotion.instructions.prompts import Instruction
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.measure.facts import FPS
 from latentmotion.model.config import Sampling
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted

@@ -8,8 +8,8 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-from latentmotion.instructions import prompts
-from latentmotion.instructions.prompts import Instruction, parse
+from latentmotion.data import instructions as held_out
+from latentmotion.data.instructions import Instruction, parse
 from latentmotion.storage.files import atomic_file
 
 VERSION = 2
@@ -26,9 +26,8 @@ def instructions() -> tuple[Instruction, ...]:
     """Returns the list."""
     rows = csv.DictReader(packaged_text("checks.csv").splitlines())
     checks = {row["id"]: parse(row["check"]) for row in rows}
-    return tuple(
-        replace(instruction, check=checks[instruction.id]) for instruction in prompts.instructions()
-    )
+    listed = held_out.instructions()
+    return tuple(replace(instruction, check=checks[instruction.id]) for instruction in listed)
 
 
 def write_prompts(path: str | Path, takes: int) -> None:

@@ -18,17 +18,16 @@ from latentmotion.arrays import prefix_mask
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
-from latentmotion.describe.clauses import read_clauses
-from latentmotion.describe.rewording import rewordings, written_wordings
+from latentmotion.data.instructions import Instruction, instructions
 from latentmotion.engine.backend import FeatureDecoder, normalizer_of, representation_of
 from latentmotion.errors import InputError
-from latentmotion.instructions.drawn import drawn_instructions
-from latentmotion.instructions.prompts import Instruction, instructions
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.text.encoder import UnknownWordsWarning
 from latentmotion.text.lengths import LengthFile
+from latentmotion.training.captioning.clauses import read_clauses
+from latentmotion.training.captioning.rewording import rewordings, written_wordings
 from latentmotion.training.denoiser import (
     FrameCache,
     LatentCache,
@@ -49,6 +48,7 @@ from latentmotion.training.distillation.trajectories import (
     joined_trajectories,
 )
 from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.stages import captions_of
 from latentmotion.training.takes import drawn_frames, judged

@@ -10,7 +10,7 @@ import random
 import re
 from collections.abc import Iterable, Sequence
 
-from latentmotion.describe.verbs import present_participle, third_person
+from latentmotion.language.inflection import present_participle, third_person
 from latentmotion.training.text_encoder.data import TaggedCaption
 
 SUBJECTS = (

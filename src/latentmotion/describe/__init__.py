@@ -1,1 +1,0 @@
-"""The describer: acts of a motion measured from its joints and put into words; NumPy only."""

@@ -1,0 +1,209 @@
+"""Sentence → request: its acts, in order, with side, direction, count, degrees and pace.
+
+Users write "do a one-eighty" and "kick left, then right", captions "a man slowly walks backwards".
+Words become tokens, numbers among them (`words.py`); negated clauses are left out (`negation.py`);
+acts are looked up in `acts.toml` (`mentions.py`); the words around each say how it is done
+(`manner.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+from latentmotion.language.acts import Mention, mentions
+from latentmotion.language.claims import Claim, Request
+from latentmotion.language.kinds import kinds
+from latentmotion.language.manner import (
+    count_of,
+    degrees_and_side,
+    has,
+    kind_by_object,
+    near,
+    side_and_direction,
+)
+from latentmotion.language.mentions import acts_in, clause_before, last_boundary
+from latentmotion.language.negation import GAITS, without_negated
+from latentmotion.language.tables import data
+from latentmotion.language.words import STOPS, Token, beginnings, listed, match, tokens_of
+
+Tokens = Sequence[Token]
+Told = tuple[Claim, Mention]
+"""A claim, and the words that make it."""
+
+
+def request_of(prompt: str) -> Request:
+    """Reads what a prompt asks for.
+
+    Args:
+        prompt: A sentence as users write it.
+    """
+    tokens = _with_second_verb(_in_order(_plainer(without_negated(tokens_of(prompt)))))
+    claims: list[Claim] = []
+    for claim, _ in _claims(tokens, implied=True):
+        last = claims[-1] if claims else Claim("")
+        if claim.kind == "pick_up" and last.kind in kinds("low"):
+            claims[-1] = replace(last, kind="floor") if last.kind == "sit" else last
+        elif claim.kind == "pick_up" and last.kind in ("bow", "lift"):
+            claims[-1] = replace(claim, then=last.then)
+        elif claim.kind == "stand_up" and claim.count and last.kind == "squat" and not last.count:
+            claims[-1] = replace(last, count=claim.count)  # "squat down and stand up twice"
+            claims.append(replace(claim, count=0))
+        elif claim.kind == last.kind == "circle" or replace(claim, then=last.then) == last:
+            continue
+        elif last == Claim("move", then=last.then) and claim.kind in GAITS:
+            claims[-1] = replace(claim, then=last.then)
+        elif claim != Claim("move", then=claim.then) or last.kind not in GAITS:
+            claims.append(claim)
+    at_a_time = has(tokens, "while") or has(tokens, "as he|she|they")
+    return Request(tuple(claims), not at_a_time)
+
+
+def claims_of(caption: str) -> tuple[Claim, ...]:
+    """Reads what a caption claims: only what is checked, nothing that its words merely imply.
+
+    A circle or `in place` that follows a gait belongs to the gait, which keeps its own claim.
+
+    Args:
+        caption: A sentence about a motion.
+    """
+    told = _claims(without_negated(tokens_of(caption)), implied=False)
+    return tuple(
+        replace(claim, kind=mention.act.caption) if claim.kind == mention.act.kind else claim
+        for claim, mention in told
+        if mention.act.caption
+    )
+
+
+@cache
+def _plain() -> dict[str, list[tuple[str, str]]]:
+    """Returns phrases and plainer ones, by the words that each may begin with."""
+    table: dict[str, list[tuple[str, str]]] = {}
+    for pattern, plain in data("words.toml")["plain"].items():
+        for word in beginnings(pattern):
+            table.setdefault(word, []).append((pattern, plain))
+    return table
+
+
+def _plainer(tokens: list[Token]) -> list[Token]:
+    """Exchanges phrases for plainer ones, in the order of the table."""
+    plainer: list[Token] = []
+    at = 0
+    while at < len(tokens):
+        rows = _plain().get(tokens[at].text, ())
+        fitting = ((match(pattern, tokens, at), plain) for pattern, plain in rows)
+        end, plain = next(((end, plain) for end, plain in fitting if end is not None), (at, ""))
+        place = tokens[at].start
+        plainer += [replace(token, start=place, end=place) for token in tokens_of(plain)]
+        if end == at:
+            plainer.append(tokens[at])
+        at = max(end, at + 1)
+    return plainer
+
+
+def _in_order(tokens: list[Token]) -> list[Token]:
+    """Brings acts that are told backward ("before jumping, she walks") into their order."""
+    words = [token.text for token in tokens]
+    then = [Token(text, 0, 0) for text in (",", "then")]
+    after = words.index("after", 1) if "after" in words[1:] else 0
+    if after and words[after + 1 : after + 2] not in (["that"], ["which"], [], [words[after - 1]]):
+        return [*tokens[after + 1 :], *then, *tokens[:after]]
+    if words[:1] in (["after"], ["before"]) and "," in words:
+        comma = words.index(",")
+        first, second = tokens[1:comma], tokens[comma + 1 :]
+        return [*first, *then, *second] if words[0] == "after" else [*second, *then, *first]
+    return tokens
+
+
+def _with_second_verb(tokens: list[Token]) -> list[Token]:
+    """Repeats the verb of an act that has none of its own: "kick left, then right"."""
+    words = [token.text for token in tokens]
+    if "then" not in words:
+        return tokens
+    at = len(words) - words[::-1].index("then")
+    rest = tokens[at:]
+    ways = "left|right|forward|forwards|backward|backwards"
+    lacks = match(f"with|on|to|using? {{their}}? {ways}", rest, 0) is not None
+    before = acts_in(tokens[: at - 1])
+    if not lacks or not before or any(word in STOPS for word in words[at:]) or mentions(rest):
+        return tokens
+    last = before[-1]
+    verb = tokens_of("raise") if last.act.begins else tokens[last.start : last.end]
+    return [*tokens[:at], *verb, *rest]
+
+
+def _claims(tokens: list[Token], implied: bool) -> list[Told]:
+    """Returns the claims of a sentence with the words that make them.
+
+    Args:
+        tokens: The sentence.
+        implied: Whether to read what words merely imply: that a spin is a full turn.
+    """
+    named, claims = acts_in(tokens), list[Told]()
+    acts = [mention for mention in named if mention.act.kind != "place"]
+    for index, mention in enumerate(acts):
+        begin = acts[index - 1].end if index else 0
+        end = acts[index + 1].start if index + 1 < len(acts) else len(tokens)
+        gap, after = tokens[begin : mention.start], tokens[mention.end : end]
+        # Words right before a verb belong to it, not to the verb before, e.g. "slowly" or "two".
+        if end < len(tokens) and (cut := last_boundary(after)) >= 0:
+            after = after[:cut]
+        verb = tokens[mention.start : mention.end]
+        claim = _claim(mention, clause_before(gap), verb, after, implied)
+        if any(one.act.kind == "place" and mention.end <= one.start < end for one in named):
+            claim = replace(claim, direction="place") if claim.kind in kinds("way") else claim
+        follows = any(token.text in listed("then") or token.text in ".;" for token in gap)
+        if not (claim.kind == "circle" and claims and claims[-1][0].kind == "arm_circle"):
+            claims.append((replace(claim, then=index > 0 and follows), mention))
+    return _full_circles(_joined_turns(claims), tokens) if implied else claims
+
+
+def _claim(mention: Mention, before: Tokens, verb: Tokens, after: Tokens, implied: bool) -> Claim:
+    """Reads the claim of an act from the words before and after it."""
+    act, phrase = mention.act, [*before, *verb, *near(after)]
+    kind = kind_by_object(mention, before, verb, after)
+    side, direction = side_and_direction(act.kind if implied else act.caption, before, verb, after)
+    degrees, clock = 0.0, ""
+    if kind in ("turn", "circle"):
+        degrees, clock = degrees_and_side(mention, phrase, implied)
+    words = {token.text for token in phrase}
+    fast = words & listed("fast") or has(phrase, "at speed")
+    pace = "slow" if words & listed("slow") else "fast" if fast else act.pace
+    count = 0 if kind in ("twist", "lift") else count_of(mention, before, after, implied)
+    if count % 1:  # one and a half turns
+        degrees, count = degrees * count, 0
+    return Claim(kind, clock or side, direction, int(count), degrees, pace)
+
+
+def _joined_turns(claims: list[Told]) -> list[Told]:
+    """Joins "turns left" and "to face the other way", which are one turn."""
+    joined: list[Told] = []
+    for claim, mention in claims:
+        last = joined[-1][0] if joined else Claim("")
+        faces = claim.kind == last.kind == "turn" and not mention.base and claim.degrees
+        agrees = not claim.side or last.side in ("", claim.side)
+        if faces and agrees and not claim.then and not last.degrees:
+            turn = replace(last, degrees=claim.degrees, side=last.side or claim.side)
+            joined[-1] = (turn, joined[-1][1])
+        else:
+            joined.append((claim, mention))
+    return joined
+
+
+def _full_circles(claims: list[Told], tokens: Tokens) -> list[Told]:
+    """Makes a full circle on the spot a turn; on foot it is a circle to go."""
+    on_foot = any(claim.kind in kinds("way") for claim, _ in claims)
+    if on_foot or not has(tokens, "full|complete|whole circle"):
+        return claims
+    turns: list[Told] = []
+    for claim, mention in claims:
+        last = turns[-1][0] if turns else Claim("")
+        if claim.kind == "circle" and last.kind == "turn":
+            turn = replace(last, degrees=360.0, side=last.side or claim.side)
+            turns[-1] = (turn, turns[-1][1])
+        elif claim.kind == "circle":
+            turns.append((replace(claim, kind="turn", degrees=360.0), mention))
+        else:
+            turns.append((claim, mention))
+    return turns

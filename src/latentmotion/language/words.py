@@ -1,0 +1,210 @@
+"""Words of a sentence: tokens with the numbers they say, lists of words, and patterns of them.
+
+Lists are data (`words.toml`). A pattern is a few words that acts and phrases are recognized by, in
+the notation of `acts.toml`; it is matched word by word, so that no regular expression is needed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+from latentmotion.language.inflection import forms
+from latentmotion.language.tables import data
+
+_TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+|[°.,;:!?]|(?<=\d)\s?[-–](?=\s?\d)")
+THEN = re.compile(r"\s*(?:[,;.]?\s+(?:and\s+)?then\b|;|\.\s|,\s+(?:and\s+)?finally\b)\s*", re.I)
+"""What separates movements that follow each other."""
+
+ENDINGS = ("s", "es", "ed", "d", "ing", "ly", "er", "ers", "e", "y", "ies")
+"""Endings in which two forms of a word may differ."""
+
+ANGLES = (45, 90, 180, 270, 360, 540, 720)
+"""Numbers that are degrees without the word: "do a 180"."""
+
+STOPS = frozenset(".,;:!?")
+"""Punctuation."""
+
+
+@dataclass(frozen=True)
+class Token:
+    """A word, a number or a punctuation mark."""
+
+    text: str
+    """In lower case."""
+    start: int
+    """First character in the sentence."""
+    end: int
+    """One past the last."""
+    number: float = 0.0
+    """What it says, zero where it is no number."""
+
+
+@cache
+def listed(name: str) -> frozenset[str]:
+    """Returns a list of words."""
+    return frozenset(data("words.toml")["lists"][name])
+
+
+def is_plural(word: str) -> bool:
+    """Whether a word looks like the plural of a noun: "dogs", not "sideways" or "across"."""
+    ways = listed("forward") | listed("backward") | listed("sideways")
+    return word.endswith("s") and not word.endswith("ss") and word not in ways
+
+
+def plain(sentence: str) -> str:
+    """Returns a sentence in lower case without punctuation, for comparison."""
+    return " ".join(re.sub(r"[^\w\s]", " ", sentence.lower()).split())
+
+
+def parts_of(sentence: str) -> list[str]:
+    """Returns the movements of a sentence that follow each other, in order."""
+    return [part for part in THEN.split(sentence) if part and part.strip()] or [sentence]
+
+
+def tokens_of(sentence: str) -> list[Token]:
+    """Returns the tokens of a sentence; words that are one number are one token."""
+    tokens: list[Token] = []
+    for match in _TOKEN.finditer(sentence):
+        text = match[0].lower().strip().replace("–", "-")
+        tight = bool(tokens) and sentence[match.start() - 1] in "'’"
+        if tight and text == "t" and tokens[-1].text.endswith("n"):  # don't → do not
+            before = tokens.pop()
+            short = before.text if before.text == "can" else before.text[:-1]
+            tokens.append(Token(short, before.start, before.end))
+            text = "not"
+        elif tight and text in ("s", "re", "m", "ll"):
+            continue
+        tokens.append(Token(text, match.start(), match.end()))
+    return _numbered(tokens)
+
+
+def _numbered(tokens: list[Token]) -> list[Token]:
+    """Joins the words of each number."""
+    joined: list[Token] = []
+    at = 0
+    while at < len(tokens):
+        value, used = _number([token.text for token in tokens[at : at + 6]])
+        last = tokens[at + max(used, 1) - 1]
+        text = " ".join(token.text for token in tokens[at : at + max(used, 1)])
+        joined.append(Token(text, tokens[at].start, last.end, value))
+        at += max(used, 1)
+    return joined
+
+
+def _number(words: Sequence[str]) -> tuple[float, int]:
+    """Reads the number that words begin with; returns it and how many words it has."""
+    tables = data("words.toml")
+    cardinals, sets = tables["numbers"], tables["sets"]
+    first, rest = words[0], words[1:]
+    if first in tables["times"]:
+        return tables["times"][first], 1
+    if first in tables["vague"]:
+        return tables["vague"][first], 1
+    if first == "half" and rest[:1] == ["a"] and rest[1:2] and rest[1] in sets:
+        return sets[rest[1]] / 2, 3 + (rest[2:3] == ["of"])
+    if first == "a" and rest and rest[0] in sets:
+        return sets[rest[0]], 2 + (rest[1:2] == ["of"])
+    if first in sets:
+        return sets[first], 1 + (rest[:1] == ["of"])
+    if first == "a" and rest[:1] == ["hundred"]:
+        first, rest, used = "one", rest, 1
+    elif first[0].isdigit():
+        value = float(first)
+        return (value + 0.5, 4) if list(rest[:3]) == ["and", "a", "half"] else (value, 1)
+    elif first not in cardinals:
+        return 0.0, 0
+    else:
+        used = 1
+    value = cardinals[first]
+    if rest and rest[0] == "hundred" and value < 10:
+        value, rest, used = 100 * value, rest[1:], used + 1
+        if rest[:1] == ["and"] and rest[1:2] and rest[1] in cardinals:
+            rest, used = rest[1:], used + 1
+        if rest and 0 < cardinals.get(rest[0], 0) < 100:
+            value, rest, used = value + cardinals[rest[0]], rest[1:], used + 1
+    elif rest and value < 10 and 10 < cardinals.get(rest[0], 0) < 100:  # one-eighty
+        value, rest, used = 100 * value + cardinals[rest[0]], rest[1:], used + 1
+    if value % 100 >= 20 and value % 10 == 0 and rest and 0 < cardinals.get(rest[0], 0) < 10:
+        value, rest, used = value + cardinals[rest[0]], rest[1:], used + 1
+    if list(rest[:3]) == ["and", "a", "half"]:
+        value, used = value + 0.5, used + 3
+    return float(value), used
+
+
+@cache
+def _elements(pattern: str) -> tuple[tuple[frozenset[str] | str, bool], ...]:
+    """Returns the elements of a pattern: words or a class of tokens, and whether each may lack."""
+    elements: list[tuple[frozenset[str] | str, bool]] = []
+    for part in pattern.split():
+        optional = part.endswith("?")
+        part = part.removesuffix("?")
+        if part in ("&", "*", "{any}", "{number}", "{angle}", "{stop}", "{end}"):
+            elements.append((part, optional))
+            continue
+        words: set[str] = set()
+        for word in part.split("|"):
+            if word.startswith("~"):
+                words |= forms(word[1:]).keys()
+            elif word.startswith("{"):
+                words |= listed(word[1:-1])
+            else:
+                words.add(word)
+        elements.append((frozenset(words), optional))
+    return tuple(elements)
+
+
+def beginnings(pattern: str) -> frozenset[str]:
+    """Returns the words that a pattern may begin with."""
+    words: set[str] = set()
+    for element, optional in _elements(pattern):
+        assert isinstance(element, frozenset), pattern
+        words |= element
+        if not optional:
+            break
+    return frozenset(words)
+
+
+def match(pattern: str, tokens: Sequence[Token], at: int) -> int | None:
+    """Returns where a pattern that begins at a token ends; None if the tokens differ."""
+    return next(_ends(_elements(pattern), tokens, at, None), None)
+
+
+def _ends(
+    elements: Sequence[tuple[frozenset[str] | str, bool]],
+    tokens: Sequence[Token],
+    at: int,
+    end: int | None,
+) -> Iterator[int]:
+    """Yields the ends at which elements match; `end` is fixed once what follows is matched."""
+    if not elements:
+        yield at if end is None else end
+        return
+    (element, optional), rest = elements[0], elements[1:]
+    here = tokens[at] if at < len(tokens) else None
+    word = here is not None and here.text not in STOPS
+    if element == "&":
+        yield from _ends(rest, tokens, at, at)
+    elif element == "*":
+        for skipped in range(4):
+            yield from _ends(rest, tokens, at + skipped, end)
+            if at + skipped >= len(tokens) or tokens[at + skipped].text in STOPS:
+                return
+    elif element == "{end}":
+        if here is None or here.text in ".!":
+            yield from _ends(rest, tokens, at, end)
+    elif element == "{stop}":
+        if here is None or here.text in STOPS or here.text in listed("after_noun"):
+            yield from _ends(rest, tokens, at, end)
+    else:
+        if (
+            (element == "{any}" and word)
+            or (element == "{number}" and here is not None and here.number > 0)
+            or (element == "{angle}" and here is not None and here.number in ANGLES)
+            or (isinstance(element, frozenset) and here is not None and here.text in element)
+        ):
+            yield from _ends(rest, tokens, at + 1, end)
+        if optional:
+            yield from _ends(rest, tokens, at, end)

@@ -1,0 +1,1 @@
+"""Joints → events: what a motion shows, in numbers. No English."""

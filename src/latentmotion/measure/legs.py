@@ -1,0 +1,284 @@
+"""Acts of the legs: steps, flights (jumps, hops, running), kicks, raised knees, balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event
+from latentmotion.measure.signals import (
+    JOINT,
+    Signals,
+    around_peak,
+    bearing,
+    bend,
+    closed_gaps,
+    peaks,
+    smooth,
+    spans,
+)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """An interval in which no foot touches the floor."""
+
+    start: int
+    """First frame in the air."""
+    end: int
+    """First frame back on the floor."""
+    rise: float
+    """Meters by which the pelvis is higher than at take-off and landing."""
+    travel: tuple[float, float]
+    """Meters flown to the left and ahead."""
+    leaves: str
+    """Foot or feet that touched the floor last."""
+    lands: str
+    """Foot or feet that touch it first."""
+
+
+def flights_of(signals: Signals) -> list[Flight]:
+    """Returns every flight of at least two frames and less than a second."""
+    low = signals.feet.min(axis=1)
+    level = _level(low)
+    flights = []
+    for start, end in spans(low - level > 0.045, 2):
+        if end - start > FPS:
+            continue
+        pelvis = signals.joints[:, 0, 1]
+        before, after = max(start - 1, 0), min(end, signals.frames - 1)
+        rise = float(pelvis[start:end].max() - 0.5 * (pelvis[before] + pelvis[after]))
+        travel = signals.velocity[start:end].sum(axis=0) / FPS
+        flights.append(
+            Flight(
+                start=start,
+                end=end,
+                rise=rise,
+                travel=(float(travel[0]), float(travel[1])),
+                leaves=_touching(signals, level, before - 2, before + 1),
+                lands=_touching(signals, level, after, after + 3),
+            )
+        )
+    return flights
+
+
+def running_of(flights: list[Flight], signals: Signals) -> Float[np.ndarray, " frames"]:
+    """Returns 1 in frames where the gait is a jog or run, else 0.
+
+    In these frames the pelvis bobs, both feet hardly ever stand, and heels swing up; or flights
+    from one foot to the other follow each other, as in running in place.
+    """
+    both = (signals.feet.max(axis=1) < 0.03).astype(np.float64)
+    heel = signals.joints[:, [7, 8], 1].max(axis=1)
+    pelvis = signals.joints[:, 0, 1]
+    bob = pelvis - smooth(pelvis, 8.0)
+    bounce = _most(bob, 8) + _most(-bob, 8)
+    gait = (bounce > 0.07) & (smooth(both, 6.0) < 0.2) & (_most(heel, 8) > 0.25)
+    running = ((gait & (signals.speed > 1.0)) | (signals.speed > 2.3)).astype(np.float64)
+    for one, two in pairwise([flight for flight in flights if _is_stride(flight)]):
+        if two.start - one.end < 0.4 * FPS and one.leaves != two.leaves:
+            running[one.start : two.end] = 1
+    return running
+
+
+def jumps_of(
+    signals: Signals, flights: list[Flight], running: Float[np.ndarray, " frames"]
+) -> list[Event]:
+    """Returns jumps from both feet, hops on one, and leaps from one foot to the other."""
+    jumps = []
+    for flight in flights:
+        fast = signals.speed[flight.start : flight.end].mean() > 0.9
+        crossed = flight.leaves != flight.lands
+        least = (0.2, 6) if fast and crossed else (0.12, 4)
+        high = flight.rise > least[0] and flight.end - flight.start >= least[1]
+        stride = _is_stride(flight) and running[flight.start : flight.end].mean() > 0.5
+        if (stride and not high) or flight.rise < 0.02:
+            continue
+        same = flight.leaves == flight.lands and flight.leaves != BOTH
+        if same and flight.rise > 0.04:
+            jumps.append(_jump("hop", flight, flight.leaves))
+        elif high or (flight.leaves == flight.lands == BOTH and flight.rise > 0.035):
+            jumps.append(_jump("jump", flight, BOTH if flight.leaves == BOTH else ""))
+    return jumps
+
+
+def kicks_of(signals: Signals) -> list[Event]:
+    """Returns swings of a stretched leg that are high, or low ones much faster than a step."""
+    kicks = []
+    for index, side in enumerate(SIDES):
+        foot = signals.of(f"{side}_ankle")
+        away = foot - signals.of(f"{side}_hip")
+        reach = np.linalg.norm(away, axis=1)
+        swing = np.linalg.norm(np.gradient(smooth(away, 0.7), axis=0), axis=1) * FPS
+        straight = bend(signals, f"{side}_hip", f"{side}_knee", f"{side}_ankle")
+        other_foot = np.minimum(signals.feet[:, 1 - index], 0.6) + 0.06  # higher on a stair
+        height = foot[:, 1] - other_foot
+        for top in peaks(height, 0.42, 0.25):
+            near = slice(max(top - 4, 0), top + 5)
+            fast = swing[max(top - 8, 0) : top + 6].max() > 2.6
+            behind = away[top, 2] < -0.2 and abs(away[top, 0]) < 0.35
+            if fast and not behind and straight[near].max() > 125 and reach[near].max() > 0.6:
+                direction = bearing(away[top, 0], away[top, 2])
+                direction = "side" if direction in SIDES else direction
+                kicks.append(_event_at(top, height, "kick", side, direction))
+        kicks += _low_kicks(signals, side, away, height, kicks)
+    return kicks
+
+
+def _low_kicks(
+    signals: Signals,
+    side: str,
+    away: Float[np.ndarray, "frames 3"],
+    height: Float[np.ndarray, " frames"],
+    known: list[Event],
+) -> list[Event]:
+    """Returns kicks as of a ball: the foot swings ahead low, and faster than the body moves."""
+    ahead = smooth(away[:, 2], 0.5)
+    pace = np.gradient(ahead) * FPS
+    kicks = []
+    for top in peaks(ahead, 0.3, 0.45):
+        before = slice(max(top - 7, 0), top + 1)
+        speed = signals.speed[before].mean()
+        slow, lifted = speed < 2.6, height[top] > 0.1
+        free = not any(k.side == side and k.start - 6 <= top < k.end + 6 for k in known)
+        if free and slow and lifted and pace[before].max() > 3.4 + 0.8 * speed:
+            end = min(top + 4, signals.frames)
+            kicks.append(Event("kick", before.start, end, side, "forward", float(height[top])))
+    return kicks
+
+
+def knees_of(signals: Signals, kicks: list[Event]) -> list[Event]:
+    """Returns knees raised to the hip or higher while the other foot stands."""
+    knees = []
+    for index, side in enumerate(SIDES):
+        knee = signals.of(f"{side}_knee")
+        thigh = knee[:, 1] - signals.of(f"{side}_hip")[:, 1]
+        free = (signals.feet[:, index] > 0.15) & (signals.feet[:, 1 - index] < 0.15)
+        up = free & (signals.joints[:, 0, 1] > 0.75) & (signals.tilt < 60)
+        curve = np.where(up, thigh + 0.4, 0)
+        for top in peaks(curve, 0.27, 0.15):
+            if not any(kick.start <= top < kick.end and kick.side == side for kick in kicks):
+                knees.append(_event_at(top, curve, "knee", side, "up"))
+    return knees
+
+
+def balances_of(signals: Signals) -> list[Event]:
+    """Returns intervals of a second and more on one foot that stays in place."""
+    balances = []
+    still = signals.speed < 0.35
+    for index, side in enumerate(SIDES):
+        stands = (signals.feet[:, index] < 0.06) & (signals.feet[:, 1 - index] > 0.12)
+        upright = signals.joints[:, 0, 1] > 0.6
+        for start, end in spans(stands & still & upright, 22):
+            balances.append(Event("balance", start, end, side=side))
+    return balances
+
+
+def treading_of(signals: Signals) -> list[Event]:
+    """Returns intervals of steps in place: feet lifted in turn, four times and more."""
+    lifts = sorted(
+        (top, index)
+        for index in (0, 1)
+        for top in peaks(signals.feet[:, index], 0.08, 0.06)
+        if signals.speed[top] < 0.5 and signals.feet[top, 1 - index] < 0.12
+    )
+    treading, run = [], lifts[:1]
+    for lift in [*lifts[1:], (10**6, -1)]:
+        if run and lift[0] - run[-1][0] < 1.1 * FPS and lift[1] != run[-1][1]:
+            run.append(lift)
+            continue
+        if len(run) >= 4:
+            pace = FPS * (len(run) - 1) / (run[-1][0] - run[0][0])
+            kind = "jog" if pace > 2.3 else "walk"
+            start, end = max(run[0][0] - 4, 0), min(run[-1][0] + 5, signals.frames)
+            treading.append(Event(kind, start, end, direction="place", amount=0.1, count=len(run)))
+        run = [lift]
+    return treading
+
+
+def climbs_of(signals: Signals) -> list[Event]:
+    """Returns climbs of a stair, ladder or seat: the height of the ground under the feet changes.
+
+    The amount is the meters climbed, `up` or `down`.
+    """
+    level = smooth(_level(signals.feet.min(axis=1)), 4.0)
+    pelvis = smooth(signals.joints[:, 0, 1], 4.0)
+    rate = np.gradient(level) * FPS
+    climbs = []
+    for sign, direction in ((1, "up"), (-1, "down")):
+        for start, end in spans(closed_gaps(sign * rate > 0.04, 20), 6):
+            rise = sign * (level[end - 1] - level[start])
+            if rise > 0.14 and sign * (pelvis[end - 1] - pelvis[start]) > 0.1:
+                climbs.append(Event("climb", start, end, direction=direction, amount=float(rise)))
+    return climbs
+
+
+def steps_of(signals: Signals) -> int:
+    """Counts swings of a foot that carry it over the floor by 15 cm and more."""
+    return len(strides_of(signals))
+
+
+def strides_of(signals: Signals) -> list[tuple[int, int]]:
+    """Returns the first frame and one past the last of every step of both feet, by start."""
+    strides = []
+    for name in ("left_foot", "right_foot"):
+        toe = signals.joints[:, JOINT[name]]
+        moving = smooth(np.linalg.norm(np.gradient(toe[:, ::2], axis=0), axis=1) * FPS, 0.7) > 0.6
+        for start, end in spans(moving, 3):
+            travel = toe[min(end, len(toe) - 1), ::2] - toe[start, ::2]
+            if float(np.linalg.norm(travel)) > 0.15:
+                strides.append((start, end))
+    return sorted(strides)
+
+
+def _level(low: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
+    """Height of the ground, which may be a stair: the lowest of the lower foot within 0.8 s."""
+    return np.minimum(-_most(-low, 16), 0.6)
+
+
+def _most(curve: Float[np.ndarray, " frames"], reach: int) -> Float[np.ndarray, " frames"]:
+    """Returns the maximum within `reach` frames on both sides."""
+    ends = np.full(reach, -np.inf)
+    padded = np.concatenate([ends, curve, ends])
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+
+
+def _touching(signals: Signals, level: Float[np.ndarray, " frames"], start: int, end: int) -> str:
+    """Returns the foot, or both, that touches the ground in some frames."""
+    height = signals.feet[max(start, 0) : end] - level[max(start, 0) : end, None]
+    if not len(height):
+        return BOTH
+    left, right = height.min(axis=0) < 0.07
+    return BOTH if left == right else LEFT if left else RIGHT
+
+
+def _is_stride(flight: Flight) -> bool:
+    """Whether a flight leads from one foot to the other, or may do so while running."""
+    return {flight.leaves, flight.lands} == {LEFT, RIGHT} or (
+        BOTH in (flight.leaves, flight.lands)
+        and flight.rise < 0.06
+        and float(np.hypot(*flight.travel)) > 0.2
+    )
+
+
+def _jump(kind: str, flight: Flight, side: str) -> Event:
+    left, ahead = flight.travel
+    far = float(np.hypot(left, ahead))
+    if far < 0.12:
+        direction = "place"
+    elif abs(ahead) >= abs(left):
+        direction = "forward" if ahead > 0 else "backward"
+    else:
+        direction = LEFT if left > 0 else RIGHT
+    return Event(kind, flight.start, flight.end, side, direction, flight.rise)
+
+
+def _event_at(
+    top: int, curve: Float[np.ndarray, " frames"], kind: str, side: str, direction: str
+) -> Event:
+    """Returns the event around a peak, in which a curve stays above a third of it."""
+    before, after = around_peak(curve, top, curve[top] / 3)
+    return Event(kind, before + 1, after, side, direction, float(curve[top]))

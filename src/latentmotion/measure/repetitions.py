@@ -1,0 +1,139 @@
+"""Repetitions of one act in a motion, each with its frames: what a count is measured by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.language.kinds import limits
+from latentmotion.measure import arms, legs, whole_body
+from latentmotion.measure.facts import BOTH, SIDES, Event
+from latentmotion.measure.signals import Signals, measure, peaks, smooth
+
+_WEAK = 0.4
+"""Share of the swing of the act's repetitions by which another movement looks like one."""
+
+_NEAR = 8
+"""Frames around a repetition in which its swing is measured."""
+
+
+def jumps(events: Iterable[Event]) -> list[Event]:
+    """Returns the jumps and hops in which the pelvis rises; lifted feet alone are no jump."""
+    return [event for event in events if event.amount >= limits("rise").get(event.kind, np.inf)]
+
+
+def bends(dips: Iterable[Event], postures: Iterable[Event]) -> list[Event]:
+    """Returns bows, reaches down, and stretches in which the trunk stays bent, by start."""
+    bows = [event for event in dips if event.kind in ("bow", "pick_up")]
+    held = [
+        posture
+        for posture in postures
+        if posture.kind == "bend"
+        and not any(bow.start < posture.end and posture.start < bow.end for bow in bows)
+    ]
+    return sorted([*bows, *held], key=lambda event: event.start)
+
+
+@dataclass(frozen=True)
+class Repetitions:
+    """Number of repetitions of an act in a motion."""
+
+    full: tuple[Event, ...]
+    """The repetitions, by start; steps may overlap."""
+    weak: tuple[int, ...]
+    """Frames of movements that look like half a repetition, but are not counted."""
+
+
+def repetitions(
+    joints: Float[np.ndarray, "frames 22 3"], act: str, side: str = ""
+) -> Repetitions | None:
+    """Finds the repetitions of an act.
+
+    Args:
+        joints: Positions of HumanML3D's joints at 20 frames per second, meters, y up.
+        act: A name of `COUNTED`.
+        side: `left`, `right` or `both`, or nothing for any.
+
+    Returns:
+        None where the act is done with another side, too.
+    """
+    signals = measure(joints)
+    full = sorted(COUNTED[act](signals), key=lambda event: event.start)
+    if side and any(event.side != side for event in full):
+        return None
+    curves = [smooth(curve, 0.5) for curve in _CURVES[act](signals, side)] if full else []
+    around = [slice(max(event.start - _NEAR, 0), event.end + _NEAR) for event in full]
+    spread = [max(float(np.ptp(curve[near])) for curve in curves) for near in around if curves]
+    drop = _WEAK * float(np.median(spread)) if spread else 0.0
+    tops = {top for curve in curves for top in peaks(curve - curve.min(), 0.0, drop)}
+    within = [slice(event.start - 3, event.end + 3) for event in full]
+    weak = [top for top in tops if not any(near.start <= top < near.stop for near in within)]
+    return Repetitions(tuple(full), tuple(sorted(weak)))
+
+
+def _airborne(signals: Signals) -> list[Event]:
+    flights = legs.flights_of(signals)
+    return legs.jumps_of(signals, flights, legs.running_of(flights, signals))
+
+
+def _dips(signals: Signals) -> tuple[list[Event], tuple[Event, ...]]:
+    postures = whole_body.postures_of(signals)
+    return whole_body.dips_of(signals, whole_body.changes_of(postures)), postures
+
+
+def _of_sides(
+    side: str, curve: Callable[[str], Float[np.ndarray, " frames"]]
+) -> list[Float[np.ndarray, " frames"]]:
+    """Returns the curve of a side, or those of both."""
+    return [curve(one) for one in (SIDES if side in ("", BOTH) else (side,))]
+
+
+def _hand(signals: Signals, side: str) -> Float[np.ndarray, " frames"]:
+    return (signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder"))[:, 1]
+
+
+COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
+    {
+        "jump": lambda signals: jumps(_airborne(signals)),
+        "hop": lambda signals: [one for one in _airborne(signals) if one.kind == "hop"],
+        "kick": legs.kicks_of,
+        "knee": lambda signals: legs.knees_of(signals, legs.kicks_of(signals)),
+        "step": lambda signals: [Event("step", *frames) for frames in legs.strides_of(signals)],
+        "punch": arms.punches_of,
+        "raise": arms.raises_of,
+        "squat": lambda signals: [one for one in _dips(signals)[0] if one.kind == "squat"],
+        "bow": lambda signals: bends(*_dips(signals)),
+        "jack": lambda signals: [one for one in whole_body.poses_of(signals) if one.kind == "jack"],
+    }
+)
+"""Acts whose repetitions can be counted, and what finds them."""
+
+_CURVES: Mapping[str, Callable[[Signals, str], list[Float[np.ndarray, " frames"]]]] = (
+    MappingProxyType(
+        {
+            **dict.fromkeys(("jump", "hop"), lambda signals, _: [signals.joints[:, 0, 1]]),
+            **{
+                act: lambda signals, side, joint=joint: _of_sides(
+                    side, lambda one: signals.of(f"{one}_{joint}")[:, 1]
+                )
+                for act, joint in (("kick", "ankle"), ("knee", "knee"))
+            },
+            "step": lambda signals, _: [],
+            "punch": lambda signals, side: _of_sides(
+                side,
+                lambda one: np.linalg.norm(
+                    signals.of(f"{one}_wrist") - signals.of(f"{one}_shoulder"), axis=1
+                ),
+            ),
+            "raise": lambda signals, side: _of_sides(side, lambda one: _hand(signals, one)),
+            "squat": lambda signals, _: [-signals.joints[:, 0, 1]],
+            "bow": lambda signals, _: [signals.lean],
+            "jack": lambda signals, _: [np.minimum(*(_hand(signals, one) for one in SIDES))],
+        }
+    )
+)
+"""Signal that swings once with each repetition."""

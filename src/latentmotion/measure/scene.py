@@ -1,0 +1,212 @@
+"""Joints → description and scene: all measurements of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.language.kinds import kinds
+from latentmotion.measure import arms, legs, whole_body
+from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, Path, among
+from latentmotion.measure.reported_acts import acts_of
+from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything measured about one motion."""
+
+    facts: Description
+    """Its description."""
+    signals: Signals
+    """The curves that the description is measured from."""
+
+    @cached_property
+    def poses(self) -> tuple[Event, ...]:
+        """Poses and exercises of the whole body."""
+        return whole_body.poses_of(self.signals)
+
+    def find(self, *kinds: str) -> list[Event]:
+        """Returns the events, moves, turns, postures and poses of some kinds, by start."""
+        events = [event for kind in kinds for event in self.facts.find(kind)]
+        events += [pose for pose in self.poses if pose.kind in kinds]
+        return sorted(events, key=lambda event: event.start)
+
+
+def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Description:
+    """Measures what a motion does.
+
+    Args:
+        joints: Positions of HumanML3D's 22 joints at 20 frames per second, meters, y up, the
+            floor at zero; the body as large as HumanML3D's (pelvis at 0.92 m when it stands).
+
+    Raises:
+        InputError: The joints have another shape, fewer than 4 frames, or are not numbers.
+    """
+    return Measured(measure(joints))
+
+
+_SOURCES = (
+    ("moves", ("stand", "walk", "jog", "run")),
+    ("turns", ("turn",)),
+    ("postures", ("stand", "crouch", "bend", "kneel", "sit", "floor", "lie")),
+    ("jumps", ("jump", "hop")),
+    ("kicks", ("kick",)),
+    ("knees", ("knee",)),
+    ("balances", ("balance",)),
+    ("climbs", ("climb",)),
+    ("raises", ("raise",)),
+    ("waves", ("wave",)),
+    ("punches", ("punch",)),
+    ("arm_circles", ("arm_circle",)),
+    ("claps", ("clap",)),
+    ("changes", whole_body.CHANGES),
+    ("dips", ("squat", "bow", "pick_up")),
+)
+"""What is measured by one detector, and the kinds of events that it finds."""
+
+
+Fact = TypeVar("Fact")
+
+
+def _of_signals(function: Callable[[Signals], Fact]) -> cached_property[Fact]:
+    """Returns a property that is measured from the signals alone."""
+    return cached_property(lambda measured: function(measured.signals))
+
+
+def _order(event: Event) -> tuple[int, str, str]:
+    return event.start, event.kind, event.side
+
+
+class Measured(Description):
+    """A description whose facts are measured when they are first asked for.
+
+    A sentence asks for a few of them, and to measure all takes longer than all networks.
+
+    Args:
+        signals: The curves that they are measured from.
+    """
+
+    def __init__(self, signals: Signals) -> None:
+        # The class is frozen, as descriptions are, and lets only cached properties in.
+        self.__dict__.update(signals=signals, frames=signals.frames)
+
+    def find(self, kind: str, side: str = "", direction: str = "") -> tuple[Event, ...]:
+        """Returns the moves, turns, postures and events of a kind, by start."""
+        sources = [source for source, kinds in _SOURCES if kind in kinds]
+        return among(
+            [event for source in sources for event in sorted(getattr(self, source), key=_order)],
+            kind,
+            side,
+            direction,
+        )
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """All that is neither a move nor a turn nor a posture, by start."""
+        found = (event for source, _ in _SOURCES[3:] for event in getattr(self, source))
+        return tuple(sorted(found, key=_order))
+
+    @cached_property
+    def path(self) -> Path:
+        """Its path over the floor."""
+        return whole_body.path_of(self.signals, self.turns)
+
+    @cached_property
+    def moves(self) -> tuple[Event, ...]:
+        """Gaits and pauses, one after another without gaps."""
+        return whole_body.moves_of(self.signals, self.running, legs.treading_of(self.signals))
+
+    @cached_property
+    def running(self) -> Float[np.ndarray, " frames"]:
+        """Share of running around each frame."""
+        return legs.running_of(self.flights, self.signals)
+
+    @cached_property
+    def jumps(self) -> list[Event]:
+        """Jumps, hops and leaps."""
+        return legs.jumps_of(self.signals, self.flights, self.running)
+
+    @cached_property
+    def knees(self) -> list[Event]:
+        """Raised knees that are no kicks."""
+        return legs.knees_of(self.signals, self.kicks)
+
+    @cached_property
+    def changes(self) -> list[Event]:
+        """Changes of posture."""
+        return whole_body.changes_of(self.postures)
+
+    @cached_property
+    def dips(self) -> list[Event]:
+        """Squats, bows and what is picked up."""
+        return whole_body.dips_of(self.signals, self.changes)
+
+    turns = _of_signals(whole_body.turns_of)
+    postures = _of_signals(whole_body.postures_of)
+    flights = _of_signals(legs.flights_of)
+    kicks = _of_signals(legs.kicks_of)
+    balances = _of_signals(legs.balances_of)
+    climbs = _of_signals(legs.climbs_of)
+    raises = _of_signals(arms.raises_of)
+    waves = _of_signals(arms.waves_of)
+    punches = _of_signals(arms.punches_of)
+    arm_circles = _of_signals(arms.arm_circles_of)
+    claps = _of_signals(arms.claps_of)
+    steps = _of_signals(legs.steps_of)
+    twist = _of_signals(twist_of)
+    activity = _of_signals(activity_of)
+
+
+def scene_of(joints: Float[np.ndarray, "frames 22 3"]) -> Scene:
+    """Measures a motion.
+
+    Args:
+        joints: Positions of HumanML3D's joints at 20 frames per second, meters, y up.
+
+    Raises:
+        InputError: The joints have another shape, too few frames, or are not numbers.
+    """
+    signals = measure(joints)
+    return Scene(Measured(signals), signals)
+
+
+def lasting(events: list[Event], seconds: float) -> list[Event]:
+    """Returns the events that last so many seconds or longer."""
+    return [event for event in events if event.frames >= seconds * FPS]
+
+
+def reportable_kinds(scene: Scene) -> set[str]:
+    """Returns the kinds of acts and poses that are worth reporting about a window."""
+    reported = {act.kind for act in acts_of(scene.facts)}
+    poses = (pose for pose in scene.poses if pose.kind in kinds("pose"))
+    return reported | {pose.kind for pose in poses if pose.frames >= 10}
+
+
+def highest_hand(scene: Scene, side: str) -> float:
+    """Returns the largest height of a hand above its shoulder, meters; negative is below."""
+    signals = scene.signals
+    return float((signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder"))[:, 1].max())
+
+
+def in_place(scene: Scene, most: float) -> bool:
+    """Whether the pelvis stays within `most` meters of its median position."""
+    points = scene.signals.joints[:, 0, ::2]
+    return float(np.linalg.norm(points - np.median(points, axis=0), axis=1).max()) <= most
+
+
+def meters(scene: Scene) -> dict[str, float]:
+    """Returns the distance, meters, that the pelvis goes in each direction of the body."""
+    left, ahead = scene.signals.velocity.T / FPS
+    sideways, forward = np.abs(left) > np.abs(ahead), np.abs(ahead) >= np.abs(left)
+    return {
+        "forward": float(ahead[forward & (ahead > 0)].sum()),
+        "backward": float(-ahead[forward & (ahead < 0)].sum()),
+        LEFT: float(left[sideways & (left > 0)].sum()),
+        RIGHT: float(-left[sideways & (left < 0)].sum()),
+    }

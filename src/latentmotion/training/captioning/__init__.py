@@ -1,0 +1,1 @@
+"""Captions and prompts of clips, written and drawn for training."""

@@ -1,0 +1,234 @@
+"""Captions as clauses: a subject and its actions in order; only where there is no doubt.
+
+"the man walks forward slowly, then turns left." has the subject "the man" and two clauses, `walk`
+with "forward slowly" and `turn` with "left". Anything that does not fit this scheme word by word
+(other verbs, two persons, a relative clause) is no `Sentence`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+
+from latentmotion.training.captioning.verbs import BASE_OF_PARTICIPLE, BASE_OF_THIRD, VERBS
+
+_WORDS = re.compile(r"[a-z0-9]+(?:['-][a-z0-9]+)*|[,.;]")
+
+SUBJECT = re.compile(
+    r"(?:(?:a|an|the|this|one)? ?(?:stick |standing )?"
+    r"(?P<noun>person|man|woman|figure|human|guy|boy|girl|character|individual|someone|somebody"
+    r"|subject|toon|sim|lady|dude)"
+    r"|(?P<pronoun>he|she|they))\b(?!'s)"
+)
+"""The subject at the start of a sentence."""
+
+_GENDER: dict[str, str] = dict.fromkeys(("man", "guy", "boy", "he", "dude"), "male")
+_GENDER |= dict.fromkeys(("woman", "girl", "she", "lady"), "female")
+
+_LINKS = {",", ".", ";", "and", "then", "but"}
+_BEFORE_VERB = re.compile(r"(?:then|also|[a-z]+ly|once again|again)")
+_PRONOUNS = {"he", "she", "they"}
+
+_REFUSED_WORDS = """
+    who which that whose people two's is are was were am be been being has had have does if
+    because can could would will should may might must its both's another person man woman someone
+    someone's figure they're he's she's it's there not doesn't isn't until or i you we us my our
+    others other's
+"""
+
+_REFUSED = set(_REFUSED_WORDS.split())
+"""Words that make the meaning depend on more than clauses in a row."""
+
+_PLURAL_WORDS = """
+    his hers this its always arms hands legs feet knees elbows shoulders hips fingers wrists palms
+    thumbs toes heels ankles thighs eyes ears glasses forwards backwards sideways upwards
+    downwards inwards outwards towards afterwards leftwards rightwards steps paces times circles
+    sides jacks squats lunges pushups situps ups crunches objects things items boxes stairs across
+    us is movements motions gestures poses moves weights dumbbells drums arms' vocals lips bongos
+    cymbals
+"""
+
+_PLURALS = set(_PLURAL_WORDS.split())
+"""Words that end like a third person but are not verbs."""
+
+_CLAUSE_ENDS = {"around", "forward", "forwards", "back", "backward", "backwards", "down", "up",
+                "still", "arms", "hands", "legs", "knees", "feet", "head"}  # fmt: skip
+"""Words after which a third person can only be a verb."""
+
+_FINITE = set(BASE_OF_THIRD) - _PLURALS
+
+_NOMINAL_VERBS = {"do", "perform", "make", "practice", "throw", "mime", "imitate", "demonstrate"}
+"""Verbs after which "kicks and punches" may be things."""
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One action: its link to the clause before, the verb, and the words around it."""
+
+    link: str
+    """`` for the first, else `and`, `then`, `,` or `.`."""
+    verb: str
+    """Base form."""
+    rest: tuple[str, ...]
+    """Words after the verb."""
+    before: tuple[str, ...] = ()
+    """Adverbs before the verb, `then` left out."""
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A caption in clauses that share one subject."""
+
+    subject: str
+    """The words of the subject; empty where there is none."""
+    gender: str
+    """`male`, `female` or `neutral`."""
+    clauses: tuple[Clause, ...]
+    """At least one."""
+    referring: bool
+    """Whether "he", "she" or "they" stands inside a clause, so that the subject has to stay."""
+
+
+def words_of(text: str) -> list[str] | None:
+    """Returns lower-case words, commas and periods; None where there are other characters."""
+    text = text.lower().replace("\u2019", "'").strip().rstrip(". ")
+    words = _WORDS.findall(text)
+    return words if "".join(words) == re.sub(r"\s+", "", text) else None
+
+
+def read_clauses(text: str) -> Sentence | None:
+    """Takes a caption apart, or returns None where any word leaves doubt.
+
+    Args:
+        text: One caption, as people write them.
+    """
+    words = words_of(text)
+    if not words:
+        return None
+    match = SUBJECT.match(" ".join(words))
+    subject = match.group(0) if match else ""
+    gender = _GENDER.get(match.group("noun") or match.group("pronoun"), "neutral") if match else ""
+    words = words[len(subject.split()) :]
+    if subject in ("they", "man", "woman") and words[:1] == ["and"]:
+        return None
+    clauses = _Reader(words, plural=subject == "they", bare=not subject).read()
+    inside = {word for clause in clauses for word in clause.rest}
+    adverbs = {word for clause in clauses for word in clause.before}
+    if not clauses or (inside | adverbs) & {*_REFUSED, ";"}:
+        return None
+    if any(clause.verb in ("appear", "seem") for clause in clauses):
+        return None
+    if words[0] in BASE_OF_PARTICIPLE and inside & _FINITE:
+        return None  # "a man crouching down reaches up"
+    if any(word in _CLAUSE_ENDS and verb in _FINITE for word, verb in pairwise(words)):
+        return None  # a verb follows without a comma: "turns around runs back"
+    return Sentence(subject, gender or "neutral", tuple(clauses), bool(inside & _PRONOUNS))
+
+
+class _Reader:
+    """Finds the heads of clauses from left to right."""
+
+    def __init__(self, words: list[str], plural: bool, bare: bool) -> None:
+        self.words = words
+        self.plural = plural
+        self.bare = bare
+        self.forms: dict[str, str] = {}
+
+    def read(self) -> list[Clause]:
+        """Returns the clauses; none where there is doubt."""
+        start = self.head(0, first=True)
+        if start is None:
+            return []
+        clauses, (before, verb, index), link = [], start, ""
+        while True:
+            end, following, next_link = self.next_clause(verb, index)
+            if end < 0:
+                return []
+            clauses.append(Clause(link, verb, tuple(self.words[index:end]), before))
+            if following is None:
+                return clauses
+            (before, verb, index), link = following, next_link
+
+    def next_clause(
+        self, verb: str, index: int
+    ) -> tuple[int, tuple[tuple[str, ...], str, int] | None, str]:
+        """Returns the end of a clause, and head and link of the next; -1 where there is doubt."""
+        start, words = index, self.words
+        while index < len(words):
+            end = index
+            linked = []
+            while index < len(words) and words[index] in _LINKS:
+                linked.append(words[index])
+                index += 1
+            if not linked:
+                index += 1
+                continue
+            following = self.head(index, first=False, clause=(verb, words[start:end]))
+            if following is not None:
+                between = (*linked, *words[index : following[2]])
+                link = next((word for word in ("then", "and", ".") if word in between), ",")
+                return end, following, link
+            if "then" in linked or "." in linked or "but" in linked or self.may_be_verb(index):
+                return -1, None, ""
+        return len(words), None, ""
+
+    def head(
+        self, index: int, first: bool, clause: tuple[str, list[str]] = ("", [])
+    ) -> tuple[tuple[str, ...], str, int] | None:
+        """Returns the adverbs and the verb of a clause, and the index after the verb."""
+        before: list[str] = []
+        words = self.words
+        subject = None if first else SUBJECT.match(" ".join(words[index:]))
+        index += len(subject.group(0).split()) if subject else 0
+        while index < len(words) and _BEFORE_VERB.fullmatch(words[index]):
+            before += [words[index]] if words[index] not in ("then", "also") else []
+            index += 1
+        if index < len(words) and words[index] in ("is", "are"):
+            index += 1
+            while index < len(words) and _BEFORE_VERB.fullmatch(words[index]):
+                before += [words[index]]
+                index += 1
+            verb = BASE_OF_PARTICIPLE.get(words[index]) if index < len(words) else None
+            self.forms.setdefault("form", "going")
+        else:
+            verb = self.base_form(words[index]) if index < len(words) else None
+        if verb is None:
+            return None
+        previous, rest = clause
+        if previous:  # it may be one more thing, or one more participle
+            listed = bool(rest) and rest[-1] in BASE_OF_THIRD and previous in _NOMINAL_VERBS
+            subordinate = {"while", "as", "by", "before", "after", "when"} & set(rest)
+            participle = any(word in BASE_OF_PARTICIPLE for word in rest)
+            if listed or (words[index] in BASE_OF_PARTICIPLE and (subordinate or participle)):
+                return None
+        return tuple(before), verb, index + 1
+
+    def base_form(self, word: str) -> str | None:
+        """Returns the base of a word in the form that the sentence's first verb has."""
+        form = self.forms.get("form")
+        if form in (None, "goes", "going") and word in BASE_OF_THIRD:
+            self.forms.setdefault("form", "goes")
+            return BASE_OF_THIRD[word]
+        if form in (None, "going") and word in BASE_OF_PARTICIPLE:
+            self.forms.setdefault("form", "going")
+            return BASE_OF_PARTICIPLE[word]
+        if form in (None, "go") and (self.plural or self.bare) and word in VERBS:
+            self.forms.setdefault("form", "go")
+            return word
+        return None
+
+    def may_be_verb(self, index: int) -> bool:
+        """Whether the word after "and" or a comma may be an unknown verb."""
+        while index < len(self.words) and _BEFORE_VERB.fullmatch(self.words[index]):
+            index += 1
+        if index >= len(self.words):
+            return True
+        word, form = self.words[index], self.forms.get("form")
+        if word in _PRONOUNS or word.endswith("ed") or word in BASE_OF_THIRD:
+            return True
+        if form == "goes" and (word in BASE_OF_PARTICIPLE or word.endswith("ing")):
+            return True
+        if word in VERBS and "to" not in self.words[:index]:
+            return word not in ("left", "right", "back", "forward", "hip", "cup", "step")
+        return word.endswith("s") and not word.endswith("ss") and word not in _PLURALS

@@ -1,0 +1,330 @@
+"""Captions measured from the motions of a prepared folder, or of a folder of motion files.
+
+In the train split each clip gets sentences about itself and about parts of random length and
+position; its own captions go with the parts of which they are still true, and are also said in
+other words. Captions that the motion contradicts can be left out. Clips of val and test keep
+their captions, and get measured ones only where they have none.
+"""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.clip import Caption, fit_sentences
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.prepare import encode_all
+from latentmotion.data.recording import FPS, Dropped
+from latentmotion.data.report import REPORT, Report, parts_of, read_report
+from latentmotion.data.sources.own import OwnMotions, find_motions
+from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
+from latentmotion.errors import DataError
+from latentmotion.language.words import plain
+from latentmotion.measure.scene import describe
+from latentmotion.ranking.agreement import check as check_agreement
+from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from latentmotion.storage.configuration import write_json
+from latentmotion.storage.files import atomic_file, atomic_folder
+from latentmotion.training.captioning import singles
+from latentmotion.training.captioning.file_names import captions_of_names
+from latentmotion.training.captioning.rewording import rewordings as reworded_texts
+from latentmotion.training.captioning.sentences import sentences
+from latentmotion.training.captioning.windows import Windows, caption_windows
+
+COLUMNS = ("file", "caption", "from", "to")
+"""Columns that `data prepare own --captions` reads."""
+
+PROMPTS = 4
+"""Prompts of each window that shows a single action."""
+
+LONGEST_FILE = 200
+"""Frames of the longest motion file that is described whole; longer ones are in parts."""
+
+Joints = Float[np.ndarray, "frames 22 3"]
+
+_SHORTEST = 4
+"""Frames of the shortest motion that can be described."""
+
+
+@dataclass(frozen=True)
+class FileRow:
+    """One line of a CSV of captions."""
+
+    file: str
+    """A motion file's path in its folder, or a clip's name."""
+    caption: str
+    """A sentence."""
+    start: float
+    """Seconds; zero in both means the whole motion."""
+    end: float
+    """Seconds."""
+
+
+def describe_folder(
+    folder: str | Path,
+    out: str | Path,
+    windows: Windows,
+    seed: int = 0,
+    rewordings: int = 0,
+    check: bool = False,
+    single: int = 0,
+    refused_captions: frozenset[str] = frozenset(),
+) -> Report:
+    """Adds measured sentences to a prepared folder.
+
+    Args:
+        folder: A prepared folder of HumanML3D features.
+        out: The folder to write; features and normalizer are copied as they are.
+        windows: Numbers of parts per clip, and of sentences.
+        seed: Seed of parts and wording; each clip draws for itself.
+        rewordings: Number of paraphrases of each caption of the train split.
+        check: Whether captions of the train split that the motion contradicts are left out.
+        single: Most windows of one category of single action that get prompts; zero is none.
+        refused_captions: Sentences of a test set, as `language.words.plain` writes them, which no
+            caption of the train split may be.
+
+    Raises:
+        DataError: The folder is not a prepared one, or of another representation.
+        InputError: The folder cannot be written.
+    """
+    dataset, dropped = _load(folder, check)
+    clips = tuple(described_clips(dataset, windows, seed, rewordings))
+    if single:
+        rows = singles.single_rows(
+            singles.balanced_singles(dataset, seed, singles.Balance(single)), seed, PROMPTS
+        )
+        clips = tuple(singles.with_prompts(clip, rows) for clip in clips)
+    clips = tuple(without_captions(clip, refused_captions) for clip in clips)
+    manifest = replace(dataset.manifest, clips=clips)
+    old = read_report(dataset.folder) or Report((), (), None)
+    added = sum(len(clip.captions) for clip in clips)
+    added -= sum(len(clip.captions) for clip in dataset.manifest.clips)
+    note = f"{added} captions measured from the motion (latentmotion data describe, seed {seed})"
+    report = replace(old, parts=parts_of(manifest), dropped=(*old.dropped, *dropped))
+    report = replace(report, notes=(*old.notes, note))
+    with atomic_folder(out, MANIFEST) as temporary:
+        for shard in manifest.shards:
+            shutil.copyfile(dataset.folder / shard.file, temporary / shard.file)
+        write_json(temporary / REPORT, report)
+        write_json(temporary / MANIFEST, manifest)
+    return report
+
+
+def without_captions(clip: StoredClip, refused: frozenset[str]) -> StoredClip:
+    """Returns a clip, in the train split without captions that are refused sentences."""
+    if clip.split != "train" or not refused:
+        return clip
+    allowed, mirrored = (
+        tuple(row for row in rows if plain(row[0]) not in refused)
+        for rows in (clip.captions, clip.mirrored_captions)
+    )
+    return replace(clip, captions=allowed, mirrored_captions=mirrored)
+
+
+def described_clips(
+    dataset: Dataset, windows: Windows, seed: int, rewordings: int = 0
+) -> Iterator[StoredClip]:
+    """Yields the clips of a prepared folder of HumanML3D's features with measured sentences."""
+    for clip in dataset.manifest.clips:
+        if clip.split != "train" and clip.captions:
+            yield clip
+            continue
+        joints = dataset.representation.decode(dataset.features(clip.clip()))
+        generator = singles.clip_generator(seed, clip.id)
+        if clip.split == "train":
+            captions = [Caption(*row) for row in clip.captions]
+            existing = [(c.text, c.start_frame, c.end_frame) for c in captions]
+            reworded = [
+                (c.text, c.start_frame, c.end_frame)
+                for c in reworded_captions(captions, generator, rewordings)
+            ]
+            measured = caption_windows(joints, [*existing, *reworded], generator, windows)
+            rows = [*reworded, *measured]
+        else:
+            texts = sentences(describe(joints), generator, count=3)
+            rows = [(text, 0, clip.frames) for text in texts]
+        yield clip.with_captions(rows)
+
+
+def reworded_captions(
+    captions: Sequence[Caption], generator: np.random.Generator, count: int
+) -> tuple[Caption, ...]:
+    """Returns captions that say the same of the same frames in other words.
+
+    Only for clips of the train split: a test set keeps the words that people wrote.
+
+    Args:
+        captions: Captions of a clip.
+        generator: Source of every choice.
+        count: Number of wordings to try for each caption.
+
+    Returns:
+        The new captions alone, without tokens; none that the clip has already.
+    """
+    existing = {(c.text.rstrip(". "), c.start_frame, c.end_frame) for c in captions}
+    reworded: list[Caption] = []
+    for caption in captions:
+        for text in reworded_texts(caption.text, generator, count):
+            key = (text.rstrip(". "), caption.start_frame, caption.end_frame)
+            if key not in existing:
+                existing.add(key)
+                reworded.append(Caption(text, caption.start_frame, caption.end_frame))
+    return tuple(reworded)
+
+
+def contradiction(caption: str, joints: Joints) -> str:
+    """Returns what a motion does that a caption of it denies; empty if there is nothing.
+
+    Args:
+        caption: A sentence, or the name of an action.
+        joints: Positions, meters, 20 frames per second.
+    """
+    if len(joints) < _SHORTEST:
+        return ""
+    agreement = check_agreement(caption, describe(joints))
+    pairs = zip(agreement.verdicts, agreement.reasons, strict=True)
+    return "; ".join(reason for verdict, reason in pairs if verdict == "contradicts")
+
+
+def without_contradicted(dataset: Dataset) -> tuple[Dataset, tuple[Dropped, ...]]:
+    """Removes captions that the motion contradicts from the train split.
+
+    Val and test keep the captions that people wrote.
+
+    Returns:
+        The data set with the other captions, and the removed ones with the reason.
+    """
+    dropped: list[Dropped] = []
+    clips = []
+    for clip in dataset.manifest.clips:
+        if clip.split == "train":
+            captions = _agreeing_rows(dataset, clip, False, dropped)
+            mirrored = _agreeing_rows(dataset, clip, True, dropped)
+            clip = replace(clip, captions=captions, mirrored_captions=mirrored)
+        clips.append(clip)
+    manifest = replace(dataset.manifest, clips=tuple(clips))
+    return replace(dataset, manifest=manifest), tuple(dropped)
+
+
+def describe_files(
+    motions: OwnMotions, seed: int = 0, check: bool = False, names: bool = False
+) -> list[FileRow | Dropped]:
+    """Describes motion files; those that `data prepare` would drop come with the reason.
+
+    Sentences in text files beside the motions stay, before the measured ones. Files longer than a
+    clip are described in parts of equal length.
+
+    Args:
+        motions: The files.
+        seed: Seed of the wording.
+        check: Whether sentences beside a motion that it contradicts are left out.
+        names: Whether a file's name (`wave_hello_02.bvh`) says what it shows; a name that the
+            motion contradicts is left out.
+
+    Raises:
+        DataError: There is no such folder or no motion file in it.
+    """
+    rows: list[FileRow | Dropped] = []
+    paths = find_motions(motions.folder)
+    files = [f"{name}{path.suffix}" for name, path in paths.items()]
+    named = captions_of_names(files) if names else {}
+    for item in encode_all(motions.recordings(), HUMANML3D_FEATURES):
+        if isinstance(item, Dropped):
+            rows.append(item)
+            continue
+        joints = HUMANML3D_FEATURES.decode(item.features)
+        file, frames = item.label.origin, len(joints)
+        captions, reasons = fit_sentences(item.label.sentences, frames)
+        rows += [Dropped(file, "caption", reason) for reason in reasons]
+        for caption in captions:
+            start, end, text = caption.start_frame, caption.end_frame, caption.text
+            if check and (reason := contradiction(text, joints[start:end])):
+                rows.append(Dropped(file, "caption", f"{text!r}, but {reason}"))
+            else:
+                rows.append(FileRow(file, text, *_seconds(start, end, frames, item.label.start)))
+        action = named.get(file, "")
+        if action and (reason := contradiction(action, joints)):
+            rows.append(Dropped(item.label.id, "caption", f"name {action!r}, but {reason}"))
+            action = ""
+        generator = singles.clip_generator(seed, item.label.id)
+        # Parts of equal length, as few as keep each below the longest.
+        edges = np.linspace(0, frames, -(-frames // LONGEST_FILE) + 1).astype(int).tolist()
+        for start, end in pairwise(edges):
+            texts = sentences(describe(joints[start:end]), generator, action or None, count=3)
+            span = _seconds(start, end, frames, item.label.start)
+            rows += [FileRow(file, text, *span) for text in texts]
+    return rows
+
+
+def write_captions(path: str | Path, rows: Iterable[FileRow]) -> None:
+    """Writes a CSV that `data prepare own --captions` reads.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    with atomic_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(COLUMNS)
+        for row in rows:
+            span = ("", "") if row.start == row.end == 0 else (f"{row.start:g}", f"{row.end:g}")
+            table.writerow((row.file, row.caption, *span))
+
+
+def folder_rows(
+    folder: str | Path, windows: Windows, seed: int, rewordings: int = 0, check: bool = False
+) -> list[FileRow | Dropped]:
+    """Returns the captions that `describe_folder` would write, and those it would leave out."""
+    dataset, dropped = _load(folder, check)
+    rows = [
+        FileRow(clip.id, text, *_seconds(start, end, clip.frames))
+        for clip in described_clips(dataset, windows, seed, rewordings)
+        for text, start, end, _ in clip.captions
+    ]
+    return [*dropped, *rows]
+
+
+def _load(folder: str | Path, check: bool) -> tuple[Dataset, tuple[Dropped, ...]]:
+    """Opens a prepared folder of HumanML3D's features, without contradicted captions if `check`.
+
+    Raises:
+        DataError: The folder is not a prepared one, or of another representation.
+    """
+    dataset = Dataset.load(folder)
+    if dataset.representation.name != HUMANML3D_FEATURES.name:
+        raise DataError(
+            f"{dataset.folder}: found {dataset.representation.name!r} features; only "
+            f"{HUMANML3D_FEATURES.name!r} can be described, as they are of its 22 joints"
+        )
+    return without_contradicted(dataset) if check else (dataset, ())
+
+
+def _agreeing_rows(
+    dataset: Dataset, clip: StoredClip, mirrored: bool, dropped: list[Dropped]
+) -> tuple[CaptionRow, ...]:
+    """Returns the captions of one side that hold, and adds the others to those dropped."""
+    rows = clip.mirrored_captions if mirrored else clip.captions
+    if not rows:
+        return rows
+    joints = dataset.representation.decode(dataset.features(clip.clip(mirrored)))
+    agreeing = []
+    for row in rows:
+        text, start, end, _ = row
+        if reason := contradiction(text, joints[start:end]):
+            side = "mirrored: " if mirrored else ""
+            dropped.append(Dropped(clip.id, "caption", f"{side}{text!r}, but {reason}"))
+        else:
+            agreeing.append(row)
+    return tuple(agreeing)
+
+
+def _seconds(start: int, end: int, frames: int, before: float = 0.0) -> tuple[float, float]:
+    """Returns seconds for a CSV: zero in both for a motion that begins its file and is whole."""
+    whole = end - start == frames and before == 0
+    return (0.0, 0.0) if whole else (before + start / FPS, before + end / FPS)

@@ -1,0 +1,380 @@
+"""One measured action, or two → prompts as users type them: short, varied, in every form.
+
+Patterns of `prompt_patterns` become third person ("a man turns left"), imperatives ("turn left"),
+progressive forms ("someone is turning left"), bare participles, or noun phrases ("a left turn").
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from latentmotion.language.inflection import inflect
+from latentmotion.language.words import plain
+from latentmotion.measure.facts import LEFT, RIGHT, SingleAction
+from latentmotion.training.captioning import prompt_gaits, prompt_limbs, prompt_turns
+from latentmotion.training.captioning.prompt_patterns import (
+    IN_A_ROW,
+    ONCE,
+    ONE,
+    Wording,
+    fixed_wordings,
+)
+
+_FIXED = fixed_wordings()
+"""Patterns of kinds of actions that are always worded alike."""
+
+_WORDINGS: dict[str, Callable[[SingleAction], Wording]] = {
+    **dict.fromkeys(("walk", "jog", "run"), prompt_gaits.gait),
+    "steps": prompt_gaits.steps,
+    "turn": prompt_turns.turn,
+    **dict.fromkeys(("walk_then_turn", "turn_then_walk"), prompt_turns.walk_and_turn),
+    "turn_and_return": prompt_turns.turn_and_return,
+    "circle": prompt_turns.circle,
+    "half_circle": prompt_turns.half_circle,
+    "weave": prompt_turns.weave,
+    "speed_up": prompt_gaits.sped_up,
+    "slow_down": prompt_gaits.slowed_down,
+    **dict.fromkeys(("start_walking", "start_running"), prompt_gaits.started),
+    **dict.fromkeys(("stop_walking", "stop_running"), prompt_gaits.stopped),
+    "jump": prompt_limbs.jumped,
+    "hop": prompt_limbs.hopped,
+    "kick": prompt_limbs.kicked,
+    "punch": prompt_limbs.punched,
+    "wave": prompt_limbs.waved,
+    "raise": prompt_limbs.raised,
+    "clap": prompt_limbs.clapped,
+    "knee": prompt_limbs.kneed,
+    **dict.fromkeys(("jack", "squat", "bow"), prompt_limbs.counted),
+    "arm_circle": prompt_limbs.circled_arms,
+    "pick_up": prompt_limbs.picked_up,
+    "balance": prompt_limbs.balanced,
+    "touch_head": prompt_limbs.touched_head,
+    "climb": prompt_limbs.climbed,
+    "crouch": prompt_limbs.crouched,
+}
+"""Functions that make the patterns of the other kinds of actions."""
+
+KINDS = (*_WORDINGS, *_FIXED)
+"""All kinds of actions that have words."""
+
+_LIMBS = {
+    "kick": ("leg", ("~kick with <the> A LIMB, then with the B", "~kick A, then B")),
+    "punch": ("hand", ("~punch with <the> A LIMB, then with the B", "~punch A, then B")),
+    "wave": ("hand", ("~wave <the> A LIMB, then the B",)),
+    "raise": ("hand", ("~raise <the> A LIMB, then the B", "~lift <the> A LIMB, then the B")),
+    "knee": ("knee", ("~raise <the> A LIMB, then the B", "~lift <the> A LIMB, then the B")),
+    "hop": ("leg", ("~hop on <the> A LIMB, then on the B",)),
+    "balance": ("leg", ("~stand on <the> A LIMB, then on the B",)),
+}
+"""Limb of acts with one side, and patterns for one side A and then the other, B."""
+
+_DIRECTED = ("walk", "jog", "run", "jump", "steps")
+"""Kinds of actions that go in a direction."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The subject of a sentence, and the words that agree with it."""
+
+    name: str
+    """As the sentence begins; empty in orders and bare participles."""
+    his: str
+    """The possessive."""
+    him: str
+    """The object."""
+    he: str
+    """The pronoun."""
+
+    @property
+    def plural(self) -> bool:
+        """Whether its verb is the plural one, as that of "they"."""
+        return self.name == "they"
+
+
+_HE, _SHE, _THEY = ("his", "him", "he"), ("her", "her", "she"), ("their", "them", "they")
+_PEOPLE = {
+    **dict.fromkeys(("a person", "the person", "someone", "somebody", "they"), _THEY),
+    **dict.fromkeys(("a man", "the man", "he", "this guy", "a guy", "the boy", "a boy"), _HE),
+    **dict.fromkeys(("a woman", "the woman", "she", "a girl", "the girl", "a lady"), _SHE),
+    **dict.fromkeys(("the figure", "the character", "a figure", "a character"), _THEY),
+    **dict.fromkeys(("the kid", "a child", "a kid", "a player", "a dancer", "our hero"), _THEY),
+}
+_COMMON = (
+    "a person",
+    "a person",
+    "a person",
+    "someone",
+    "a man",
+    "a woman",
+    "the person",
+    "he",
+    "she",
+)
+_MASCULINE = re.compile(r"\b(?:man|businessman|grandpa|knight|butler|monk)\b")
+_FEMININE = re.compile(r"\b(?:woman|grandma|girl)\b")
+
+_FORMS = {"order": 34, "third": 27, "is": 8, "doing": 7, "participle": 9, "noun": 13, "past": 2}
+"""Shares of the forms of a sentence about one action, in percent."""
+
+_SHOWN = ("show", "show me", "animate", "an animation of", "a video of")
+"""Words that users put before "a man turning left"."""
+
+_CLOSED = re.compile(r"\[([^\[\]]*)\]")
+_CLUMSY = re.compile(
+    r"\b(?:keep|start|beginn|stopp|finish)ing \w+ing\b|\bbeing\b|then .*then .*then"
+    r"|(?:spot|place) while|\b(\w+) \1\b"
+)
+"""Phrases that the grammar allows but nobody types, such as "keeping hopping"."""
+
+_SEQUENCE = re.compile(r"\b(?:then|before|after|first|from|followed)\b|,")
+"""Words of a pattern that describes a sequence by itself."""
+
+_VOWEL = re.compile(r"\b([Aa]) (?=[aeio](?!ne\b|ne-))")
+
+
+def prompts(
+    action: SingleAction,
+    generator: np.random.Generator,
+    count: int,
+    refused: frozenset[str] = frozenset(),
+) -> list[str]:
+    """Writes different prompts that ask for one action.
+
+    Args:
+        action: The action.
+        generator: Draws wording and style.
+        count: How many; fewer where there are fewer ways to say it.
+        refused: Prompts that are never returned, as `plain` writes them.
+    """
+    words = wording(action)
+    return _different(lambda: _styled(_single(words, generator), generator), count, refused)
+
+
+def prompts_in_order(
+    first: SingleAction,
+    second: SingleAction,
+    generator: np.random.Generator,
+    count: int,
+    refused: frozenset[str] = frozenset(),
+) -> list[str]:
+    """Writes different prompts that ask for one action and then another.
+
+    Args:
+        first: The first action.
+        second: The action that follows it.
+        generator: Draws wording and style.
+        count: How many; fewer where there are fewer ways to say it.
+        refused: Prompts that are never returned, as `plain` writes them.
+    """
+    one, two = _plainer(wording(first)), _plainer(wording(second))
+    contrasts = contrasted(first, second)
+
+    def draw() -> str:
+        if contrasts and generator.random() < 0.35:
+            return _styled(_single(Wording(contrasts), generator), generator)
+        return _styled(_ordered(one, two, generator), generator)
+
+    return _different(draw, count, refused)
+
+
+def wording(action: SingleAction) -> Wording:
+    """Returns the patterns for an action.
+
+    Raises:
+        KeyError: Its kind is none of `KINDS`.
+    """
+    return _FIXED[action.kind] if action.kind in _FIXED else _WORDINGS[action.kind](action)
+
+
+def contrasted(first: SingleAction, second: SingleAction) -> Sequence[str]:
+    """Returns patterns that name the act once: "kick with the left leg, then with the right"."""
+    if first.kind != second.kind or max(first.count, second.count) > 1:
+        return ()
+    if first.kind in _LIMBS and {first.side, second.side} == {LEFT, RIGHT}:
+        limb, texts = _LIMBS[first.kind]
+        named = [text.replace("LIMB", limb) for text in texts]
+        named += [f"{text.replace('LIMB', limb)} {limb}" for text in texts if "LIMB" in text]
+        return [
+            text.replace("A", first.side).replace("B", second.side).replace(", then", join)
+            for text in named
+            for join in (", then", " and then", " then")
+        ]
+    ways = first.direction, second.direction
+    same_pace = first.kind in _DIRECTED and first.pace == second.pace
+    if same_pace and "" not in ways and ways[0] != ways[1]:
+        verb = "step" if first.kind == "steps" else first.kind
+        one, two = (f"[{w}|to the {w}]" if w in (LEFT, RIGHT) else f"[{w}|{w}s]" for w in ways)
+        return [f"~{verb} {one}, then {two}", f"~{verb} {one} and then {two}"]
+    return ()
+
+
+def _plainer(words: Wording) -> Wording:
+    """Prefers patterns that do not describe a sequence by themselves, and uses "once" less."""
+    clauses = [text for text in words.clauses if not _SEQUENCE.search(text)]
+    nouns = [text for text in words.nouns if not _SEQUENCE.search(text)]
+    return replace(
+        words,
+        clauses=[_uncounted(text) for text in clauses or words.clauses],
+        nouns=[_uncounted(text) for text in nouns],
+    )
+
+
+def _uncounted(pattern: str) -> str:
+    """Makes "once" and "one" rarer, and drops "in a row"."""
+    return pattern.replace(ONCE, "[|||||once]").replace(ONE, "[a|a|a|a|one]").replace(IN_A_ROW, "")
+
+
+def _different(draw: Callable[[], str], count: int, refused: frozenset[str]) -> list[str]:
+    """Draws sentences until there are as many different ones, or no more seem to come."""
+    drawn: dict[str, str] = {}
+    for _ in range(30 * count + 100):
+        if len(drawn) >= count:
+            break
+        sentence = draw()
+        if plain(sentence) not in refused and not _CLUMSY.search(sentence):
+            drawn.setdefault(plain(sentence), sentence)
+    return list(drawn.values())
+
+
+def _single(words: Wording, generator: np.random.Generator) -> str:
+    """One action in a form drawn at random."""
+    form = _draw_share(generator, _FORMS)
+    if words.orders and generator.random() < 0.06:
+        return _pick(words.orders, generator)
+    if form == "noun" and words.nouns:
+        return _noun(words, generator)
+    pattern = _front(words.clauses, generator)
+    text = _clause(pattern, form, _subject(words, form, generator), generator)
+    if form == "doing" and generator.random() < 0.15:
+        return f"{_pick(_SHOWN, generator)} {text}"
+    if words.places and generator.random() < 0.06:
+        text = f"{text} {_pick(words.places, generator)}"
+    return text
+
+
+def _ordered(one: Wording, two: Wording, generator: np.random.Generator) -> str:
+    """Two actions, in an order of words drawn at random."""
+    style = _draw_share(generator, {"plain": 55, "before": 12, "after": 14, "noun": 12, "dot": 7})
+    if style == "noun" and one.nouns and two.nouns:
+        begin, end = _noun(one, generator), _noun(two, generator)
+        if generator.random() < 0.12:
+            return f"first {begin}, then {end}"
+        joins = (", then ", ", followed by ", " followed by ", " and then ", " before ")
+        return f"{begin}{_pick(joins, generator)}{end}"
+    form = _draw_share(generator, {"order": 42, "third": 40, "is": 7, "participle": 9, "past": 2})
+    who = _subject(one if generator.random() < 0.5 else two, form, generator)
+    follow = two.after if two.after and generator.random() < 0.4 else two.clauses
+    first, second = _front(one.clauses, generator), _front(follow, generator)
+    unnamed = replace(who, name="")
+    if style in ("before", "after"):
+        minor, major = (second, first) if style == "before" else (first, second)
+        doing = _clause(minor, "participle", unnamed, generator)
+        main = _clause(major, form, who, generator)
+        leads = generator.random() < (0.4 if style == "before" else 0.6)
+        return f"{style} {doing}, {main}" if leads else f"{main} {style} {doing}"
+    then = {"is": "participle", "third": "plural" if who.plural else "third"}.get(form, form)
+    begin, end = _clause(first, form, who, generator), _clause(second, then, unnamed, generator)
+    if style == "dot":
+        if form in ("third", "past") and who.name:
+            end = _clause(second, form, replace(who, name=who.he), generator)
+        return f"{begin}. then {end}"
+    if generator.random() < 0.12:
+        return f"first {begin}, then {end}"
+    joins = (", then ", ", then ", " and then ", " and then ", " and ", " then ", ", and then ")
+    return f"{begin}{_pick(joins, generator)}{end}"
+
+
+def _clause(pattern: str, form: str, who: Subject, generator: np.random.Generator) -> str:
+    """Fills a pattern of a verb phrase in a form, with its subject where it has one."""
+    verb_form = "participle" if form in ("is", "doing") else form
+    if form == "third" and who.plural:
+        verb_form = "plural"
+    text = _agreed(_expanded(pattern, generator), who, generator)
+    text = re.sub(r"~([\w-]+)", lambda match: inflect(match[1], verb_form), text)
+    lead = who.name
+    if form == "is" and who.name:
+        lead = f"{who.name} {'are' if who.plural else 'is'}"
+    return _tidy(f"{lead} {text}")
+
+
+def _noun(words: Wording, generator: np.random.Generator) -> str:
+    who = Subject("", "the", "them", "they")
+    return _tidy(_agreed(_expanded(_front(words.nouns, generator), generator), who, generator))
+
+
+def _subject(words: Wording, form: str, generator: np.random.Generator) -> Subject:
+    """Draws who acts; orders and bare participles have no subject."""
+    if form == "order" or (form == "participle" and generator.random() < 0.4):
+        return Subject("", "your", "you", "you")
+    if form == "participle":
+        return Subject("", *_THEY)
+    people = _PEOPLE if generator.random() < 0.45 else _COMMON
+    if words.people and generator.random() < 0.2:
+        people = words.people
+    name = _pick(tuple(people), generator)
+    while form == "doing" and name in ("he", "she", "they"):
+        name = _pick(_COMMON, generator)
+    terse = generator.random() < 0.08
+    if _MASCULINE.search(name):
+        pronouns = _HE
+    elif _FEMININE.search(name):
+        pronouns = _SHE
+    else:
+        pronouns = _PEOPLE.get(name, _THEY)
+        may_be_he = pronouns is _THEY and name not in ("they", "someone", "somebody")
+        if may_be_he and generator.random() < 0.3:
+            pronouns = _HE
+    return Subject(re.sub(r"^(?:a|an|the) ", "", name) if terse else name, *pronouns)
+
+
+def _agreed(text: str, who: Subject, generator: np.random.Generator) -> str:
+    """Fills the words that agree with the subject."""
+    themselves = {"his": "himself", "her": "herself", "your": "yourself", "the": "yourself"}
+    is_one = "is" if who.he in ("he", "she") else "are"
+    text = text.replace("<himself>", themselves.get(who.his, "themselves"))
+    text = text.replace("<is>", is_one).replace("<he>", who.he)
+    text = text.replace("<him>", who.him).replace("<his>", who.his)
+    return text.replace("<the>", who.his if generator.random() < 0.6 else "the")
+
+
+def _expanded(pattern: str, generator: np.random.Generator) -> str:
+    """Draws one of every alternative, the innermost first."""
+    while match := _CLOSED.search(pattern):
+        chosen = _pick(tuple(match[1].split("|")), generator)
+        pattern = pattern[: match.start()] + chosen + pattern[match.end() :]
+    return pattern
+
+
+def _tidy(text: str) -> str:
+    text = re.sub(r"\s+([,.])", r"\1", " ".join(text.split()))
+    return _VOWEL.sub(r"\1n ", text).strip(" ,")
+
+
+def _styled(sentence: str, generator: np.random.Generator) -> str:
+    """Adds what people do when they type: a capital, a period, no comma."""
+    kind = generator.random()
+    if kind < 0.16:
+        return f"{sentence}."
+    if kind < 0.24:
+        return f"{sentence[0].upper()}{sentence[1:]}."
+    if kind < 0.28:
+        return f"{sentence[0].upper()}{sentence[1:]}"
+    return sentence.replace(",", "") if kind < 0.33 else sentence
+
+
+def _front(patterns: Sequence[str], generator: np.random.Generator) -> str:
+    """Draws a pattern; the first are drawn about twice as often as the last."""
+    return patterns[int(len(patterns) * generator.random() ** 1.5)]
+
+
+def _pick(choices: Sequence[str], generator: np.random.Generator) -> str:
+    return choices[int(generator.integers(len(choices)))]
+
+
+def _draw_share(generator: np.random.Generator, shares: dict[str, int]) -> str:
+    weights = np.array(list(shares.values()), float)
+    return list(shares)[int(generator.choice(len(weights), p=weights / weights.sum()))]

@@ -1,0 +1,141 @@
+"""Description → sentences in the style of captions and of prompts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from latentmotion.language.inflection import inflect
+from latentmotion.measure.facts import Description
+from latentmotion.measure.reported_acts import ReportedAct, acts_of
+from latentmotion.ranking.agreement import check
+from latentmotion.training.captioning.phrases import Phrase, meanwhile, phrases
+
+_SUBJECTS = (
+    ("a person", "their", "them", 8),
+    ("the person", "their", "them", 3),
+    ("someone", "their", "them", 2),
+    ("a man", "his", "him", 3),
+    ("the man", "his", "him", 1),
+    ("a woman", "her", "her", 1),
+    ("he", "his", "him", 1),
+    ("a figure", "its", "it", 1),
+    ("", "the", "them", 4),
+)
+"""Subject, possessive, object pronoun, weight; the last row leaves the subject out."""
+
+MOST_ACTS = 5
+"""Most acts of one sentence; of more, those that last longest are described."""
+
+
+def sentences(
+    description: Description,
+    generator: np.random.Generator,
+    action: str | None = None,
+    count: int = 4,
+) -> list[str]:
+    """Writes different sentences about a motion.
+
+    Args:
+        description: The motion's.
+        generator: Draws wording and style.
+        action: A sentence about it or the name of its action, from a file. It is used where the
+            motion does not contradict it.
+        count: Most sentences; fewer where there are fewer wordings.
+    """
+    known = plain_action(action) if action else ""
+    if known and check(known, description).verdict == "contradicts":
+        known = ""
+    acts = acts_of(description)
+    texts: list[str] = []
+    if known:
+        texts = [known]
+        claimed = {claim.kind for claim in check(known, description).claims}
+        moves = [act for act in acts if act.kind in ("walk", "jog", "run", "turn")]
+        if moves and not claimed & {"walk", "jog", "run", "turn", "circle", "move", "sit"}:
+            verb, rest = _draw(phrases(moves[0]), generator)
+            texts.append(
+                f"{known.rstrip('. ')} while {_filled(verb, rest, 'the', 'them', 'participle')}"
+            )
+        texts = texts[:count]
+        # Measured sentences would only repeat or spoil what a caption says better.
+        gestures = all(act.kind in ("raise", "wave", "punch") for act in acts)
+        if acts[0].kind in ("stand", "still") or (len(known.split()) > 2 and gestures):
+            return texts
+    for _ in range(6 * count):
+        if len(texts) >= count:
+            break
+        sentence = _sentence(acts, generator)
+        if sentence not in texts:
+            texts.append(sentence)
+    return texts
+
+
+def plain_action(action: str) -> str:
+    """Returns a name such as `wave_hello` or `WaveHello` as words; sentences stay as they are."""
+    text = action.strip()
+    if " " in text:
+        return text
+    words = re.sub(r"([a-z])([A-Z])", r"\1 \2", text).replace("_", " ").replace("-", " ")
+    return re.sub(r"\s*\d+\s*", " ", words).strip().lower()
+
+
+def _sentence(acts: Sequence[ReportedAct], generator: np.random.Generator) -> str:
+    """Writes one sentence about the acts that last longest, in their order."""
+    longest = sorted(acts, key=lambda act: -act.event.frames)[:MOST_ACTS]
+    acts = [act for act in acts if len(acts) <= MOST_ACTS or act in longest]
+    weights = np.array([subject[3] for subject in _SUBJECTS], float)
+    who, his, him, _ = _SUBJECTS[generator.choice(len(_SUBJECTS), p=weights / weights.sum())]
+    styles = ["third", "third", "third", "ing"] if who else ["third", "base", "base", "ing"]
+    style = str(generator.choice(styles))
+    form = "participle" if style == "ing" else style
+    parts = []
+    for act in acts:
+        verb, rest = _draw(phrases(act), generator)
+        during, manner = _draw(meanwhile(act), generator)
+        gerund = _filled(during, manner, his, him, "participle")
+        parts.append((_filled(verb, rest, his, him, form), gerund))
+    text = _joined(parts, acts, generator)
+    who = f"{who} is" if who and style == "ing" else who
+    text = f"{who} {text}".strip()
+    return f"{text}." if generator.random() < 0.6 else text
+
+
+def _draw(wordings: list[Phrase], generator: np.random.Generator) -> Phrase:
+    """Draws a wording; the plainest, which comes first, is drawn most often."""
+    if generator.random() < 0.35:
+        return wordings[0]
+    return wordings[int(generator.integers(len(wordings)))]
+
+
+def _filled(verb: str, rest: str, his: str, him: str, form: str) -> str:
+    """Inflects the verbs of a phrase and fills in its pronouns."""
+    rest = rest.replace("{his}", his).replace("{him}", him)
+    rest = re.sub(r"\{(\w+)\}", lambda match: inflect(match[1], form), rest)
+    return f"{inflect(verb, form)} {rest}".strip()
+
+
+def _joined(
+    parts: list[tuple[str, str]], acts: Sequence[ReportedAct], generator: np.random.Generator
+) -> str:
+    """Joins the acts of a sentence, each in the form of the sentence and as a participle."""
+    groups, last = [parts[0][0]], acts[0]
+    for (plain, gerund), act in zip(parts[1:], acts[1:], strict=True):
+        before = last.gait or last.event
+        during = act.gait is not None and act.kind != "turn" and act.gait.start <= before.start
+        if (during or act.event.end <= last.event.end - 6) and " while " not in groups[-1]:
+            groups[-1] += f" while {gerund}"
+        else:
+            groups.append(plain)
+        last = act
+    if len(groups) == 1:
+        return groups[0]
+    joiners = (", then ", " and then ", " then ", " and ", ", and then ")
+    if len(groups) > 2:
+        joiners = (", then ", ", and then ", " and ", ", and finally ")
+    text = ", ".join(groups[:-1])
+    if len(groups) > 2 and generator.random() < 0.4:
+        text = ", then ".join(groups[:-1])
+    return text + str(generator.choice(joiners)) + groups[-1]

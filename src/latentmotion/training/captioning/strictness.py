@@ -1,0 +1,296 @@
+"""Checks that a window shows a single action and nothing else that is worth reporting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from latentmotion.language.kinds import limits
+from latentmotion.measure.facts import BOTH, LEFT, RIGHT, SIDES, Event, SingleAction
+from latentmotion.measure.scene import Scene, highest_hand, in_place, meters, reportable_kinds
+from latentmotion.measure.signals import peaks
+from latentmotion.measure.whole_body import stillness
+from latentmotion.training.captioning.strict_locomotion import CALM, LOCOMOTION_CHECKS, Check
+
+_PUNCH_SPEED = 2.1
+"""Meters per second at which a punching fist leaves its shoulder; gestures are slower."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Other acts and movements that a window of a kind may show."""
+
+    also: frozenset[str] = frozenset()
+    """Kinds of acts that may be reported as well."""
+    travel: float = 0.7
+    """Most meters of the path of the pelvis."""
+    turned: float = 45.0
+    """Most degrees by which the heading changes."""
+
+
+def _limits(also: str = "", travel: float = 0.7, turned: float = 45.0) -> Limits:
+    return Limits(CALM | frozenset(also.split()), travel, turned)
+
+
+_LIMITS = {
+    "jump": _limits("jump hop squat raise walk arms_out bow", 4.0),
+    "hop": _limits("hop knee balance raise walk", 4.0),
+    "kick": _limits("kick knee balance raise walk", 1.8, 60),
+    "punch": _limits("punch raise walk", 1.0, 60),
+    "wave": _limits("wave raise touch_head arms_out walk", 1.0),
+    "raise": _limits("raise arms_out touch_head", 0.5),
+    "clap": _limits("clap raise", 0.6),
+    "knee": _limits("knee balance raise walk", 0.9),
+    "march": _limits("walk knee balance", 0.9),
+    "jog_in_place": _limits("jog knee jump walk", 0.9),
+    "jack": _limits("jack jump raise arms_out wave arm_circle", 0.9),
+    "squat": _limits("squat stay_crouch raise arms_out", 0.5),
+    "bow": _limits("bow stay_bend raise", 0.6),
+    "pick_up": _limits("pick_up squat bow walk", 1.2, 70),
+    "balance": _limits("balance knee raise arms_out kick", 0.6, 50),
+    "arms_out": _limits("arms_out raise", 0.5),
+    "hands_on_hips": _limits("hands_on_hips", 0.5),
+    "touch_head": _limits("touch_head raise", 0.5),
+    "arm_circle": _limits("arm_circle raise arms_out wave", 0.6),
+    "sit_down": _limits("sit_down stay_sit knee balance bow", 1.0, 120),
+    "sit": _limits("stay_sit sit_down", 0.3),
+    "stand_up": _limits("stand_up stay_sit knee balance bow", 1.0, 90),
+    "sit_floor": _limits("sit_down stay_floor floor stay_kneel kneel_down", 1.0, 120),
+    "lie_down": _limits(
+        "lie_down stay_lie stay_floor sit_down kneel_down crawl stay_kneel", 2.0, 150
+    ),
+    "lie": _limits("stay_lie crawl", 0.6, 60),
+    "get_up": _limits("get_up stand_up stay_lie stay_floor stay_kneel sit_up crawl", 2.0, 150),
+    "kneel": _limits("kneel_down stay_kneel stay_crouch knee balance", 1.0, 60),
+    "crouch": _limits("stay_crouch squat", 0.6),
+    "crawl": _limits("crawl walk stay_bend stay_kneel stay_crouch climb", 9, 60),
+    "climb": _limits("climb walk", 6, 60),
+    "stand": _limits("", 0.25, 20),
+}
+
+_CHECKS: dict[str, Check] = {}
+"""Checks of acts and postures by kind of action."""
+
+
+def strictly(action: SingleAction, scene: Scene) -> SingleAction | None:
+    """Returns the action as its window shows it, measured anew; None where it shows more, or less.
+
+    Args:
+        action: A candidate.
+        scene: The measurements of its window alone.
+    """
+    if action.kind in LOCOMOTION_CHECKS:
+        return LOCOMOTION_CHECKS[action.kind](action, scene)
+    limits, path = _LIMITS[action.kind], scene.facts.path
+    if path.length > limits.travel or abs(path.turned) > limits.turned:
+        return None
+    if reportable_kinds(scene) - limits.also:
+        return None
+    return _CHECKS[action.kind](action, scene)
+
+
+def _checks(*kinds: str) -> Callable[[Check], Check]:
+    """Registers the check of some kinds of actions."""
+
+    def register(function: Check) -> Check:
+        _CHECKS.update(dict.fromkeys(kinds, function))
+        return function
+
+    return register
+
+
+def _of_side(action: SingleAction, events: list[Event]) -> bool:
+    """Whether there are events and all are of the action's side."""
+    sides = {event.side for event in events}
+    return bool(events) and (action.side not in SIDES or sides == {action.side})
+
+
+@_checks("clap", "jack", "bow")
+def _repeated(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find(action.kind)
+    count = sum(event.count for event in events)
+    return action if _of_side(action, events) and count == action.count else None
+
+
+@_checks("squat")
+def _squats(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find("squat")
+    planted = float(scene.signals.feet.max()) < 0.15
+    shown = _of_side(action, events) and len(events) == action.count
+    return action if planted and shown else None
+
+
+@_checks("jump", "hop")
+def _jumps(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find("jump", "hop")
+    if len(events) != action.count or any(e.amount < limits("rise")[e.kind] for e in events):
+        return None
+    if action.kind == "jump" and any(event.kind == "hop" for event in events):
+        return None
+    for event in events if action.kind == "hop" else ():
+        # The other foot does not touch the floor around a hop.
+        around = slice(max(event.start - 3, 0), event.end + 4)
+        other = scene.signals.feet[around, 1 if action.side == LEFT else 0]
+        if event.kind != "hop" or event.side != action.side or float(other.min()) <= 0.05:
+            return None
+    distances = meters(scene)
+    direction = max(distances, key=lambda name: distances[name])
+    far = distances[direction] > (0.3 if direction == "forward" else 0.2)
+    if not far and scene.facts.path.length >= 0.4:
+        return None
+    return replace(action, direction=direction if far else "")
+
+
+@_checks("kick")
+def _kicks(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find("kick")
+    if not _of_side(action, events) or len(events) != action.count or scene.find("hop"):
+        return None
+    directions = {event.direction for event in events}
+    return replace(action, direction=directions.pop() if len(directions) == 1 else "")
+
+
+@_checks("punch")
+def _punches(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find("punch")
+    if len(events) != action.count or scene.find("wave"):
+        return None
+    sides = {event.side for event in events}
+    right = sides == {action.side} or (action.side == BOTH and len(sides) == 2)
+    quick = all(event.amount > _PUNCH_SPEED for event in events)
+    return action if right and quick else None
+
+
+@_checks("wave")
+def _waves(action: SingleAction, scene: Scene) -> SingleAction | None:
+    others = [side for side in SIDES if action.side not in (side, BOTH)]
+    others_down = all(highest_hand(scene, side) < 0.05 for side in others)
+    calm = np.degrees(np.ptp(scene.signals.heading)) < 50
+    right = {event.side for event in scene.find("wave")} == {action.side}
+    return action if right and others_down and calm else None
+
+
+@_checks("raise")
+def _raises(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find("raise")
+    if scene.find("wave", "punch", "clap", "arm_circle") or len(events) != action.count:
+        return None
+    if any(event.side != action.side or event.amount < 0.12 for event in events):
+        return None
+    others = [side for side in SIDES if action.side not in (side, BOTH)]
+    if any(highest_hand(scene, side) > -0.15 for side in others):
+        return None
+    directions = {event.direction for event in events}
+    return replace(action, direction=directions.pop() if len(directions) == 1 else "")
+
+
+@_checks("knee")
+def _knees(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find("knee")
+    if scene.find("kick", "hop", "jump") or len(events) != action.count:
+        return None
+    sides = {event.side for event in events}
+    shown = len(sides) == 2 if action.side == BOTH else sides == {action.side}
+    return action if shown else None
+
+
+@_checks("march", "jog_in_place")
+def _marches(action: SingleAction, scene: Scene) -> SingleAction | None:
+    if not in_place(scene, 0.6):
+        return None
+    lifts = [len(peaks(foot, 0.05, 0.05)) for foot in scene.signals.feet.T]
+    return action if min(lifts) >= 2 and sum(lifts) >= 4 else None
+
+
+@_checks("pick_up")
+def _pick_ups(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events, postures = scene.find("pick_up"), scene.facts.postures
+    shown = len(events) == 1 and postures[0].kind == postures[-1].kind == "stand"
+    return replace(action, side=events[0].side) if shown else None
+
+
+@_checks("balance", "arms_out", "hands_on_hips", "touch_head")
+def _poses(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find(action.kind)
+    held = sum(event.frames for event in events) > 0.4 * scene.facts.frames
+    if action.kind == "touch_head":
+        held &= highest_hand(scene, RIGHT if action.side == LEFT else LEFT) <= -0.1
+    if action.kind == "hands_on_hips":
+        # Both hands are at the sides of the waist, elbows out, and not in front of the belly.
+        at_hips = np.ones(scene.facts.frames, bool)
+        for side, sign in ((LEFT, 1), (RIGHT, -1)):
+            wrist, elbow = scene.signals.of(f"{side}_wrist"), scene.signals.of(f"{side}_elbow")
+            high = wrist[:, 1] - scene.signals.joints[:, 0, 1]
+            at_hips &= (sign * wrist[:, 0] > 0.13) & (sign * (elbow - wrist)[:, 0] > 0.05)
+            at_hips &= (wrist[:, 2] < 0.17) & (high > -0.05) & (high < 0.3)
+        held &= float(at_hips.mean()) > 0.5
+    return action if held and _of_side(action, events) else None
+
+
+@_checks("arm_circle")
+def _arm_circles(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find("arm_circle")
+    if {event.side for event in events} != {action.side}:
+        return None
+    count = sum(event.count for event in events)
+    return replace(action, direction=events[0].direction, count=count)
+
+
+_SEQUENCES = {
+    "sit_down": ("stand sit",),
+    "sit": ("sit",),
+    "stand_up": ("sit stand",),
+    "sit_floor": ("stand floor", "floor", "stand kneel floor"),
+    "lie_down": ("stand lie", "stand floor lie", "stand kneel lie"),
+    "get_up": (
+        "lie stand", "floor stand", "lie kneel stand", "lie floor stand", "floor kneel stand",
+    ),
+    "kneel": ("stand kneel", "kneel"),
+    "crouch": ("stand crouch", "crouch", "stand crouch stand"),
+}  # fmt: skip
+"""Sequences of postures that show an action; short postures that are not in them are left out."""
+
+
+@_checks(*_SEQUENCES)
+def _postures(action: SingleAction, scene: Scene) -> SingleAction | None:
+    seat = action.kind in ("sit_down", "sit", "stand_up")
+    if seat and float(scene.signals.joints[:, 0, 1].min()) <= 0.35:  # lower than a low stool
+        return None
+    for stages in map(str.split, _SEQUENCES[action.kind]):
+        kept = [
+            posture.kind
+            for posture in scene.facts.postures
+            if posture.kind in stages
+            or posture.frames >= (30 if posture.kind in ("bend", "crouch") else 16)
+        ]
+        if stages == [kind for n, kind in enumerate(kept) if n == 0 or kept[n - 1] != kind]:
+            return action
+    return None
+
+
+@_checks("lie")
+def _lies(action: SingleAction, scene: Scene) -> SingleAction | None:
+    alone = {posture.kind for posture in scene.facts.postures} == {"lie"}
+    return action if alone and scene.facts.activity < 0.35 else None
+
+
+@_checks("crawl")
+def _crawls(action: SingleAction, scene: Scene) -> SingleAction | None:
+    held = sum(event.frames for event in scene.find("crawl"))
+    return action if held > 0.8 * scene.facts.frames else None
+
+
+@_checks("climb")
+def _climbs(action: SingleAction, scene: Scene) -> SingleAction | None:
+    events = scene.find("climb")
+    return action if [event.direction for event in events] == [action.direction] else None
+
+
+@_checks("stand")
+def _stands(action: SingleAction, scene: Scene) -> SingleAction | None:
+    still = stillness(scene.signals).mean() >= 0.85
+    standing = all(posture.kind == "stand" for posture in scene.facts.postures)
+    hands_down = all(highest_hand(scene, side) < -0.15 for side in SIDES)
+    return action if still and standing and hands_down else None

@@ -1,0 +1,341 @@
+"""Checks of motions: the acts and conditions that terms name, and whether a motion meets them.
+
+An act of one side is only that side's: a motion that raises both hands does not raise the left one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.data.instructions import DIRECTIONS, SIDES, TURNS, Check, Term
+from latentmotion.errors import InputError, hint
+from latentmotion.measure.facts import FPS, LEFT, RIGHT, Event
+from latentmotion.measure.repetitions import bends, jumps
+from latentmotion.measure.scene import Scene, lasting, meters, scene_of
+from latentmotion.measure.signals import peaks
+from latentmotion.measure.whole_body import stillness, stooped
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A kind of condition."""
+
+    holds: Callable[[Scene, Term], bool]
+    """Whether it holds for a motion."""
+    numbers: int
+    """Number of numbers in a term."""
+    words: tuple[tuple[str, ...], ...] = ()
+    """Choices for each word of a term."""
+
+
+def turns_by(scene: Scene, term: Term) -> bool:
+    """The heading turns to a side by so many degrees in all, with full turns counted."""
+    turned, (side,) = scene.facts.path.turned, term.words
+    amount = abs(turned) if side == "either" else turned if side == LEFT else -turned
+    return term.numbers[0] <= amount <= term.numbers[1]
+
+
+def travels(scene: Scene, term: Term) -> bool:
+    """The path of the pelvis is so many meters long."""
+    return scene.facts.path.length >= term.numbers[0]
+
+
+def moves_towards(scene: Scene, term: Term) -> bool:
+    """It moves so many meters to a side of the body, and farther than to any other."""
+    distance, least = meters(scene), term.numbers[0]
+    if term.words[0] == "sideways":
+        distance["sideways"] = max(distance.pop(LEFT), distance.pop(RIGHT))
+    return distance[term.words[0]] >= max(least, *distance.values())
+
+
+def has_speed(scene: Scene, term: Term) -> bool:
+    """The mean speed while it moves, m/s, is within bounds."""
+    moves = [move for move in scene.facts.moves if move.kind != "stand" and move.direction]
+    moves = [move for move in moves if move.direction != "place"]
+    frames = sum(move.frames for move in moves)
+    if not frames:
+        return False
+    mean = sum(move.amount * move.frames for move in moves) / frames
+    return term.numbers[0] <= mean <= term.numbers[1]
+
+
+def speeds_up(scene: Scene, term: Term) -> bool:
+    """The last third is so many times as fast as the first."""
+    first, last = _ends_of_speed(scene)
+    return last >= max(term.numbers[0] * first, first + 0.2)
+
+
+def slows_down(scene: Scene, term: Term) -> bool:
+    """The first third is so many times as fast as the last."""
+    first, last = _ends_of_speed(scene)
+    return first >= max(term.numbers[0] * last, last + 0.2)
+
+
+def takes_steps(scene: Scene, term: Term) -> bool:
+    """Both feet together make so many steps."""
+    least, most = term.often
+    return least <= scene.facts.steps <= most
+
+
+def steps_in_place(scene: Scene, term: Term) -> bool:
+    """A foot leaves the floor and comes back so many times."""
+    lifts = sum(len(peaks(foot, 0.05, 0.05)) for foot in scene.signals.feet.T)
+    return term.numbers[0] <= lifts <= term.numbers[1]
+
+
+def stays(scene: Scene, term: Term) -> bool:
+    """It stays within so many meters of its median position."""
+    path = scene.signals.joints[:, 0, ::2]
+    distance = np.linalg.norm(path - np.median(path, axis=0), axis=1)
+    return bool(distance.max() <= term.numbers[0])
+
+
+def keeps_facing(scene: Scene, term: Term) -> bool:
+    """It ends within so many degrees of its first heading."""
+    return abs(scene.facts.path.turned) <= term.numbers[0]
+
+
+def goes_straight(scene: Scene, term: Term) -> bool:
+    """It moves along a line, and ends within so many degrees of its first heading."""
+    path = scene.signals.joints[:, 0, ::2]
+    net = float(np.linalg.norm(path[-1] - path[0]))
+    return keeps_facing(scene, term) and net >= 0.9 * scene.facts.path.length
+
+
+def weaves(scene: Scene, term: Term) -> bool:
+    """Its direction of travel swings to both sides by so many degrees, twice or more."""
+    left, ahead = scene.signals.velocity.T
+    travels = scene.signals.speed > 0.3
+    # Radians without jumps, of the frames in which it travels.
+    course = np.degrees(np.unwrap(scene.signals.heading + np.arctan2(left, ahead))[travels])
+    if not len(course):
+        return False
+    swings = [len(peaks(curve - curve.min(), 0, term.numbers[0])) for curve in (course, -course)]
+    return sum(swings) >= 2
+
+
+def jumps_high(scene: Scene, term: Term) -> bool:
+    """The pelvis rises by so many meters in a jump."""
+    return any(event.amount >= term.numbers[0] for event in scene.find("jump", "hop"))
+
+
+def keeps_still(scene: Scene, term: Term) -> bool:
+    """Nothing moves for such a part of the time."""
+    return bool(stillness(scene.signals).mean() >= term.numbers[0])
+
+
+def is_stooped(scene: Scene, term: Term) -> bool:
+    """The hips are low or the trunk is bent, half of the time or more."""
+    return bool(stooped(scene.signals).mean() >= 0.5)
+
+
+def is_upright(scene: Scene, term: Term) -> bool:
+    """It stands with the trunk upright all the time."""
+    standing = sum(part.frames for part in scene.facts.postures if part.kind == "stand")
+    return standing > 0.9 * scene.facts.frames and float(np.median(scene.signals.tilt)) < 20
+
+
+CONDITIONS: dict[str, Condition] = {
+    "turn": Condition(turns_by, 2, (TURNS,)),
+    "travel": Condition(travels, 1),
+    "move": Condition(moves_towards, 1, ((*DIRECTIONS, "sideways"),)),
+    "speed": Condition(has_speed, 2),
+    "faster": Condition(speeds_up, 1),
+    "slower": Condition(slows_down, 1),
+    "step": Condition(takes_steps, 2),
+    "lift_feet": Condition(steps_in_place, 2),
+    "in_place": Condition(stays, 1),
+    "facing": Condition(keeps_facing, 1),
+    "straight": Condition(goes_straight, 1),
+    "weave": Condition(weaves, 1),
+    "height": Condition(jumps_high, 1),
+    "still": Condition(keeps_still, 1),
+    "stooped": Condition(is_stooped, 0),
+    "upright": Condition(is_upright, 0),
+}
+"""Every condition by name."""
+
+
+def _ends_of_speed(scene: Scene) -> tuple[float, float]:
+    speed = scene.signals.speed
+    third = max(len(speed) // 3, 1)
+    return float(speed[:third].mean()), float(speed[-third:].mean())
+
+
+@dataclass(frozen=True)
+class Act:
+    """A kind of act."""
+
+    find: Callable[[Scene], list[Event]]
+    """Finds the events of this kind, of every side."""
+    words: tuple[tuple[str, ...], ...] = ()
+    """Choices for each word of a term."""
+    lasts: bool = False
+    """Whether it is continuous, e.g. walking, instead of a single event."""
+    repeats: bool = True
+    """Whether an event of several repetitions counts as several."""
+
+
+def _of(*kinds: str, seconds: float = 0.0) -> Callable[[Scene], list[Event]]:
+    return lambda scene: lasting(scene.find(*kinds), seconds)
+
+
+def _moves(*kinds: str) -> Callable[[Scene], list[Event]]:
+    """Finds moves that travel on the feet, without standing and running in place.
+
+    Only stretches of 0.4 s and longer count in which the body is not bent, down or seated.
+    """
+
+    def find(scene: Scene) -> list[Event]:
+        events = []
+        for move in scene.facts.moves:
+            if move.kind not in kinds or move.direction in ("", "place"):
+                continue
+            upright: list[Event] = []
+            for posture in scene.facts.postures:
+                start, end = max(move.start, posture.start), min(move.end, posture.end)
+                if posture.kind in ("stand", "crouch") and end > start:
+                    if upright and upright[-1].end == start:
+                        start = upright.pop().start
+                    upright.append(replace(move, start=start, end=end))
+            events += lasting(upright, 0.4)
+        return events
+
+    return find
+
+
+ACTS: dict[str, Act] = {
+    "raise": Act(_of("raise"), (SIDES,), repeats=False),
+    "wave": Act(_of("wave"), (SIDES,), repeats=False),
+    "punch": Act(_of("punch"), (SIDES,)),
+    "kick": Act(_of("kick"), (SIDES,)),
+    "knee_up": Act(_of("knee"), (SIDES,)),
+    "hop": Act(_of("hop"), (SIDES,)),
+    "one_leg": Act(_of("balance"), (SIDES,)),
+    "touch": Act(_of("touch_head"), (SIDES, ("head",))),
+    "jump": Act(lambda scene: jumps(scene.find("jump", "hop"))),
+    "clap": Act(_of("clap")),
+    "squat": Act(_of("squat")),
+    "jack": Act(_of("jack")),
+    "bend": Act(lambda scene: bends(scene.facts.events, scene.facts.postures)),
+    "reach_down": Act(_of("pick_up")),
+    "arms_out": Act(_of("arms_out"), repeats=False),
+    "hands_on_hips": Act(_of("hands_on_hips"), repeats=False),
+    "crawl": Act(_of("crawl"), repeats=False),
+    "sit": Act(_of("sit", "floor", seconds=0.4), repeats=False),
+    "sit_floor": Act(_of("floor", seconds=0.4), repeats=False),
+    "lie": Act(_of("lie", seconds=0.4), repeats=False),
+    "crouch": Act(_of("crouch", "squat", seconds=0.3), repeats=False),
+    "kneel": Act(_of("kneel", seconds=0.3), repeats=False),
+    "low": Act(_of("crouch", "squat", "kneel", "floor", "lie", seconds=0.3), repeats=False),
+    "stand": Act(
+        lambda scene: lasting([p for p in scene.facts.postures if p.kind == "stand"], 0.3),
+        lasts=True,
+        repeats=False,
+    ),
+    "halt": Act(
+        lambda scene: lasting([move for move in scene.facts.moves if move.kind == "stand"], 0.4),
+        lasts=True,
+        repeats=False,
+    ),
+    "walk": Act(_moves("walk"), lasts=True, repeats=False),
+    "run": Act(_moves("jog", "run"), lasts=True, repeats=False),
+    "go": Act(_moves("walk", "jog", "run"), (DIRECTIONS,), lasts=True, repeats=False),
+    "turn": Act(_of("turn"), (TURNS,), repeats=False),
+}
+"""Every act by name; the numbers of `turn` are degrees, all others are counts."""
+
+
+def fulfills(scene: Scene, check: Check) -> bool:
+    """Returns whether a motion meets all requirements, in order if the check has one."""
+    if check.ordered:
+        pairs = zip(check.terms[:-1], check.terms[1:], strict=True)
+        return all(follows(scene, first, second) for first, second in pairs)
+    return all(
+        CONDITIONS[term.name].holds(scene, term)
+        if term.name in CONDITIONS
+        else happens(scene, term)
+        for term in check.terms
+    )
+
+
+def happens(scene: Scene, term: Term) -> bool:
+    """Returns whether a motion has an act as often as required, and of no other side."""
+    act, events = ACTS[term.name], events_of(scene, term)
+    one_sided = term.name != "go" and term.words[:1] in ((LEFT,), (RIGHT,))
+    if one_sided and len(events) < len(act.find(scene)):
+        return False
+    number = sum(event.count for event in events) if act.repeats else len(events)
+    least, most = term.often
+    return least <= number <= most
+
+
+def events_of(scene: Scene, term: Term) -> list[Event]:
+    """Returns the events of the act that a term names."""
+    events = ACTS[term.name].find(scene)
+    if term.name == "go":
+        return [event for event in events if event.direction == term.words[0]]
+    side = term.words[0] if term.words else "any"
+    if side not in ("any", "either"):
+        events = [event for event in events if event.side == side]
+    if term.name == "turn":
+        least, most = term.often
+        return [event for event in events if least <= event.amount <= most]
+    return events
+
+
+def follows(scene: Scene, first: Term, second: Term) -> bool:
+    """Returns whether the second act follows the first.
+
+    Of a single event the first occurrence counts. A continuous act must start half a second before
+    the event that follows it, or end half a second after the event that it follows.
+    """
+    before, after = events_of(scene, first), events_of(scene, second)
+    first_lasts, second_lasts = ACTS[first.name].lasts, ACTS[second.name].lasts
+
+    def precedes(one: Event, two: Event) -> bool:
+        if first_lasts:
+            return one.start + (0.4 if second_lasts else 0.5) * FPS <= two.start
+        if second_lasts:
+            return one.end + 0.5 * FPS <= two.end
+        return one.start + 0.2 * FPS <= two.start and one.end <= two.end
+
+    before = before if first_lasts else before[:1]
+    after = after if second_lasts else after[:1]
+    return any(precedes(one, two) for one in before for two in after)
+
+
+def meets(check: Check, joints: Float[np.ndarray, "frames 22 3"]) -> bool:
+    """Returns whether a motion meets a check, from its joints at 20 frames per second."""
+    return fulfills(scene_of(joints), check)
+
+
+def validate(check: Check) -> None:
+    """Checks names, words and numbers.
+
+    Raises:
+        InputError: One is unknown or missing.
+    """
+    for term in check.terms:
+        known = ACTS if check.ordered else ACTS | CONDITIONS
+        if term.name not in known:
+            raise InputError(f"check {term}: unknown {term.name!r}, {hint(term.name, known)}")
+        condition = None if check.ordered else CONDITIONS.get(term.name)
+        words = condition.words if condition else ACTS[term.name].words
+        if condition and len(term.numbers) != condition.numbers:
+            raise InputError(f"check {term}: expected {condition.numbers} numbers")
+        # In an order acts are not counted; only a turn has numbers, its degrees.
+        most = 0 if check.ordered and term.name != "turn" else 2
+        if not condition and len(term.numbers) > most:
+            raise InputError(f"check {term}: expected fewer numbers")
+        if list(term.numbers) != sorted(term.numbers):
+            raise InputError(f"check {term}: expected the smaller number first")
+        if len(term.words) > len(words) or (condition and len(term.words) < len(words)):
+            raise InputError(f"check {term}: expected {len(words)} words")
+        for word, choices in zip(term.words, words, strict=False):
+            if word not in choices:
+                raise InputError(f"check {term}: unknown word {word!r}, {hint(word, choices)}")

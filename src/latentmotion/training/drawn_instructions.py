@@ -1,0 +1,259 @@
+"""Prompts with checks, drawn by the thousand: what a model may be trained to obey.
+
+They are worded by the describer's grammar, in the benchmark's groups; none is a sentence of the
+benchmark's list, nor the mirror image of one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from latentmotion.data.instructions import Instruction, parse, refused_captions
+from latentmotion.measure.facts import BOTH, LEFT, RIGHT, SingleAction
+from latentmotion.training.captioning.prompting import prompts, prompts_in_order
+
+SHARES = {
+    "side": 0.24, "turns": 0.24, "counts": 0.24, "order": 0.16, "pace": 0.03, "posture": 0.03,
+    "direction": 0.04, "action": 0.02,
+}  # fmt: skip
+"""Share of each group."""
+
+_SIDE_WORDS = re.compile(r"\b(?:left|right|(?:anti|counter-?)?clockwise)\b", re.IGNORECASE)
+_ONCE = re.compile(r"\b(?:once|one time|one|single)\b", re.IGNORECASE)
+_SOME = re.compile(r"\ba few\b", re.IGNORECASE)
+_OFTEN = re.compile(r"\b(?:several|again and again|repeatedly|over and over)\b", re.IGNORECASE)
+
+_ACTS = {
+    "kick": "kick", "punch": "punch", "wave": "wave", "raise": "raise", "knee": "knee_up",
+    "hop": "hop", "balance": "one_leg", "touch_head": "touch",
+}  # fmt: skip
+"""Acts of one side by the kind of action."""
+
+_COUNTED = {
+    "jump": ("jump", 4), "hop": ("hop", 4), "kick": ("kick", 3), "punch": ("punch", 4),
+    "squat": ("squat", 3), "jack": ("jack", 4), "bow": ("bend", 3), "clap": ("clap", 4),
+    "knee": ("knee_up", 4), "raise": ("raise", 3),
+}  # fmt: skip
+"""Act and highest count by the kind of action."""
+
+_ANGLES = {45: (25, 75), 90: (60, 120), 180: (130, 230), 360: (290, 430), 720: (500, 4000)}
+"""Degrees in the prompt, and the range that fulfills it."""
+
+_IN_ORDER = {
+    "walk": "walk", "run": "run", "stand": "halt", "jump": "jump", "kick": "kick", "punch": "punch",
+    "wave": "wave", "raise": "raise", "sit_down": "sit", "squat": "squat", "bow": "bend",
+    "pick_up": "reach_down", "lie_down": "lie", "crouch": "crouch", "turn": "turn",
+}  # fmt: skip
+"""Acts that can follow each other, by the kind of action."""
+
+_PACES = {
+    ("walk", "slow"): "travel(0.3) & speed(0.1, 0.9)",
+    ("walk", "normal"): "travel(1) & speed(0.5, 1.8)",
+    ("walk", "fast"): "travel(1.5) & speed(1.35, 2.6)",
+    ("jog", "normal"): "travel(2) & speed(1.6, 4)",
+    ("run", "normal"): "travel(2) & speed(2, 9)",
+    ("run", "fast"): "travel(2) & speed(2.8, 11)",
+}
+
+_PLAIN = {
+    "posture": {
+        "sit_down": "sit", "sit_floor": "sit_floor", "lie_down": "lie", "kneel": "kneel",
+        "crouch": "crouch", "bow": "bend", "pick_up": "reach_down", "crawl": "crawl",
+        "stand_up": "sit > stand", "get_up": "low > stand",
+    },
+    "action": {
+        "jump": "jump", "clap": "clap(1, 99)", "jack": "jack(1, 99)", "arms_out": "arms_out",
+        "hands_on_hips": "hands_on_hips", "stand": "still(0.7)",
+    },
+    "pace": {
+        "march": "in_place(0.8) & lift_feet(3, 99)",
+        "jog_in_place": "in_place(0.8) & lift_feet(4, 99)",
+    },
+}  # fmt: skip
+"""Checks of actions without a parameter."""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """One action, or two in order, with what a motion must show.
+
+    A single action's check has `{side}`, `{way}`, `{count}`, `{steps}` and `{often}`, a count if
+    one is said, where the sentence decides what it demands.
+    """
+
+    actions: tuple[SingleAction, ...]
+    check: str
+
+    def demanded(self, text: str) -> str:
+        """Returns the check: of a side and a count no more than the sentence says."""
+        action = self.actions[0]
+        says_side = action.side == BOTH or _SIDE_WORDS.search(text)
+        side = action.side if says_side and action.side else "any"
+        if "turn({side}" in self.check and side == "any":
+            side = "either"
+        way = action.direction if says_side else "sideways"
+        count = "3, 99" if _OFTEN.search(text) else "2, 5" if _SOME.search(text) else action.count
+        steps = f"{count}, {count + 1}" if isinstance(count, int) else count
+        often = f", {count}" if action.count > 1 or _ONCE.search(text) else ""
+        if len(self.actions) > 1 and not _SIDE_WORDS.search(text):
+            check = re.sub(r"turn\((?:left|right)", "turn(either", self.check)
+            return re.sub(r"(?<!go)\((?:left|right)\)", "(any)", check)
+        return self.check.format(side=side, often=often, count=count, steps=steps, way=way)
+
+
+def drawn_instructions(count: int, seed: int) -> list[Instruction]:
+    """Returns different prompts with their checks, none of them of the benchmark.
+
+    Args:
+        count: How many, at most; a sentence that comes again is left out.
+        seed: What draws actions, parameters and words.
+    """
+    generator = np.random.default_rng(seed)
+    refused = refused_captions()
+    found: dict[str, Instruction] = {}
+    for group in generator.choice(list(SHARES), count, p=list(SHARES.values())).tolist():
+        asked = _GROUPS[group](generator)
+        if len(asked.actions) == 1:
+            texts = prompts(asked.actions[0], generator, 1, refused)
+        else:
+            texts = prompts_in_order(asked.actions[0], asked.actions[1], generator, 1, refused)
+        for text in texts:
+            name = f"drawn-{seed}-{len(found):05d}"
+            check = parse(asked.demanded(text))
+            found.setdefault(text, Instruction(name, group, text, check))
+    return list(found.values())
+
+
+def _pick(generator: np.random.Generator, some: tuple | list | dict) -> object:
+    values = list(some)
+    return values[int(generator.integers(len(values)))]
+
+
+def _action(kind: str, **more: object) -> SingleAction:
+    return SingleAction(kind, 0, 60, **more)  # type: ignore[arg-type]
+
+
+def _side(generator: np.random.Generator) -> _Asked:
+    side = str(_pick(generator, (LEFT, RIGHT)))
+    if generator.random() < 0.2:
+        return _turned(side, int(generator.choice([60, 90])), "turn({side}, 30, 200)", generator)
+    kind = str(_pick(generator, [*_ACTS, "kick", "punch", "wave", "hop"]))
+    often = "" if kind in ("raise", "wave", "balance", "touch_head") else "{often}"
+    place = ", head" if kind == "touch_head" else ""
+    return _Asked((_action(kind, side=side),), f"{_ACTS[kind]}({{side}}{place}{often})")
+
+
+def _turned(side: str, degrees: int, check: str, generator: np.random.Generator) -> _Asked:
+    gait = "walk" if generator.random() < 0.4 and degrees < 290 else ""
+    travel = " & travel(1)" if gait else ""
+    return _Asked((_action("turn", side=side, degrees=degrees, gait=gait),), check + travel)
+
+
+def _turns(generator: np.random.Generator) -> _Asked:
+    side = str(_pick(generator, (LEFT, RIGHT)))
+    kind = generator.choice(
+        ["turn", "circle", "half_circle", "turn_and_return"], p=[0.6, 0.2, 0.12, 0.08]
+    )
+    gait = "walk" if generator.random() < 0.7 else "jog"
+    if kind == "turn":
+        degrees = int(generator.choice(list(_ANGLES), p=[0.15, 0.3, 0.25, 0.2, 0.1]))
+        least, most = _ANGLES[degrees]
+        return _turned(side, degrees, f"turn({{side}}, {least}, {most})", generator)
+    far, (least, most) = 1, (120, 240)
+    if kind == "circle":
+        far, (least, most) = 2, (270, 4000)
+    elif kind == "turn_and_return":
+        least, most = 130, 230
+    degrees = 330 if kind == "circle" else 180
+    action = _action(kind, side=side, degrees=degrees, gait=gait)
+    return _Asked((action,), f"turn({{side}}, {least}, {most}) & travel({far})")
+
+
+def _counts(generator: np.random.Generator) -> _Asked:
+    kind = str(_pick(generator, [*_COUNTED, "jump", "kick", "punch", "steps", "steps"]))
+    if kind == "steps":
+        count, way = int(generator.integers(1, 6)), str(_pick(generator, ("forward", "backward")))
+        action = _action("steps", count=count, direction=way)
+        far = f"{0.15 * count:.2f}"
+        return _Asked((action,), f"step({{steps}}) & move({way}, {far})")
+    name, most = _COUNTED[kind]
+    count = int(generator.integers(1, most + 1))
+    if kind in ("jump", "squat", "jack", "bow", "clap"):
+        return _Asked((_action(kind, count=count),), f"{name}({{count}})")
+    side = str(_pick(generator, (LEFT, RIGHT)))
+    if kind == "raise" and generator.random() < 0.5:
+        side = BOTH
+    return _Asked((_action(kind, count=count, side=side),), f"{name}({{side}}, {{count}})")
+
+
+def _orders(generator: np.random.Generator) -> _Asked:
+    if generator.random() < 0.2:
+        kind = str(_pick(generator, ("kick", "raise", "punch")))
+        sides = (LEFT, RIGHT) if generator.random() < 0.5 else (RIGHT, LEFT)
+        both = tuple(_action(kind, side=side) for side in sides)
+        return _Asked(both, " > ".join(f"{kind}({side})" for side in sides))
+    if generator.random() < 0.15:
+        directions = (("forward", "backward"), (LEFT, RIGHT))[int(generator.integers(2))]
+        directions = directions if generator.random() < 0.5 else directions[::-1]
+        kind = "walk" if "forward" in directions else "steps"
+        both = tuple(_action(kind, direction=way, pace="normal") for way in directions)
+        return _Asked(both, " > ".join(f"go({way})" for way in directions))
+    kinds = [*_IN_ORDER, "walk", "walk", "run", "jump", "kick", "punch", "wave", "turn"]
+    one, other = str(_pick(generator, kinds)), str(_pick(generator, kinds))
+    if one == other or {one, other} == {"stand", "turn"} or one in ("lie_down", "sit_down"):
+        return _orders(generator)
+    pair = [_ordered(kind, generator) for kind in (one, other)]
+    return _Asked(tuple(action for action, _ in pair), " > ".join(term for _, term in pair))
+
+
+def _ordered(kind: str, generator: np.random.Generator) -> tuple[SingleAction, str]:
+    """Returns an action as a part of two, and its term."""
+    name = _IN_ORDER[kind]
+    if kind in ("kick", "punch", "wave", "raise"):
+        side = str(_pick(generator, (LEFT, RIGHT) if kind != "raise" else (LEFT, RIGHT, BOTH)))
+        return _action(kind, side=side), f"{name}({side})"
+    if kind == "turn":
+        side, degrees = str(_pick(generator, (LEFT, RIGHT))), int(generator.choice([90, 180]))
+        return _action(kind, side=side, degrees=degrees), f"turn({side}, 30, 240)"
+    pace = "normal" if kind in ("walk", "run") else ""
+    way = "forward" if pace else ""
+    return _action(kind, pace=pace, direction=way), name
+
+
+def _paces(generator: np.random.Generator) -> _Asked:
+    if generator.random() < 0.2:
+        return _plain("pace", generator)
+    kind, pace = key = list(_PACES)[int(generator.integers(len(_PACES)))]
+    return _Asked((_action(kind, pace=pace, direction="forward"),), _PACES[key])
+
+
+def _directions(generator: np.random.Generator) -> _Asked:
+    way = str(_pick(generator, ("backward", LEFT, RIGHT)))
+    kind = str(_pick(generator, ("walk", "steps", "jump")))
+    count = int(generator.integers(1, 4)) if kind == "steps" else 1
+    far = {"walk": 0.5, "steps": 0.15 * count, "jump": 0.2}[kind]
+    jumps = "jump & " if kind == "jump" else ""
+    action = _action(kind, direction=way, count=count, pace="normal" if kind == "walk" else "")
+    towards = "{way}" if way in (LEFT, RIGHT) else way
+    return _Asked((action,), f"{jumps}move({towards}, {far:.2f})")
+
+
+def _plain(group: str, generator: np.random.Generator) -> _Asked:
+    kind = str(_pick(generator, _PLAIN[group]))
+    return _Asked((_action(kind),), _PLAIN[group][kind])
+
+
+_GROUPS: dict[str, Callable[[np.random.Generator], _Asked]] = {
+    "side": _side,
+    "turns": _turns,
+    "counts": _counts,
+    "order": _orders,
+    "pace": _paces,
+    "posture": lambda generator: _plain("posture", generator),
+    "direction": _directions,
+    "action": lambda generator: _plain("action", generator),
+}

@@ -1,0 +1,99 @@
+"""What prompts ask for, in the words of users."""
+
+from __future__ import annotations
+
+import pytest
+
+from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
+from latentmotion.language.claims import Claim
+from latentmotion.language.reading import claims_of, request_of
+from latentmotion.language.request import asked_exactly
+
+
+@pytest.mark.parametrize(
+    ("prompt", "claim"),
+    [
+        ("do a one-eighty", Claim("turn", degrees=180)),
+        ("he does a 360 to the left", Claim("turn", "left", degrees=360)),
+        ("turn ninety degrees to your right", Claim("turn", "right", degrees=90)),
+        ("a full circle on the spot to the left", Claim("turn", "left", degrees=360)),
+        ("she turns around", Claim("turn", degrees=180)),
+        ("turn and face the other way", Claim("turn", degrees=180)),
+        ("a dancer spins clockwise", Claim("turn", "right", degrees=360)),
+        ("face left", Claim("turn", "left")),
+        ("strafe left", Claim("move", direction="left")),
+        ("two punches with the right hand", Claim("punch", "right", count=2)),
+        ("just one jab with the left.", Claim("punch", "left", count=1)),
+        ("kick something with the left foot three times", Claim("kick", "left", count=3)),
+        ("hop on one leg twice", Claim("hop", count=2)),
+        ("three left knee raises", Claim("knee", "left", count=3)),
+        ("put your right arm in the air", Claim("raise", "right")),
+        ("hands up!", Claim("raise", "both")),
+        ("from sitting to standing", Claim("stand_up")),
+        ("four star jumps", Claim("jack", count=4)),
+        ("sit on the floor", Claim("floor")),
+        ("retreating without turning around", Claim("move", direction="backward")),
+        ("take one step forward", Claim("move", direction="forward", count=1)),
+    ],
+)
+def test_users_words(prompt: str, claim: Claim) -> None:
+    assert request_of(prompt).claims == (claim,)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "kinds"),
+    [
+        ("after kicking, the man walks away", "kick left, walk"),
+        ("before jumping, she walks", "walk, jump"),
+        ("a person sits down after walking a few steps", "walk, sit"),
+        ("kick with the left leg, then with the right leg", "kick left, kick right"),
+        ("step right, then left", "move right, move left"),
+        ("first the right arm goes up, then the left arm", "raise right, raise left"),
+    ],
+)
+def test_orders_and_verbs_that_are_left_out(prompt: str, kinds: str) -> None:
+    asked = request_of(prompt)
+    found = [" ".join(filter(None, (c.kind, c.side or c.direction))) for c in asked.claims]
+    assert [one.split()[0] for one in found] == [one.split()[0] for one in kinds.split(", ")]
+    assert all(one in kinds for one in found) and asked.in_turn and asked.claims[1].then
+
+
+@pytest.mark.parametrize(
+    ("prompt", "act", "side", "times"),
+    [
+        ("a person jumps three times", "jump", "", 3),
+        ("two big hops forward", "jump", "", 2),
+        ("hop twice on one leg", "hop", "", 2),
+        ("three kicks with the left foot", "kick", "left", 3),
+        ("walk exactly four steps", "step", "", 4),
+        ("raise both arms two times", "raise", "both", 2),
+        ("squat down and stand up twice", "squat", "", 2),
+        ("walk forward, then bow twice", "bow", "", 2),
+    ],
+)
+def test_a_count_is_asked(prompt: str, act: str, side: str, times: int) -> None:
+    assert asked_exactly(prompt, True) == Corrections(count=Count(act, side, times))
+    assert asked_exactly(prompt, False) == NO_CORRECTIONS
+
+
+@pytest.mark.parametrize(
+    "prompt",
+    ["jump", "a few jumps", "several kicks", "jump two or three times", "kick at least twice",
+     "two people kick", "wave twice", "clap three times", "jump twice, then kick twice",
+     "walk forward, then take two steps back", "kick twice, then kick with the left leg",
+     "jump about three times", "kick 2-3 times", ""],
+)  # fmt: skip
+def test_no_exact_count_is_asked(prompt: str) -> None:
+    assert asked_exactly(prompt, True) == NO_CORRECTIONS
+
+
+def test_what_happens_meanwhile_has_no_order() -> None:
+    assert not request_of("a person waves while walking").in_turn
+
+
+def test_nothing_measurable_is_nothing_asked() -> None:
+    assert request_of("a person juggles").claims == ()
+
+
+def test_captions_are_read_as_before() -> None:
+    assert claims_of("do a one-eighty") == () and claims_of("four star jumps")[0].kind == "jump"

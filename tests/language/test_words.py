@@ -1,0 +1,70 @@
+"""Tokens, numbers in words, patterns and forms of verbs."""
+
+from __future__ import annotations
+
+import pytest
+
+from latentmotion.language.inflection import forms
+from latentmotion.language.reading import request_of
+from latentmotion.language.words import match, plain, tokens_of
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("7", 7), ("twelve", 12), ("forty-five", 45), ("a hundred", 100), ("one-eighty", 180),
+        ("three sixty", 360), ("a hundred and eighty", 180), ("two hundred seventy", 270),
+        ("a dozen", 12), ("half a dozen", 6), ("a couple of", 2), ("a pair of", 2), ("thrice", 3),
+        ("one and a half", 1.5), ("seven twenty", 720), ("two hundred and five", 205),
+    ],
+)  # fmt: skip
+def test_numbers_in_words(text: str, number: float) -> None:
+    (token,) = tokens_of(text)
+    assert token.number == number and (token.start, token.end) == (0, len(text))
+
+
+@pytest.mark.parametrize(
+    ("prompt", "degrees", "side"),
+    [
+        ("turns thirty degrees to the left", 30, "left"),
+        ("half a turn to the right", 180, "right"),
+        ("a quarter to the right", 90, "right"),
+        ("about turn!", 180, ""),
+        ("he turns by a right angle to his left", 90, "left"),
+        ("turn to your three o'clock", 90, "right"),
+        ("she swivels to ten o'clock", 60, "left"),
+        ("spin round one and a half times", 540, ""),
+        ("two complete revolutions", 720, ""),
+    ],
+)
+def test_turns_in_words(prompt: str, degrees: float, side: str) -> None:
+    (claim,) = request_of(prompt).claims
+    assert (claim.kind, claim.degrees * max(claim.count, 1), claim.side) == ("turn", degrees, side)
+
+
+def test_contractions_and_marks() -> None:
+    words = [token.text for token in tokens_of("He doesn't; can’t kick 90° or 2-3 times!")]
+    assert words == ["he", "does", "not", ";", "can", "not", "kick", "90", "°", "or", "2", "-",
+                     "3", "times", "!"]  # fmt: skip
+    assert plain("He (slowly) walks!") == "he slowly walks"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "text", "end"),
+    [
+        ("~pick up", "picks up a ball", 2),
+        ("~pick * up", "picking the red ball up", 5),
+        ("~pick * up", "picks, up", None),
+        ("~turn & left|right", "turned left", 1),
+        ("~turn a? {number}", "turn 3", 2),
+        ("do {angle} {stop}", "do 180 pose", None),
+        ("do {angle} {stop}", "do 180.", 2),
+    ],
+)
+def test_patterns(pattern: str, text: str, end: int | None) -> None:
+    assert match(pattern, tokens_of(text), 0) == end
+
+
+def test_forms_of_verbs() -> None:
+    assert forms("run") == {"ran": "past", "running": "participle", "runs": "third", "run": "base"}
+    assert {"jogged", "jogging"} <= forms("jog").keys() and "swivelled" in forms("swivel")
