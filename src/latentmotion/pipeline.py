@@ -66,7 +66,7 @@ from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.retrieval.doubts import DoubtWarning, Reading
 from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder, MemoryCachedTextEncoder
-from latentmotion.text.encoder import LazyTextEncoder
+from latentmotion.text.encoder import LazyTextEncoder, UnknownWordsWarning
 from latentmotion.text.lengths import LengthFile
 
 if TYPE_CHECKING:
@@ -448,7 +448,11 @@ class MotionPipeline:
         clips = self.clip_starts
         if not self.card.condition.reads_text:
             return Reading(prompt)
-        return Reading.of(prompt) if clips is None else clips.doubts.read(prompt)
+        if clips is None:
+            return Reading.of(prompt)
+        with warnings.catch_warnings():  # of words that the denoiser need not read
+            warnings.simplefilter("ignore", UnknownWordsWarning)
+            return clips.doubts.read(prompt)
 
     def _clip_starts(
         self,

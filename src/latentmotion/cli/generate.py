@@ -384,8 +384,9 @@ def _take_text(motion: Motion) -> str:
 
 
 def _clip_text(motion: Motion) -> str:
-    """Returns a line for each clip that a motion starts from."""
-    return "".join(
+    """Returns how a sentence in words of its own is read, and a line for each clip at the start."""
+    read_as = motion.metadata.get("read_as")
+    return (f'read as "{read_as}"\n' if read_as else "") + "".join(
         f'starts from clip {clip["clip"]} of {clip["source"]}, "{clip["caption"]}"; its owner and '
         "terms are in the file\n"
         for clip in motion.metadata.get("from_clips", ())

@@ -94,7 +94,8 @@ class Reading:
 
     def about(self) -> dict[str, Any]:
         """Returns what a file says of it, as JSON can hold it; nothing if all is known."""
-        notes = self.notes()
+        read_as = [f'read as "{self.caption}"'] if self.caption else []
+        notes = [*self.notes(), *read_as]
         about: dict[str, Any] = {"notes": notes} if notes else {}
         about |= {"nearest": [self.doubt.nearest]} if self.doubt else {}
         return about | ({"read_as": self.caption} if self.caption else {})
