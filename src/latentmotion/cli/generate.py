@@ -307,15 +307,17 @@ class Generate:
         execution, sampling = self.execution, self.sampling
         computing = ExecutionOptions(execution.device, execution.precision, execution.launch)
         body = representation_of(smpl.load_smpl(execution.body)) if execution.body else None
-        steps, runtime = self.clean_up.steps(), (execution.runtime, execution.threads)
+        steps, threads = self.clean_up.steps(), execution.threads
         if sampling.prior:
-            prior = load_prior(self.model, *runtime, computing)
+            prior = load_prior(self.model, execution.runtime, threads, computing)
             seeds = range(self.seed, self.seed + self.count)
             made = replace(prior, body=body).batch(self.seconds, seeds)
             return clean_batch(made, steps) if steps else made
         cache = cache_folder() if execution.cache else None
         encoder = execution.text_encoder
-        generator = load_generator(self.model, *runtime, encoder, computing, cache)
+        generator = load_generator(
+            self.model, execution.runtime, threads, encoder, computing, cache
+        )
         generator = replace(generator, body=body).with_moves(*sampling.moves)
         seed = scene.seed if scene and scene.seed is not None else self.seed
         if self.directing.timeline or (scene and scene.spans()):

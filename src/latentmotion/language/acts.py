@@ -65,7 +65,9 @@ def acts() -> tuple[ActWords, ...]:
 
 def _act(row: Mapping[str, Any]) -> ActWords:
     values: dict[str, Any] = {"caption": row["kind"], **row}
-    lists = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
+    lists: dict[str, Any] = {
+        name: tuple(value) for name, value in values.items() if isinstance(value, list)
+    }
     return ActWords(**(values | lists))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -71,11 +71,8 @@ _SOURCES = (
 """What is measured by one detector, and the kinds of events that it finds."""
 
 
-Fact = TypeVar("Fact")
-
-
-def _of_signals(function: Callable[[Signals], Fact]) -> cached_property[Fact]:
-    """Returns a property that is measured from the signals alone."""
+def _of_signals(function: Callable[[Signals], Any]) -> Any:
+    """Returns a property that is measured from the signals alone, in place of a field."""
     return cached_property(lambda measured: function(measured.signals))
 
 
@@ -91,6 +88,8 @@ class Measured(Description):
     Args:
         signals: The curves that they are measured from.
     """
+
+    signals: Signals
 
     def __init__(self, signals: Signals) -> None:
         # The class is frozen, as descriptions are, and lets only cached properties in.
