@@ -184,6 +184,7 @@ class Batcher:
             self._metrics.batch_size.observe(len(batch))
             self._metrics.seconds.labels("model").observe(took)
             with self._changed:
+                self._running -= 1
                 self._seconds_each += 0.1 * (took / len(batch) - self._seconds_each)
             with suppress(RuntimeError):  # the loop has ended
                 loop = batch[0].future.get_loop()
@@ -194,6 +195,7 @@ class Batcher:
         with self._changed:
             while not self._ends:
                 if batch := self._next():
+                    self._running += 1
                     return batch
                 self._changed.wait()
         return []
