@@ -155,7 +155,7 @@ def test_a_wrong_prompt_spares_its_batch(called: Called) -> None:
     wrong, right = Prompt("a person walks", 100.0, 0), Prompt("a person walks", 1.0, 0)
     error, motion = run(pipeline, settings, [wrong, right])
     assert isinstance(error, InputError)
-    assert len(motion) == 20
+    assert len(motion.motion) == 20
 
 
 def test_recent_prompts_are_encoded_once(called: Called) -> None:
