@@ -26,7 +26,7 @@ def helped(verb: str) -> str:
     """Returns a help page with lines as long as they need; its boxes depend on the encoding."""
     page = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as stop:
-        patch.setenv("COLUMNS", "400")
+        patch.setenv("COLUMNS", "119")  # wider pages stand in two columns
         patch.setattr(sys, "stdout", page)
         main([*verb.split(), "--help"])
     assert not stop.value.code

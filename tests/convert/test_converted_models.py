@@ -102,7 +102,7 @@ def test_a_model_with_clip_generates_with_and_without_pytorch(
     graphs = MotionPipeline.from_pretrained(tmp_path / "model", "onnxruntime", 1)
     for one, other in zip(graphs.features(prompts, FRAMES, SEEDS, steps=3), expected, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-3)
-    kit = graphs("a person kicks", seconds=2, steps=1)
+    kit = graphs("a person kicks", seconds=2, steps=1, clean_up=None)
     assert (kit.fps, len(kit), kit.joints.shape[1]) == (12.5, 25, 21)
 
 

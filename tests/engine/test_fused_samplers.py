@@ -34,9 +34,9 @@ def test_other_numbers_of_steps_go_step_by_step(student: Path) -> None:
     called: list[str] = []
     fused = {2: lambda **_: called.append("fused") or np.zeros((1, 20, 263))}
     watched = replace(generate, backend=replace(generate.backend, fused=fused))
-    watched("1", 1.0, steps=8)
+    watched("1", 1.0, steps=8, clean_up=None)
     assert not called
-    watched("1", 1.0, steps=2)
+    watched("1", 1.0, steps=2, clean_up=None)
     assert called == ["fused"]
 
 

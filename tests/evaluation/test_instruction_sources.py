@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from latentmotion.cleanup import CleanUp
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.instructions import Instruction, parse
@@ -68,6 +69,7 @@ class AskedModel(MotionPipeline):
         seconds: Sequence[float] | None,
         seeds: Sequence[int],
         *sampling: object,
+        clean_up: CleanUp | None,
     ) -> list[Motion]:
         self.asked.append((list(prompts), seconds, list(seeds), sampling))
         skeleton = replace(HUMANML3D, names=self.names)

@@ -177,7 +177,7 @@ def for_engine(motion: Motion, name: EngineName) -> Motion:
 def _figure(motion: Motion, animation: Animation) -> Motion:
     """Returns the motion on another skeleton."""
     joints = animation.joints().astype(np.float32)
-    figure = replace(motion, joints=joints, skeleton=animation.skeleton, goals=())
+    figure = replace(motion, joints=joints, skeleton=animation.skeleton)
     # Its rotations are known, so writers need not solve for them again.
     figure.__dict__["_solved"] = animation
     return figure
