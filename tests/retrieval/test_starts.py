@@ -159,9 +159,17 @@ def test_prepared_data_is_taught_with_wordings(fast, tmp_path, monkeypatch, caps
     assert "1 clips" in capsys.readouterr().out
     taught = fast.with_moves("moves")
     assert taught.read("acts like a frog").prompt == "a person does the frog"
-    with pytest.raises(SystemExit):
-        main(["teach", "data", "a frog", "-o", "moves"])
-    assert "captions of its own" in capsys.readouterr().err
+    Path("others.tsv").write_text("someone drives a car\tmotoring\n")
+    for wrong, said in (
+        (["data", "a frog"], "leave sentences"),
+        (["data", "--between", "0", "1"], "leave sentences"),
+        (["data", "--wordings", "others.tsv"], "none of 1 captions with wordings"),
+        (["clips/frog.npz", "a frog", "--wordings", "words.tsv"], "for prepared data"),
+        (["clips/frog.npz", "a frog", "--compact"], "for prepared data"),
+    ):
+        with pytest.raises(SystemExit):
+            main(["teach", *wrong, "-o", "other"])
+        assert said in capsys.readouterr().err and not Path("other").exists()
 
 
 def test_misspelled_words_are_corrected_and_said(fast):

@@ -64,8 +64,17 @@ class Teach:
             ModelError: The folder's file is damaged, or of another model.
         """
         prepared = self.file.suffix == ".pack" or (self.file / MANIFEST).is_file()
-        if prepared and self.sentences:
-            raise InputError(f"{self.file} has captions of its own; leave the sentences out")
+        if prepared and (
+            self.sentences or self.between or self.credit or self.license != "unknown"
+        ):
+            raise InputError(
+                f"{self.file} has clips, captions, owners and terms of its own; leave sentences, "
+                "--between, --credit and --license out"
+            )
+        if not prepared and (self.wordings or self.compact):
+            raise InputError(
+                "--wordings and --compact are for prepared data; a clip takes several sentences"
+            )
         if not prepared and not any(text.strip() for text in self.sentences):
             raise InputError(
                 'a clip needs a sentence that says what it shows: latentmotion teach clip.bvh "a '

@@ -91,6 +91,9 @@ def with_wordings(
         wordings: Of captions of the data; those of captions that were left out go to the nearest
             that says the same, if there is one.
         text_encoder: The encoder of the index.
+
+    Raises:
+        InputError: No wording is of a caption of the index.
     """
     captions = index.embeddings.astype(np.float32)
     said = embedded(list(wordings), text_encoder) @ unit(captions).T
@@ -101,6 +104,11 @@ def with_wordings(
         if kept
         for wording in texts
     ]
+    if not rows:
+        raise InputError(
+            f"none of {len(wordings)} captions with wordings is among those of the data; a line is "
+            "CAPTION<tab>WORDS|WORDS"
+        )
     codes, _ = quantized(embedded([text for text, _ in rows], text_encoder), 1, EMBEDDING_LEVELS)
     return replace(
         index,
