@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
@@ -32,9 +31,7 @@ from latentmotion.retrieval.index import (
     words_of,
 )
 from latentmotion.retrieval.support import support
-
-_AT_ONCE = 512
-"""Sentences that are embedded together."""
+from latentmotion.retrieval.wordings import embedded
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +84,7 @@ def build_index(
     if not indexed:
         raise InputError("no clip with a sentence to teach; give at least one of each")
     texts = list(dict.fromkeys(caption.text for caption, _ in rows))
-    parts = [text_encoder(texts[n : n + _AT_ONCE]).pooled for n in range(0, len(texts), _AT_ONCE)]
-    embeddings, number = unit(np.concatenate(parts)), {text: n for n, text in enumerate(texts)}
+    embeddings, number = embedded(texts, text_encoder), {text: n for n, text in enumerate(texts)}
     own: list[list[int]] = [[] for _ in indexed]
     for caption, clip in rows:
         own[clip].append(number[caption.text])
