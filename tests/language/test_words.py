@@ -6,7 +6,7 @@ import pytest
 
 from latentmotion.language.inflection import forms
 from latentmotion.language.reading import request_of
-from latentmotion.language.words import match, plain, tokens_of
+from latentmotion.language.words import match, plain, tokens_of, with_words, words_of
 
 
 @pytest.mark.parametrize(
@@ -68,3 +68,14 @@ def test_patterns(pattern: str, text: str, end: int | None) -> None:
 def test_forms_of_verbs() -> None:
     assert forms("run") == {"ran": "past", "running": "participle", "runs": "third", "run": "base"}
     assert {"jogged", "jogging"} <= forms("jog").keys() and "swivelled" in forms("swivel")
+
+
+def test_digits_that_are_no_numbers_are_passed_over() -> None:
+    assert [token.number for token in tokens_of("① walk 45² times")] == [0, 0, 45, 0, 0]
+    assert words_of("He's 2 m tall") == ["he's", "m", "tall"]
+
+
+def test_words_are_replaced_as_words() -> None:
+    assert (
+        with_words("Walk a walkk, WALKK İ walkk", {"walkk": "walk"}) == "Walk a walk, walk İ walk"
+    )

@@ -11,6 +11,7 @@ import pytest
 import latentmotion.data
 from latentmotion.data.clip import Source
 from latentmotion.errors import InputError, ModelError
+from latentmotion.language.words import words_of
 from latentmotion.model.card import MOVES_FILE, SHIPPED
 from latentmotion.retrieval.index import (
     ALL_DIRECTIONS,
@@ -20,7 +21,6 @@ from latentmotion.retrieval.index import (
     index_file,
     quantized,
     read_index,
-    words_of,
 )
 from latentmotion.retrieval.starts import LONGEST_STRETCH, stretched
 from latentmotion.retrieval.support import support

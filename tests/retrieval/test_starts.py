@@ -222,3 +222,22 @@ def test_clips_of_another_model_are_refused(fast, tmp_path):
     index.write(tmp_path / MOVES_FILE)
     with pytest.raises(ModelError, match="another model"):
         fast.with_moves(tmp_path)
+
+
+@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
+def test_a_sentence_near_a_taught_clip_is_read_as_it_stands(fast, tmp_path):
+    from latentmotion.data.clip import Caption, Source
+    from latentmotion.retrieval.teach import ShownClip, build_index
+
+    features = fast.representation.encode(fast(FREQUENT, seconds=3, takes=1).joints)
+    caption = Caption("my own archery routine with a longbow", 0, len(features))
+    clip = ShownClip("mine", "me", "mine", features, (caption,))
+    encoders = fast.feature_encoder, fast.text_encoder
+    index = build_index([clip], [Source("me", "CC0", "me")], fast.card, *encoders).preferred()
+    taught = fast.with_moves(index)
+    assert fast.read("archery practice").caption and taught.read("archery practice").caption is None
+
+
+@pytest.mark.parametrize("idle", ["someone", "person, then walk forward"])
+def test_a_subject_alone_is_no_movement(fast, idle):
+    assert fast.read(idle).caption is None

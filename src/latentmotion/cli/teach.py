@@ -45,7 +45,8 @@ class Teach:
     output: Annotated[Path, arg(aliases=["-o"])] = Path("my_moves")
     """Folder of moves; one that is there gets further clips."""
     compact: bool = False
-    """Keep sentences in a quarter of the bytes; two such folders cannot be used together."""
+    """Keep sentences in a quarter of the bytes, as clips that ship with a model do; two such sets
+    cannot be used together."""
     between: tuple[float, float] | None = None
     """The part of the clip that shows it, seconds; by default all of it."""
     model: str = DEFAULT

@@ -155,4 +155,4 @@ def _is_noun_act(mention: Mention, tokens: Tokens) -> bool:
         return True
     if noun or any(token.number >= 2 for token in clause[start:]):
         return lead not in listed("preposition") - {"for", "into", "with", "over"}
-    return lead in (listed("light") - {"with", "to"}) | (gait_forms() & {"walk"})
+    return lead in (listed("light") - {"with", "to"}) | {"walk"}

@@ -33,12 +33,12 @@ def affirmed(sentence: str) -> str:
         return sentence
     said: list[Token] = []
     for token in kept:
-        idle = _is_idle(said) or (said[-1].text in STOPS and token.text in STOPS)
+        idle = is_idle(said) or (said[-1].text in STOPS and token.text in STOPS)
         if not (idle and _joins(token)):  # "a man who does not kneel and bows" → "a man who bows"
             said.append(token)
     while said:  # a clause without a verb at the end, such as "then he", was of a negation
         cut = max((at for at, token in enumerate(said) if _joins(token)), default=-1)
-        if not _is_idle(said[cut + 1 :]):
+        if not is_idle(said[cut + 1 :]):
             break
         said = said[: max(cut, 0)]
     text, end = "", None
@@ -55,7 +55,7 @@ def _joins(token: Token) -> bool:
     return token.text in _LEFT_OVER or token.text in STOPS
 
 
-def _is_idle(clause: Sequence[Token]) -> bool:
+def is_idle(clause: Sequence[Token]) -> bool:
     """Whether a clause has a subject at most."""
     subject = listed("person") | listed("determiner") | listed("their") | listed("boundary")
     return all(token.text in subject | {"or", *STOPS} for token in clause)

@@ -23,3 +23,9 @@ def mirror_words(text: str) -> str:
         return other.capitalize() if word[0].isupper() else other
 
     return _SIDED.sub(swap, text)
+
+
+def both_sides(sentence: str) -> list[str]:
+    """Returns a sentence, and its mirror image if it names a side."""
+    mirrored = mirror_words(sentence)
+    return [sentence] if mirrored == sentence else [sentence, mirrored]

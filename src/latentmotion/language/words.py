@@ -7,7 +7,7 @@ the notation of `acts.toml`; it is matched word by word, so that no regular expr
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -15,6 +15,7 @@ from latentmotion.language.inflection import forms
 from latentmotion.language.tables import data
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+|[°.,;:!?]|(?<=\d)\s?[-–](?=\s?\d)")
+_WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
 THEN = re.compile(r"\s*(?:[,;.]?\s+(?:and\s+)?then\b|;|\.\s|,\s+(?:and\s+)?finally\b)\s*", re.I)
 """What separates movements that follow each other."""
 
@@ -59,9 +60,19 @@ def plain(sentence: str) -> str:
     return " ".join(re.sub(r"[^\w\s]", " ", sentence.lower()).split())
 
 
+def words_of(sentence: str) -> list[str]:
+    """Returns the words of a sentence, in small letters, without numbers and marks."""
+    return _WORD.findall(sentence.lower())
+
+
+def with_words(sentence: str, others: Mapping[str, str]) -> str:
+    """Returns a sentence with some words, given in small letters, replaced by others."""
+    return _WORD.sub(lambda word: others.get(word[0].lower(), word[0]), sentence)
+
+
 def parts_of(sentence: str) -> list[str]:
     """Returns the movements of a sentence that follow each other, in order."""
-    return [part for part in THEN.split(sentence) if part and part.strip()] or [sentence]
+    return [part for part in THEN.split(sentence) if part.strip()] or [sentence]
 
 
 def tokens_of(sentence: str) -> list[Token]:
@@ -111,7 +122,7 @@ def _number(words: Sequence[str]) -> tuple[float, int]:
         return sets[first], 1 + (rest[:1] == ["of"])
     if first == "a" and rest[:1] == ["hundred"]:
         first, rest, used = "one", rest, 1
-    elif first[0].isdigit():
+    elif first[0].isdecimal():
         value = float(first)
         return (value + 0.5, 4) if list(rest[:3]) == ["and", "a", "half"] else (value, 1)
     elif first not in cardinals:

@@ -17,8 +17,8 @@ from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.language.negation import affirmed
-from latentmotion.language.words import ENDINGS, parts_of
-from latentmotion.retrieval.index import ClipIndex, words_of
+from latentmotion.language.words import ENDINGS, parts_of, with_words, words_of
+from latentmotion.retrieval.index import ClipIndex
 from latentmotion.retrieval.wordings import in_words_of_captions
 from latentmotion.text.encoder import pieces
 
@@ -135,9 +135,7 @@ class Doubts:
             near = [other for other in _edits(word) if self.index.words.get(other, 0) >= _FREQUENT]
             if len(set(near)) == 1:
                 corrections[word] = near[0]
-        for wrong, right in corrections.items():
-            sentence = _replaced(sentence, wrong, right)
-        return sentence, corrections
+        return with_words(sentence, corrections), corrections
 
     def doubt(self, sentence: str) -> Doubt | None:
         """Returns what the model knows least of a sentence, None if it knows all."""
@@ -210,11 +208,6 @@ def _edits(word: str) -> Iterator[str]:
             yield head + letter + tail
             if tail:
                 yield head + letter + tail[1:]
-
-
-def _replaced(sentence: str, wrong: str, right: str) -> str:
-    start = sentence.lower().find(wrong)
-    return sentence[:start] + right + sentence[start + len(wrong) :] if start >= 0 else sentence
 
 
 def _outside(sentence: str) -> tuple[str, str] | None:

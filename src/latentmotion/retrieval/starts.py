@@ -23,16 +23,12 @@ from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.language.request import asked_exactly
+from latentmotion.language.sides import both_sides
 from latentmotion.language.words import parts_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
-from latentmotion.retrieval.index import ClipIndex, Neighbor
-from latentmotion.retrieval.wordings import both_sides
-
-LEAST_COSINE = 0.6
-"""Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
-does, below .60 usually not (trial on 16 sentences, lab/diary/rare_acts.md)."""
+from latentmotion.retrieval.index import LEAST_COSINE, ClipIndex, Neighbor
 
 RARE = 20
 """Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes

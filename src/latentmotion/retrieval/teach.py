@@ -18,6 +18,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import COMPOSED
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.errors import InputError
+from latentmotion.language.words import words_of
 from latentmotion.model.card import ModelCard
 from latentmotion.retrieval.index import (
     ALL_DIRECTIONS,
@@ -28,7 +29,6 @@ from latentmotion.retrieval.index import (
     IndexedClip,
     fingerprint,
     quantized,
-    words_of,
 )
 from latentmotion.retrieval.support import support
 from latentmotion.retrieval.wordings import embedded

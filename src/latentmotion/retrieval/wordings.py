@@ -20,10 +20,13 @@ from jaxtyping import Float
 
 from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.data.clip import mirror_words
 from latentmotion.errors import InputError
+from latentmotion.language.claims import LEFT, RIGHT
+from latentmotion.language.negation import is_idle
 from latentmotion.language.reading import request_of
-from latentmotion.retrieval.index import EMBEDDING_LEVELS, ClipIndex, quantized, words_of
+from latentmotion.language.sides import both_sides, mirror_words
+from latentmotion.language.words import tokens_of, words_of
+from latentmotion.retrieval.index import EMBEDDING_LEVELS, LEAST_COSINE, ClipIndex, quantized
 
 COMPONENTS = 128
 """Directions that are kept of 384."""
@@ -34,8 +37,6 @@ SAME = 0.85
 NEAR_WORDING, NEAR_CAPTION = 0.7, 0.75
 """Cosine from which a sentence says what a wording does, and from which its own words are near
 enough to those of a caption. Chosen on the acts of benchmarks/quality/acts, by clips in ten."""
-
-_SIDES = frozenset({"left", "right"})
 
 _AT_ONCE = 512
 """Sentences that are embedded together."""
@@ -64,21 +65,20 @@ def in_words_of_captions(
 
 
 def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
+    if is_idle(tokens_of(sentence)):
+        return None
     sides = text_encoder(both_sides(sentence)).pooled
     near, (literal,) = index.nearest_by_wording(sides), index.nearest(sides, 1)
     if near is None or near.cosine < NEAR_WORDING or literal.cosine >= NEAR_CAPTION:
         return None
     if near.cosine <= literal.cosine or request_of(sentence).claims:
         return None
+    # A user showed this movement, so it is meant, however well others fit.
+    if literal.caption.support == 0 and literal.cosine >= LEAST_COSINE:
+        return None
     caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
-    named = _SIDES & {*words_of(sentence)}
-    return None if named and named != _SIDES & {*words_of(caption)} else caption
-
-
-def both_sides(sentence: str) -> list[str]:
-    """Returns a sentence, and its mirror image if it names a side."""
-    mirrored = mirror_words(sentence)
-    return [sentence] if mirrored == sentence else [sentence, mirrored]
+    named, captioned = ({LEFT, RIGHT} & {*words_of(text)} for text in (sentence, caption))
+    return None if named and named != captioned else caption
 
 
 def with_wordings(
@@ -152,7 +152,10 @@ def read_wordings(files: Sequence[Path]) -> dict[str, list[str]]:
                     f"line {number} of {file} is {line[:60]!r}, expected a caption, a tab, and "
                     "wordings with | between them"
                 )
-            wordings.setdefault(caption, []).extend(texts.split("|"))
+            every = [text.strip() for text in texts.split("|")]
+            wordings.setdefault(caption, []).extend(filter(None, every))
+    if not any(wordings.values()):
+        raise InputError(f"{', '.join(map(str, files))}: no line has wordings of a caption")
     return wordings
 
 
