@@ -2,7 +2,7 @@
 
 A diffusion model turns by about what is asked and does an act about as often. Language reads the
 numbers out of the sentence, the pipeline hands them on beside the motion, and clean-up edits the
-motion by them. They are never read out of a file: its metadata only tell what was done.
+motion by them. Nothing obeys metadata, which tell what was asked and, as `made`, what was done.
 """
 
 from __future__ import annotations

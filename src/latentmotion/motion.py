@@ -131,7 +131,7 @@ class Motion:
                 f"cut from {start:g} to {last:g} s: expected times in order, from 0 to "
                 f"{self.seconds:g} s, at least a frame apart"
             )
-        part = self._edited(self.joints[first:stop], self.caption)
+        part = self.with_joints(self.joints[first:stop], self.caption)
         return part.with_recorded(self.recorded and self.recorded.cut(first, stop))
 
     def joined(self, *others: Motion) -> Motion:
@@ -157,14 +157,14 @@ class Motion:
             turned = turn(other.joints - first[0] * on_floor, np.asarray(angle))
             joints = np.concatenate([joints, turned + last[0] * on_floor])
         captions = [one.caption for one in (self, *others) if one.caption]
-        return self._edited(joints, ", then ".join(captions))
+        return self.with_joints(joints, ", then ".join(captions))
 
     def mirrored(self) -> Motion:
         """Returns the mirror image: left and right are swapped, in the caption too."""
         joints = self.joints[:, self.skeleton.mirror] * np.array([-1, 1, 1], np.float32)
-        return self._edited(joints, mirror_words(self.caption))
+        return self.with_joints(joints, mirror_words(self.caption))
 
-    def _edited(self, joints: Float[np.ndarray, "frames joints 3"], caption: str) -> Motion:
+    def with_joints(self, joints: Float[np.ndarray, "frames joints 3"], caption: str) -> Motion:
         """Returns other joints of this motion, without what was said of its own frames."""
         metadata = {name: it for name, it in self.metadata.items() if name not in _OF_FRAMES}
         return replace(self, joints=joints, caption=caption, metadata=metadata)

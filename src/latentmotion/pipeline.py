@@ -80,6 +80,10 @@ MAX_BATCH_SIZE = 32
 """Maximum number of motions that go through the networks at once, which bounds memory."""
 
 
+_OF_GOALS = ("goals", "foot_sliding")
+"""Metadata of a motion with goals (`control.direct.goal_report`)."""
+
+
 @dataclass(frozen=True, eq=False)
 class RawMotion:
     """A motion as the networks make it, and what its clean-up has to know."""
@@ -92,6 +96,8 @@ class RawMotion:
     """Places at which its joints are put in the end."""
     start: ClipStart | None = None
     """What it starts from; None for pure noise."""
+    reading: Reading | None = None
+    """Its prompt as it was read; None where sampling was directed to goals."""
 
 
 def cleaned_up(raw: Sequence[RawMotion], steps: CleanUp) -> list[Motion]:
@@ -101,8 +107,11 @@ def cleaned_up(raw: Sequence[RawMotion], steps: CleanUp) -> list[Motion]:
 
 
 def _at_goals(cleaned: Motion, raw: RawMotion, steps: CleanUp) -> Motion:
-    if steps.in_place or not raw.goals:
+    if not raw.goals:
         return cleaned
+    if steps.in_place:  # goals have places of the path that is gone
+        about = {name: value for name, value in cleaned.metadata.items() if name not in _OF_GOALS}
+        return replace(cleaned, metadata=about)
     from latentmotion.control.direct import at_goals
 
     return at_goals(cleaned, raw.goals)
@@ -306,7 +315,7 @@ class MotionPipeline:
         )
         ranked = best.ranked(
             [one.motion for one in raw],
-            self.read(prompt).prompt,
+            (raw[0].reading or self.read(prompt)).prompt,
             scorer or best.scorer_beside(self.condition),
             clean_up,
             [one.corrections for one in raw],
@@ -418,7 +427,7 @@ class MotionPipeline:
             about |= readings[prompt].about() | (start.about() if start else {})
             positions = positions.astype(np.float32, copy=False)
             motion = Motion(positions, space.fps, space.skeleton, prompt, about)
-            raw.append(RawMotion(motion, correction, start=start))
+            raw.append(RawMotion(motion, correction, start=start, reading=readings[prompt]))
         return raw
 
     def _directed(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -141,3 +143,13 @@ def test_a_count_is_asked_only_where_the_length_is_predicted() -> None:
     timed = [*generate.batch(prompts, 2.0), generate_timeline(generate, prompts[:2])]
     timed.append(generate_loop(generate, "jump twice", 1.6))
     assert not any("count" in motion.metadata for motion in timed)
+
+
+def test_a_recorded_motion_loses_its_recording_where_frames_are_left_out(tmp_path: Path) -> None:
+    bows, corrections = asks(acted.bow(3), "bow", 1)
+    bows.save(tmp_path / "bows.bvh")
+    recorded = Motion.load(tmp_path / "bows.bvh").resampled(20.0)
+    assert recorded.recorded is not None
+    exact = recorded.cleaned(corrections=corrections)
+    assert len(exact) < len(recorded) and exact.recorded is None
+    assert recorded.cleaned().recorded is not None

@@ -51,10 +51,10 @@ class CleanUp:
     """
 
     exact_count: bool = True
-    """Make a generated motion whose length was predicted do an act as often as its sentence says,
-    which makes it shorter or longer."""
+    """Repeat or leave out an act until it is done as often as the corrections say, which makes the
+    motion shorter or longer."""
     exact_turn: bool = True
-    """Make a generated motion turn by the degrees that its sentence names."""
+    """Turn by the degrees that the corrections say."""
     smooth: bool = True
     """Remove jitter."""
     bones: bool = True
@@ -118,7 +118,7 @@ def clean_batch(
     corrections = [NO_CORRECTIONS] * len(motions) if corrections is None else corrections
     cleaned = _clean_alike(motions, steps, corrections)
     moving = replace(steps, in_place=False)  # repetitions are counted on the path
-
+    recorded = [motion.recorded for motion in motions]
     for number, (motion, correction) in enumerate(zip(motions, corrections, strict=True)):
         if correction.count is None or not steps.exact_count:
             continue
@@ -132,11 +132,11 @@ def clean_batch(
         exact = exact_count(motion, whole, correction.count, clean_again)
         joints = in_place(exact.joints, exact.fps) if steps.in_place else exact.joints
         cleaned[number] = replace(exact, joints=joints)
+        if len(exact) != len(motion):
+            recorded[number] = None  # its frames are others
     return [
-        after.with_recorded(
-            before.recorded and before.recorded.following(before.joints, after.joints)
-        )
-        for before, after in zip(motions, cleaned, strict=True)
+        after.with_recorded(kept and kept.following(before.joints, after.joints))
+        for before, after, kept in zip(motions, cleaned, recorded, strict=True)
     ]
 
 

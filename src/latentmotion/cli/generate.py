@@ -249,6 +249,9 @@ class Generate:
         """Returns the prompts; for an unconditional model or a timeline an empty one."""
         if self.best_of is not None and self.best_of < 1:
             raise InputError(f"--best-of {self.best_of}: expected 1 or more")
+        if self.count < 1:
+            raise InputError(f"--count {self.count}: expected 1 or more")
+        self.clean_up.steps()  # raises an error where they do not fit
         directing, prior = self.directing, self.sampling.prior
         several = bool(directing.timeline) or (scene is not None and bool(scene.spans()))
         if self.best_of not in (None, 1) and (several or prior):
@@ -271,9 +274,6 @@ class Generate:
             return [scene.prompt]
         if self.file is not None and self.prompts:
             raise InputError("give either prompts or --file, not both")
-        if self.count < 1:
-            raise InputError(f"--count {self.count}: expected 1 or more")
-        self.clean_up.steps()
         given = lines or list(self.prompts)
         if prior and given:
             raise InputError(f"--prior takes no prompt; leave {given[0]!r} out")

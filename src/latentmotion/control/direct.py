@@ -128,7 +128,7 @@ class Direction:
 def generate_directed(
     generator: Generator, request: GenerationRequest, goals: Sequence[Goal]
 ) -> tuple[Motion, tuple[Reach, ...]]:
-    """Generates the one motion of a request with goals, as `MotionPipeline.__call__` does.
+    """Generates the one motion of a request with goals, one raw take.
 
     Returns:
         The motion, not cleaned up, and the places at which `at_goals` puts its joints once it is.

@@ -23,7 +23,7 @@ from latentmotion.control.reach import Correction, DecodedMotion, ReachSettings,
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.model.config import Sampling
+from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
@@ -31,7 +31,6 @@ Joints = Float[np.ndarray, "frames joints 3"]
 TOKENS = 8
 """Latents that are kept on either side of a gap; beyond some two the decoder hardly sees them."""
 
-_STRIDE = 4
 _SEAM = 12
 """Frames in which the offsets at a seam decay."""
 
@@ -54,7 +53,7 @@ class Gap:
     @property
     def before(self) -> int:
         """Tokens that are known before the gap."""
-        return min(TOKENS, self.start // _STRIDE)
+        return min(TOKENS, self.start // STRIDE)
 
     @property
     def window(self) -> tuple[int, int]:
@@ -62,19 +61,19 @@ class Gap:
 
         A frame or two beside the gap that are too few for a token belong to it: they are goals.
         """
-        first = self.start - (_STRIDE * self.before or min(self.start, 1))
-        known = _STRIDE * self.after
+        first = self.start - (STRIDE * self.before or min(self.start, 1))
+        known = STRIDE * self.after
         return first, (self.resumes + known if known else min(self.end + 1, self.total))
 
     @property
     def resumes(self) -> int:
         """The first frame after the gap at which a token begins."""
-        return self.start + -(-(self.end - self.start) // _STRIDE) * _STRIDE
+        return self.start + -(-(self.end - self.start) // STRIDE) * STRIDE
 
     @property
     def after(self) -> int:
         """Tokens that are known after the gap."""
-        return max(0, min(TOKENS, (self.total - self.resumes) // _STRIDE))
+        return max(0, min(TOKENS, (self.total - self.resumes) // STRIDE))
 
 
 def generate_edited(
@@ -190,13 +189,13 @@ def edited(
     frames, before, after = last - first, gap.before, gap.after
     # Where nothing is known before the gap, what follows says where the motion is.
     decoded = motion(frames)
-    tokens = -(-frames // _STRIDE)
+    tokens = -(-frames // STRIDE)
     known, is_known = np.zeros((tokens, latent_width(decoded))), np.zeros(tokens, bool)
     if before:
-        known[:before] = fit_latents(motion(_STRIDE * before), own[first : gap.start])
+        known[:before] = fit_latents(motion(STRIDE * before), own[first : gap.start])
         is_known[:before] = True
     if after:
-        known[tokens - after :] = fit_latents(motion(_STRIDE * after), own[gap.resumes : last])
+        known[tokens - after :] = fit_latents(motion(STRIDE * after), own[gap.resumes : last])
         # The first is free where others follow: fitted as the start of a motion, it would draw
         # limbs too long beside what is generated before it.
         is_known[tokens - max(after - 1, 1) :] = True
@@ -208,7 +207,7 @@ def edited(
     made = clean(made).joints.astype(np.float64)
     inside = slice(gap.start - first, gap.end - first)
     anchor = slice(0, inside.start) if inside.start else slice(inside.stop, frames)
-    made = _aligned(made, made[anchor], own[first:last][anchor], inside.start > 0, skeleton)
+    made = _aligned(made, made[anchor], own[first:last][anchor], inside.start > 0)
     before, after = own[max(0, gap.start - 3) : gap.start], own[gap.end : gap.end + 3]
     piece = inertialized(made[inside], before, after, skeleton, _SEAM)
     return np.concatenate([joints[: gap.start], piece.astype(joints.dtype), joints[gap.end :]])
@@ -270,9 +269,8 @@ def _filled(
     sample_latents, decoders = latents_of(generator, request), decoders_of(generator)
     joints = edited(motion.joints, gap, decoders, sample_latents, motion.fps, motion.skeleton)
     caption = ", ".join(text for text in (motion.caption, prompt) if text)
-    known = {name: it for name, it in motion.metadata.items() if name not in ("turn", "count")}
-    about = {**known, **metadata_of(generator, seed, sampling)}
-    return Motion(joints, motion.fps, motion.skeleton, caption, about)
+    filled = motion.with_joints(joints, caption)
+    return replace(filled, metadata=filled.metadata | metadata_of(generator, seed, sampling))
 
 
 def _seam_goals(
@@ -290,8 +288,8 @@ def _seam_goals(
     if gap.before:
         # Where the known frames are, in the place and direction that their latents give them.
         shown = motion.joints(np.where(is_known[:, None], known, 0.0))
-        there = slice(0, _STRIDE * gap.before)
-        window = _aligned(own[first:last], own[first:last][there], shown[there], True, skeleton)
+        there = slice(0, STRIDE * gap.before)
+        window = _aligned(own[first:last], own[first:last][there], shown[there], True)
     else:
         pose = own[first:last]
         window = turn(pose - pose[0, 0] * (1, 0, 1), -heading(pose[0], skeleton))
@@ -320,7 +318,6 @@ def _aligned(
     part: Float[np.ndarray, "few joints 3"],
     goal: Float[np.ndarray, "few joints 3"],
     at_end: bool,
-    skeleton: Skeleton,
 ) -> Joints:
     """Returns joints turned about the vertical and shifted so that a part of them meets its goal.
 
@@ -329,7 +326,6 @@ def _aligned(
         part: The part as it is.
         goal: Where it should be.
         at_end: Whether the last frames of the part count, or its first.
-        skeleton: Of the joints.
     """
     few = slice(-2, None) if at_end else slice(0, 2)
     own, other = part[few].reshape(-1, 3), goal[few].reshape(-1, 3)

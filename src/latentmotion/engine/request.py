@@ -262,7 +262,7 @@ def check_prompts(card: ModelCard, prompts: Sequence[str]) -> None:
         if re.search("[\ud800-\udfff]", prompt):  # bytes that Python could not decode
             raise InputError(
                 f"the prompt {prompt!r:.200} holds bytes that are not UTF-8; set the terminal's "
-                "encoding to UTF-8, or put the prompt in a file (--prompts)"
+                "encoding to UTF-8, or put the prompt in a file (--file)"
             )
         card.condition.check_prompt(prompt, card.name)
 

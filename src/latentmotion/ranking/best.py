@@ -87,9 +87,10 @@ def usual_takes(card: ModelCard, prompt: str) -> int:
     Several of a sentence where they are cheap and the shipped scorer reads the model's motions,
     otherwise one.
     """
-    scored = card.condition.reads_text and prompt.strip()
+    if not (card.condition.reads_text and prompt.strip()) or card.sampling.steps > _FAST_STEPS:
+        return 1
     readable = card.representation == shipped_scorer().card.representation
-    return USUAL_TAKES if scored and readable and card.sampling.steps <= _FAST_STEPS else 1
+    return USUAL_TAKES if readable else 1
 
 
 def check_sentence(card: ModelCard, prompt: str, of: int) -> None:

@@ -42,10 +42,11 @@ def routes(library: Library, models: Models) -> APIRouter:
         unknown = BestAnswer(take=None, reason="", scores={})
         if len(prompts) > 1 or not min(prompts).strip():
             return unknown
-        scorer = ranking.scorer_beside(models.service.pipeline.condition)
+        pipeline = models.service.pipeline
+        scorer = ranking.scorer_beside(pipeline.condition)
         motions = [library.motion(item) for item in takes]
         try:
-            ranked = ranking.ranked(motions, min(prompts), scorer)
+            ranked = ranking.ranked(motions, pipeline.read(min(prompts)).prompt, scorer)
         except InputError:  # motions that the scorer does not read
             return unknown
         names = {id(motion): item.id for motion, item in zip(motions, takes, strict=True)}
