@@ -270,7 +270,8 @@ def _filled(
     joints = edited(motion.joints, gap, decoders, sample_latents, motion.fps, motion.skeleton)
     caption = ", ".join(text for text in (motion.caption, prompt) if text)
     filled = motion.with_joints(joints, caption)
-    return replace(filled, metadata=filled.metadata | metadata_of(generator, seed, sampling))
+    about = {**filled.metadata, **metadata_of(generator, seed, sampling)}
+    return replace(filled, metadata=about)
 
 
 def _seam_goals(
