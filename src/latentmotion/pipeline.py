@@ -205,7 +205,7 @@ class MotionPipeline:
 
         Raises:
             ModelError: A file is missing, damaged, or of another model; or this model has no
-                `encoder.onnx`.
+                `encoder.onnx`, or reads no sentences.
         """
         from latentmotion.retrieval.index import index_file
 
@@ -213,7 +213,10 @@ class MotionPipeline:
             return self
         given = tuple(index_file(Path(m)) if isinstance(m, str | Path) else m for m in moves)
         pipeline = replace(self, moves=(*given, *self.moves))
-        _ = pipeline.clip_starts  # read now, so that an error comes here
+        if pipeline.clip_starts is None:  # read now, so that an error comes here
+            raise ModelError(
+                f"model {self.card.name!r} reads no sentences: it starts from no clips"
+            )
         return pipeline
 
     def __call__(

@@ -161,7 +161,7 @@ WRONG = {
     "data compose data -o out --count 3 --seed -1": "count 3, seed -1; expected",
     "data describe data -o out --windows -1": "expected --windows, --rewordings and --single",
     "data describe data -o out --sentences 0": "and --sentences of 1 or more",
-    "data describe data -o out --names": "--names is for motion files, not for prepared ones",
+    "data describe data -o out --names": "data is prepared data, so --names has no effect",
     "data describe data -o out.csv": "a prepared folder becomes one; add --edit for a CSV",
     "data describe data -o mine": "exists and has no manifest.json",
     "data unpack walk.npz -o out": "no data pack; make one with",

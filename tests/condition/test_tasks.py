@@ -128,7 +128,7 @@ def test_the_command_asks_each_model_for_what_it_takes(
     assert generate("--count", "3", "--prior", "--model", str(vae_run)) == [""] * 3
     assert "no action given; model 'starter' knows swayLeft0" in refused(*run, str(actions))
     assert "takes no prompt" in refused("a person walks", *run, str(nothing))
-    assert "takes no prompt" in refused("a person walks", "--prior", *run, str(vae_run))
+    assert "takes no prompt" in refused("a person walks", "--prior", "--model", str(vae_run))
     assert "--prior" in refused("a person walks", *run, str(vae_run))
     assert "omit --text-encoder" in export_refused(actions, tmp_path, capsys)
 

@@ -1,7 +1,8 @@
 """Every reader and mutated files: finite valid data or our own error, and no other exception.
 
-Time and memory of each file are bounded. Seeds are fixed. LATENTMOTION_FUZZ=N tries N inputs for
-each reader in place of a few, and N/10 for USD, which is read by a process for each file.
+Time and memory of each file are bounded. Seeds are fixed; LATENTMOTION_FUZZ_SEED names another.
+LATENTMOTION_FUZZ=N tries N inputs for each reader in place of a few, and N/10 for those that are
+slow, as USD, which a process reads.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import sqlite3
 import struct
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -26,10 +28,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from pydantic import ValidationError
 from safetensors.numpy import save_file
 
 from latentmotion import formats
+from latentmotion.bulk.prompts import read_rows
 from latentmotion.control.scene import read_scene
+from latentmotion.control.stream import StreamState
 from latentmotion.convert.reading import read_checkpoint
 from latentmotion.data.clip import Source, fit_sentences, parse_sentences
 from latentmotion.data.dataset import Dataset
@@ -41,13 +46,23 @@ from latentmotion.data.sources.own import OwnMotions
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.gltf_reader import read_animations
+from latentmotion.formats.keypoints import KeypointOptions, read_keypoints
+from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import find_model, read_card
 from latentmotion.motion import Motion
 from latentmotion.networks.checkpoint import read_weights
 from latentmotion.retarget import read_rig, transfer
+from latentmotion.retrieval.index import read_index
+from latentmotion.retrieval.wordings import read_wordings
+from latentmotion.storage.configuration import read_plain, write_json
 from latentmotion.studio.edits import Edits
 from latentmotion.studio.library import Library
+from latentmotion.studio.projects import write as write_project
+from latentmotion.studio.schemas import Project
+from latentmotion.study.design import KEY_FORMAT, KeyPair, StudyKey
+from latentmotion.study.report import read_key
+from latentmotion.text.lengths import LengthModel
 from tests.support import damaged
 from tests.support.action_files import write_humanact12
 from tests.support.moving_figures import write_moving_figures
@@ -57,6 +72,7 @@ from tests.support.walker import walker
 resource = pytest.importorskip("resource", reason="limits of a process are POSIX's")
 
 INPUTS = int(os.environ.get("LATENTMOTION_FUZZ", "6"))
+SEED = os.environ.get("LATENTMOTION_FUZZ_SEED", "13")
 
 SECONDS = 20.0
 """Processor time of one file; all of these are small."""
@@ -204,15 +220,54 @@ def load_scheduled(path: Path) -> None:
     finite(schedule.alpha(1), schedule.sigma(1))
 
 
+def load_keypoints(path: Path) -> None:
+    stated = KeypointOptions(fps=30.0)
+    keypoints = read_keypoints(path.parent if path.parent.name == "openpose" else path, stated)
+    finite(keypoints.confidence, keypoints.fps)
+
+
+def load_moves(path: Path) -> None:
+    packed = path.with_suffix(".index")
+    packed.write_bytes(zlib.compress(path.read_bytes(), 1))
+    read_index(packed)
+
+
+def load_lengths(path: Path) -> None:
+    model = LengthModel.read(path)
+    finite(*model.weights, *model.biases)
+
+
+def load_stream(path: Path) -> None:
+    finite(StreamState.load(path).latents)
+
+
+def load_project(path: Path) -> None:
+    """Reads a project as the studio does, and writes what it read."""
+    content = read_plain(path)
+    with suppress(ValidationError):  # the studio answers by 422
+        write_project(path.parent, "b", Project.model_validate(content).model_dump())
+
+
 USD = ("a.usda", "a.usdc", "a.usdz")
+SLOW = (*USD, "moves.plain")
+"""A process, or half a second, for each input."""
 
 READERS: dict[str, Callable[[Path], object]] = {
-    **dict.fromkeys(("a.bvh", "a.csv", "a.npz", "a.npy", "a.amass.npz"), load_motions),
+    **dict.fromkeys(("a.bvh", "a.csv", "a.npz", "a.npy", "a.amass.npz", "a.vrma"), load_motions),
     **dict.fromkeys(USD, load_motions),
     **dict.fromkeys(("bones.glb", "bones.gltf", "ours.glb"), load_gltf),
     **dict.fromkeys(("rig.glb", "rig.gltf", "rig.bvh"), load_rig),
     "library/library.sqlite3": load_library,
     "scene.json": read_scene,
+    "projects/a.json": load_project,
+    "study.key.json": read_key,
+    **dict.fromkeys(("points.json", "points.npz", "points.csv", "openpose/0.json"), load_keypoints),
+    "map.json": load_joint_map,
+    "moves.plain": load_moves,
+    "lengths.safetensors": load_lengths,
+    "stream.npz": load_stream,
+    **dict.fromkeys(("prompts.csv", "prompts.txt"), read_rows),
+    "wordings.tsv": lambda path: read_wordings([path]),
     "scheduled/model.json": load_scheduled,
     **dict.fromkeys(("figure/a.asf", "figure/a.amc"), load_asf),
     **dict.fromkeys(("data/manifest.json", "data/motions-000.safetensors"), load_dataset),
@@ -230,16 +285,44 @@ READERS: dict[str, Callable[[Path], object]] = {
 }
 
 
+def write_texts(folder: Path, motion: Motion) -> None:
+    """Writes keypoints, a joint map, prompts, a project and the like."""
+    points = motion.joints.round(3).astype(float)
+    (folder / "points.json").write_text(json.dumps({"fps": 20, "points": points.tolist()}))
+    np.savez(folder / "points.npz", points=points, fps=20.0, names=motion.skeleton.names)
+    head = ["time", *(f"{name}_{axis}" for name in motion.skeleton.names for axis in "xyz")]
+    rows = [[n / 20, *frame.ravel()] for n, frame in enumerate(points)]
+    (folder / "points.csv").write_text("\n".join(",".join(map(str, row)) for row in [head, *rows]))
+    people = [{"pose_keypoints_2d": [*range(2), 0.5] * 25}]
+    for name in ("0.json", "1.json"):
+        (folder / "openpose" / name).write_text(json.dumps({"people": people}))
+    (folder / "map.json").write_text('{"pelvis": "Hips", "spine1": {"Spine": 0.5, "Chest": 0.5}}')
+    (folder / "prompts.csv").write_text("prompt,seconds,seed\na person walks,2.5,3\n")
+    (folder / "prompts.txt").write_text("a person walks\na person jumps\n")
+    (folder / "wordings.tsv").write_text("a person walks\tstroll|go for a walk\n")
+    span = {"prompt": "a walk", "seconds": 2.0}
+    project = {"format": 1, "timeline": [span], "settings": {"a": [1, {"b": None}]}}
+    (folder / "projects" / "a.json").write_text(json.dumps(project))
+    pairs = (KeyPair("p", "a walk", 0, "A"),)
+    key = StudyKey(KEY_FORMAT, "s", "A", "B", 3, {"which": "Which?"}, pairs)
+    write_json(folder / "study.key.json", key)
+    StreamState(np.zeros((3, 4)), 2, 0.5, (1.0, 2.0), 3).save(folder / "stream.npz")
+    shutil.copy(find_model("starter") / "lengths.safetensors", folder)
+    packed = (find_model("starter") / "moves.index").read_bytes()
+    (folder / "moves.plain").write_bytes(zlib.decompress(packed))
+
+
 @pytest.fixture(scope="module")
 def valid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """One valid file for every reader."""
     folder = tmp_path_factory.mktemp("valid")
-    for name in ("figure", "captions", "card", "texts", "new"):
+    for name in ("figure", "captions", "card", "texts", "new", "openpose", "projects"):
         (folder / name).mkdir()
     motion = Motion(walker(6).joints().astype("f4"), caption="a person walks")
     usd = USD if find_spec("pxr") else ()
-    for name in ("a.bvh", "a.csv", "a.npz", "a.amass.npz", "ours.glb", *usd):
+    for name in ("a.bvh", "a.csv", "a.npz", "a.amass.npz", "a.vrma", "ours.glb", *usd):
         motion.save(folder / name)
+    write_texts(folder, motion)
     np.save(folder / "a.npy", motion.joints)
     skeleton = replace(motion.skeleton, name="other", names=tuple(f"n{i}" for i in range(22)))
     replace(motion, skeleton=skeleton).save(folder / "other.npz")
@@ -331,9 +414,9 @@ def resident(kind: str = "VmRSS") -> int:
 
 @pytest.mark.parametrize("name", READERS)
 def test_mutations(name: str, valid: Path, tmp_path: Path) -> None:
-    if name in USD and "LATENTMOTION_FUZZ" not in os.environ:
+    if name in SLOW and "LATENTMOTION_FUZZ" not in os.environ:
         pytest.skip("a second for each file; set LATENTMOTION_FUZZ")
-    inputs = -(-INPUTS // 10) if name in USD else INPUTS
+    inputs = -(-INPUTS // 10) if name in SLOW else INPUTS
     content, read = (valid / name).read_bytes(), READERS[name]
     place = tmp_path / name
     if place.parent == tmp_path:
@@ -341,7 +424,7 @@ def test_mutations(name: str, valid: Path, tmp_path: Path) -> None:
     else:
         shutil.copytree((valid / name).parent, place.parent)
     read(place)
-    draw = random.Random(f"{name} 13")
+    draw = random.Random(f"{name} {SEED}")
     for number in range(inputs):
         place.write_bytes(mutated(content, draw))
         try:

@@ -161,11 +161,11 @@ def test_prepared_data_is_taught_with_wordings(fast, tmp_path, monkeypatch, caps
     assert taught.read("acts like a frog").prompt == "a person does the frog"
     Path("others.tsv").write_text("someone drives a car\tmotoring\n")
     for wrong, said in (
-        (["data", "a frog"], "leave sentences"),
-        (["data", "--between", "0", "1"], "leave sentences"),
+        (["data", "a frog"], "SENTENCES has no effect"),
+        (["data", "--between", "0", "1"], "--between has no effect"),
         (["data", "--wordings", "others.tsv"], "none of 1 captions with wordings"),
-        (["clips/frog.npz", "a frog", "--wordings", "words.tsv"], "for prepared data"),
-        (["clips/frog.npz", "a frog", "--compact"], "for prepared data"),
+        (["clips/frog.npz", "a frog", "--wordings", "words.tsv"], "--wordings has no effect"),
+        (["clips/frog.npz", "a frog", "--compact"], "--compact has no effect"),
     ):
         with pytest.raises(SystemExit):
             main(["teach", *wrong, "-o", "other"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -43,7 +43,8 @@ class Bulk:
     """Make them on the workers of the Dask cluster with this scheduler, such as
     tcp://host:8786."""
     check: bool = False
-    """Make nothing: compare the files of a finished run with its manifest."""
+    """Make nothing: compare the files of a finished run with its manifest, and its settings with
+    the prompts and options that are given, if any."""
     format: Format = "safetensors"
     """Format of the shards."""
     rows: int = ROWS
@@ -82,6 +83,10 @@ class Bulk:
             ModelError: The model cannot be loaded.
         """
         if self.check:
+            options.refuse_unused(self, "--check makes nothing", "shard", "dask")
+        if self.check and self.prompts is None:
+            others = {field.name for field in fields(self)} - {"output", "check"}
+            options.refuse_unused(self, "--check without prompts compares files alone", *others)
             self._print_summary(shards.check(folder_at(self.output)))
             return
         if self.prompts is None:
@@ -104,6 +109,12 @@ class Bulk:
             self.format,
         )
         work = work_of(generation, self.prompts, self.seed, self.rows)
+        if self.check:
+            folder = folder_at(self.output)
+            manifest = shards.check(folder)
+            shards.start(work.run, folder)  # raises an error where another run was finished
+            self._print_summary(manifest)
+            return
         folder = folder_at(self.output, create=True)
         if self.dask:
             manifest = shards.submit(work, folder, self.dask, self._print)

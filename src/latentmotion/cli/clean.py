@@ -55,6 +55,8 @@ class Clean(options.ReadingOptions):
         Raises:
             InputError: The file cannot be read, or an ending or a folder cannot be used.
         """
+        if not self.smooth:
+            options.refuse_unused(self, "--no-smooth leaves jitter as it is", "cutoff")
         steps = CleanUp(
             smooth=self.smooth,
             bones=self.bones,

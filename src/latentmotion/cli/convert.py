@@ -116,6 +116,8 @@ class ConvertEvaluator:
 
         weights = evaluators.action_classifier_weights(reading.read_content(self.file))
         if weights is not None:
+            reason = f"{self.file} holds an action classifier"
+            options.refuse_unused(self, reason, "statistics", "glove")
             labels = read_lines(self.labels, "label") if self.labels else None
             description = evaluators.convert_action_classifier(
                 weights, self.file, self.output, labels
@@ -124,6 +126,7 @@ class ConvertEvaluator:
             print(f"wrote {self.output}: {kind}, {len(description.labels)} actions")
             return
         evaluators.evaluator_weights(self.file)
+        options.refuse_unused(self, f"{self.file} holds a T2M evaluator", "labels")
         if self.statistics is None or self.glove is None:
             raise InputError(
                 f"{self.file} holds a T2M evaluator, which needs --statistics (its own mean.npy "

@@ -472,6 +472,9 @@ class Describe(options.ReadingOptions):
             acts=_FEW_ACTS if self.single else 0,
         )
         if not (self.folder.is_file() or (self.folder / MANIFEST).is_file()):
+            reason = f"{self.folder} is no prepared data"
+            names = ("edit", "windows", "sentences", "rewordings", "single")
+            options.refuse_unused(self, reason, *names)
             motions = OwnMotions(
                 self.folder,
                 Source("own", "unknown", ""),
@@ -479,10 +482,11 @@ class Describe(options.ReadingOptions):
             )
             self.write_csv(described.describe_files(motions, self.seed, self.check, self.names))
             return
-        if self.names:
-            raise InputError(f"{self.folder}: --names is for motion files, not for prepared ones")
+        reason = f"{self.folder} is prepared data"
+        options.refuse_unused(self, reason, "names", "unit", "up", "fps", "map")
         settings = (windows, self.seed, self.rewordings, self.check)
         if self.edit:
+            options.refuse_unused(self, "--edit writes captions of clips alone", "single")
             self.write_csv(described.folder_rows(self.folder, *settings))
             return
         if self.output.suffix.lower() == ".csv":

@@ -6,7 +6,7 @@ Metrics need PyTorch and are imported where they are measured, so that instructi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -40,6 +40,15 @@ if TYPE_CHECKING:
     from latentmotion.evaluation.report import Report
 
 Joints = Float[np.ndarray, "_ 22 3"]
+
+_SAMPLING = ("steps", "guidance", "sampler", "text_encoder")
+"""Options of sampling by a denoiser."""
+
+_METRICS = (
+    *("evaluator", "protocol", "replications", "shard", "seed", "multimodality"),
+    *("max_frames", "prior", "body", "cost"),
+)
+"""Options of the metrics alone."""
 
 
 @dataclass(frozen=True)
@@ -114,12 +123,32 @@ class Evaluate:
             ModelError: The model has nothing to measure.
         """
         if self.prompts is not None or self.instructions or self.joints:
+            self._refuse_unused_by_instructions()
             self.measure_instructions()
             return
+        reason = "without --instructions, metrics are measured"
+        options.refuse_unused(self, reason, "takes", "clean", "fps")
         if self.model is None or self.data is None:
             lacking = "MODEL" if self.model is None else "--data"
             raise InputError(f"{lacking} is missing; see latentmotion evaluate --help")
+        if self.prior:
+            options.refuse_unused(self, "--prior decodes random latents", *_SAMPLING)
         self.measure_metrics(self.model, self.data)
+
+    def _refuse_unused_by_instructions(self) -> None:
+        """Refuses options that the instructions have no use for."""
+        refuse = partial(options.refuse_unused, self)
+        if self.prompts is not None:
+            others = {field.name for field in fields(self)} - {"instructions", "prompts", "takes"}
+            refuse("--prompts writes the list of prompts alone", *others)
+        refuse("instructions have prompts, lengths, seeds and checks of their own", *_METRICS)
+        if self.data is None:
+            refuse("without --data no captions are read", "split")
+        if self.joints:
+            names = ("clean", "device", "precision", "launch")
+            refuse("--joints measures motions that are there", *_SAMPLING, *names)
+        else:
+            refuse("without --joints no joint files are read", "fps")
 
     def measure_metrics(self, model: str, data: Path) -> None:
         """Prints the report of the metrics on a prepared data set, and writes it.
@@ -214,6 +243,7 @@ class Evaluate:
         if card.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if card.denoiser is None:
+            options.refuse_unused(self, f"{folder} has no denoiser", *_SAMPLING)
             return rebuilt
         generator = load_generator(folder, text_encoder=self.text_encoder, execution=self.execution)
         sampling = generator.card.sampling.but(self.steps, self.guidance, self.sampler)

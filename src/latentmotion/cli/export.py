@@ -69,6 +69,8 @@ class Export:
         if not self.web:
             self._package(source, self.output)
         elif any(source.glob("fused_*.onnx")):
+            names = ("text_encoder", "length", "precision", "name", "license", "share_encoder")
+            options.refuse_unused(self, f"{source} is exported already", *names)
             export_web(source, self.output, self.weights or "int8")
         else:
             with tempfile.TemporaryDirectory() as temporary:

@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from latentmotion import formats
 from latentmotion.cleanup.changes import Changes
+from latentmotion.cli import options
 from latentmotion.cli.clean import tell
 from latentmotion.cli.options import Outputs, RuntimeChoice, Threads
 from latentmotion.control.fit_keypoints import fit_motion
@@ -71,6 +72,11 @@ class Fit:
             raise InputError("--runtime pytorch: motions are fitted on onnxruntime or openvino")
         stated = KeypointOptions(self.fps, self.layout, self.size, self.focal, self.up, self.unit)
         keypoints = read_keypoints(self.file, stated)
+        if keypoints.points.shape[2] == 3:
+            reason, names = f"{self.file} has points in 3D", ("size", "focal")
+        else:
+            reason, names = f"{self.file} has points in a picture", ("unit", "up")
+        options.refuse_unused(self, reason, *names)
         generate = MotionPipeline.from_pretrained(self.model, self.runtime, self.threads)
         motion = fit_motion(generate, keypoints, noise=self.noise)
         fitted = motion

@@ -144,9 +144,9 @@ class Generate:
     output: Annotated[options.Outputs, arg(help=_OUTPUT)] = ()
     seconds: float | None = None
     """Length of each motion; by default the model predicts it from the sentence, or it is 4."""
-    seed: int = 0
+    seed: int | None = None
     """Seed of the first take of the first motion; later takes and motions count up from it. The
-    same seed gives the same motion."""
+    same seed gives the same motion. By default that of --scene, or 0."""
     count: int = 1
     """Motions per prompt."""
     best_of: int | None = None
@@ -182,7 +182,8 @@ class Generate:
             raise InputError("--prior takes no goals; leave them out")
         lines = self._checked_lines()
         wrong = [f"{self.file}:{number}: {error}" for number, _, error in lines if error]
-        prompts = self._checked_prompts(scene, [line for _, line, error in lines if not error])
+        given = [line for _, line, error in lines if not error]
+        prompts = self._checked_prompts(scene, given, bool(goals))
         print("".join(f"warning: {one}; left out\n" for one in wrong), end="", file=sys.stderr)
         if self.fps is not None:
             check_fps(self.fps)
@@ -245,7 +246,7 @@ class Generate:
             raise InputError(f"{self.file}:{number}: {error}")
         return lines
 
-    def _checked_prompts(self, scene: Scene | None, lines: list[str]) -> list[str]:
+    def _checked_prompts(self, scene: Scene | None, lines: list[str], goals: bool) -> list[str]:
         """Returns the prompts; for an unconditional model or a timeline an empty one."""
         if self.best_of is not None and self.best_of < 1:
             raise InputError(f"--best-of {self.best_of}: expected 1 or more")
@@ -259,17 +260,16 @@ class Generate:
                 f"--best-of {self.best_of}: takes are scored by their one sentence; leave --prior, "
                 "--timeline and scenes with a timeline out"
             )
-        others = [value for name, value in vars(directing).items() if "timeline" not in name]
-        others += [self.prompts, self.file, prior, self.seconds, self.sampling.sampler]
+        others = [self.prompts, self.file, prior, self.directing.scene]
         if directing.timeline and any(others):
             raise InputError(
-                "--timeline stands alone: leave prompts, --file, --prior, --scene, --seconds, "
-                "--sampler and goals out"
+                "--timeline has the prompts: leave prompts, --file, --prior, --scene out"
             )
         if directing.timeline_part and not directing.timeline:
             raise InputError("--timeline-part needs --timeline, which the whole body follows")
         if scene is not None and (self.prompts or self.file or prior):
             raise InputError("--scene has the prompt; leave prompts, --file and --prior out")
+        self._refuse_unused(several, goals)
         if scene is not None:
             return [scene.prompt]
         if self.file is not None and self.prompts:
@@ -287,7 +287,30 @@ class Generate:
         card = read_card(find_or_download(self.model))
         if card.condition.prompted:
             raise card.condition.no_prompt(card.name)
+        reason = f"model {card.name!r} reads no prompts"
+        options.refuse_unused(self.sampling, reason, "guidance", "moves")
         return [""]
+
+    def _refuse_unused(self, timeline: bool, goals: bool) -> None:
+        """Refuses options that have no effect beside others."""
+        refuse, sampling = options.refuse_unused, self.sampling
+        if sampling.prior:
+            reason, names = "--prior decodes random latents", ("steps", "guidance", "sampler")
+            refuse(sampling, reason, *names, "moves")
+            refuse(self.execution, reason, "text_encoder")
+        if timeline:
+            reason = "the prompts of a timeline have lengths of their own"
+            refuse(self, reason, "seconds")
+            reason = "a timeline is sampled from noise by the model's own sampler"
+            refuse(sampling, reason, "sampler", "moves")
+            reason = "a timeline takes no goals"
+            refuse(self.directing, reason, "reach", "heading", "path")
+        if goals:
+            refuse(sampling, "a motion with goals starts from noise", "moves")
+        if not sampling.from_clips:
+            refuse(sampling, "--no-from-clips starts all motions from noise", "moves")
+        if sampling.steps == 1:
+            refuse(sampling, "a motion of one step starts from noise", "moves")
 
     def _warn_of_words(self, given: list[str]) -> None:
         """Warns where the words of one sentence seem to have become prompts of their own."""
@@ -310,7 +333,7 @@ class Generate:
         steps, threads = self.clean_up.steps(), execution.threads
         if sampling.prior:
             prior = load_prior(self.model, execution.runtime, threads, computing)
-            seeds = range(self.seed, self.seed + self.count)
+            seeds = range(self.seed or 0, (self.seed or 0) + self.count)
             made = replace(prior, body=body).batch(self.seconds, seeds)
             return clean_batch(made, steps) if steps else made
         cache = cache_folder() if execution.cache else None
@@ -319,7 +342,7 @@ class Generate:
             self.model, execution.runtime, threads, encoder, computing, cache
         )
         generator = replace(generator, body=body).with_moves(*sampling.moves)
-        seed = scene.seed if scene and scene.seed is not None else self.seed
+        seed = (scene.seed if scene and self.seed is None else self.seed) or 0
         if self.directing.timeline or (scene and scene.spans()):
             return self._timelines(generator, scene, seed, steps)
         seconds = scene.seconds if scene and self.seconds is None else self.seconds

@@ -55,6 +55,8 @@ def load_generator(
             f"{model} has a VAE but no denoiser: sample its prior by --prior, or train the "
             "diffusion: latentmotion train denoiser"
         )
+    if text_encoder and not card.condition.reads_text:
+        raise InputError(f"model {model} reads no sentences; leave --text-encoder out")
     runtime = _runtime_for(execution, runtime, text_encoder)
     if runtime != "pytorch" and (folder / "denoiser.onnx").is_file():
         return MotionPipeline.from_pretrained(folder, runtime, threads, cache)

@@ -5,14 +5,15 @@ A field of such a type needs no docstring, unless the type leaves the help text 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
 from tyro.conf import Positional, UseAppendAction, arg
 
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine.backend import Launch, Precision
+from latentmotion.errors import InputError
 from latentmotion.evaluation.protocol import ProtocolName
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.standing import METERS_PER_UNIT, NOTHING, Stated
@@ -187,3 +188,32 @@ DraftMapFile = Annotated[
 ]
 
 PrintJson = Annotated[bool, arg(help="Print one JSON object instead of text.")]
+
+
+def refuse_unused(command: Any, reason: str, *names: str) -> None:
+    """Refuses options that would have no effect, rather than ignore them.
+
+    Args:
+        command: A command, or a group of its options.
+        reason: Why they would have none, e.g. "--prior decodes random latents".
+        names: Names of the fields that would have none.
+
+    Raises:
+        InputError: One of them differs from its default.
+    """
+    given, kinds = [], get_type_hints(type(command), include_extras=True)
+    for field in fields(command):
+        default = field.default
+        if default is MISSING and field.default_factory is not MISSING:
+            default = field.default_factory()
+        value = getattr(command, field.name)
+        if field.name in names and value != default:
+            off = "no-" if value is False else ""
+            words = f"--{off}{field.name.replace('_', '-')}"
+            markers = getattr(kinds[field.name], "__metadata__", ())
+            given.append(field.name.upper() if Positional in markers else words)
+    if given:
+        *first, last = given
+        listed = f"{', '.join(first)} and {last}" if first else last
+        have, them = ("have", "them") if first else ("has", "it")
+        raise InputError(f"{reason}, so {listed} {have} no effect; leave {them} out")

@@ -28,6 +28,13 @@ _VIDEOS, _PICTURES, _PAGES = (".mp4", ".gif"), (".png",), (".html",)
 _DRAWN: Mapping[str, Figure] = MappingProxyType({"mannequin": mannequin_of, "stick": sticks_of})
 """Figures of pictures, by name."""
 
+_USED_BY = {
+    _PICTURES: ("style", "figures"),
+    _VIDEOS: ("camera", "output_fps"),
+    _VIDEOS + _PICTURES: ("size",),
+}
+"""Options of some files alone, by their endings."""
+
 _SMOOTH = {".mp4": 30.0, ".gif": 15.0}
 """Maximum frames per second of a video by default."""
 
@@ -78,6 +85,11 @@ class Render(options.ReadingOptions):
             raise InputError("no motion file given; try: latentmotion render walk.npz -o walk.mp4")
         if self.output_fps is not None:
             check_fps(self.output_fps)
+        endings = {path.suffix.lower() for path in self.output}
+        for kinds, names in _USED_BY.items():
+            if not endings.intersection(kinds):
+                reason = f"no {' or '.join(kinds)} is written"
+                options.refuse_unused(self, reason, *names)
         for path in self.output:
             if path.suffix.lower() not in _VIDEOS + _PICTURES + _PAGES:
                 endings = " ".join(_VIDEOS + _PICTURES + _PAGES)

@@ -9,6 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
+from latentmotion.cli import options
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
@@ -65,17 +66,11 @@ class Teach:
             ModelError: The folder's file is damaged, or of another model.
         """
         prepared = self.file.suffix == ".pack" or (self.file / MANIFEST).is_file()
-        if prepared and (
-            self.sentences or self.between or self.credit or self.license != "unknown"
-        ):
-            raise InputError(
-                f"{self.file} has clips, captions, owners and terms of its own; leave sentences, "
-                "--between, --credit and --license out"
-            )
-        if not prepared and (self.wordings or self.compact):
-            raise InputError(
-                "--wordings and --compact are for prepared data; a clip takes several sentences"
-            )
+        if prepared:
+            reason = f"{self.file} has clips, captions, owners and terms of its own"
+            options.refuse_unused(self, reason, "sentences", "between", "credit", "license")
+        else:
+            options.refuse_unused(self, f"{self.file} is no prepared data", "wordings", "compact")
         if not prepared and not any(text.strip() for text in self.sentences):
             raise InputError(
                 'a clip needs a sentence that says what it shows: latentmotion teach clip.bvh "a '

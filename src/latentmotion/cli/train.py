@@ -69,6 +69,11 @@ Sizes = Annotated[
 ]
 
 
+def _refuse_text_encoder(command: object, task: str) -> None:
+    """Refuses a text encoder for a model that reads no text."""
+    options.refuse_unused(command, f"a model of task {task} reads no sentences", "text_encoder")
+
+
 def text_cache(data: Path) -> Path:
     """Returns the folder beside prepared data that keeps its sentences for all runs on it."""
     folder = data.resolve()
@@ -143,7 +148,9 @@ class TrainDenoiser:
             experiment = stages.with_networks_of(start, experiment, vae)
         experiment = with_changes(experiment, self.set)
         encoder = None
-        if TASKS[experiment.task].reads_text:
+        if not TASKS[experiment.task].reads_text:
+            _refuse_text_encoder(self, experiment.task)
+        else:
             named = text_encoder_named(self.text_encoder)
             encoder = CachedTextEncoder(named, text_cache(self.data))
         with distributed_context(self.device) as context:
@@ -258,7 +265,9 @@ class TrainDistill:
         settings = with_changes(Distillation(training=self.training), self.set)
         teacher = find_model(self.teacher)
         card, encoder = read_card(teacher), None
-        if card.condition.reads_text:
+        if not card.condition.reads_text:
+            _refuse_text_encoder(self, card.task)
+        else:
             named = text_encoder_named(self.text_encoder) if self.text_encoder else None
             encoder = CachedTextEncoder(named or find_encoder(card, teacher), text_cache(self.data))
         start = find_model(self.start) if self.start else None
@@ -329,6 +338,8 @@ class TrainLength:
             InputError: The output cannot be written, or both --model and --keep are given.
             ModelError: The text encoder cannot be loaded, or --keep is no predictor that reads it.
         """
+        if not self.model:
+            options.refuse_unused(self, "without --model nothing is generated", "trials")
         if self.model and self.keep:
             raise InputError("--model and --keep both tell the lengths of drawn prompts; give one")
         if self.output.is_dir():

@@ -10,7 +10,6 @@ directions P of all of them.
 
 from __future__ import annotations
 
-import lzma
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,13 +19,14 @@ from jaxtyping import Float
 
 from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.errors import InputError
+from latentmotion.errors import FileFormatError, InputError
 from latentmotion.language.claims import LEFT, RIGHT
 from latentmotion.language.negation import is_idle
 from latentmotion.language.reading import request_of
 from latentmotion.language.sides import both_sides, mirror_words
 from latentmotion.language.words import tokens_of, words_of
 from latentmotion.retrieval.index import EMBEDDING_LEVELS, LEAST_COSINE, ClipIndex, quantized
+from latentmotion.storage.reading import read_text, unpack_xz
 
 COMPONENTS = 128
 """Directions that are kept of 384."""
@@ -139,9 +139,8 @@ def read_wordings(files: Sequence[Path]) -> dict[str, list[str]]:
     wordings: dict[str, list[str]] = {}
     for file in files:
         try:
-            content = file.read_bytes()
-            text = (lzma.decompress(content) if file.suffix == ".xz" else content).decode()
-        except (OSError, lzma.LZMAError, UnicodeDecodeError) as error:
+            text = unpack_xz(file).decode() if file.suffix == ".xz" else read_text(file)
+        except (FileFormatError, UnicodeDecodeError) as error:
             raise InputError(f"{file} cannot be read as wordings ({error})") from error
         for number, line in enumerate(text.splitlines(), 1):
             if line.startswith("#") or not line.strip():
