@@ -52,7 +52,8 @@ export async function load(folder) {
   const frames = joints.length / model.skeleton.names.length / 3;
   const generate = async (prompt, asked) => ({
     ...asked, prompt, frames, joints: joints.slice(), fps: model.fps, seconds: frames / model.fps,
-    skeleton: model.skeleton, model: model.name, license: model.license,
+    skeleton: model.skeleton, model: model.name,
+    rights: model.rights, weightsLicense: model.weightsLicense,
   });
   return { model, generate };
 }
@@ -144,7 +145,8 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
         "parents": HUMANML3D.parents,
         "directions": HUMANML3D.offsets.tolist(),
     }
-    about = {"name": "walk", "license": "CC0", "skeleton": skeleton, "fps": 20, "steps": [4]}
+    about = {"name": "walk", "rights": "any", "weightsLicense": "CC0", "fps": 20, "steps": [4]}
+    about |= {"skeleton": skeleton}
     about |= {"guidance": [1, 9], "frames": [12, 196], "usual": {"steps": 4, "guidance": 4}}
     (folder / "web.json").write_text(json.dumps(about))
     trembling = np.random.default_rng(0).normal(0, 0.01, walking().joints.shape)
@@ -315,13 +317,13 @@ def test_python_that_was_used_works_without_a_network(page, monkeypatch):
     page.faults[:] = [fault for fault in page.faults if "503" not in fault]
 
 
-@pytest.mark.parametrize("form", ("bvh", "npz"))
+@pytest.mark.parametrize("form", ("glb", "bvh", "npz"))
 def test_without_python_the_page_offers_what_it_can_do(page, form):
     made(page, "without")
     assert "--pyodide" not in page.inner_text("body")
     assert page.is_hidden("#clean")
     offered = page.eval_on_selector_all("#format option", "all => all.map((o) => o.value)")
-    assert offered == ["bvh", "npz"]
+    assert offered == ["glb", "bvh", "npz"]
     page.click("#takes button:first-child")
     (motion,) = formats.load(saved(page, form))
     assert len(motion) == 40

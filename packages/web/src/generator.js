@@ -1,6 +1,8 @@
 // A model in this thread: files → ONNX Runtime's sessions → motions.
 
 import * as ort from "onnxruntime-web/wasm";
+import { InputError } from "./errors.js";
+import { Motion } from "./motion.js";
 import { standardNormal } from "./noise.js";
 import { Sentences } from "./tokens.js";
 
@@ -8,11 +10,6 @@ const FORMAT = "latentmotion web 1";
 const WEIGHTS = "weights.bin";
 const OPTIONS = ["seconds", "seed", "steps", "guidance"];
 const USUAL_SECONDS = 4; // of a model that predicts no lengths
-
-/** What was asked for can't be done; the message says what can. */
-export class InputError extends Error {
-  name = "InputError";
-}
 
 export class Generator {
   /**
@@ -95,7 +92,7 @@ export class Generator {
       frames: new ort.Tensor("int64", BigInt64Array.of(BigInt(frames)), [1]),
       guidance: new ort.Tensor("float32", Float32Array.of(guidance), [1]),
     });
-    return {
+    return new Motion({
       ...recipe,
       joints: Float32Array.from(joints.data),
       frames,
@@ -103,8 +100,9 @@ export class Generator {
       seconds: frames / model.fps,
       skeleton: model.skeleton,
       model: model.name,
-      license: model.license,
-    };
+      rights: model.rights,
+      weightsLicense: model.weightsLicense,
+    });
   }
 
   #recipe(prompt, { seed = 0, steps, guidance }) {

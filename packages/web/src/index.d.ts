@@ -38,8 +38,25 @@ export interface Motion {
   skeleton: Skeleton;
   /** Name of the model. */
   model: string;
+  /** Who may do what with the motion. */
+  rights: string;
   /** License of the model's weights. */
-  license: string;
+  weightsLicense: string;
+  /**
+   * Rotations of the joints within their parents, frames × joints × (x, y, z, w), from a T-pose that
+   * looks along +z. Found from the joints at each access: keep what you read.
+   */
+  readonly rotations: Float32Array;
+  /** Resting joints within their parents, joints × (x, y, z), meters: what `rotations` turn. */
+  readonly offsets: Float32Array;
+  /**
+   * Returns a THREE.AnimationClip that moves a skinned figure, as large as it is and as it looks.
+   * @param THREE The three.js that the figure was loaded with.
+   * @param figure What holds its bones, in its rest pose: for example the scene of a loaded glTF.
+   * @param bones Names of its bones by our joints; by default bones of our names or Mixamo's.
+   * @throws InputError There is no bone for the pelvis or a hip.
+   */
+  toClip<Clip>(THREE: { AnimationClip: new (...given: any[]) => Clip }, figure: object, bones?: Record<string, string>): Clip;
 }
 
 /** What `web.json` says of a model. */
@@ -47,7 +64,8 @@ export interface Model {
   name: string;
   /** Hash of all files. */
   hash: string;
-  license: string;
+  rights: string;
+  weightsLicense: string;
   /** What it takes; a folder that does not say so takes sentences. */
   prompts?: "sentences" | "labels" | "nothing";
   /** The actions that it knows, where it takes labels. */

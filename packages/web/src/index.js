@@ -1,9 +1,9 @@
 // In a browser: the model in a worker, so that the page never waits.
 
-/** What was asked for can't be done; the message says what can. */
-export class InputError extends Error {
-  name = "InputError";
-}
+import { InputError } from "./errors.js";
+import { Motion } from "./motion.js";
+
+export { InputError };
 
 /** Opens a model by its address: a folder that `latentmotion export MODEL --web` wrote. */
 export async function load(address, { runtime, progress = () => {}, cache = true, worker } = {}) {
@@ -51,7 +51,7 @@ class RemoteGenerator {
   /** `signal` gives the motion up: nothing waits for it any more, and its error is the signal's. */
   generate(prompt, { signal, ...asked } = {}) {
     signal?.throwIfAborted();
-    const motion = this.call("generate", prompt, asked);
+    const motion = this.call("generate", prompt, asked).then((fields) => new Motion(fields));
     if (!signal) return motion;
     const given = new Promise((_, reject) => {
       signal.addEventListener("abort", () => reject(signal.reason), { once: true });

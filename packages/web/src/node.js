@@ -4,7 +4,8 @@ import { readFile } from "node:fs/promises";
 import { createRequire } from "node:module";
 import { fileURLToPath, pathToFileURL } from "node:url";
 import { downloads } from "./download.js";
-import { Generator, InputError } from "./generator.js";
+import { InputError } from "./errors.js";
+import { Generator } from "./generator.js";
 
 export { InputError };
 

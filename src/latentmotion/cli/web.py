@@ -34,7 +34,7 @@ class Web:
     """Folder with ONNX Runtime's WebAssembly: npm install onnxruntime-web@1.30.0"""
     pyodide: Path | None = None
     """Folder of Pyodide (npm install pyodide@314.0.7) and NumPy's wheel for it, from Pyodide's
-    release: with it the page cleans motions up and writes GLB, CSV and HTML too."""
+    release: with it the page cleans motions up and writes CSV and HTML too."""
 
     def run(self) -> None:
         """Writes the site and prints its size.
@@ -51,7 +51,7 @@ class Web:
         size = sum(file.stat().st_size for file in self.output.rglob("*") if file.is_file()) / 1e6
         print(f"wrote {self.output} ({size:.1f} MB)")
         if self.pyodide is None:
-            print("clean-up and GLB, CSV and HTML files are left out; --pyodide FOLDER adds them")
+            print("clean-up and CSV and HTML files are left out; --pyodide FOLDER adds them")
 
     def _export_and_write(self) -> None:
         site.runtime_file(self.runtime)

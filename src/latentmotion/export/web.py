@@ -33,6 +33,7 @@ from latentmotion.export.graph_weights import Weights, scaled_rows
 from latentmotion.export.onnx import anonymous, trace
 from latentmotion.export.unused import without_unused
 from latentmotion.model import card as cards
+from latentmotion.model.card import RIGHTS_IN_MOTIONS
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.representation.interface import Representation
 from latentmotion.storage.files import atomic_folder
@@ -391,7 +392,8 @@ def _manifest(pipeline: MotionPipeline, folder: Path, weights: Weights) -> dict[
         "format": FORMAT,
         "name": card.name,
         "hash": digest.hexdigest(),
-        "license": card.provenance.license,
+        "rights": RIGHTS_IN_MOTIONS,
+        "weightsLicense": card.provenance.license,
         "prompts": "sentences" if text else "labels" if labels else "nothing",
         "labels": labels,
         "weights": weights,

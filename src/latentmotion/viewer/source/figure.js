@@ -3,7 +3,7 @@
 import * as THREE from "three";
 import { Rig } from "./pose.js";
 
-const GREY = "#c4c9d2";
+export const GREY = "#c4c9d2";
 
 export class Figure {
   /** `at` is the [x, z] shift that sets this take beside the others, meters. */

@@ -101,15 +101,3 @@ export function lineUp(motions, gap = 1.3, most = 3.6) {
   const middle = offsets[offsets.length - 1] / 2;
   return motions.map((motion, i) => [offsets[i] - middle - starts[i], -motion.ground(0)[1]]);
 }
-
-/** Median length of each bone of `joints` (frames * joints * 3), meters. */
-export function boneLengths({ joints, skeleton: { parents }, frames }) {
-  return parents.map((parent, joint) => {
-    if (parent < 0) return 0;
-    const lengths = Array.from({ length: frames }, (_, frame) => {
-      const at = (j, axis) => joints[(frame * parents.length + j) * 3 + axis];
-      return Math.hypot(...[0, 1, 2].map((axis) => at(joint, axis) - at(parent, axis)));
-    });
-    return lengths.sort((a, b) => a - b)[Math.floor(frames / 2)];
-  });
-}

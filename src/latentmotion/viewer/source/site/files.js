@@ -22,8 +22,8 @@ export function fileName({ prompt, seed }, ending) {
 export function npz(motions) {
   const { name, names, parents, directions } = motions[0].skeleton;
   const joined = Float32Array.from(motions.flatMap(({ joints }) => [...joints]));
-  const notes = ({ model, seed, steps, guidance, license }) =>
-    JSON.stringify({ model, seed: Number(seed), steps, guidance, license });
+  const notes = ({ model, seed, steps, guidance, rights, weightsLicense }) =>
+    JSON.stringify({ model, seed: Number(seed), steps, guidance, rights, weights_license: weightsLicense });
   const arrays = {
     joints: array("<f4", [joined.length / names.length / 3, names.length, 3], joined),
     frames: array("<i8", [motions.length], BigInt64Array.from(motions, (m) => BigInt(m.frames))),
@@ -86,7 +86,7 @@ const two = (value) => [value & 255, (value >> 8) & 255];
 const four = (value) => [...two(value), ...two(value >>> 16)];
 const encoded = (words) => new TextEncoder().encode(words);
 
-function join(parts) {
+export function join(parts) {
   const whole = new Uint8Array(parts.reduce((sum, { length }) => sum + length, 0));
   let at = 0;
   for (const part of parts) {
@@ -136,7 +136,7 @@ export function bvh(motion) {
 }
 
 // Joints and their rotations in the world, frame by frame.
-function rotated(motion) {
+export function rotated(motion) {
   const rig = new Rig(motion.skeleton);
   return Array.from({ length: motion.frames }, (_, frame) => {
     const positions = motion.sample(frame / motion.fps);
@@ -149,7 +149,7 @@ function rotated(motion) {
 }
 
 // A joint as its parent sees it, in the mean of all frames.
-function boneOffset(joint, parent, frames) {
+export function boneOffset(joint, parent, frames) {
   const sum = new Vector3();
   if (parent < 0) return sum;
   for (const { joints, rotations } of frames) {

@@ -6,6 +6,7 @@ import { stick } from "../figures.js";
 import { OWN, standing } from "../mannequin.js";
 import { Player } from "../player.js";
 import { bvh, fileName, npz, save } from "./files.js";
+import { glb } from "./glb.js";
 import { isAsleep, PYTHON_SIZE, rewritten } from "./python.js";
 import { fromAddress, fromForm, intoForm, toAddress } from "./recipe.js";
 
@@ -61,7 +62,7 @@ async function open() {
   [seconds.min, seconds.max] = model.frames.map((count) => count / model.fps);
   askFor(model);
   intoForm(form, { ...model.usual, ...fromAddress(location.hash, model) });
-  find("license").textContent = `Model ${model.name}, ${model.license}.`;
+  find("license").textContent = `Weights of ${model.name}: ${model.weightsLicense}. ${model.rights}`;
   find("generate").disabled = false;
   find("loaded").hidden = true;
   document.body.dataset.state = "ready";
@@ -214,6 +215,8 @@ async function write() {
       save(fileName(motions[0], form), file);
       say(`Saved ${fileName(motions[0], form)}.`);
     });
+  } else if (format === "glb") {
+    save(fileName(motions[0], "glb"), glb(chosen().map((take) => player.takes[take])), "model/gltf-binary");
   } else {
     for (const take of chosen()) save(fileName(shown[take], "bvh"), bvh(player.takes[take]));
   }
@@ -244,7 +247,7 @@ find("clean").addEventListener("change", cleanUp);
 find("figure").addEventListener("change", () => show(shown, true));
 if (!PYTHON_SIZE) {
   find("clean").disabled = find("clean").closest("label").hidden = true;
-  for (const option of [...find("format").options]) if (!/bvh|npz/.test(option.value)) option.remove();
+  for (const option of [...find("format").options]) if (!/glb|bvh|npz/.test(option.value)) option.remove();
 }
 find("share").addEventListener("click", async () => {
   try {
@@ -266,7 +269,7 @@ document.addEventListener("keydown", (event) => {
   player.timeline.play(!player.timeline.playing);
 });
 
-window.latentmotion = { player, motions: () => shown, npz: () => npz(shown), bvh };
+window.latentmotion = { player, motions: () => shown, npz: () => npz(shown), bvh, glb };
 navigator.serviceWorker?.register("service.js").catch(() => {});
 open().catch((error) => {
   document.body.dataset.state = "failed";

@@ -8,12 +8,13 @@ const still = matchMedia("(prefers-reduced-motion: reduce)");
 const PAGE = 60; // takes that are asked for at once
 const AHEAD = "600px"; // below what is seen, where the next are asked for
 const MOST_PICTURES = 600; // that are kept in memory
+const MOST_SHOWN = 8; // takes on the stage at once
 const PATIENCE = 200; // milliseconds without a key before a search
 
 export class Library {
   /** `go` leads to a screen by its name, `compare` puts two takes side by side. */
   constructor(studio, go, compare) {
-    Object.assign(this, { studio, go, compare, takes: [], chosen: new Map(), pictures: new Map() });
+    Object.assign(this, { studio, go, compare, takes: [], chosen: new Map(), pictures: new Map(), unfolded: new Set() });
     fill(find("zip-format"), byUse(studio.capabilities.formats));
     this.seen = new IntersectionObserver((entries) => {
       for (const { isIntersecting, target } of entries) if (isIntersecting) this.#paint(target);
@@ -32,7 +33,7 @@ export class Library {
     onClick("import", () => find("import-file").click());
     onChange("import-file", (field) => this.import([...field.files]).finally(() => (field.value = "")));
     onClick("choose-all", () => this.chooseAll());
-    onClick("show-chosen", () => this.open(this.#theChosen(1, 8)));
+    onClick("show-chosen", () => this.open(this.#theChosen(1, MOST_SHOWN)));
     onClick("compare-chosen", () => this.compare(this.#theChosen(2, 2)));
     onClick("set-tags", () => this.tag());
     onClick("export-chosen", () => this.export());
@@ -58,7 +59,7 @@ export class Library {
     this.takes = offset ? [...this.takes, ...takes] : takes;
     const known = tags ?? [...new Set(this.takes.flatMap((take) => take.tags))].sort();
     fill(find("tag"), [["", "all"], ...known.map((tag) => [tag, tag])], filters.tag ?? "");
-    const cards = takes.map((take) => this.#card(take));
+    const cards = stacks(takes).flatMap((stack) => this.#cards(stack));
     if (offset) find("grid").append(...cards);
     else find("grid").replaceChildren(...cards);
     find("more").hidden = this.takes.length >= total;
@@ -78,23 +79,66 @@ export class Library {
     if (document.body.dataset.screen === "library") trying(() => this.list());
   }
 
-  #card(take) {
-    const { id, title, star, seconds, tags, missing, made, recipe } = take;
+  // Takes of one recipe are a single card until they are unfolded.
+  #cards(stack) {
+    const [{ id }] = stack;
+    if (stack.length === 1) return [this.#card(stack[0])];
+    const fold = make("button", {
+      ...{ type: "button", className: "fold", textContent: `${stack.length} takes` },
+      aria: { expanded: this.unfolded.has(id) },
+      on: { click: () => this.#fold(stack) },
+    });
+    if (!this.unfolded.has(id)) return [this.#stack(stack, fold)];
+    return stack.map((take, number) => this.#card(take, number ? [] : [fold]));
+  }
+
+  #fold(stack) {
+    const old = stack.map(({ id }) => find("grid").querySelector(`li[data-take="${id}"]`)).filter(Boolean);
+    if (!this.unfolded.delete(stack[0].id)) this.unfolded.add(stack[0].id);
+    const cards = this.#cards(stack);
+    old[0].before(...cards);
+    old.forEach((card) => card.remove());
+    cards[0].querySelector(".fold").focus();
+  }
+
+  #stack(stack, fold) {
+    const [first] = stack;
+    const shown = stack.find(({ star }) => star) ?? first;
+    const all = `${stack.length} takes of ${first.title}`;
+    const tick = make("input", {
+      ...{ type: "checkbox", checked: stack.every(({ id }) => this.chosen.has(id)) },
+      aria: { label: `Select ${all}` },
+      on: { change: ({ target }) => stack.forEach((take) => this.#choose(take, target.checked)) },
+    });
+    const picture = this.#picture(shown, `Show ${all}`, () => this.open(stack.slice(0, MOST_SHOWN)));
+    const name = make("p", { className: "title", textContent: first.title });
+    const line = make("p", { className: "soft", textContent: [`${round(shown.seconds)} s`, dayOf(first), ...first.tags].filter(Boolean).join(" · ") });
+    line.append(fold);
+    return make("li", { className: "stack", data: { take: first.id } }, picture, tick, name, line);
+  }
+
+  #picture(take, label, show) {
+    const picture = make("button", {
+      ...{ type: "button", className: "picture", data: { take: take.id } },
+      aria: { label },
+      on: { click: () => trying(show), pointerenter: () => take.missing || still.matches || this.#play(take, picture) },
+    });
+    if (take.missing) picture.textContent = "File missing: make again";
+    else this.seen.observe(picture);
+    return picture;
+  }
+
+  #card(take, more = []) {
+    const { id, title, star, seconds, tags, missing, recipe } = take;
     const seed = recipe.seed === undefined ? "imported" : `seed ${recipe.seed}`;
-    const facts = [`${round(seconds)} s`, seed, made ? new Date(made).toLocaleDateString("en") : "", ...tags];
+    const facts = [`${round(seconds)} s`, seed, dayOf(take), ...tags];
     const tick = make("input", {
       ...{ type: "checkbox", checked: this.chosen.has(id) },
       aria: { label: `Select ${title}` },
       on: { change: ({ target }) => this.#choose(take, target.checked) },
     });
-    const show = missing ? () => this.bringBack(take) : () => this.open([take]);
-    const picture = make("button", {
-      ...{ type: "button", className: "picture", data: { take: id } },
-      aria: { label: missing ? `Make ${title} again: its file is missing` : `Show ${title}` },
-      on: { click: () => trying(show), pointerenter: () => missing || still.matches || this.#play(take, picture) },
-    });
-    if (missing) picture.textContent = "File missing: make again";
-    else this.seen.observe(picture);
+    const label = missing ? `Make ${title} again: its file is missing` : `Show ${title}`;
+    const picture = this.#picture(take, label, () => (missing ? this.bringBack(take) : this.open([take])));
     const name = make("textarea", {
       ...{ value: title, className: "title", maxLength: 200, rows: 2 },
       aria: { label: `Title of ${title}` },
@@ -113,6 +157,7 @@ export class Library {
       on: { click: () => this.edit(star ? "Remove star" : "Star", take, { star: !star }) },
     });
     const line = make("p", { className: "soft", textContent: facts.filter(Boolean).join(" · ") });
+    line.append(...more);
     return make("li", { data: { take: id } }, picture, tick, starred, name, line);
   }
 
@@ -123,14 +168,14 @@ export class Library {
     if (!take) return;
     const key = `${take.id} ${JSON.stringify(take.edits)}`;
     if (!this.pictures.has(key)) {
-      this.pictures.set(key, this.#picture(take));
+      this.pictures.set(key, this.#drawn(take));
       if (this.pictures.size > MOST_PICTURES) this.#dropPicture();
     }
     const source = await this.pictures.get(key).catch(() => this.pictures.delete(key) && null);
     if (source) place.replaceChildren(make("img", { src: source, alt: "" }));
   }
 
-  async #picture(take) {
+  async #drawn(take) {
     const [motion] = await this.studio.motionsOf([take]);
     const blob = await new Promise((done) => draw(motion).toBlob(done));
     return URL.createObjectURL(blob);
@@ -257,3 +302,19 @@ export class Library {
     }
   }
 }
+
+/** Takes in their order, those that differ in nothing but their seed together. */
+function stacks(takes) {
+  const all = [];
+  let last = null;
+  for (const take of takes) {
+    const { seed, ...recipe } = take.recipe;
+    const key = seed === undefined || take.missing ? null : JSON.stringify([take.title, recipe]);
+    if (key !== null && key === last) all.at(-1).push(take);
+    else all.push([take]);
+    last = key;
+  }
+  return all;
+}
+
+const dayOf = ({ made }) => (made ? new Date(made).toLocaleDateString("en") : "");

@@ -75,14 +75,16 @@ export class MakeScreen {
     find("part").hidden = !can.edit;
     find("go-on").hidden = !can.start;
     find("part-which").hidden = !can.parts;
+    find("teach").hidden = !can.teach;
     fill(find("part-name"), [["", "whole body"], ...parts.map((one) => [one, words(one)])]);
     fill(find("format"), byUse(formats));
     for (const [name, lack] of Object.entries(lacking)) {
       find("format").append(Object.assign(new Option(`${name} – not installed`, name, false, false), { disabled: true, title: lack }));
     }
-    const [lack] = Object.values(lacking);
-    find("format-lack").hidden = !lack;
-    find("format-lack").textContent = `${Object.keys(lacking).join(", ")}: ${lack}`;
+    const missing = Object.keys(lacking);
+    find("format-lack").hidden = !missing.length;
+    find("format-lack").querySelector("summary").textContent = `Not installed: ${missing.join(", ")}`;
+    find("format-lack").querySelector("ul").replaceChildren(...Object.values(lacking).map((lack) => make("li", {}, lack)));
     fill(find("pace"), PACES.map((pace) => [pace, `${pace}×`]));
     find("pace").value = this.studio.take?.edits.speed ?? 1;
   }
@@ -105,6 +107,7 @@ export class MakeScreen {
     onClick("duplicate", () => this.duplicate());
     onClick("delete", () => this.remove());
     onClick("export", () => this.export());
+    onClick("teach-take", () => this.teach());
     onClick("trim-in", () => this.trimHere(0));
     onClick("trim-out", () => this.trimHere(1));
     onClick("trim-none", () => this.#edit("Trim", { trim: null }));
@@ -242,6 +245,17 @@ export class MakeScreen {
     const { figure } = this.studio;
     const character = figure in FIGURES ? null : figure;
     say(`Saved ${await this.studio.export(this.#picked(), find("format").value, character)}.`);
+  }
+
+  /** Lets sentences start from the picked take. */
+  async teach() {
+    const field = find("teach-words");
+    const sentences = field.value.split("\n").map((line) => line.trim()).filter(Boolean);
+    if (!sentences.length) throw new Error("Write what the person does in this take, e.g. does the robot dance.");
+    const { model } = this.studio.draft.settings;
+    const { clips } = await send("POST", `takes/${this.#picked().id}/teach`, { sentences, model });
+    field.value = "";
+    say(`Taught: “${sentences[0]}” starts from this take. ${clips} ${clips === 1 ? "take teaches" : "takes teach"} here.`);
   }
 
   /** Keeps what lies between two times of the whole take, seconds. */
