@@ -96,7 +96,7 @@ __all__ = [
 
 # What a motion does by rooms above it, which it does not import.
 register("motion.cleaned", "latentmotion.cleanup:clean")
-register("motion.html", "latentmotion.viewer.page:notebook_html")
+register("motion.notebook", "latentmotion.formats.notebook:bundle")
 register("motion.load", "latentmotion.formats:load")
 register("motion.save", "latentmotion.formats:save")
 

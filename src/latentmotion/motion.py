@@ -36,6 +36,13 @@ _OF_FRAMES = ("goals", "spans", "foot_sliding", "turn", "count")
 class Motion:
     """One person moving: joint positions, meters, y up.
 
+    Args:
+        joints: Global joint positions, frames × joints × 3, meters.
+        fps: Frames per second.
+        skeleton: Names and parents of the joints.
+        caption: The sentence it was made from, or that describes it.
+        metadata: Any values that JSON can hold: model, seed, guidance, rights, weights_license.
+
     Raises:
         InputError: The joints are empty, not finite, or not those of the skeleton.
     """
@@ -223,9 +230,9 @@ class Motion:
             return solved
         return self.recorded.turning(solved)
 
-    def _repr_html_(self) -> str:
-        """Shows the page with the moving figure in a notebook."""
-        return registered("motion.html")(self)
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
+        """Shows a strip in a notebook, and the moving figure where scripts run."""
+        return registered("motion.notebook")(self)
 
 
 _TOGETHER = 32

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -49,6 +49,7 @@ from latentmotion.engine.backend import (
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import (
     LazySession,
+    PickledByFields,
     Runtime,
     Session,
     open_decoder,
@@ -118,8 +119,11 @@ def _at_goals(cleaned: Motion, raw: RawMotion, steps: CleanUp) -> Motion:
 
 
 @dataclass(frozen=True)
-class MotionPipeline:
-    """A trained model, ready to generate. Immutable, so that one serves many threads."""
+class MotionPipeline(PickledByFields):
+    """A trained model, ready to generate. Immutable, so that one serves many threads.
+
+    Pickles of it name the model's files and hold no weights, so that worker processes open them.
+    """
 
     card: ModelCard
     """Description of the model."""
@@ -219,6 +223,7 @@ class MotionPipeline:
             )
         return pipeline
 
+    @overload
     def __call__(
         self,
         prompt: str = "",
@@ -232,14 +237,48 @@ class MotionPipeline:
         takes: int | None = None,
         clean_up: CleanUp | None = USUAL,
         scorer: Scorer | None = None,
-    ) -> Motion:
+    ) -> Motion: ...
+
+    @overload
+    def __call__(
+        self,
+        prompt: Sequence[str],
+        seconds: float | Sequence[float | None] | None = None,
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+        sampler: SamplerName | None = None,
+        goals: Sequence[Goal] = (),
+        from_clips: bool = True,
+        takes: int | None = None,
+        clean_up: CleanUp | None = USUAL,
+        scorer: Scorer | None = None,
+    ) -> list[Motion]: ...
+
+    def __call__(
+        self,
+        prompt: str | Sequence[str] = "",
+        seconds: float | Sequence[float | None] | None = None,
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+        sampler: SamplerName | None = None,
+        goals: Sequence[Goal] = (),
+        from_clips: bool = True,
+        takes: int | None = None,
+        clean_up: CleanUp | None = USUAL,
+        scorer: Scorer | None = None,
+        **unknown: Any,
+    ) -> Motion | list[Motion]:
         """Turns a prompt into a motion: the best of several takes, cleaned up.
+
+        A list of prompts gives a list of motions, each as it would be alone.
 
         Args:
             prompt: What the person does, e.g. `a person walks and sits down`; for a model of
-                actions one of its labels; for an unconditional model nothing.
-            seconds: Length of the motion; by default the length that the model predicts for the
-                sentence, or 4 s if it has no `lengths.safetensors`.
+                actions one of its labels; for an unconditional model nothing. Or several prompts.
+            seconds: Length of the motion, or of each; by default the length that the model predicts
+                for the sentence, or 4 s if it has no `lengths.safetensors`.
             seed: Seed of the first take's noise, later ones count up from it; the same seed gives
                 the same motion.
             steps: Sampling steps; more is slower and finer. By default the model's own.
@@ -256,21 +295,32 @@ class MotionPipeline:
                 default 4 of a sentence if the model samples in few steps, otherwise 1.
             clean_up: Steps of the clean-up; None for the motion as the networks make it.
             scorer: Compares takes with the sentence; by default the one that ships.
+            **unknown: None; names of other libraries are answered by the name here.
 
         Raises:
-            InputError: The prompt is not of the model's kind or a number is out of range; or no
-                person could meet a goal.
+            InputError: The prompt is not of the model's kind, an argument is unknown, or a number
+                is none or out of range; or no person could meet a goal.
             ModelError: There are goals, but the model has no `pullback.onnx`.
         """
         from latentmotion.ranking.best import best_of, usual_takes
 
+        requests.check_arguments(unknown, seed=seed, steps=steps, takes=takes, guidance=guidance)
+        if not isinstance(prompt, str):
+            if not isinstance(prompt, Sequence):
+                raise InputError(f"a prompt is {prompt!r}; expected words, or a list of prompts")
+            given: dict[str, Any] = {"seed": seed, "steps": steps, "guidance": guidance}
+            given |= {"sampler": sampler, "goals": goals, "from_clips": from_clips}
+            given |= {"takes": takes, "clean_up": clean_up, "scorer": scorer}
+            lengths = requests.each(seconds, len(prompt))
+            return [self(one, s, **given) for one, s in zip(prompt, lengths, strict=True)]
+        (length,) = requests.each(seconds, 1)
         if takes is None:
             requests.check_prompts(self.card, [prompt])
         of = usual_takes(self.card, prompt) if takes is None else takes
         settings = (steps, guidance, sampler, goals, from_clips, clean_up)
         if of != 1:
-            return best_of(self.ranked(prompt, of, seconds, seed, *settings, scorer))
-        raw = self.raw_motions([prompt], seconds, [seed], *settings[:3], from_clips, goals)
+            return best_of(self.ranked(prompt, of, length, seed, *settings, scorer))
+        raw = self.raw_motions([prompt], length, [seed], *settings[:3], from_clips, goals)
         return cleaned_up(raw, clean_up)[0] if clean_up else raw[0].motion
 
     def ranked(

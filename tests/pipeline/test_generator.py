@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import shutil
 import subprocess
 import sys
@@ -232,6 +233,46 @@ def test_what_is_neither_sentence_nor_goal_is_named() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.splitlines() == [
-        "a prompt is None; expected words",
+        "a prompt is None; expected words, or a list of prompts",
         "a goal is 'left'; expected RootPath, Reach, Heading or Pose of latentmotion",
     ]
+
+
+def test_several_prompts_are_several_motions_each_as_it_is_alone(generate: MotionPipeline) -> None:
+    captions = ["a person jumps", CAPTION]
+    both = generate(captions, [2, 3], takes=1)
+    alone = [generate(c, s, takes=1) for c, s in zip(captions, (2, 3), strict=True)]
+    for mine, expected in zip(both, alone, strict=True):
+        np.testing.assert_array_equal(mine.joints, expected.joints)
+
+
+def test_a_pipeline_that_was_used_can_be_pickled(generate: MotionPipeline, walk: Motion) -> None:
+    content = pickle.dumps(generate)
+    assert len(content) < 100_000
+    other = pickle.loads(content)  # noqa: S301 - made above
+    again = other(CAPTION, seconds=2, seed=3, takes=1, clean_up=None)
+    np.testing.assert_array_equal(again.joints, walk.joints)
+
+
+def test_wrong_arguments_are_answered_in_words() -> None:
+    wrong = {
+        "seconds='4'": "seconds is '4'; expected a number, such as 4.0",
+        "seconds=[1, 2]": "2 lengths for one motion; expected one for each, or one",
+        "seed=1.5": "seed is 1.5; expected a whole number",
+        "takes=True": "takes is True; expected a whole number",
+        "guidance='4'": "guidance is '4'; expected a number",
+        "guidance_scale=4": "unknown argument 'guidance_scale'; it is called 'guidance' here",
+        "guidence=4": "unknown argument 'guidence'; did you mean 'guidance'?",
+    }
+    code = (
+        "from latentmotion import MotionPipeline\n"
+        "from latentmotion.errors import InputError\n"
+        "generate = MotionPipeline.from_pretrained()\n"
+        f"for given in {list(wrong)}:\n"
+        "    try:\n"
+        "        eval(f'generate(\"a person walks\", {given})')\n"
+        "    except InputError as error:\n"
+        "        print(error)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines() == list(wrong.values())

@@ -128,9 +128,10 @@ def test_damaged_files_are_named(motion: Motion, tmp_path: Path):
 
 
 def test_shows_itself_in_a_notebook(motion: Motion):
-    page = motion._repr_html_()
-    assert page.startswith("<iframe")
-    assert "jemand läuft" in page
+    first, second = (motion._repr_mimebundle_() for _ in range(2))
+    assert first["image/png"] in second["text/html"] and "jemand läuft" in second["text/html"]
+    assert len(second["text/html"]) < 150_000 < len(first["text/html"]) < 500_000
+    assert "</script>" not in first["text/html"].removesuffix("</script>")
 
 
 def test_motions_are_shown_in_a_line() -> None:

@@ -13,13 +13,22 @@ import pytest
 
 from latentmotion.arrays import unit
 from latentmotion.errors import InputError
+from latentmotion.formats.notebook import bundle
 from latentmotion.kinematics.rotations import matrix_from_quaternion
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import mannequin_of
 from latentmotion.viewer.marks import marks_of
-from latentmotion.viewer.page import Skinned, notebook_html, page_html, write_page
-from tests.support.pages import HOSTILE, Elements, chromium, pictured, walking
+from latentmotion.viewer.page import Skinned, page_html, write_page
+from tests.support.pages import (
+    CHROMIUM,
+    FLAGS,
+    HOSTILE,
+    Elements,
+    chromium,
+    pictured,
+    walking,
+)
 
 
 def standing_kit(caption: str = "") -> Motion:
@@ -91,13 +100,22 @@ def test_takes_share_a_skeleton_and_may_differ_in_it():
     assert np.allclose(data["skeletons"]["humanml3d"]["lengths"], lengths, atol=0.02)
 
 
-def test_notebook_frame_holds_the_whole_page():
-    motion = walking(caption=HOSTILE)
-    frame = notebook_html(motion, height=300)
-    attributes = Elements(frame).tags[0][1]
-    assert attributes["srcdoc"] == page_html([motion])
-    assert "height: 300px" in attributes["style"]
-    assert "<b>" not in re.sub(r'srcdoc="[^"]*"', "", frame)
+def test_a_notebook_shows_the_viewer_that_its_first_output_brought(tmp_path):
+    motions = [walking(caption=HOSTILE), walking(3.0)]
+    outputs = "".join(bundle(motion)["text/html"] for motion in motions)
+    (tmp_path / "notebook.html").write_text(f"<!doctype html><meta charset=utf-8>{outputs}")
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    if CHROMIUM is None:
+        pytest.skip("needs Chromium (Debian: apt-get install chromium)")
+    with playwright.sync_playwright() as driver:
+        page = driver.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS)).new_page()
+        page.goto((tmp_path / "notebook.html").as_uri())
+        for number, motion in enumerate(motions):
+            frame = page.frame_locator("iframe").nth(number)
+            frame.locator("body[data-stage]").wait_for(state="attached", timeout=120_000)
+            assert frame.locator("#caption").inner_text().strip() == motion.caption
+    outputs = "".join(bundle(motion)["text/html"] for motion in motions)  # without the viewer
+    assert outputs.count("<img") == 2 and "globalThis.latentmotionViewer =" not in outputs
 
 
 def test_no_motion_is_an_error():

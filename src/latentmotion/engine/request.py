@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +17,7 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.diffusion.schedule import Schedule
 from latentmotion.engine.backend import Backend, Batch
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import LatentSpace, Sampling
 
@@ -209,10 +211,65 @@ USUAL_SECONDS = 4.0
 
 
 def each(seconds: float | Sequence[float | None] | None, count: int) -> list[float | None]:
-    """Returns a length for each motion, where one may be given for all."""
-    if seconds is None or isinstance(seconds, int | float):
-        return [seconds] * count
-    return list(seconds)
+    """Returns a length for each motion, where one may be given for all.
+
+    Raises:
+        InputError: A length is no number, or their number is not that of the motions.
+    """
+    several = isinstance(seconds, Sequence | np.ndarray) and not isinstance(seconds, str)
+    lengths = list(seconds) if several else [seconds] * count
+    if len(lengths) != count:
+        motions = "one motion" if count == 1 else f"{count} motions"
+        raise InputError(f"{len(lengths)} lengths for {motions}; expected one for each, or one")
+    for length in lengths:
+        if length is not None and not _is_number(length):
+            raise InputError(f"seconds is {length!r}; expected a number, such as 4.0")
+    return lengths
+
+
+OTHER_NAMES = {
+    "num_inference_steps": "steps",
+    "guidance_scale": "guidance",
+    "num_motions": "takes",
+    "num_images_per_prompt": "takes",
+    "num_videos_per_prompt": "takes",
+    "num_frames": "seconds",
+    "motion_length": "seconds",
+    "length": "seconds",
+    "duration": "seconds",
+    "generator": "seed",
+    "text": "prompt",
+    "prompts": "prompt",
+    "scheduler": "sampler",
+}
+"""Names that other libraries have for arguments."""
+
+
+def check_arguments(unknown: Mapping[str, Any], **numbers: Any) -> None:
+    """Checks the arguments of a call.
+
+    Args:
+        unknown: Arguments that there are none of.
+        **numbers: Numbers by name; of them `guidance` may be a fraction.
+
+    Raises:
+        InputError: There is an unknown one, or a number is of another kind.
+    """
+    for name in unknown:
+        known = [*numbers, "prompt", "seconds", "sampler", "goals", "from_clips", "clean_up"]
+        if name in OTHER_NAMES:
+            raise InputError(f"unknown argument {name!r}; it is called {OTHER_NAMES[name]!r} here")
+        raise InputError(f"unknown argument {name!r}; {hint(name, known)}")
+    for name, number in numbers.items():
+        if number is None or _is_number(number, whole=name != "guidance"):
+            continue
+        kind = "a number" if name == "guidance" else "a whole number"
+        raise InputError(f"{name} is {number!r}; expected {kind}")
+
+
+def _is_number(value: Any, whole: bool = False) -> bool:
+    kind = Integral if whole else Real
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def frames_of(
@@ -235,8 +292,6 @@ def frames_of(
         InputError: A length is not a finite number, or their number is not that of the motions.
     """
     lengths = each(seconds, count)
-    if len(lengths) != count:
-        raise InputError(f"{len(lengths)} lengths for {count} motions")
     shortest, longest = card.frames
     predicted = [USUAL_SECONDS] * count if usual is None else usual
     frames = []
@@ -271,6 +326,8 @@ def check_seeds(frames: Sequence[int], seeds: Sequence[int]) -> None:
     """Raises InputError if a seed is negative or their number is not that of the motions."""
     if len(seeds) != len(frames):
         raise InputError(f"{len(seeds)} seeds for {len(frames)} motions")
+    for seed in seeds:
+        check_arguments({}, seed=seed)
     if any(seed < 0 for seed in seeds):
         raise InputError(f"seed {min(seeds)}: expected a number from 0 up")
 

@@ -57,8 +57,15 @@ def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = No
         ) from error
 
 
+class PickledByFields:
+    """A dataclass whose pickles and copies have its fields, not what it has loaded since."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: vars(self)[name] for name in self.__dataclass_fields__}  # type: ignore[attr-defined]
+
+
 @dataclass(frozen=True)
-class LazySession:
+class LazySession(PickledByFields):
     """A graph that is loaded when it is first called, so that unused graphs cost nothing.
 
     Raises:

@@ -73,6 +73,9 @@ class Skeleton:
     def __len__(self) -> int:
         return len(self.names)
 
+    def __repr__(self) -> str:
+        return f"Skeleton({self.name!r}, {len(self)} joints)"
+
     @property
     def mirror(self) -> tuple[int, ...]:
         """For each joint the index of its counterpart on the other side, by name."""

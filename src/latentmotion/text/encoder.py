@@ -21,7 +21,7 @@ from jaxtyping import Int
 
 from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
-from latentmotion.engine.session import onnxruntime_session
+from latentmotion.engine.session import PickledByFields, onnxruntime_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import text_encoder_files
 
@@ -169,7 +169,7 @@ class StudentTextEncoder(GraphTextEncoder):
 
 
 @dataclass(frozen=True)
-class LazyTextEncoder:
+class LazyTextEncoder(PickledByFields):
     """A text encoder that is loaded when it is first needed."""
 
     folder: Path

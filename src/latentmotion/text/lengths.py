@@ -16,6 +16,7 @@ from jaxtyping import Float
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
+from latentmotion.engine.session import PickledByFields
 from latentmotion.errors import ModelError
 from latentmotion.storage.files import atomic_file
 
@@ -122,7 +123,7 @@ class LengthModel:
 
 
 @dataclass(frozen=True)
-class LengthFile:
+class LengthFile(PickledByFields):
     """A length model that is read when it is first needed."""
 
     path: Path

@@ -97,11 +97,12 @@ def page_html(
         entry["marks"] = marks_of(motion)
     if figure != "mannequin":
         content["figure"] = figure if isinstance(figure, str) else figure.content()
-    fields = {
-        "title": html.escape(title or motions[0].caption or "Latent Motion"),
-        "motions": json_in_html(content),
-        "script": packed_script(),
-    }
+    return filled_page(title or motions[0].caption or "Latent Motion", json_in_html(content))
+
+
+def filled_page(title: str, motions: str) -> str:
+    """Returns the page with its script, around what `json_in_html` returns of motions."""
+    fields = {"title": html.escape(title), "motions": motions, "script": packed_script()}
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
 
 
@@ -137,20 +138,6 @@ def write_page(
     page = page_html(motions, title, figure)
     with atomic_file(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
-
-
-def notebook_html(motions: Motion | Sequence[Motion], height: int = 520) -> str:
-    """Returns the page as a frame that a notebook shows beneath a cell.
-
-    Args:
-        motions: The motions to show.
-        height: Height of the frame, pixels.
-    """
-    page = page_html([motions] if isinstance(motions, Motion) else motions)
-    return (
-        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts" title="Latent Motion" '
-        f'style="width: 100%; height: {height}px; border: 0; border-radius: 12px"></iframe>'
-    )
 
 
 def payload(motions: Sequence[Motion]) -> dict[str, Any]:

@@ -1,0 +1,79 @@
+"""A motion in a notebook: a picture, and the viewer in its place where scripts run.
+
+The first motion that a process shows carries the viewer (some 300 kB), later ones use it. Where no
+script runs, as on GitHub, the picture stays.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from latentmotion.errors import MissingExtraError
+from latentmotion.motion import Motion
+from latentmotion.viewer.marks import marks_of
+from latentmotion.viewer.page import filled_page, json_in_html, payload
+
+_FIGURES, _WIDTH = 6, 640
+"""Figures of the picture, and its pixels from left to right."""
+
+_HTML = """<div data-motion="{name}">{picture}</div>
+<script>
+(() => {{
+  {kept}
+  const show = () => {{
+    const viewer = globalThis.latentmotionViewer;
+    if (!viewer) return setTimeout(show, 500);
+    const srcdoc = viewer.replace("{{{{motions}}}}", () => {content});
+    for (const place of document.querySelectorAll("[data-motion='{name}']")) {{
+      if (place.querySelector("iframe")) continue;
+      const frame = document.createElement("iframe");
+      Object.assign(frame, {{ srcdoc, sandbox: "allow-scripts", title: "Latent Motion" }});
+      frame.style = "width: 100%; height: 520px; border: 0; border-radius: 12px";
+      place.replaceChildren(frame);
+    }}
+  }};
+  setTimeout(show);
+}})();
+</script>"""
+
+_is_shown = False
+
+
+def bundle(motion: Motion) -> dict[str, str]:
+    """Returns a motion by media type."""
+    global _is_shown
+    motions = payload([motion])
+    motions["motions"][0]["marks"] = marks_of(motion)
+    content = json_in_html(motions)
+    page = filled_page("Latent Motion", "{{motions}}")
+    kept = "" if _is_shown else f"globalThis.latentmotionViewer = {_in_script(page)};"
+    _is_shown = True
+    picture, caption = _strip(motion), html.escape(motion.caption or "a motion")
+    shown = f'<img src="data:image/png;base64,{picture}" alt="{caption}">' if picture else caption
+    name = hashlib.sha256(content.encode()).hexdigest()[:16]
+    text = _HTML.format(name=name, picture=shown, kept=kept, content=_in_script(content))
+    pictures = {"image/png": picture} if picture else {}
+    return {"text/plain": repr(motion), "text/html": text, **pictures}
+
+
+def _strip(motion: Motion) -> str:
+    """Returns a strip of the motion, a PNG in base64; nothing without Pillow."""
+    try:
+        from latentmotion.render import strip
+
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "strip.png"
+            strip.write(path, [motion], figures=_FIGURES, width=_WIDTH)
+            return base64.b64encode(path.read_bytes()).decode("ascii")
+    except MissingExtraError:
+        return ""
+
+
+def _in_script(text: str) -> str:
+    """Returns a text as a string of JavaScript that ends no script element."""
+    return json.dumps(text).replace("<", "\\u003c")
