@@ -18,7 +18,7 @@ from latentmotion.errors import InputError
 from latentmotion.service import guard
 from latentmotion.service.app import create_app
 from latentmotion.service.settings import Settings, check_bind, read_tokens
-from tests.service.conftest import TOKEN, Called, kill_writers
+from tests.service.conftest import TOKEN, Called, calling, kill_writers, serving
 
 PROTECTED = [("POST", "/v1/motions"), ("GET", "/v1/models"), ("GET", "/metrics"), ("GET", "/x")]
 
@@ -110,6 +110,26 @@ def test_only_known_hosts_are_served(called: Called, host: str, status: int) -> 
 )
 def test_pages_of_others_are_refused(called: Called, origin: str, status: int) -> None:
     assert called.get("/livez", headers={"Origin": origin}).status_code == status
+
+
+def test_pages_that_are_allowed_may_call_and_read_the_headers() -> None:
+    page, settings = (
+        "https://example.com",
+        Settings(file_workers=1, origins=("https://example.com",)),
+    )
+    with calling(serving(settings)) as called:
+        asked = {"Origin": page, "Access-Control-Request-Method": "POST"}
+        asked |= {"Access-Control-Request-Headers": "content-type"}
+        before = called.send("OPTIONS", "/v1/motions", headers=asked)
+        assert before.status_code == 200
+        assert before.headers["Access-Control-Allow-Origin"] == page
+        body = {"prompt": "a person walks", "seconds": 1}
+        answer = called.post("/v1/motions", body, headers={"Origin": page})
+        assert answer.headers["Access-Control-Allow-Origin"] == page
+        assert "LatentMotion-Seed" in answer.headers["Access-Control-Expose-Headers"]
+        assert called.get("/livez", headers={"Origin": "https://example.org"}).status_code == 403
+    with pytest.raises(InputError, match="expected one such as https"):
+        Settings(origins=("*",))
 
 
 @pytest.mark.parametrize("length", ["1000000000", "-1", "x", "9" * 40])

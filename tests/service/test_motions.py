@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ import pytest
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp
 from latentmotion.control.timeline import generate_timeline
+from latentmotion.service.schemas import Format
 from tests.service.conftest import Called
 
 WALK = {"prompt": "a person walks", "seconds": 1.0, "seed": 3}
@@ -66,7 +67,14 @@ def test_counts_are_exact_unless_told_otherwise_or_timed(called: Called) -> None
 
 @pytest.mark.parametrize(
     ("form", "begins"),
-    [("bvh", b"HIERARCHY"), ("glb", b"glTF"), ("npz", b"PK"), ("html", b"<!doctype html>")],
+    [
+        ("bvh", b"HIERARCHY"),
+        ("glb", b"glTF"),
+        ("npz", b"PK"),
+        ("html", b"<!doctype html>"),
+        ("png", b"\x89PNG"),
+        ("vrma", b"glTF"),
+    ],
 )
 def test_files_begin_as_their_format_does(called: Called, form: str, begins: bytes) -> None:
     answer = called.post("/v1/motions", WALK | {"format": form})
@@ -130,7 +138,8 @@ def test_a_batch_has_a_take_for_each_prompt_and_seed(called: Called, walk: Motio
         ({"seed": -1}, 422, "body.seed"),
         ({"seed": 1.5}, 422, "body.seed"),
         ({"guidance": 1e5}, 422, "guidance"),
-        ({"secs": 2}, 422, "body.secs"),
+        ({"secs": 2}, 422, "body.secs: unknown field; did you mean 'seconds'?"),
+        ({"promt": "a person sits"}, 422, "body.promt: unknown field; did you mean 'prompt'?"),
         ({"format": "exe"}, 422, "body.format"),
         ({"fps": 0}, 422, "body.fps"),
         ({"timeline": [{"prompt": "a person walks"}]}, 422, "a timeline has no prompt"),
@@ -187,7 +196,10 @@ def test_the_model_is_described(called: Called) -> None:
     (model,) = called.get("/v1/models").json()
     assert model["name"] == "fast"
     assert model["seconds"] == [0.6, 9.8]
-    assert "glb" in model["formats"]
+    assert {"glb", "bvh", "json"} <= set(model["formats"])
+    every = set(get_args(Format))
+    assert set(model["formats"]) | set(model["lacking"]) == every
+    assert not set(model["formats"]) & set(model["lacking"])
 
 
 def test_openapi_has_examples_and_problems(called: Called) -> None:

@@ -11,7 +11,7 @@ from tests.support.pages import Elements
 
 
 def test_the_pages_hold_nothing_inline(called: Called) -> None:
-    for path in ("/", "/viewer"):
+    for path in ("/", "/docs", "/viewer"):
         answer = called.get(path)
         policy = answer.headers["content-security-policy"]
         assert "unsafe" not in policy
@@ -26,7 +26,9 @@ def test_the_pages_hold_nothing_inline(called: Called) -> None:
                 assert address is None or re.match(r"/(?!/)|data:", address)
 
 
-@pytest.mark.parametrize("name", ["page.css", "page.js", "show.js", "viewer.css", "viewer.js"])
+@pytest.mark.parametrize(
+    "name", ["page.css", "page.js", "docs.js", "show.js", "viewer.css", "viewer.js"]
+)
 def test_its_files_are_there(called: Called, name: str) -> None:
     answer = called.get(f"/assets/{name}")
     assert answer.status_code == 200

@@ -39,6 +39,8 @@ class Serve:
     hosts: tuple[str, ...] = ()
     """Names by which clients may call; by default those of this machine, or, where other machines
     are let in, any."""
+    allow_origin: tuple[str, ...] = ()
+    """Origins of web pages on other hosts that may call, such as https://example.com."""
     model: str = DEFAULT
     """Name or folder of an exported model."""
     moves: options.Moves = ()
@@ -94,6 +96,7 @@ class Serve:
             upload=self.upload,
             tokens=read_tokens(self.token_file) if self.token_file else (),
             hosts=self.hosts or (LOOPBACK if self.host in LOOPBACK else ()),
+            origins=self.allow_origin,
             middleware=tuple(map(middleware_named, self.asgi_middleware)),
         )
         check_bind(self.host, settings, self.insecure)

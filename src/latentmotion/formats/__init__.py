@@ -192,7 +192,7 @@ def check_ending(path: str | Path) -> None:
     writer = _function(Path(path), ENDINGS, "write")
     check_ready = getattr(importlib.import_module(writer.__module__), "check_ready", None)
     if check_ready is not None:
-        check_ready()
+        check_ready(Path(path).suffix.lower())
 
 
 def _function(path: Path, endings: Mapping[str, str], verb: str) -> Callable:

@@ -159,7 +159,7 @@ def _run(blender: Path, arguments: Sequence[str], output_file: Path) -> str | No
     return None
 
 
-def check_ready() -> None:
+def check_ready(ending: str = ".fbx") -> None:
     """Raises MissingProgramError where there is no Blender; called before work begins."""
     find_blender()
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -175,6 +176,12 @@ class _Panel:
         painter.paint_shadow(picture, camera, [self.bodies], frame, floor)
         painter.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
         return painter.reduced(picture)
+
+
+def check_ready(ending: str) -> None:
+    """Raises MissingExtraError where there is no PyAV for an .mp4; called before work begins."""
+    if ending == ".mp4" and find_spec("av") is None:
+        raise MissingExtraError("writing .mp4", "PyAV (av)", "video")
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], fps: float) -> None:

@@ -19,6 +19,7 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
+from starlette.middleware.cors import CORSMiddleware
 
 from latentmotion import __version__
 from latentmotion.errors import LatentMotionError
@@ -112,6 +113,14 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
         open_paths=open_paths,
         uploads=uploaded,
     )
+    if service.settings.origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=service.settings.origins,
+            allow_methods=("GET", "POST", "DELETE"),
+            allow_headers=("Authorization", "Content-Type"),
+            expose_headers=[*(f"LatentMotion-{name}" for name in _HEADERS), *_MORE_HEADERS],
+        )
     for middleware in reversed(service.settings.middleware):
         app.add_middleware(middleware)
     return app
@@ -198,16 +207,20 @@ def _motions(service: Service) -> APIRouter:
     return router
 
 
+_HEADERS = ("Model", "License", "Rights", "Seed", "Frames", "Fps")
+"""What headers `LatentMotion-…` say of a motion."""
+
+_MORE_HEADERS = ("Content-Disposition", "Retry-After")
+"""Other headers that pages of other sites may read."""
+
+
 def _response(motions: Sequence[Motion], content: bytes, form: str) -> Response:
-    first = motions[0]
-    headers = {
-        "Content-Disposition": f'attachment; filename="motion.{form}"',
-        "LatentMotion-Model": str(first.metadata.get("model", "")),
-        "LatentMotion-License": str(first.metadata.get("weights_license", "")),
-        "LatentMotion-Rights": str(first.metadata.get("rights", "")),
-        "LatentMotion-Seed": str(first.metadata.get("seed", "")),
-        "LatentMotion-Frames": ",".join(str(len(motion)) for motion in motions),
-        "LatentMotion-Fps": f"{first.fps:g}",
-    }
+    metadata = motions[0].metadata
+    said = {"Model": "model", "License": "weights_license", "Rights": "rights", "Seed": "seed"}
+    about = {name: str(metadata.get(key, "")) for name, key in said.items()}
+    about |= {"Frames": ",".join(str(len(motion)) for motion in motions)}
+    about |= {"Fps": f"{motions[0].fps:g}"}
+    headers = {f"LatentMotion-{name}": about[name] for name in _HEADERS}
+    headers["Content-Disposition"] = f'attachment; filename="motion.{form}"'
     safe = {name: value.encode("ascii", "replace").decode() for name, value in headers.items()}
     return Response(content, headers=safe, media_type=MEDIA_TYPES[form])

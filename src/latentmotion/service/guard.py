@@ -21,8 +21,9 @@ from latentmotion.service.state import Service
 from latentmotion.service.turns import CLIENT
 
 OPEN = frozenset(
-    {"/", "/viewer", "/livez", "/readyz", "/openapi.json"}
-    | {f"/assets/{name}" for name in ("page.css", "page.js", "show.js", "viewer.css", "viewer.js")}
+    {"/", "/docs", "/viewer", "/livez", "/readyz", "/openapi.json"}
+    | {f"/assets/{name}.js" for name in ("page", "docs", "show", "viewer")}
+    | {f"/assets/{name}.css" for name in ("page", "viewer")}
 )
 """Paths that need no token: they hold nothing of anyone."""
 
@@ -142,8 +143,10 @@ class Guard:
         origin = headers.get("origin")
         # Browsers send the origin: pages of other sites must not use a service on their reader's
         # machine.
-        if origin is not None and _place(origin) != host.lower():
-            raise Problem(403, f"pages of {origin[:100]!r} may not call this service")
+        foreign = origin is not None and _place(origin) != host.lower()
+        if foreign and origin not in settings.origins:
+            allow = "start the service with --allow-origin to let them"
+            raise Problem(403, f"pages of {origin[:100]!r} may not call this service; {allow}")
         if not settings.tokens or scope["path"] in self._open:
             return
         kind, _, token = headers.get("authorization", "").partition(" ")

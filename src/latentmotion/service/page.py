@@ -1,4 +1,4 @@
-"""The page at `/`: a prompt and the viewer; nothing inline, nothing from other hosts."""
+"""The pages `/` (a prompt and the viewer) and `/docs`: nothing inline, nothing from other hosts."""
 
 from __future__ import annotations
 
@@ -22,11 +22,13 @@ def routes() -> APIRouter:
     """Returns the routes of the page and its files."""
     router = APIRouter(include_in_schema=False)
     frame, style = viewer.split_page("/assets/viewer.css", "/assets/show.js")
-    files = {name: _asset(name).encode() for name in ("page.css", "page.js", "show.js")}
+    files = {name: _asset(name).encode() for name in ("page.css", "page.js", "docs.js", "show.js")}
     files |= {"viewer.css": style.encode(), "viewer.js": viewer.script().encode()}
     pages = {"/": _asset("page.html").encode(), "/viewer": frame.encode()}
+    pages["/docs"] = _asset("docs.html").encode()
 
     @router.get("/")
+    @router.get("/docs")
     @router.get("/viewer")
     async def page(request: Request) -> Response:
         """Send a page."""

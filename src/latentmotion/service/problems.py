@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from http.client import responses
 from typing import Any
 
@@ -108,6 +109,8 @@ async def on_fields(request: Request, error: Exception) -> Response:
         message = str(entry["msg"]).removeprefix("Value error, ")[:500]
         if entry["loc"] == ("body",) and entry["type"] != "value_error":
             message = _NO_OBJECT
+        if entry["type"] == "extra_forbidden":
+            message = _unknown(request, str(entry["loc"][-1]))
         problems.append({"at": location[:200], "problem": message})
     detail = "; ".join(f"{entry['at']}: {entry['problem']}" for entry in problems[:3])
     more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
@@ -118,6 +121,14 @@ async def on_failure(request: Request, error: Exception) -> Response:
     """Answers errors of the service itself; the server's log has the traceback."""
     # The server closes the connection after an error; who is told opens another.
     return problem_response(500, "the service failed; its log says why", {"Connection": "close"})
+
+
+def _unknown(request: Request, field: str) -> str:
+    """Returns what is said of a field that there is none of."""
+    schemas = request.app.openapi()["components"]["schemas"].values()
+    known = {name for schema in schemas for name in schema.get("properties", ())}
+    near = get_close_matches(field, known, n=1)
+    return f"unknown field; did you mean {near[0]!r}?" if near else "unknown field; see /docs"
 
 
 _NO_OBJECT = "expected a JSON object, sent with Content-Type: application/json"

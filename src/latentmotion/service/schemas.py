@@ -29,14 +29,20 @@ MOST_FIELDS = 32
 MOST_STEPS = 1000
 """Most sampling steps: those of the noise schedule."""
 
+# fmt: off
 Format = Literal[
-    "json", "raw", "npz", "amass.npz", "csv", "bvh", "glb", "usda", "usdc", "usdz", "html", "viewer"
+    "json", "raw", "npz", "amass.npz", "csv", "bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz",
+    "html", "png", "gif", "mp4", "viewer",
 ]
+# fmt: on
 """`raw` is float32, little-endian: frames × joints × 3; `viewer` is what the page reads."""
 
+# fmt: off
 FileFormat = Literal[
-    "json", "npz", "amass.npz", "csv", "bvh", "glb", "usda", "usdc", "usdz", "html"
+    "json", "npz", "amass.npz", "csv", "bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz",
+    "html", "png", "gif", "mp4",
 ]
+# fmt: on
 """Formats in which motions can be written."""
 
 Readable = Literal["npz", "npy", "csv", "bvh", "glb", "gltf", "usda", "usdc", "usdz"]
@@ -345,7 +351,9 @@ class ModelAnswer(AnswerModel):
     parents: list[int]
     """Parent of each joint; -1 for the root."""
     formats: list[str]
-    """Formats of motions."""
+    """Formats of motions that this installation writes."""
+    lacking: dict[str, str]
+    """Formats that need what is not installed, and what that is."""
     sampling: dict[str, Any]
     """The model's own steps, guidance and sampler."""
     directed: bool

@@ -61,6 +61,8 @@ class Settings:
     """SHA-256 of each accepted token; without any, no token is needed."""
     hosts: tuple[str, ...] = LOOPBACK
     """Names by which clients may call the service; empty for any."""
+    origins: tuple[str, ...] = ()
+    """Origins of pages on other hosts that may call, such as `https://example.com`."""
     middleware: tuple[Middleware, ...] = ()
     """ASGI middleware around everything, the first outermost."""
 
@@ -72,6 +74,9 @@ class Settings:
                 raise InputError(f"{label} {getattr(self, name)}: expected 1 to {most:,}")
         if not 0.1 <= self.deadline <= 3600:
             raise InputError(f"deadline {self.deadline:g}: expected 0.1 to 3600 seconds")
+        for origin in self.origins:
+            if not re.fullmatch(r"https?://[^/\s*]+", origin):
+                raise InputError(f"origin {origin}: expected one such as https://example.com:8080")
 
     def knows(self, token: str) -> bool:
         """Returns whether a token is accepted, in a time that does not depend on the tokens."""

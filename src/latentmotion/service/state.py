@@ -8,13 +8,15 @@ import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
-from functools import partial
+from functools import cache, partial
 from typing import Any, TypeVar, get_args
 
 from starlette.requests import Request
 
+from latentmotion import formats
 from latentmotion.cleanup import CleanUp
 from latentmotion.control.timeline import generate_timeline
+from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import encoded
 from latentmotion.pipeline import MotionPipeline, RawMotion
 from latentmotion.service import model
@@ -255,8 +257,21 @@ def _plain(form: str, clean: bool, fps: float | None) -> bool:
     return form == "raw" and not clean and fps is None
 
 
+@cache
+def lacks() -> dict[str, str]:
+    """Returns the formats that cannot be written here, and what each needs."""
+    found = {}
+    for form in set(get_args(Format)) - {"json", "raw", "viewer"}:
+        try:
+            formats.check_ending(f"motion.{form}")
+        except LatentMotionError as error:
+            found[form] = str(error)
+    return found
+
+
 def about(pipeline: MotionPipeline) -> ModelAnswer:
     """Returns the description of a model for clients."""
+    lacking = lacks()
     card, space = pipeline.card, pipeline.representation
     condition, (shortest, longest) = card.condition, card.frames
     labels: list[str] = list(getattr(condition, "labels", ()))
@@ -269,7 +284,8 @@ def about(pipeline: MotionPipeline) -> ModelAnswer:
         fps=space.fps,
         joints=list(space.skeleton.names),
         parents=list(space.skeleton.parents),
-        formats=list(get_args(Format)),
+        formats=[form for form in get_args(Format) if form not in lacking],
+        lacking=dict(sorted(lacking.items())),
         sampling=asdict(card.sampling),
         directed=pipeline.backend.pullback is not None,
     )

@@ -43,7 +43,7 @@ LARGEST_FILE = 1 << 30
 Reply = tuple[dict[str, Any], bytes]
 """A task or its answer, and the bytes that belong to it."""
 
-_WITH_ROTATIONS = frozenset({"bvh", "glb", "usda", "usdc", "usdz"})
+_WITH_ROTATIONS = frozenset({"bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz"})
 """Formats that store rotations, which inverse kinematics must find first."""
 
 
