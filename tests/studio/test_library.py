@@ -94,6 +94,8 @@ def test_search_looks_at_titles_prompts_and_tags(library: Library) -> None:
         "left WALKS": [walk],
         "überschlag jump": [jump],
         "hero 50%": [walk],
+        "walking": [walk],
+        "jumped falling": [jump],
         "50_": [],
         "": [jump, walk],
     }

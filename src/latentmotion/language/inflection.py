@@ -1,4 +1,4 @@
-"""Inflection of English verbs: from the base form to the others.
+"""Inflection of English verbs: from the base form to the others, and from any form to all.
 
 Regular endings and some forty irregular verbs are all that movements need. Libraries were tried:
 lemminflect unpickles its models, simplemma takes 19 MB, and inflect knows participles only.
@@ -82,3 +82,17 @@ def forms(verb: str) -> Mapping[str, str]:
     names = dict.fromkeys(_OTHER.get(verb, ()), "past")
     names |= {inflect(verb, name): name for name in ("past", "participle", "third")}
     return names | {verb: "base"}
+
+
+def other_forms(word: str) -> frozenset[str]:
+    """Returns all forms of the verbs, and of regular nouns, that a word may be a form of.
+
+    For a search: "sitting" and "sat" give sit, sits, sat, sitting. A stem that is no word does no
+    harm there.
+    """
+    stems = {word, *(verb for table in (_THIRD, _PAST, _PARTICIPLE) for verb in table)}
+    for ending in ("s", "es", "ed", "ing", "ies", "ied"):
+        stem = word.removesuffix(ending)
+        if len(stem) >= 2:
+            stems |= {stem, f"{stem}e", f"{stem}y", stem[:-1] if stem[-1:] == stem[-2:-1] else stem}
+    return frozenset(form for stem in stems if word in forms(stem) for form in forms(stem))

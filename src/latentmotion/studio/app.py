@@ -20,7 +20,15 @@ from latentmotion.service.app import Extension, create_app
 from latentmotion.service.problems import FULL_DISK, Problem, problem_response
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
-from latentmotion.studio import best, capabilities, characters, projects, session, takes
+from latentmotion.studio import (
+    best,
+    capabilities,
+    characters,
+    projects,
+    session,
+    takes,
+    teaching,
+)
 from latentmotion.studio.library import Library, MissingMotionError, UnknownError
 from latentmotion.studio.models import Models
 
@@ -117,6 +125,7 @@ def _routes(
         projects.routes(library),
         session.routes(),
         best.routes(library, models),
+        teaching.routes(library, models),
     ):
         router.include_router(routes, prefix="/studio/v1", tags=["studio"])
     return router

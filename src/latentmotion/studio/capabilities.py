@@ -6,9 +6,8 @@ from typing import get_args
 
 from fastapi import APIRouter
 
-from latentmotion import __version__, formats
+from latentmotion import __version__
 from latentmotion.control.parts import PARTS
-from latentmotion.errors import LatentMotionError
 from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.state import about
 from latentmotion.studio.files import CHARACTER_FORMATS
@@ -64,10 +63,11 @@ def capabilities_of(models: Models, model: StudioModel) -> Capabilities:
     few, usual = card.few_step, card.sampling
     least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
     best_of = card.condition.reads_text and MOST_BEST_OF
-    lacks = {name: _lack(name) for name in get_args(FileFormat)}
     kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
     return Capabilities(
-        **facts.model_dump(include={"license", "prompts", "labels", "fps", "joints", "parents"}),
+        **facts.model_dump(
+            include={"license", "lacking", "prompts", "labels", "fps", "joints", "parents"}
+        ),
         model=model.name,
         steps=sorted(few.steps if few else {*_USUAL_STEPS, usual.steps}),
         usual_steps=usual.steps,
@@ -75,22 +75,13 @@ def capabilities_of(models: Models, model: StudioModel) -> Capabilities:
         seconds=dict(zip(("least", "most"), facts.seconds, strict=True)),
         parts=list(PARTS),
         directions=pipeline.representation.skeleton.offsets.round(4).tolist(),
-        formats=[name for name, lack in lacks.items() if not lack],
-        lacking={name: lack for name, lack in lacks.items() if lack},
+        formats=[name for name in get_args(FileFormat) if name in facts.formats],
         character_formats=CHARACTER_FORMATS,
         readable=list(get_args(Readable)),
-        can=dict.fromkeys(kinds, facts.directed) | {"best_of": best_of},
+        can=dict.fromkeys(kinds, facts.directed)
+        | {"best_of": best_of, "teach": bool(pipeline.moves)},
         least_steps={"timeline": 2, "loop": 2},
         models=list(models.all),
         library=str(models.library.folder.absolute()),
         version=__version__,
     )
-
-
-def _lack(form: str) -> str:
-    """Returns why a format cannot be written here; empty where it can."""
-    try:
-        formats.check_ending(f"take.{form}") if form != "json" else None
-    except LatentMotionError as error:
-        return str(error)
-    return ""

@@ -32,6 +32,7 @@ from uuid import uuid4
 from latentmotion.errors import DiskFullError, FileFormatError, InputError, LatentMotionError
 from latentmotion.formats import npz
 from latentmotion.formats.content import encoded
+from latentmotion.language.inflection import other_forms
 from latentmotion.motion import Motion
 from latentmotion.retarget.inspection import RigReport
 from latentmotion.storage.configuration import from_json
@@ -292,7 +293,8 @@ class Library:
         """Returns how many takes there are of a kind, and some of them, the newest first.
 
         Args:
-            query: Words, each of which a take's title, prompts or tags have.
+            query: Words, each of which a take's title, prompts or tags have in some form: "sitting"
+                finds "sits" and "sat".
             tag: A tag that it has.
             star: Whether it is marked; None for any.
             deleted: Whether it is marked as deleted.
@@ -302,8 +304,9 @@ class Library:
         conditions: list[str] = ["deleted = ?"]
         values: list[str | int] = [int(deleted)]
         for word in query.casefold().split()[:20]:
-            conditions.append("instr(words, ?)")
-            values.append(word)
+            forms = _to_look_for(word)
+            conditions.append(f"({' OR '.join(['instr(words, ?)'] * len(forms))})")
+            values.extend(forms)
         if tag:
             conditions.append(f"tags <> '[]' AND ? IN (SELECT value FROM {_EACH_TAG})")
             values.append(tag)
@@ -563,6 +566,12 @@ def _parsed(text: str, kind: type[P]) -> P:
 def _edits(text: str) -> Edits:
     """Returns edits as the database holds them; most takes have the same."""
     return from_json(Edits, _parsed(text, dict))
+
+
+def _to_look_for(word: str) -> list[str]:
+    """Returns the beginnings of all forms of a word that is searched for."""
+    forms = {word, *(form for form in other_forms(word) if len(form) > 2)}
+    return [one for one in sorted(forms) if not any(o in one for o in forms if o != one)]
 
 
 def _row(take: StoredTake) -> tuple[Any, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,7 +11,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import InputError, ModelError, hint
 from latentmotion.model import card as cards
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.service.model import first_prompt, with_recent_prompts
@@ -66,6 +67,7 @@ class Models:
 
     def __post_init__(self) -> None:
         self._lock = Lock()
+        self._own: Maker | None = None
         self._loaded: tuple[StudioModel, Maker] | None = None
         named = [_folder(source) for source in (self.service.settings.model, *self.others)]
         shipped = [_folder(source) for source in cards.shipped_models()]
@@ -116,10 +118,26 @@ class Models:
             ModelError: A file of it is missing.
         """
         if self.all and model is self.own:
-            return self.service.pipeline
+            return self._taught(self.service.pipeline)
         settings = self.service.settings
         pipeline = MotionPipeline.from_pretrained(model.folder, settings.runtime, 1)
-        return pipeline.with_moves(*settings.moves)
+        return self._taught(pipeline.with_moves(*settings.moves))
+
+    def _taught(self, pipeline: MotionPipeline) -> MotionPipeline:
+        """Returns a model with the clips that the library teaches, where it was taught them."""
+        file = self.library.folder / "moves" / cards.MOVES_FILE
+        if not pipeline.moves or not file.is_file():
+            return pipeline
+        try:
+            return pipeline.with_moves(file)
+        except ModelError as error:  # of another model, or damaged
+            print(f"warning: {error}", file=sys.stderr)
+            return pipeline
+
+    def forget(self) -> None:
+        """Lets the next takes be made with the clips that the library teaches by now."""
+        with self._lock:
+            self._own = self._loaded = None
 
     def maker(self, name: str | None = None) -> Maker:
         """Returns what makes takes with a model; it is loaded if need be, and another given up.
@@ -129,9 +147,10 @@ class Models:
             ModelError: It cannot be loaded.
         """
         model = self.named(name)
-        if model is self.own:
-            return Maker(self.service.pipeline, model.weights, self.library)
         with self._lock:
+            if model is self.own:
+                self._own = self._own or Maker(self.opened(model), model.weights, self.library)
+                return self._own
             if self._loaded is None or self._loaded[0] is not model:
                 self._loaded = None  # before the next is read, so that two are there at most
                 pipeline = with_recent_prompts(self.opened(model))
