@@ -216,8 +216,10 @@ def each(seconds: float | Sequence[float | None] | None, count: int) -> list[flo
     Raises:
         InputError: A length is no number, or their number is not that of the motions.
     """
-    several = isinstance(seconds, Sequence | np.ndarray) and not isinstance(seconds, str)
-    lengths = list(seconds) if several else [seconds] * count
+    if isinstance(seconds, Sequence | np.ndarray) and not isinstance(seconds, str):
+        lengths: list[Any] = list(seconds)
+    else:
+        lengths = [seconds] * count
     if len(lengths) != count:
         motions = "one motion" if count == 1 else f"{count} motions"
         raise InputError(f"{len(lengths)} lengths for {motions}; expected one for each, or one")

@@ -143,8 +143,8 @@ class Guard:
         origin = headers.get("origin")
         # Browsers send the origin: pages of other sites must not use a service on their reader's
         # machine.
-        foreign = origin is not None and _place(origin) != host.lower()
-        if foreign and origin not in settings.origins:
+        allowed = origin in settings.origins
+        if origin is not None and not allowed and _place(origin) != host.lower():
             allow = "start the service with --allow-origin to let them"
             raise Problem(403, f"pages of {origin[:100]!r} may not call this service; {allow}")
         if not settings.tokens or scope["path"] in self._open:

@@ -44,13 +44,18 @@ export async function send(method, path, json) {
   return answer.status === 204 ? null : answer.json();
 }
 
-/** Keeps a file of the server under the name that the server gives it. */
+/** Keeps a file of the server under the name that the server gives it; returns name and size. */
 export async function download(method, path, name, json) {
   const answer = await request(method, path, { json });
   const given = /filename="?([^";]+)"?/.exec(answer.headers.get("Content-Disposition") ?? "");
   const content = await answer.blob();
   save(given?.[1] ?? name, content, content.type);
-  return given?.[1] ?? name;
+  return `${given?.[1] ?? name}, ${sizeOf(content)}`;
+}
+
+/** The size of a file in words. */
+export function sizeOf({ size }) {
+  return size < 1e6 ? `${Math.ceil(size / 1e3)} kB` : `${(size / 1e6).toFixed(1)} MB`;
 }
 
 export const query = (values) => new URLSearchParams(values).toString();

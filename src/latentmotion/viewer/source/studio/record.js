@@ -1,6 +1,7 @@
 // Pictures and videos of the stage, made by the browser itself.
 
 import { save } from "../site/files.js";
+import { sizeOf } from "./api.js";
 import { find, press, say } from "./dom.js";
 
 const KINDS = ["video/mp4;codecs=avc1.42E01E", "video/webm;codecs=vp9", "video/webm"];
@@ -14,7 +15,7 @@ export async function savePicture({ stage, timeline }) {
   const picture = await new Promise((done) => stage.canvas.toBlob(done, "image/png"));
   const name = `motion-${timeline.time.toFixed(2)}s.png`;
   save(name, picture, "image/png");
-  return name;
+  return `${name}, ${sizeOf(picture)}`;
 }
 
 let running = null;
@@ -36,8 +37,9 @@ export function record({ stage, timeline }) {
     running = null;
     press("save-video", false);
     const name = `motion.${mimeType.startsWith("video/mp4") ? "mp4" : "webm"}`;
-    save(name, new Blob(parts, { type: mimeType }), mimeType);
-    say(`Saved ${name}.`);
+    const video = new Blob(parts, { type: mimeType });
+    save(name, video, mimeType);
+    say(`Saved ${name}, ${sizeOf(video)}.`);
   });
   press("save-video", true);
   say("Recording until the end of the motion …");

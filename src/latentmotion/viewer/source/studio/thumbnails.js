@@ -12,11 +12,14 @@ const APART = 1.02; // meters
 const TALL = 2.15; // meters that the picture is high
 const TURNED = 0.6; // radians from the front, so that arms and legs are seen apart
 
+const HAS_WEBGL = document.createElement("canvas").getContext("webgl2") !== null;
+
 let drawing = null; // renderer, camera and scene, shared by all pictures
 const geometries = new WeakMap();
 
 /** Draws a motion's moments, or, where `time` is given, that one; returns a canvas's content. */
 export function draw(motion, time = null) {
+  if (!HAS_WEBGL) return sketched(motion, time);
   drawing ??= open();
   const { renderer, camera, scene, stand } = drawing;
   const { skeleton, seconds } = motion;
@@ -45,6 +48,31 @@ export function draw(motion, time = null) {
     });
   }
   return renderer.domElement;
+}
+
+// The same moments as lines, where WebGL is off.
+function sketched(motion, time) {
+  const canvas = Object.assign(document.createElement("canvas"), { width: WIDTH, height: HEIGHT });
+  const pen = canvas.getContext("2d");
+  const [scale, angle] = [HEIGHT / TALL, TURNED - facing(motion)];
+  Object.assign(pen, { strokeStyle: COLORS[0], lineWidth: 6, lineCap: "round" });
+  const count = time === null ? FIGURES : 1;
+  for (let number = 0; number < count; number++) {
+    const joints = motion.sample(time ?? (number / (FIGURES - 1)) * motion.seconds);
+    const middle = WIDTH / 2 + (number - (count - 1) / 2) * APART * scale;
+    const at = (joint) => {
+      const [x, z] = [joints[3 * joint] - joints[0], joints[3 * joint + 2] - joints[2]];
+      return [middle + scale * (x * Math.cos(angle) + z * Math.sin(angle)), HEIGHT - scale * (joints[3 * joint + 1] + 0.12)];
+    };
+    pen.beginPath();
+    motion.skeleton.parents.forEach((parent, joint) => {
+      if (parent < 0) return;
+      pen.moveTo(...at(parent));
+      pen.lineTo(...at(joint));
+    });
+    pen.stroke();
+  }
+  return canvas;
 }
 
 // The direction that the hips look in at the start, from +z towards +x.
