@@ -38,6 +38,7 @@ EXACT_UNDER_PADDING = {
 CONFIGS = {
     **EXACT_UNDER_PADDING,
     "paper": PAPER,
+    "unit scale": dataclasses.replace(PAPER, condition_projection="standardized"),
     "labels": dataclasses.replace(PAPER, condition_projection="table"),
     "plain condition": dataclasses.replace(PAPER, condition_projection="none", condition_width=32),
     "raw frames": dataclasses.replace(OURS, positions="context_first", attends_to_padding=True),
@@ -141,3 +142,16 @@ def test_dropout_keeps_the_mean() -> None:
     assert dropped.mean().item() == pytest.approx(1, abs=0.01)
     assert dropped.max().item() == pytest.approx(1 / 0.7)
     assert torch.equal(dropout.eval()(ones), ones)
+
+
+def test_sentences_are_brought_to_unit_scale_as_the_training_prompts_have_it() -> None:
+    network = build(CONFIGS["unit scale"])
+    words = 0.01 * torch.randn(50, 10, generator=torch.Generator().manual_seed(0)) + 3
+    words[:, 4] = 7  # a number that never changes must not become infinite
+    network.measure_words(words)
+    loaded = build(CONFIGS["unit scale"])
+    loaded.load_state_dict(network.state_dict())
+    scaled = loaded.condition_in[0](words)
+    deviation, mean = torch.std_mean(scaled, dim=0, unbiased=False)
+    assert torch.allclose(mean, torch.zeros(10), atol=1e-3)
+    assert torch.allclose(deviation, (torch.arange(10) != 4).float(), atol=1e-3)

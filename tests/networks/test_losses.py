@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
+from latentmotion.errors import InputError
 from latentmotion.model.config import ConvolutionalVAEConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.vae.interface import (
@@ -176,3 +177,24 @@ def test_vertices_are_compared_where_there_is_a_body() -> None:
     assert "vertices" not in plain
     assert torch.allclose(found["vertices"], expected)
     assert torch.allclose(found["total"], plain["total"] + 2 * expected)
+
+
+@pytest.mark.parametrize("schedule", [ScaledLinear(), LinearPath()])
+def test_min_snr_weighs_the_error_of_clean_latents_whatever_is_predicted(
+    schedule: ScaledLinear | LinearPath,
+) -> None:
+    t = schedule.time_at(torch.tensor([0.3, 0.9]))
+    z0, epsilon = (torch.randn(2, 1, 3, generator=torch.Generator().manual_seed(n)) for n in (0, 1))
+    alpha, sigma = schedule.alpha(t)[:, None, None], schedule.sigma(t)[:, None, None]
+    z, wrong = alpha * z0 + sigma * epsilon, z0 + 0.1
+    errors = []
+    for kind in (Epsilon(), Sample(), Velocity()):
+        objective = DenoiserObjective(schedule, kind, snr_gamma=0.5)
+        output = kind.target(wrong, (z - alpha * wrong) / sigma, t, schedule)
+        error = (output - kind.target(z0, epsilon, t, schedule)).square().mean(dim=(1, 2))
+        errors.append(objective.weight(t) * error)
+    snr = (alpha / sigma).square().flatten().clamp(max=0.5)
+    for error in errors:
+        assert torch.allclose(error, 0.01 * snr, rtol=1e-3)
+    with pytest.raises(InputError, match="snr_gamma"):
+        DenoiserObjective(snr_gamma=0)

@@ -54,9 +54,11 @@ def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_
     assert len(model.card.provenance.commands) == 2
     lines = read_journal(tmp_path / "run")
     assert [line["step"] for line in lines if line["kind"] == "train"] == list(range(1, 9))
-    measured = {"step", "kind", "loss", "loss_of_seen", "loss_unprompted"}
+    shares = {"prompt_saves_50", "prompt_saves_90"}
+    measured = {"step", "kind", "loss", "loss_of_seen", "latent_size", *shares}
     assert all(set(line) == measured for line in lines if line["kind"] == "validation")
-    assert lines[-1]["loss_unprompted"] != lines[-1]["loss"]
+    assert all(0 < abs(lines[-1][share]) < 1 for share in shares)
+    assert 0.1 < lines[-1]["latent_size"] < 10
     assert (tmp_path / "run" / "samples-0000008.png").stat().st_size > 1000
 
 

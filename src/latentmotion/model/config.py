@@ -142,8 +142,11 @@ class DenoiserConfig:
     """The stack inside."""
     project_latents: bool = True
     """Whether a learned projection leads latents in and out; without, the widths must be equal."""
-    condition_projection: Literal["linear", "relu_linear", "table", "none"] = "linear"
-    """Projection of words; `table` is for one-hot labels, `relu_linear` is the paper's."""
+    condition_projection: Literal["linear", "relu_linear", "standardized", "table", "none"] = (
+        "linear"
+    )
+    """Projection of words; `table` is for one-hot labels, `relu_linear` is the paper's, which was
+    made for CLIP's embeddings; `standardized` brings those of any encoder to unit scale first."""
     words: Literal["tokens", "added_to_time"] = "tokens"
     """Whether words are tokens of their own, or added to the time's as in MDM."""
     attention: Literal["in_context", "cross"] = "in_context"

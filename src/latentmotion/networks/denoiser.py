@@ -21,6 +21,29 @@ from latentmotion.networks import transformer
 from latentmotion.networks.transformer import NumberEmbedding
 
 
+class Standardization(nn.Module):
+    """Brings each number of a word to mean 0 and deviation 1, as measured on training prompts.
+
+    Args:
+        width: Numbers per word.
+    """
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(width))
+        self.register_buffer("scale", torch.ones(width))
+
+    def measure(self, words: Float[Tensor, "words width"]) -> None:
+        """Sets mean and deviation to those of some words; a constant number stays as it is."""
+        deviation, mean = torch.std_mean(words.double(), dim=0, unbiased=False)
+        self.mean.copy_(mean)
+        self.scale.copy_(torch.where(deviation > 1e-6, 1 / deviation.clamp(min=1e-6), 1.0))
+
+    def forward(self, words: Tensor) -> Tensor:
+        """Returns the words in unit scale."""
+        return (words - self.mean) * self.scale
+
+
 class TimeToken(nn.Module):
     """The time of the diffusion, as one token."""
 
@@ -230,6 +253,7 @@ class DenoiserNetwork(nn.Module):
             latents_out=latents_out,
             condition_in={
                 "relu_linear": nn.Sequential(nn.ReLU(), linear),
+                "standardized": nn.Sequential(Standardization(config.condition_width), linear),
                 "none": nn.Identity(),
             }.get(kind, linear),
             numbers=TimeToken(time) if length is None else TimeAndLengthTokens(time, length),
@@ -246,6 +270,12 @@ class DenoiserNetwork(nn.Module):
             if config.few_step
             else NoStepEmbedding(),
         )
+
+    def measure_words(self, words: Float[Tensor, "words width"]) -> None:
+        """Shows the words of the training prompts to a projection that standardizes them."""
+        for module in self.condition_in.modules():
+            if isinstance(module, Standardization):
+                module.measure(words)
 
     @property
     def further_inputs(self) -> tuple[str, ...]:

@@ -195,6 +195,9 @@ NO_SKIPS = config.TransformerConfig(skips=False)
 OF_Z0 = with_objective(parametrization=Sample())
 """The change to a denoiser that predicts the clean latents."""
 
+STANDARDIZED = with_denoiser(condition_projection="standardized")
+"""The change to sentences in unit scale, without the ReLU that was made for CLIP's."""
+
 VAES = (
     Model("mld_1"),
     *(
@@ -223,6 +226,10 @@ DENOISERS = (
         for n in (5, 7, 11)
     ),
     _mld("z0", OF_Z0),
+    _mld("epsilon_standardized", STANDARDIZED),
+    _mld("epsilon_min_snr", STANDARDIZED, with_objective(snr_gamma=0.2)),
+    _mld("z0_standardized", OF_Z0, STANDARDIZED),
+    _mld("velocity_standardized", with_objective(parametrization=Velocity()), STANDARDIZED),
     Model("mld_7_z0", changes=(OF_Z0,), first="mld_7"),
     _mld("mld_1_longer", with_four_times_the_steps),
     *(_mld(f"dropped_{p}", with_objective(dropped=p / 100)) for p in (5, 15, 25)),

@@ -6,6 +6,7 @@ says.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -32,6 +33,7 @@ from latentmotion.diffusion.schedule import (
     Schedule,
     StepCondition,
 )
+from latentmotion.errors import InputError
 from latentmotion.networks.vae.interface import mean_of_real
 
 
@@ -47,12 +49,31 @@ class DenoiserObjective:
     """Distribution of times; logit-normal (Esser et al. 2024) prefers the middle."""
     dropped: float = 0.1
     """Share of motions that are shown without their condition."""
+    snr_gamma: float | None = None
+    """Min-SNR weights (Hang et al. 2023): the squared error of z_0 weighs min(SNR, gamma), whatever
+    is predicted; null for the plain squared error of the prediction, as in the paper."""
+
+    def __post_init__(self) -> None:
+        if self.snr_gamma is not None and not 0 < self.snr_gamma < math.inf:
+            raise InputError(f"snr_gamma {self.snr_gamma}: expected a number above 0, or null")
 
     def time(self, normal: Float[Tensor, " batch"]) -> Float[Tensor, " batch"]:
         """Turns standard normal numbers into times of the schedule."""
         uniform = torch.special.ndtr(normal) if self.times == "uniform" else torch.sigmoid(normal)
         # A far tail rounds to 1, which is no time of a discrete schedule.
         return self.schedule.time_at(uniform.clamp(max=1 - 2**-24))
+
+    def weight(self, t: Float[Tensor, " batch"]) -> Float[Tensor, " batch"]:
+        """Returns the weight of the squared error of the prediction at each time."""
+        if self.snr_gamma is None:
+            return torch.ones_like(t)
+        ratio = self.schedule.alpha(t) / self.schedule.sigma(t).clamp(min=1e-4)  # sqrt of the SNR
+        ratio = ratio.clamp(min=1e-4)
+        # At a given z_t an error of 1 in z_0 is one of -ratio in epsilon, so the target, which is
+        # linear in both, says how large it is in the prediction.
+        columns = (torch.ones_like(ratio)[:, None, None], -ratio[:, None, None])
+        rate = self.parametrization.target(*columns, t, self.schedule).flatten()
+        return ratio.square().clamp(max=self.snr_gamma) / rate.square()
 
 
 def denoiser_loss(
@@ -68,7 +89,8 @@ def denoiser_loss(
     z = add_noise(z0, epsilon, t, objective.schedule)
     output = denoiser(z, t, condition, mask).float()
     target = objective.parametrization.target(z0, epsilon, t, objective.schedule)
-    return mean_of_real(F.mse_loss(output, target, reduction="none"), mask)
+    errors = F.mse_loss(output, target, reduction="none")
+    return mean_of_real(errors * objective.weight(t)[:, None, None], mask)
 
 
 @dataclass(frozen=True)

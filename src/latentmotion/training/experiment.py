@@ -84,7 +84,8 @@ class LatentSettings:
     cropping: Cropping = field(default_factory=Cropping)
     """Which parts of clips are encoded."""
     per_item: int = 4
-    """Crops kept of each clip, or part of a clip with sentences of its own."""
+    """Crops kept of each clip, or part of a clip with sentences of its own; 0 encodes fresh crops
+    at every step, as the authors do, which takes most of the time of a step."""
     normalized: bool = True
     """Whether the denoiser sees them with mean 0 and deviation 1 per channel."""
     sampled: bool = True

@@ -159,6 +159,7 @@ def train_denoiser(
     torch.manual_seed(training.seed)
     previews = Previews(first.vae, card, experiment.latents.cropping.max_frames // 2)
     network = build(experiment.denoiser)
+    network.measure_words(seen.prompts.words.cpu())
     if before:
         widths = experiment.denoiser.latent_width, before.card.trained_denoiser.latent_width
         start_from(network, before.denoiser, *widths)
@@ -383,9 +384,14 @@ def prepare_latents(
     held_out = held_out[:HELD_OUT]
     unseen = second_stage.keep_crops(held_out, settings.cropping, 1, training.seed).every()
     features = partial(FeatureCache, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
-    if not first.card.vae.has_weights:
+    if not first.card.vae.has_weights or not settings.per_item:
+        if settings.normalized:
+            raise InputError(
+                "latents.per_item=0 encodes fresh crops, so there are none to measure the latents' "
+                "scale on; use --set latents.normalized=false, or keep some crops"
+            )
         cropping, space = settings.cropping, space or first.card.latents
-        latents = second_stage.FrameCache(features(), context.device)
+        latents = second_stage.FreshLatents(first.vae, features(), context.device)
     else:
         cropping = second_stage.keep_crops(
             seen, settings.cropping, settings.per_item, training.seed

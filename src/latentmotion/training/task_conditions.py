@@ -113,6 +113,11 @@ class ConditionTable:
         self._words, self._counts = words.to(device), counts.to(device)
         self._starts = self._counts.cumsum(0) - self._counts
 
+    @property
+    def words(self) -> torch.Tensor:
+        """Words of all prompts but the empty one, (words, width)."""
+        return self._words[int(self._counts[0]) :].float()
+
     def __call__(self, prompts: Sequence[str]) -> Conditioning:
         """Returns the tokens of each prompt, padded to the longest of them."""
         rows = [self._rows[prompt] for prompt in prompts]

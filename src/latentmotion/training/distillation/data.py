@@ -29,7 +29,7 @@ from latentmotion.text.lengths import LengthFile
 from latentmotion.training.captioning.clauses import read_clauses
 from latentmotion.training.captioning.rewording import rewordings, written_wordings
 from latentmotion.training.denoiser import (
-    FrameCache,
+    FreshLatents,
     LatentCache,
     cached_posteriors,
     encode_crops,
@@ -249,10 +249,10 @@ class DistillationData:
     def _within_phases(self, per_item: int) -> PhaseSteps:
         settings, training = self.settings, self.settings.training
         memory = FeatureCache(self.dataset, self.clips, normalizer_of(self.teacher.card))
-        cropping, latents = settings.cropping, FrameCache(memory, self.context.device)
+        space, device, vae = self.teacher.card.latents, self.context.device, self.model.vae
+        cropping, latents = settings.cropping, FreshLatents(vae, memory, device)
         if self.model.card.vae.has_weights:
             cropping = keep_crops(self.seen, cropping, per_item, training.seed)
-            space, device, vae = self.teacher.card.latents, self.context.device, self.model.vae
             crops = cropping.every()
             posteriors = cached_posteriors(
                 self.folder / "latents.safetensors",

@@ -48,7 +48,7 @@ from latentmotion.model.config import FewStepConfig, Sampling
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.pipeline import sampler_of
 from latentmotion.storage.files import atomic_file
-from latentmotion.training.denoiser import FrameCache, LatentCache
+from latentmotion.training.denoiser import FreshLatents, LatentCache
 from latentmotion.training.denoiser_loss import StepBatch
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Precision, TrainingSettings
@@ -357,7 +357,7 @@ class PhaseSteps:
         self,
         teacher: Teacher,
         batches: BatchSampler,
-        latents: LatentCache | FrameCache,
+        latents: LatentCache | FreshLatents,
         training: TrainingSettings,
         context: DistributedContext,
     ) -> None:
