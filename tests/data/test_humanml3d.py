@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,10 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import Dropped
 from latentmotion.data.sources.humanml3d import HUMANML3D, official_normalizer, official_recordings
 from latentmotion.errors import DataError
+from latentmotion.evaluation.notes import PUBLISHED, other_size
+from latentmotion.evaluation.protocol import CLEAN, PAPER, Lengths, TestSet
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
-from tests.support.mocap_folders import write_official
+from tests.support.mocap_folders import write_official, write_splits, write_texts
 
 WIDTHS = {"humanml3d": HUMANML3D_FEATURES, "kit": KIT_FEATURES}
 
@@ -41,6 +45,42 @@ def test_copies_without_captions_of_their_own_mirror_the_words(tmp_path: Path) -
     folder = write_official(tmp_path / "official", HUMANML3D_FEATURES)
     items = {i.label.id: i for i in official_recordings(folder, HUMANML3D, 263)}
     assert items["000001"].label.mirrored_sentences[0].text == "he waves right."
+
+
+@pytest.mark.parametrize("name", ["humanml3d", "kit"])
+def test_mirrored_ids_of_the_test_split_are_items_of_the_papers_protocol(
+    tmp_path: Path, name: str
+) -> None:
+    folder, ids = (
+        write_official(tmp_path / "official", WIDTHS[name]),
+        [f"{n:06}" for n in range(50)],
+    )
+    every, generator = [*ids, *(f"M{one}" for one in ids)], np.random.default_rng(0)
+    for one in every:
+        features = generator.normal(size=(48, WIDTHS[name].width)).astype(np.float32)
+        np.save(folder / "new_joint_vecs" / f"{one}.npy", features)
+    write_splits(folder, {**dict.fromkeys(every, "test"), "000099": "train", "M000099": "train"})
+    for one in ("000099", "M000099"):
+        np.save(folder / "new_joint_vecs" / f"{one}.npy", features)
+    shutil.rmtree(folder / "texts")
+    write_texts(folder, dict.fromkeys([*every, "000099"], "he waves.#he/PRON#0.0#0.0\n"))
+    main(["data", "prepare", name, str(folder), "-o", str(tmp_path / "out")])
+    dataset = Dataset.load(tmp_path / "out")
+    assert len(dataset.clips("test")) == 50 and len(dataset.clips("train", mirrored=True)) == 2
+    clean, paper = (
+        TestSet(dataset, rules, "text", Lengths(40, 196, 4)) for rules in (CLEAN, PAPER)
+    )
+    assert (len(clean.items), len(paper.items)) == (50, 100)
+    copy = paper.items[-1].clip
+    assert copy.mirrored and copy.id == "M000049"
+    expected = np.load(folder / "new_joint_vecs/M000049.npy")
+    np.testing.assert_array_equal(dataset.features(copy), expected)
+    published = next(row for row in PUBLISHED if row.source == name)
+    (warning,) = other_size(paper, published)
+    assert f"100 clips and 100 items in test, {published.paper} has {published.clips:,}" in warning
+    assert "--protocol paper" in other_size(clean, published)[0]
+    exact = replace(published, clips=100, items=100)
+    assert not other_size(paper, exact) and other_size(clean, exact)
 
 
 def test_damaged_folders(tmp_path: Path) -> None:

@@ -193,7 +193,7 @@ def test_notes_tell_what_few_motions_do(
     ("sources", "evaluator", "paper"),
     [
         (["humanml3d"], Reader(), "MLD (CVPR 2023), table 1"),
-        (["kit"], Reader(), "MLD (CVPR 2023), appendix"),
+        (["kit"], Reader(), "MLD (CVPR 2023), table 2"),
         (["cmu"], Reader(), None),
         (["humanml3d", "kit"], Reader(), None),
         (["humanml3d"], Reader(official=False), None),

@@ -92,11 +92,22 @@ class Dataset:
         Raises:
             DataError: There is no such split.
         """
+        sides = (False, True) if mirrored else (False,)
+        stored = (clip for clip in self._of(split) if not clip.is_mirrored_copy)
+        return [clip.clip(side) for clip in stored for side in sides]
+
+    def mirrored_copies(self, split: str) -> list[Clip]:
+        """Returns the mirrored copies that the authors of the data list as clips of a split.
+
+        Raises:
+            DataError: There is no such split.
+        """
+        return [clip.clip() for clip in self._of(split) if clip.is_mirrored_copy]
+
+    def _of(self, split: str) -> list[StoredClip]:
         if split not in SPLITS:
             raise DataError(f"unknown split {split!r}, known are {', '.join(SPLITS)}")
-        sides = (False, True) if mirrored else (False,)
-        stored = (clip for clip in self.manifest.clips if clip.split == split)
-        return [clip.clip(side) for clip in stored for side in sides]
+        return [clip for clip in self.manifest.clips if clip.split == split]
 
     def features(self, clip: Clip) -> Float[np.ndarray, "frames features"]:
         """Returns the features of a clip, not normalized, float32.
@@ -104,7 +115,9 @@ class Dataset:
         Raises:
             DataError: The clip is not in this folder, or its shard is damaged.
         """
-        name = clip.id.removeprefix("M") if clip.mirrored else clip.id
+        copy = self._stored.get(clip.id) if clip.mirrored else None
+        computed = clip.mirrored and not (copy and copy.is_mirrored_copy)
+        name = clip.id.removeprefix("M") if computed else clip.id
         if name not in self._stored:
             raise DataError(f"{self.folder} has no clip {clip.id!r}")
         stored = self._stored[name]
@@ -125,7 +138,7 @@ class Dataset:
             raise DataError(
                 f"{path}: clip {clip.id} holds NaN or infinity; copy or prepare it again"
             )
-        return self.representation.mirror(features) if clip.mirrored else features
+        return self.representation.mirror(features) if computed else features
 
     def actions(self) -> list[str]:
         """Returns the action labels that occur, sorted."""

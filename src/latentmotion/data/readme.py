@@ -19,7 +19,7 @@ def readme(manifest: Manifest, parts: tuple[Part, ...], title: str) -> str:
         parts: Counts by source and split.
         title: Name of the data set.
     """
-    clips = len(manifest.clips)
+    clips = sum(part.clips for part in parts)
     captions = sum(part.captions for part in parts)
     head = {
         **license_fields(source.license for source in manifest.sources),

@@ -72,6 +72,8 @@ def parts_of(manifest: Manifest) -> tuple[Part, ...]:
     """Counts clips, captions and hours of a prepared folder by source and split."""
     groups: dict[tuple[str, str], list[StoredClip]] = {}
     for clip in manifest.clips:
+        if clip.is_mirrored_copy:
+            continue
         groups.setdefault((clip.source, clip.split), []).append(clip)
     parts = []
     for (source, split), clips in sorted(groups.items()):

@@ -30,6 +30,9 @@ SHARD_FRAMES = 40_000
 COMPOSED = "composed"
 """Source of synthetic sequences, which only train: a test set holds recorded motion."""
 
+OFFICIAL_FEATURES = "new_joint_vecs"
+"""Folder of the features of HumanML3D and KIT, which are the origin of their clips."""
+
 CaptionRow = tuple[str, int, int, str]
 """Text, first frame, one past the last frame, tokens."""
 
@@ -61,6 +64,11 @@ class StoredClip:
     mirrored_action: str | None = None
     """Action label of its mirror image."""
 
+    @property
+    def is_mirrored_copy(self) -> bool:
+        """Whether it is the mirrored copy of another clip that a data set's authors computed."""
+        return self.origin == f"{OFFICIAL_FEATURES}/{self.id}.npy" and self.id.startswith("M")
+
     def clip(self, mirrored: bool = False) -> Clip:
         """Returns the clip, or its mirrored copy."""
         rows = self.mirrored_captions if mirrored else self.captions
@@ -70,7 +78,7 @@ class StoredClip:
             split=self.split,
             captions=tuple(Caption(*row) for row in rows),
             action=self.mirrored_action if mirrored else self.action,
-            mirrored=mirrored,
+            mirrored=mirrored or self.is_mirrored_copy,
             frames=self.frames,
             origin=self.origin,
         )

@@ -30,7 +30,12 @@ from latentmotion.evaluation.embedding_scores import (
     reads_text,
 )
 from latentmotion.evaluation.evaluators.interface import Evaluator
-from latentmotion.evaluation.notes import departures, notes_of, published_ground_truth
+from latentmotion.evaluation.notes import (
+    departures,
+    notes_of,
+    other_size,
+    published_ground_truth,
+)
 from latentmotion.evaluation.position_scores import PositionScores
 from latentmotion.evaluation.protocol import (
     CLEAN,
@@ -222,7 +227,10 @@ class Comparison:
             for row, figures in values.items()
         }
         published = published_ground_truth(self.dataset, self.evaluator)
-        wrong = departures(rows[GROUND_TRUTH], published) if published else []
+        wrong = []
+        if published:
+            wrong = other_size(self.test_set, published)
+            wrong += departures(rows[GROUND_TRUTH], published)
         if wrong:
             warnings.warn("\n".join(wrong), stacklevel=2)
         return Report(

@@ -53,6 +53,8 @@ class Quirks:
     a unit shorter (mld.md §5). Clean: from the first frame, as long as it can be."""
     random_captions: bool = False
     """One of a clip's captions is drawn (mld.md §5). Clean: they take turns."""
+    mirrored_items: bool = False
+    """Mirrored copies that the data's authors list in the split are items, too (mld.md §5)."""
     remainder_dropped: bool = False
     """Items beyond the last full group of 32 have no R-precision and MM-Dist (mld.md §8). Clean:
     others, whose own rank does not count again, fill the last group."""
@@ -78,6 +80,7 @@ class Quirks:
 AUTHORS = Quirks(
     random_crops=True,
     random_captions=True,
+    mirrored_items=True,
     remainder_dropped=True,
     float32_means=True,
     drawn_pairs=DrawnPairs(),
@@ -259,6 +262,13 @@ class TestSet:
     """Lengths of the motions."""
 
     @cached_property
+    def clips(self) -> list[Clip]:
+        """Clips of the split."""
+        clips, split = self.dataset.clips(self.protocol.split), self.protocol.split
+        listed = self.protocol.quirks.mirrored_items
+        return [*clips, *self.dataset.mirrored_copies(split)] if listed else clips
+
+    @cached_property
     def items(self) -> list[TestItem]:
         """Items of the split that are long enough.
 
@@ -267,7 +277,7 @@ class TestSet:
         """
         split, shortest = self.protocol.split, self.lengths.shortest
         items: list[TestItem] = []
-        for clip in self.dataset.clips(split):
+        for clip in self.clips:
             if self.needs == "text":  # an item per captioned part
                 parts: dict[tuple[int, int], list[Caption]] = {}
                 for caption in clip.captions:

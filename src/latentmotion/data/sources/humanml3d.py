@@ -9,7 +9,9 @@ An official processed folder also has features that the authors computed:
     new_joint_vecs/ID.npy   features (frames, 263 or 251); `M…` are mirrored copies
     Mean.npy, Std.npy       statistics by which published models normalize
 
-Only the recorded half is stored; mirrored copies are computed, and take their captions from here.
+Of the train split only the recorded half is stored; mirrored copies are computed, and take their
+captions from here. Mirrored ids of val and test are stored with the authors' own features, since
+the papers' test sets have them.
 
 https://github.com/EricGuo5513/HumanML3D (MIT, captions included)
 """
@@ -31,7 +33,7 @@ from latentmotion.data.clip import (
     parse_sentences,
 )
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
-from latentmotion.data.store import StoredNormalizer, stored_normalizer
+from latentmotion.data.store import OFFICIAL_FEATURES, StoredNormalizer, stored_normalizer
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.progress import counted
 from latentmotion.representation.interface import Normalizer
@@ -60,8 +62,7 @@ KIT = Source(
     url="https://motion-annotation.humanoids.kit.edu/dataset",
 )
 
-FEATURES = "new_joint_vecs"
-
+FEATURES = OFFICIAL_FEATURES
 
 _COLUMNS = ("source_path", "start_frame", "end_frame", "new_name")
 
@@ -153,7 +154,7 @@ def sentences_of(texts: Mapping[str, str], name: str) -> tuple[TaggedSentence, .
 def official_recordings(
     folder: Path, source: Source, width: int
 ) -> Iterator[EncodedRecording | Dropped]:
-    """Yields every clip that is listed in a split; mirrored copies give only their captions.
+    """Yields every clip that is listed in a split; mirrored ones of `train` only as captions.
 
     Args:
         folder: The processed folder.
@@ -170,7 +171,7 @@ def official_recordings(
         )
     splits, texts = read_splits(folder), read_texts(folder)
     for name, split in counted(sorted(splits.items()), "clips"):
-        if name.startswith("M"):
+        if name.startswith("M") and split == "train":
             continue
         sentences = sentences_of(texts, name)
         label = Label(
